@@ -1,0 +1,40 @@
+# `make help` lists what can be done. Needs Python >= 3.11, git and make; everything else goes into .venv.
+PYTHON ?= python3
+CONSTRAINTS ?= constraints.txt
+VENV := .venv
+SHELL := /bin/bash
+export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
+unexport PYTHONPATH VIRTUAL_ENV
+
+.DEFAULT_GOAL := help
+.PHONY: help setup params reproduce smoke test check
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: $(VENV)/.installed ## create .venv and install everything (once, and again when dependencies change)
+
+$(VENV)/.installed: pyproject.toml $(CONSTRAINTS)
+	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable '.[dev]'
+	@touch $@
+
+params: setup ## write params.yaml from conf/
+	python -m pedpred.config
+
+reproduce: setup ## raw data -> networks -> reports/; does only what is out of date
+	@python -m pedpred.config --check
+	@dvc repro --keep-going || { dvc repro --quiet --single-item fetch; exit 1; }
+
+smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
+	@.ci/smoke
+
+test: setup ## run the tests
+	python -m pytest
+
+check: setup ## lint, format, types, import contracts, params.yaml
+	ruff check .
+	ruff format --check .
+	mypy
+	lint-imports
+	python -m pedpred.config --check

@@ -1,0 +1,1 @@
+"""Interaction-aware pedestrian motion prediction in cluttered spaces (Pfeiffer et al. 2018)."""

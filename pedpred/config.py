@@ -1,0 +1,218 @@
+"""From `conf/` to `params.yaml`, and from there to a stage: only the keys that it declares.
+
+`python -m pedpred.config` writes params.yaml; `--check` fails with a diff when conf/ has moved on.
+Under DVC (which sets DVC_STAGE) a stage reads params.yaml; run by hand it composes conf/ with the
+overrides on its command line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import functools
+import inspect
+import itertools
+import logging
+import os
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any, cast
+
+import hydra
+import yaml
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+
+from pedpred.errors import ConfigError, PedpredError
+
+
+def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
+    """Turn `main(cfg)` into a stage's entry point.
+
+    `cfg` is read-only and complete. Under DVC it holds just the keys that dvc.yaml declares for the
+    running stage, so the dependency tracking cannot lie; by hand it is what conf/ composes to with
+    the Hydra overrides given. A `PedpredError` ends the process with its message alone: it is meant
+    for people.
+    """
+    root = Path(inspect.getfile(main)).resolve().parents[1]  # not DVC_ROOT: a queued run is a copy
+
+    @functools.wraps(main)
+    def entry() -> None:
+        address = os.environ.get("DVC_STAGE")
+
+        def run(cfg: DictConfig) -> None:
+            logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
+            try:
+                main(_frozen(declared(cfg, root, address, sys.argv[1:]) if address else cfg))
+            except (ConfigAttributeError, ConfigKeyError) as error:
+                raise SystemExit(f"\n{_undeclared(error, address)}\n") from error
+            except (PedpredError, OmegaConfBaseException) as error:
+                raise SystemExit(f"\n{type(error).__name__}: {error}\n") from error
+
+        if address:
+            params: dict[str, Any] = yaml.safe_load((root / "params.yaml").read_text())
+            run(OmegaConf.create(params))
+        else:
+            hydra.main(version_base="1.3", config_path=str(root / "conf"), config_name="config")(run)()
+
+    return entry
+
+
+def _frozen(cfg: DictConfig) -> DictConfig:
+    OmegaConf.resolve(cfg)
+    OmegaConf.set_struct(cfg, True)
+    OmegaConf.set_readonly(cfg, True)
+    return cfg
+
+
+def _undeclared(error: OmegaConfBaseException, address: str | None) -> ConfigError:
+    remedy = (
+        f"stage '{address}' reads it, but dvc.yaml does not declare it under its params"
+        if address
+        else "conf/ has no such key"
+    )
+    return ConfigError(str(error.full_key), None, remedy)
+
+
+def stage_key(cfg: DictConfig, default: str | None = None) -> str:
+    """What `+name=` says, else the part of the stage's address behind '@'.
+
+    Raises:
+        ConfigError: neither is there and there is no default.
+    """
+    key = cfg.get("name") or os.environ.get("DVC_STAGE", "").partition("@")[2] or default
+    if key is None:
+        raise ConfigError("name", None, "say which one, e.g. `python -m stages.features +name=eth`")
+    return str(key)
+
+
+def plain(node: DictConfig) -> dict[str, Any]:
+    """A part of the configuration as an ordinary dictionary, for those who know nothing of stages."""
+    return cast(dict[str, Any], OmegaConf.to_container(node, resolve=True))
+
+
+def declared(cfg: DictConfig, root: Path, address: str, arguments: list[str]) -> DictConfig:
+    """What a stage may see of params.yaml: its declared keys and its command's own `key=value` pairs."""
+    given = [a.lstrip("+") for a in arguments if "=" in a and not a.startswith("-")]
+    seen = only(cfg, declared_params(root, address))
+    seen.merge_with_dotlist(given)
+    return seen
+
+
+def only(cfg: DictConfig, keys: Iterable[str]) -> DictConfig:
+    """A configuration with the named (dotted) keys of `cfg` and nothing else.
+
+    Raises:
+        ConfigError: a key is not in the configuration.
+    """
+    kept = OmegaConf.create()
+    missing = object()
+    for key in keys:
+        value = OmegaConf.select(cfg, key, default=missing)
+        if value is missing:
+            raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
+        OmegaConf.update(kept, key, value, force_add=True)
+    return kept
+
+
+def declared_params(root: Path, address: str) -> list[str]:
+    """The parameter keys that dvc.yaml declares for a stage address such as `features@eth`.
+
+    Raises:
+        ConfigError: dvc.yaml has no such stage, or its template asks for a value that is not there.
+    """
+    name, _, key = address.rpartition("/")[2].rpartition(":")[2].partition("@")
+    pipeline = yaml.safe_load((root / "dvc.yaml").read_text())
+    entry = pipeline["stages"].get(name, {"foreach": []})
+    known_values = yaml.safe_load((root / "params.yaml").read_text())
+    for variables in pipeline.get("vars", []):
+        known_values |= variables
+    for known, values in _instances(entry, known_values):
+        if known == key:
+            return [_filled(text, values) for text in entry.get("do", entry).get("params", [])]
+    raise ConfigError("DVC_STAGE", address, "dvc.yaml has no such stage")
+
+
+def _instances(entry: dict[str, Any], params: dict[str, Any]) -> Iterator[tuple[str, dict[str, str]]]:
+    """Each instance of a (foreach, matrix or plain) stage: its key and its template values."""
+    if "foreach" in entry:
+        for item in _listed(entry["foreach"], params):
+            yield item, {"item": item, "key": item}
+    elif "matrix" in entry:
+        names = list(entry["matrix"])
+        for values in itertools.product(*(_listed(entry["matrix"][n], params) for n in names)):
+            yield "-".join(values), {f"item.{n}": v for n, v in zip(names, values, strict=True)}
+    else:
+        yield "", {}
+
+
+def _listed(values: Any, params: dict[str, Any]) -> list[str]:
+    """The keys of a list, a dictionary or a reference `${path.in.params}` to one."""
+    if isinstance(values, str):
+        values = functools.reduce(lambda node, part: node[part], values.strip("${}").split("."), params)
+    return [str(value) for value in values]
+
+
+def _filled(template: str, values: dict[str, str]) -> str:
+    def value(found: re.Match[str]) -> str:
+        if found[1] not in values:
+            raise ConfigError(template, found[0], f"under `params:` only {sorted(values)} can be filled in")
+        return values[found[1]]
+
+    return re.sub(r"\$\{([\w.]+)\}", value, template)
+
+
+def composed(conf: Path, overrides: list[str]) -> str:
+    """What `conf/` composes to, as YAML text with all references resolved.
+
+    It is byte for byte what `dvc exp run` writes, so that experiments leave params.yaml clean.
+
+    Raises:
+        ConfigError: conf/ or an override names a key or an option that does not exist.
+    """
+    try:
+        with hydra.initialize_config_dir(str(conf.resolve()), version_base="1.3"):
+            cfg = hydra.compose("config", overrides=overrides)
+        return OmegaConf.to_yaml(cfg, resolve=True)
+    except (HydraException, OmegaConfBaseException) as cause:
+        raise ConfigError(" ".join(overrides) or "config", str(conf), str(cause)) from cause
+
+
+def difference(written: str, text: str) -> str:
+    """A unified diff from params.yaml to what conf/ composes to; empty when they mean the same."""
+    if yaml.safe_load(written) == yaml.safe_load(text):
+        return ""
+    lines = difflib.unified_diff(
+        written.splitlines(True), text.splitlines(True), "params.yaml", "conf/ composed"
+    )
+    return "".join(lines)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Command line: write params.yaml, or check that it is what conf/ composes to."""
+    parser = argparse.ArgumentParser(prog="python -m pedpred.config", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="fail with a diff instead of writing")
+    parser.add_argument("--stamp", type=Path, help="with --check: write this file when all is well")
+    parser.add_argument("overrides", nargs="*", help="Hydra overrides, e.g. scale=smoke")
+    given = parser.parse_args(arguments)
+    params = Path("params.yaml")
+    try:
+        text = composed(Path("conf"), given.overrides)
+    except ConfigError as error:
+        sys.exit(f"\n{type(error).__name__}: {error}\n")
+    if not given.check:
+        params.write_text(text)
+        return
+    changes = difference(params.read_text() if params.exists() else "", text)
+    if changes and "DVC_EXP_NAME" not in os.environ:  # `dvc exp run` has just composed params.yaml itself
+        sys.exit(f"{changes}\nparams.yaml is not what conf/ composes to: run `make params`")
+    if given.stamp:
+        given.stamp.parent.mkdir(parents=True, exist_ok=True)
+        given.stamp.write_text("params.yaml is what conf/ composes to\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""All rows of a data set in memory, and the tracks that run through them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pedpred.errors import StorageError
+from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.storage.shards import read_codes, read_manifest, read_shard
+
+
+@dataclass(frozen=True)
+class MotionData:
+    """Inputs and targets of a data set, ready to be looked up by row.
+
+    Attributes:
+        velocity: agent frame, m/s. [M, 2] float32
+        angular: 1 - r / r_max of the angular pedestrian grid. [M, K] float32
+        future: targets, agent frame, m/s. [M, P, 2] float32
+        future_steps: known steps of each target. [M] int64
+        code: frozen encoder's output, where it was asked for. [M, C] float16
+        sequences: rows [first, last) of each (scene, track, clock). [S, 2]
+        scene: index of the scene that each sequence belongs to. [S]
+        track: index of the track that each sequence belongs to. [S]
+        dt_s: time between steps, s.
+    """
+
+    velocity: torch.Tensor
+    angular: torch.Tensor
+    future: torch.Tensor
+    future_steps: torch.Tensor
+    code: torch.Tensor | None
+    sequences: np.ndarray
+    scene: np.ndarray
+    track: np.ndarray
+    dt_s: float
+
+    def inputs(self, rows: torch.Tensor) -> dict[str, torch.Tensor]:
+        """The network's inputs at some rows, [...] -> channel -> [..., width]; row < 0 gives zeros."""
+        real = (rows >= 0)[..., None]
+        rows = rows.clamp(min=0)
+        values = {"state": self.velocity[rows], "angular": self.angular[rows]}
+        if self.code is not None:
+            values["grid"] = self.code[rows].to(torch.float32)
+        return {name: value * real for name, value in values.items()}
+
+    def known(self, rows: torch.Tensor) -> torch.Tensor:
+        """Which target steps count at some rows, [...] -> [..., P]; none at row < 0."""
+        steps = torch.arange(self.future.shape[1])
+        return (steps < self.future_steps[rows.clamp(min=0)][..., None]) & (rows >= 0)[..., None]
+
+
+def sequences_of(table: FeatureTable) -> np.ndarray:
+    """Rows [first, last) of each (track, clock) of a sorted feature table. [S, 2]"""
+    first = np.flatnonzero(table.step == 0)
+    return np.stack([first, np.append(first[1:], len(table))], axis=-1) if len(first) else np.zeros((0, 2), int)
+
+
+def load_motion_data(features: Path, codes: Path | None) -> MotionData:
+    """Read all shards of a feature folder, with the encoder's outputs when a folder is given.
+
+    Raises:
+        StorageError: a shard or manifest cannot be read, or features and codes do not belong together.
+    """
+    settings, names = read_manifest(features)
+    tables, code, sequences, scene, track = [], [], [], [], []
+    rows = tracks = 0
+    for index, name in enumerate(names):
+        table = read_shard(features, name, settings)
+        spans = sequences_of(table)
+        sequences.append(spans + rows)
+        scene.append(np.full(len(spans), index))
+        known, own = np.unique(table.track_id[spans[:, 0]], return_inverse=True)
+        track.append(own + tracks)
+        rows, tracks = rows + len(table), tracks + len(known)
+        tables.append(network_columns(table, settings))
+        if codes is not None:
+            code.append(read_codes(codes, name))
+            if len(code[-1]) != len(table):
+                problem = f"{len(code[-1])} rows beside {len(table)} rows of features"
+                raise StorageError(codes / f"{name}.parquet", "code", problem, "Encode it again (dvc repro)")
+    columns = [torch.from_numpy(np.concatenate(parts)) for parts in zip(*tables, strict=True)]
+    return MotionData(
+        velocity=columns[0],
+        angular=columns[1],
+        future=columns[2],
+        future_steps=columns[3],
+        code=torch.from_numpy(np.concatenate(code)) if codes is not None else None,
+        sequences=np.concatenate(sequences),
+        scene=np.concatenate(scene),
+        track=np.concatenate(track),
+        dt_s=settings.dt_s,
+    )
+
+
+def network_columns(table: FeatureTable, settings: FeatureSettings) -> tuple[np.ndarray, ...]:
+    """What the network needs of a feature table: velocity, angular, future, future_steps."""
+    angular = 1.0 - table.angular_grid / np.float32(settings.max_range_m)
+    return table.velocity, angular, table.future, table.future_steps.astype(np.int64)

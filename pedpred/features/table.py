@@ -1,0 +1,61 @@
+"""The feature table: one row per (track, clock, step)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from pedpred.errors import ShapeError
+
+
+@dataclass(frozen=True)
+class FeatureTable:
+    """Inputs and targets of one scene, sorted by (track, clock, step). World frame unless said.
+
+    Attributes:
+        track_id: [M] int64
+        clock: which of the offset clocks the step belongs to. [M] int8
+        step: counted from the first step of (track, clock). [M] int32
+        time_s: of the step, s. [M] float64
+        position: tracked, m. [M, 2] float64
+        heading_rad: of the agent frame. [M] float64
+        velocity: tracked, agent frame, m/s. [M, 2] float32
+        last_position: the last detection, m. [M, 2] float64
+        last_velocity: difference of the last two detections, m/s. [M, 2] float64
+        last_acceleration: difference of the last two such velocities, m/s^2. [M, 2] float64
+        occupancy: bit-packed crop. [M, cells^2 / 8] uint8
+        angular_grid: distances of the nearest pedestrians, m. [M, K] float32
+        future: velocities of the next P steps, agent frame, m/s; 0 where unknown. [M, P, 2] float32
+        future_steps: how many of them are known. [M] int8
+        window: an evaluation window. [M] bool
+    """
+
+    track_id: np.ndarray
+    clock: np.ndarray
+    step: np.ndarray
+    time_s: np.ndarray
+    position: np.ndarray
+    heading_rad: np.ndarray
+    velocity: np.ndarray
+    last_position: np.ndarray
+    last_velocity: np.ndarray
+    last_acceleration: np.ndarray
+    occupancy: np.ndarray
+    angular_grid: np.ndarray
+    future: np.ndarray
+    future_steps: np.ndarray
+    window: np.ndarray
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if len(value) != len(self.track_id):
+                raise ShapeError(field.name, value.shape, f"[{len(self.track_id)}, ...]")
+
+    def __len__(self) -> int:
+        return len(self.track_id)
+
+    def select(self, rows: np.ndarray) -> FeatureTable:
+        """The table of some rows (mask or indices)."""
+        return FeatureTable(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})

@@ -1,0 +1,67 @@
+"""The ground-plane homography between a camera image and the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.errors import ShapeError, ValueRuleError
+
+_SMALLEST_CONDITION = 1e-12
+
+
+@dataclass(frozen=True)
+class Homography:
+    """Plane-to-plane map, world ~ H (row, column, 1).
+
+    Attributes:
+        matrix: H, from image (row, column, 1) to world (x, y, 1) up to scale. [3, 3]
+        first_pixel: index of the first row and column in the convention that H was fitted in
+            (1 for MATLAB, 0 for numpy). All pixels here are numpy's, counted from 0.
+    """
+
+    matrix: np.ndarray
+    first_pixel: int = 0
+
+    def __post_init__(self) -> None:
+        matrix = np.asarray(self.matrix, dtype=np.float64)
+        if matrix.shape != (3, 3):
+            raise ShapeError("homography", matrix.shape, "(3, 3)")
+        if not np.isfinite(matrix).all():
+            raise ValueRuleError("homography", matrix.tolist(), "all nine numbers must be finite")
+        singular = np.linalg.svd(matrix, compute_uv=False)
+        if singular[-1] <= _SMALLEST_CONDITION * singular[0]:
+            raise ValueRuleError("homography", matrix.tolist(), "the matrix must be invertible")
+        object.__setattr__(self, "matrix", matrix)
+
+    def to_world(self, pixels_rc: np.ndarray) -> np.ndarray:
+        """Map image points onto the ground plane.
+
+        Args:
+            pixels_rc: image frame, (row, column), px, counted from 0. [..., 2]
+
+        Returns:
+            World frame, (x, y), m. [..., 2]
+
+        Raises:
+            ShapeError: the last axis is not 2.
+        """
+        return _project(self.matrix, _pairs(pixels_rc, "pixels_rc") + self.first_pixel)
+
+    def to_image(self, points: np.ndarray) -> np.ndarray:
+        """Inverse of `to_world`: world (x, y), m, to image (row, column), px from 0, [..., 2]."""
+        inverse = np.linalg.inv(self.matrix)
+        return _project(inverse, _pairs(points, "points")) - self.first_pixel
+
+
+def _pairs(points: np.ndarray, field: str) -> np.ndarray:
+    points = np.asarray(points, dtype=np.float64)
+    if points.ndim == 0 or points.shape[-1] != 2:
+        raise ShapeError(field, points.shape, "[..., 2]")
+    return points
+
+
+def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    homogeneous = points @ matrix[:, :2].T + matrix[:, 2]
+    return homogeneous[..., :2] / homogeneous[..., 2:]

@@ -1,0 +1,70 @@
+"""The convolutional auto-encoder of the occupancy crop (Pfeiffer et al. 2018, III-B.1)."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as f
+
+CODE_SHAPE = (8, 7, 7)
+CODE_WIDTH = 8 * 7 * 7
+"""What the convolutions leave of a 60 x 60 crop: 7 x 7 cells of 8 channels."""
+
+
+class GridEncoder(nn.Module):
+    """Crop -> code (convolutions, frozen after pre-training) -> latent (fully connected)."""
+
+    def __init__(self, latent: int = 64):
+        super().__init__()
+        self.conv1 = nn.Conv2d(1, 64, kernel_size=5, stride=2)
+        self.conv2 = nn.Conv2d(64, 32, kernel_size=3, stride=2, padding=1)
+        self.conv3 = nn.Conv2d(32, 8, kernel_size=3, stride=2, padding=1)
+        self.fc = nn.Linear(CODE_WIDTH, latent)
+
+    def code(self, crops: Tensor) -> Tensor:
+        """Convolve crops of 0 and 1. [N, 60, 60] -> [N, 392]"""
+        hidden = torch.relu(self.conv1(crops[:, None]))
+        hidden = torch.relu(self.conv2(hidden))
+        return torch.relu(self.conv3(hidden)).flatten(1)
+
+    def forward(self, crops: Tensor) -> Tensor:
+        """Latent features of crops. [N, 60, 60] -> [N, latent]"""
+        return self.fc(self.code(crops))
+
+
+class GridAutoencoder(nn.Module):
+    """Encoder and a decoder that uses the encoder's own weights, transposed, with biases of its own."""
+
+    def __init__(self, latent: int = 64):
+        super().__init__()
+        self.encoder = GridEncoder(latent)
+        self.code_bias = nn.Parameter(torch.zeros(CODE_WIDTH))
+        self.bias3 = nn.Parameter(torch.zeros(32))
+        self.bias2 = nn.Parameter(torch.zeros(64))
+        self.bias1 = nn.Parameter(torch.zeros(1))
+
+    def forward(self, crops: Tensor) -> Tensor:
+        """Reconstruct crops; the output is linear (a sigmoid saturates at "all free" first). [N, 60, 60] both"""
+        encoder = self.encoder
+        code = torch.relu(f.linear(encoder(crops), encoder.fc.weight.t(), self.code_bias))
+        hidden = code.unflatten(1, CODE_SHAPE)
+        hidden = torch.relu(_up(hidden, encoder.conv3.weight, self.bias3, padding=1))
+        hidden = torch.relu(_up(hidden, encoder.conv2.weight, self.bias2, padding=1))
+        return _up(hidden, encoder.conv1.weight, self.bias1, padding=0).squeeze(1)
+
+
+def _up(hidden: Tensor, weight: Tensor, bias: Tensor, padding: int) -> Tensor:
+    """Transpose of a stride-2 convolution with the same weights; doubles the side."""
+    return f.conv_transpose2d(hidden, weight, bias, stride=2, padding=padding, output_padding=1)
+
+
+def reconstruction_loss(crops: Tensor, reconstruction: Tensor) -> Tensor:
+    """Sum of squared cell errors of a crop, averaged over crops (paper, eq. 4). [N, 60, 60] x 2 -> []"""
+    return (crops - reconstruction).square().sum(dim=(1, 2)).mean()
+
+
+def intersection_over_union(crops: Tensor, reconstruction: Tensor) -> float:
+    """Agreement of the occupied cells (value > 1/2) over all crops; 1 when both are empty."""
+    truth, guess = crops > 0.5, reconstruction > 0.5
+    union = (truth | guess).sum()
+    return float((truth & guess).sum() / union) if union else 1.0

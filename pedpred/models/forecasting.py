@@ -1,0 +1,44 @@
+"""A trained network as a forecaster of whole feature tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pedpred.datasets.motion import MotionData, network_columns, sequences_of
+from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.models.motion import MotionLstm, MotionSettings
+from pedpred.models.rolling import roll
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
+
+
+def load_motion_lstm(folder: Path) -> MotionLstm:
+    """The network of a checkpoint, ready to forecast.
+
+    Raises:
+        StorageError: the checkpoint is missing or damaged.
+    """
+    weights, about = read_checkpoint(folder)
+    network = MotionLstm(MotionSettings.parse(about["network"]))
+    load_weights(network, weights, folder)
+    return network.eval()
+
+
+def forecast_velocities(
+    network: MotionLstm, table: FeatureTable, codes: np.ndarray, settings: FeatureSettings
+) -> np.ndarray:
+    """Forecast at every row of one scene's feature table, in agent frames, m/s. [M, P, 2]
+
+    Args:
+        network: trained.
+        table: the whole table, so that memory builds up as it would on a robot.
+        codes: the frozen encoder's outputs of its crops. [M, C]
+        settings: the sizes that the table was made with.
+    """
+    columns = [torch.from_numpy(column) for column in network_columns(table, settings)]
+    spans = sequences_of(table)
+    nobody = np.zeros(len(spans), dtype=np.int64)
+    data = MotionData(*columns, torch.from_numpy(codes), spans, nobody, nobody, settings.dt_s)
+    return roll(network, data, spans).numpy()

@@ -1,0 +1,130 @@
+"""The recurrent motion network (Pfeiffer et al. 2018, figure 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import leaky_relu
+
+from pedpred.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class ChannelWidths:
+    """One input channel: fully connected embedding, then an LSTM of its own."""
+
+    embedding: int
+    lstm: int
+
+
+@dataclass(frozen=True)
+class MotionSettings:
+    """Everything that shapes a `MotionLstm`.
+
+    Attributes:
+        channels: input name -> widths; an input that is not named is not used.
+        joint: units of the LSTM that fuses the channels.
+        head: units of the fully connected layer before the output.
+        horizon_steps: forecast velocities P.
+        residual: the output is added to the tracked velocity instead of standing alone.
+        dropout: probability that a unit in front of the head is dropped while training.
+    """
+
+    channels: Mapping[str, ChannelWidths]
+    joint: int
+    head: int
+    horizon_steps: int
+    residual: bool
+    dropout: float = 0.0
+
+    @classmethod
+    def parse(cls, plain: Mapping) -> MotionSettings:
+        """Build from plain dictionaries (configuration or a checkpoint's description)."""
+        unknown = set(plain["channels"]) - set(INPUT_WIDTHS)
+        if unknown:
+            raise ConfigError("channels", sorted(unknown), f"known channels are {sorted(INPUT_WIDTHS)}")
+        # The joint LSTM reads the channels in this order, whatever order a file lists them in.
+        names = [name for name in INPUT_WIDTHS if name in plain["channels"]]
+        channels = {name: ChannelWidths(**plain["channels"][name]) for name in names}
+        return cls(**{**plain, "channels": channels})
+
+    def plain(self) -> dict:
+        """The inverse of `parse`."""
+        return asdict(self)
+
+
+INPUT_WIDTHS = {"state": 2, "grid": 392, "angular": 72}
+"""The channel table: what the network can look at, and how many numbers that is per step.
+
+state: velocity, agent frame, m/s. grid: the frozen encoder's code of the occupancy crop.
+angular: 1 - r / r_max of the angular pedestrian grid, so that an empty cone is 0.
+"""
+
+LEAK = 0.1
+"""Slope of an embedding below zero: the auto-encoder's latent is linear, so no half of it may be lost."""
+
+
+@dataclass(frozen=True)
+class MotionState:
+    """Recurrent memory of B lanes: per LSTM (hidden, cell), each [1, B, units]."""
+
+    memory: dict[str, tuple[Tensor, Tensor]]
+
+    def reset(self, starts: Tensor) -> MotionState:
+        """Forget lanes in which a new track starts. starts: [B] bool"""
+        keep = (~starts).to(torch.float32)[None, :, None]
+        return MotionState({k: (h * keep, c * keep) for k, (h, c) in self.memory.items()})
+
+    def detached(self) -> MotionState:
+        """The same memory, cut off from the gradient."""
+        return MotionState({k: (h.detach(), c.detach()) for k, (h, c) in self.memory.items()})
+
+
+class MotionLstm(nn.Module):
+    """Velocity, obstacles and neighbours in, the next P velocities out, step by step."""
+
+    def __init__(self, settings: MotionSettings):
+        super().__init__()
+        self.settings = settings
+        self.embeddings = nn.ModuleDict()
+        self.lstms = nn.ModuleDict()
+        for name, widths in settings.channels.items():
+            self.embeddings[name] = nn.Linear(INPUT_WIDTHS[name], widths.embedding)
+            self.lstms[name] = nn.LSTM(widths.embedding, widths.lstm, batch_first=True)
+        fused = sum(widths.lstm for widths in settings.channels.values())
+        self.joint = nn.LSTM(fused, settings.joint, batch_first=True)
+        self.dropout = nn.Dropout(settings.dropout)
+        self.head = nn.Linear(settings.joint, settings.head)
+        self.out = nn.Linear(settings.head, 2 * settings.horizon_steps)
+
+    def start(self, lanes: int) -> MotionState:
+        """Memory of tracks that have just been seen: zeros."""
+        units = {name: widths.lstm for name, widths in self.settings.channels.items()}
+        units["joint"] = self.settings.joint
+        return MotionState({k: (torch.zeros(1, lanes, n), torch.zeros(1, lanes, n)) for k, n in units.items()})
+
+    def forward(self, inputs: Mapping[str, Tensor], state: MotionState) -> tuple[Tensor, MotionState]:
+        """Forecast after every step of a sub-sequence.
+
+        Args:
+            inputs: channel name -> [B, L, width], see `INPUT_WIDTHS`.
+            state: memory before the sub-sequence.
+
+        Returns:
+            Future velocities, agent frame of each step, m/s [B, L, P, 2], and the memory after it.
+        """
+        memory = {}
+        hidden = []
+        for name, lstm in self.lstms.items():
+            embedded = leaky_relu(self.embeddings[name](inputs[name]), LEAK)
+            channel, memory[name] = lstm(embedded, state.memory[name])
+            hidden.append(channel)
+        fused, memory["joint"] = self.joint(torch.cat(hidden, dim=-1), state.memory["joint"])
+        head = torch.relu(self.head(self.dropout(fused)))
+        velocities = self.out(head).unflatten(-1, (self.settings.horizon_steps, 2))
+        if self.settings.residual:
+            velocities = velocities + inputs["state"][..., None, :]
+        return velocities, MotionState(memory)

@@ -1,0 +1,65 @@
+"""Blank figures in one style, and their bytes: the same figure gives the same file anywhere."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+DPI = 110
+LARGEST_BYTES = 60_000
+"""Pictures above this size are reduced to 256 colours."""
+
+INK = "#222222"
+FAINT = "#B8B8B8"
+OBSTACLE = "#111111"
+
+_STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9,
+    "axes.edgecolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "path.simplify": True,
+}
+
+styled = matplotlib.rc_context(_STYLE)
+"""Decorator of functions that draw: texts take their size from the style when they are made."""
+
+
+def blank(width_in: float, height_in: float) -> Figure:
+    """An empty figure that belongs to no window system and no global state."""
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+@styled
+def png_bytes(figure: Figure) -> bytes:
+    """The figure as PNG, without dates or versions in it."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    if buffer.getbuffer().nbytes <= LARGEST_BYTES:
+        return buffer.getvalue()
+    reduced = io.BytesIO()
+    with Image.open(buffer) as image:
+        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(reduced, "png", optimize=True)
+    return reduced.getvalue()
+
+
+def write_png(figure: Figure, path: Path) -> None:
+    """Write the figure as PNG."""
+    path.write_bytes(png_bytes(figure))

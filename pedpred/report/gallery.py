@@ -1,0 +1,104 @@
+"""All pictures of a page, with the captions that say what is seen and by which rule it was chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from pedpred.errors import ValueRuleError
+from pedpred.report.curves import curves_figure
+from pedpred.report.horizon import horizon_figure
+from pedpred.report.instants import choose
+from pedpred.report.metrics import MethodMetrics
+from pedpred.report.pages import POOLED, Picture, Section
+from pedpred.report.plan import arrangement_figure
+from pedpred.report.situation import ARROW_S
+from pedpred.report.snapshots import camera_figure, inputs_figure
+from pedpred.report.windows import Windows
+from pedpred.scenes import Scene
+
+CROWD = {"sim": 8, "real": 4}
+"""How many moving people an instant needs to be shown."""
+SHOWN_S = {"sim": 60.0, "real": float("inf")}
+"""How much of a recording the pictures of arrangements show, s."""
+
+_LEGEND = (
+    "Circles: people, filled the one who gains or loses most; arrows: where the present velocity leads "
+    f"in {ARROW_S} s; large dots: the LSTM's ten steps; small dots: Kalman CV; dashed: what they did; "
+    "empty grey circles: people without an evaluation window."
+)
+_STILL = (
+    "The background is one still of the video, so the people visible in it are others; positions are those "
+    "of heads, as annotated."
+)
+
+
+def simulation_gallery(
+    metrics: Mapping[str, MethodMetrics],
+    scenes: Mapping[str, Scene],
+    windows: Mapping[str, Windows],
+    curves: Mapping[str, pd.DataFrame],
+) -> list[Section]:
+    """Pictures of the page on simulation; scenes and windows by the scene's name."""
+    _check(windows, scenes)
+    snapshots = []
+    for name, least in (("snapshot_gain", False), ("snapshot_loss", True)):
+        instant = choose(windows, CROWD["sim"], least)
+        figure = inputs_figure(scenes[instant.scene], windows[instant.scene], instant)
+        snapshots.append(Picture(name, instant.caption(least), figure))
+    horizon = _horizon("horizon", metrics[POOLED], "simulation, unseen arrangements")
+    return [
+        Section("Error over the horizon", [horizon]),
+        Section("Best and worst instant", snapshots, text=_LEGEND),
+        _arrangements(scenes, f"and the tracks of the first {SHOWN_S['sim']:.0f} s", SHOWN_S["sim"]),
+        *_training(curves),
+    ]
+
+
+def real_gallery(
+    metrics: Mapping[str, MethodMetrics],
+    scenes: Mapping[str, Scene],
+    windows: Mapping[str, Windows],
+    curves: Mapping[str, pd.DataFrame],
+) -> list[Section]:
+    """Pictures of the page on real people; scenes and windows by the scene's name."""
+    _check(windows, scenes)
+    _check(windows, metrics)
+    horizons = [_horizon(f"horizon_{name}", metrics[name], f"tested at {name}") for name in windows]
+    snapshots = []
+    for scene in windows:
+        for name, least in (("gain", False), ("loss", True)):
+            instant = choose({scene: windows[scene]}, CROWD["real"], least)
+            figure = camera_figure(scenes[scene], windows[scene], instant)
+            snapshots.append(Picture(f"camera_{scene}_{name}", instant.caption(least), figure))
+    return [
+        Section("Error over the horizon", horizons),
+        Section("Best and worst instant", snapshots, text=f"{_LEGEND} {_STILL}"),
+        _arrangements(scenes, "and all tracks", SHOWN_S["real"]),
+        *_training(curves),
+    ]
+
+
+def _check(windows: Mapping[str, Windows], known: Mapping[str, object]) -> None:
+    """Every file of forecasts must be about a scene that is known otherwise too."""
+    strangers = sorted(windows.keys() - known.keys())
+    if strangers:
+        raise ValueRuleError("forecasts of scene", strangers[0], f"only {sorted(known)} are known")
+
+
+def _horizon(name: str, methods: MethodMetrics, title: str) -> Picture:
+    caption = f"Position error, {title}."
+    return Picture(name, caption, horizon_figure(methods, title))
+
+
+def _arrangements(scenes: Mapping[str, Scene], what: str, shown_s: float) -> Section:
+    pictures = [Picture(f"tracks_{n}", n, arrangement_figure(s, shown_s)) for n, s in sorted(scenes.items())]
+    return Section(f"Places: obstacles {what}", pictures, columns=min(4, len(pictures)))
+
+
+def _training(curves: Mapping[str, pd.DataFrame]) -> list[Section]:
+    if not curves:
+        return []
+    picture = Picture("training", "A column per stage of training.", curves_figure(curves))
+    return [Section("Training", [picture])]

@@ -1,0 +1,48 @@
+"""Metrics as `evaluate` wrote them: {scene: {method: {"ade_m": ..., ...}}}."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pedpred.errors import StorageError
+
+MethodMetrics = dict[str, dict]
+"""The measures of each method in one scene, by the method's name."""
+
+LEAKY = "paper_protocol/"
+"""Prefix of scenes that were evaluated under the protocol that lets the future in."""
+
+_FIELDS = (
+    "ade_m",
+    "ade_ci95_m",
+    "fde_m",
+    "moving_ade_m",
+    "windows",
+    "tracks",
+    "per_step_m",
+    "per_step_q25_m",
+    "per_step_q50_m",
+    "per_step_q75_m",
+    "obstacle_share",
+    "collision_share",
+)
+_REMEDY = "Evaluate again (dvc repro)"
+
+
+def read_metrics(path: Path) -> dict[str, MethodMetrics]:
+    """Read a metrics file.
+
+    Raises:
+        StorageError: it is no JSON, or a method of a scene lacks a measure; the error names it.
+    """
+    try:
+        scenes = json.loads(path.read_text())
+    except (OSError, ValueError) as cause:
+        raise StorageError(path, "file", str(cause), _REMEDY) from cause
+    for scene, methods in scenes.items():
+        for method, measures in methods.items():
+            missing = [field for field in _FIELDS if field not in measures]
+            if missing:
+                raise StorageError(path, f"{scene}/{method}/{missing[0]}", "it is missing", _REMEDY)
+    return scenes

@@ -1,0 +1,98 @@
+"""People at one instant with their forecasts, drawn into a plan view or a camera picture alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import FancyArrowPatch
+
+from pedpred.report.canvas import INK
+from pedpred.report.instants import Instant
+from pedpred.report.methods import colours, label
+from pedpred.report.windows import Windows
+from pedpred.scenes import Recording
+
+ARROW_S = 0.75
+"""A velocity arrow ends where its person would be after this time, s."""
+
+_BYSTANDER = "#8A8A8A"
+
+Placing = Callable[[np.ndarray], np.ndarray]
+"""From world points (m, [..., 2]) to the axes' (horizontal, vertical). [..., 2]"""
+
+
+def draw_people(
+    axes: Axes, windows: Windows, instant: Instant, methods: Sequence[str], place: Placing
+) -> None:
+    """Circles with ids, velocity arrows, the true paths dashed, a dot per predicted step.
+
+    The first method is the model and gets the large dots; others get thin lines with small ones.
+    """
+    colour = colours(windows.paths)
+    truth = _with_present(windows, windows.truth, instant.rows)
+    for path in truth:
+        axes.plot(*place(path).T, color=INK, linewidth=1.1, dashes=(4, 2), zorder=3)
+    for rank, name in reversed(list(enumerate(methods))):
+        size, width = (4.2, 0.9) if rank == 0 else (2.2, 0.8)
+        for path in _with_present(windows, windows.paths[name], instant.rows):
+            at = place(path)
+            axes.plot(*at.T, color=colour[name], linewidth=width, zorder=4 + (rank == 0))
+            style: dict[str, Any] = {"color": colour[name], "marker": "o", "markeredgewidth": 0}
+            axes.plot(*at[1:].T, linestyle="", markersize=size, zorder=5 + (rank == 0), **style)
+    for row in instant.rows:
+        step = np.array([[0.0], [ARROW_S]]) * windows.world_velocity[row]
+        ends = place(windows.position[row] + step)
+        _draw_person(axes, ends, str(windows.track_id[row]), row == instant.focus)
+
+
+def draw_bystanders(
+    axes: Axes, recording: Recording, windows: Windows, instant: Instant, place: Placing
+) -> None:
+    """People who are there but not evaluated (too short a past or future), as empty grey circles."""
+    stamps = np.unique(recording.time_s)
+    nearest = stamps[np.argmin(np.abs(stamps - instant.time_s))]
+    here = (recording.time_s == nearest) & ~np.isin(recording.track_id, windows.track_id[instant.rows])
+    if here.any():
+        at = place(recording.position[here])
+        axes.scatter(
+            at[:, 0], at[:, 1], s=70, facecolors="white", edgecolors=_BYSTANDER, linewidths=1.2, zorder=2
+        )
+
+
+def legend_handles(windows: Windows, methods: Sequence[str]) -> list[Artist]:
+    """What lines and dots mean."""
+    colour = colours(windows.paths)
+    forecasts = [
+        Line2D(
+            [], [], color=colour[name], marker="o", markersize=4.2 if rank == 0 else 2.2, label=label(name)
+        )
+        for rank, name in enumerate(methods)
+    ]
+    return [*forecasts, Line2D([], [], color=INK, linewidth=1.1, dashes=(4, 2), label="truth")]
+
+
+def _with_present(windows: Windows, paths: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Paths of some windows, begun at the present position: [n, 1 + P, 2]."""
+    return np.concatenate([windows.position[rows, None], paths[rows]], axis=1)
+
+
+def _draw_person(axes: Axes, ends: np.ndarray, name: str, focus: bool) -> None:
+    """A circle at the start of the arrow `ends` ([2, 2], in the axes' coordinates)."""
+    style: dict[str, Any] = {
+        "arrowstyle": "-|>",
+        "mutation_scale": 9,
+        "color": INK,
+        "shrinkA": 0,
+        "shrinkB": 0,
+    }
+    if np.abs(ends[1] - ends[0]).max() > 0:
+        axes.add_patch(FancyArrowPatch(*ends, linewidth=1.2, zorder=7, **style))
+    face = INK if focus else "white"
+    axes.scatter(ends[0, 0], ends[0, 1], s=150, facecolors=face, edgecolors=INK, linewidths=1.0, zorder=8)
+    text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.2, "clip_on": True}
+    axes.text(ends[0, 0], ends[0, 1], name, color="white" if focus else INK, zorder=9, **text)

@@ -1,0 +1,81 @@
+"""Figures of one instant: a simulated crowd beside one person's inputs, a camera view beside its plan."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.projections.polar import PolarAxes
+
+from pedpred.errors import ValueRuleError
+from pedpred.report.canvas import blank, styled
+from pedpred.report.inputs import draw_angular_grid, draw_grid
+from pedpred.report.instants import Instant
+from pedpred.report.methods import MODEL, YARDSTICK
+from pedpred.report.plan import draw_ground, obstacle_image, quarter_turns_of, turned
+from pedpred.report.situation import draw_bystanders, draw_people, legend_handles
+from pedpred.report.windows import Windows
+from pedpred.scenes import Scene
+
+SHOWN = (MODEL, YARDSTICK)
+_PALE = 0.42
+"""How much of the camera picture's contrast is kept, so that what is drawn on it stands out."""
+
+
+@styled
+def inputs_figure(scene: Scene, windows: Windows, instant: Instant) -> Figure:
+    """The crowd in the plan view; to its right what the network sees of the person in focus."""
+    figure = blank(9.6, 6.5)
+    who = windows.track_id[instant.focus]
+    layout = figure.add_gridspec(2, 2, width_ratios=(2.1, 1.0))
+    _draw_plan(figure.add_subplot(layout[:, 0]), scene, windows, instant)
+    draw_grid(figure.add_subplot(layout[0, 1]), windows.grid(instant.focus))
+    polar = figure.add_subplot(layout[1, 1], projection="polar")
+    draw_angular_grid(cast(PolarAxes, polar), windows.angular_grid_m[instant.focus])
+    return _with_legend(figure, windows, f"Scene {scene.name}; right: what person {who} gives the network")
+
+
+@styled
+def camera_figure(scene: Scene, windows: Windows, instant: Instant) -> Figure:
+    """Tracks, truth and forecasts on the camera picture, beside the plan that lies the same way.
+
+    Raises:
+        ValueRuleError: the scene has no camera.
+    """
+    if scene.camera is None:
+        raise ValueRuleError("camera", None, f"scene {scene.name} needs one to be drawn into")
+    rows, columns = scene.camera.picture.shape[:2]
+    _, (left, right, bottom, top) = obstacle_image(scene.occupancy, quarter_turns_of(scene.camera))
+    height = 4.2
+    widths = (height * columns / rows, height * (right - left) / (top - bottom))
+    figure = blank(sum(widths) + 0.3, height + 0.5)
+    view, plan = figure.subplots(1, 2, width_ratios=widths)
+    homography = scene.camera.homography
+    view.imshow(pale(scene.camera.picture), cmap="gray", vmin=0, vmax=255)
+    draw_bystanders(view, scene.recording, windows, instant, lambda p: homography.to_image(p)[..., ::-1])
+    draw_people(view, windows, instant, SHOWN, lambda p: homography.to_image(p)[..., ::-1])
+    view.set(xticks=[], yticks=[], xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
+    view.spines[:].set_visible(False)
+    _draw_plan(plan, scene, windows, instant)
+    return _with_legend(figure, windows, f"Scene {scene.name}; right: the same from above")
+
+
+def pale(picture: np.ndarray) -> np.ndarray:
+    """A colour picture as light grey in a few steps (small files): [rows, columns] uint8."""
+    grey = picture.astype(np.float64) @ [0.299, 0.587, 0.114]
+    return (255 - _PALE * (255 - np.round(grey / 12) * 12)).astype(np.uint8)
+
+
+def _draw_plan(axes: Axes, scene: Scene, windows: Windows, instant: Instant) -> None:
+    turns = quarter_turns_of(scene.camera)
+    draw_ground(axes, scene.occupancy, turns)
+    draw_bystanders(axes, scene.recording, windows, instant, lambda points: turned(points, turns))
+    draw_people(axes, windows, instant, SHOWN, lambda points: turned(points, turns))
+
+
+def _with_legend(figure: Figure, windows: Windows, title: str) -> Figure:
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+    figure.legend(handles=legend_handles(windows, SHOWN), loc="outside upper right", ncols=3)
+    return figure

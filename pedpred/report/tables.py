@@ -1,0 +1,84 @@
+"""Markdown tables of metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from pedpred.report.findings import Finding
+from pedpred.report.methods import MODEL, NOTHING, YARDSTICK, label, ordered
+from pedpred.report.metrics import MethodMetrics
+
+
+def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> str:
+    """A Markdown table; the first `texts` columns are text, the others are figures."""
+    rule = ["---"] * texts + ["---:"] * (len(header) - texts)
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in [header, rule, *rows])
+
+
+def methods_table(methods: MethodMetrics, paper_ade_m: Mapping[str, float]) -> str:
+    """All measures of one scene, a row per method, with the paper's error beside ours."""
+    header = [
+        "method",
+        "ADE [m] (95 % interval)",
+        "FDE [m]",
+        "ADE, moving [m]",
+        "points in obstacles",
+        "paths that collide",
+        f"ADE minus {label(YARDSTICK)} [m]",
+        "paper's ADE [m]",
+    ]
+    rows = []
+    for name in ordered(methods):
+        found = methods[name]
+        title = f"**{label(name)}**" if name == MODEL else label(name)
+        paper = f"{paper_ade_m[name]:.3f}" if name in paper_ade_m else NOTHING
+        rows.append(
+            [
+                title,
+                f"{found['ade_m']:.3f} ({interval(found['ade_ci95_m'])})",
+                f"{found['fde_m']:.3f}",
+                f"{found['moving_ade_m']:.3f}",
+                _share(found["obstacle_share"]),
+                _share(found["collision_share"]),
+                difference(name, found),
+                paper,
+            ]
+        )
+    return markdown_table(header, rows)
+
+
+def scenes_table(scenes: Mapping[str, MethodMetrics], first_column: str) -> str:
+    """ADE of every method in every scene, a row per scene."""
+    names = ordered({name for methods in scenes.values() for name in methods})
+    header = [first_column, "windows", *map(label, names), f"{label(MODEL)} minus {label(YARDSTICK)}"]
+    rows = []
+    for scene, methods in scenes.items():
+        windows = max(found["windows"] for found in methods.values())
+        errors = [f"{methods[name]['ade_m']:.3f}" if name in methods else NOTHING for name in names]
+        gap = difference(MODEL, methods[MODEL]) if MODEL in methods else NOTHING
+        rows.append([scene, str(windows), *errors, gap])
+    return markdown_table(header, rows)
+
+
+def findings_table(findings: Sequence[tuple[str, Finding]]) -> str:
+    """Expectations, the figures that decide, and the decision."""
+    rows = [[scene, f.claim, f.measured, f.verdict] for scene, f in findings]
+    return markdown_table(["where", "expected", "measured", "verdict"], rows, texts=4)
+
+
+def difference(name: str, measures: dict) -> str:
+    """Paired difference to the yardstick with its interval, signed."""
+    if name == YARDSTICK or measures.get("minus_kalman_cv_m") is None:
+        return NOTHING
+    gap = f"{measures['minus_kalman_cv_m']:+.3f}"
+    bounds = measures.get("minus_kalman_cv_ci95_m")
+    return f"{gap} ({interval(bounds, '+')})" if bounds else gap
+
+
+def interval(bounds: Sequence[float], sign: str = "") -> str:
+    """Two ends of an interval, e.g. `0.371 to 0.392`."""
+    return f"{bounds[0]:{sign}.3f} to {bounds[1]:{sign}.3f}"
+
+
+def _share(share: float | None) -> str:
+    return NOTHING if share is None else f"{100.0 * share:.2f} %"

@@ -1,0 +1,54 @@
+"""A place with its obstacles and the people seen in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.geometry import Homography
+from pedpred.scenes.occupancy import OccupancyMap
+from pedpred.scenes.recording import Recording
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A still picture of the place and the map from its pixels to the ground.
+
+    Attributes:
+        homography: image (row, column) <-> world.
+        picture: [rows, columns, 3] uint8
+    """
+
+    homography: Homography
+    picture: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.picture.ndim != 3 or self.picture.shape[2] != 3:
+            raise ShapeError("picture", self.picture.shape, "[rows, columns, 3]")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything known about one place.
+
+    Attributes:
+        name: short identifier, also its folder's name.
+        recording: who was where, and when.
+        occupancy: the static obstacles.
+        detection_dt_s: usual time between two detections of a track, s.
+        camera: optional view of the place.
+    """
+
+    name: str
+    recording: Recording
+    occupancy: OccupancyMap
+    detection_dt_s: float
+    camera: Camera | None = None
+
+    def __post_init__(self) -> None:
+        if not self.name or "/" in self.name:
+            raise ValueRuleError("name", self.name, "a scene needs a name that can be a folder's")
+        if not self.detection_dt_s > 0:
+            raise ValueRuleError("detection_dt_s", self.detection_dt_s, "it must be positive")

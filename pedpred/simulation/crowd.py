@@ -1,0 +1,55 @@
+"""A crowd on its way, and the clock that it is stepped by (value types of the kernel)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Crowd(NamedTuple):
+    """State of all pedestrians at one instant; row n of every field is pedestrian n.
+
+    Attributes:
+        position: world frame, m. [N, 2]
+        velocity: m/s. [N, 2]
+        desired_speed: v0, m/s. [N]
+        plan: targets to visit in order, indices into `Routes.target`; -1 ends a plan. [N, G] int64
+        leg: which entry of its plan each one is walking to. [N] int64
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    desired_speed: np.ndarray
+    plan: np.ndarray
+    leg: np.ndarray
+
+
+class Clock(NamedTuple):
+    """How a crowd is stepped.
+
+    Attributes:
+        dt_s: integration step, s.
+        steps: how many to take.
+        every: steps between two records.
+        hold: steps that one noise sample lasts.
+    """
+
+    dt_s: float
+    steps: int
+    every: int
+    hold: int
+
+
+def crowd_of(
+    position: np.ndarray, velocity: np.ndarray, desired_speed: np.ndarray, plan: np.ndarray
+) -> Crowd:
+    """A crowd at the start of its plans, on arrays of its own (the kernel changes them in place)."""
+    plan = np.array(plan, dtype=np.int64)
+    return Crowd(
+        np.array(position, dtype=np.float64),
+        np.array(velocity, dtype=np.float64),
+        np.array(desired_speed, dtype=np.float64),
+        plan,
+        np.zeros(len(plan), dtype=np.int64),
+    )

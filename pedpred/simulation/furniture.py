@@ -1,0 +1,141 @@
+"""Random obstacles for the clutter generator, as shape dictionaries (see `shapes.SHAPES`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+Shape = Mapping[str, Any]
+Part = tuple[float, float, float, float]  # x0, y0, x1, y1 of an upright part of the room, m
+
+_DOOR_MARGIN_M = 0.4  # wall left between a door and the wall's end
+_OFF_WALL_M = 1.3  # columns and free furniture leave a way along the outer walls
+
+
+def split_walls(
+    part: Part, doors_m: Sequence[float], thickness_m: float, smallest_m: float, rng: np.random.Generator
+) -> tuple[list[Shape], list[Part]] | None:
+    """A wall with doors across a part of the room, mostly across its longer side.
+
+    Returns:
+        The pieces of the wall and the two new parts; None if the part is too small.
+    """
+    sides = np.array([part[2] - part[0], part[3] - part[1]])
+    axis = int(np.argmax(sides * rng.uniform(0.7, 1.3, 2)))
+    if sides[axis] < 2 * smallest_m:
+        axis = 1 - axis
+    if sides[axis] < 2 * smallest_m:
+        return None
+    at = rng.uniform(part[axis] + smallest_m, part[axis + 2] - smallest_m)
+    low, high = part[1 - axis], part[3 - axis]
+    pieces = []
+    for start, end in _between_doors(low, high, doors_m, rng):
+        center, size = [0.0, 0.0], [0.0, 0.0]
+        center[axis], center[1 - axis] = at, 0.5 * (start + end)
+        size[axis], size[1 - axis] = thickness_m, end - start
+        pieces.append(_rectangle(center, size, 0.0))
+    first, second = list(part), list(part)
+    first[axis + 2] = second[axis] = float(at)
+    return pieces, [tuple(first), tuple(second)]
+
+
+def _between_doors(
+    low: float, high: float, doors_m: Sequence[float], rng: np.random.Generator
+) -> list[tuple[float, float]]:
+    """The stretches of a wall from `low` to `high` that doors at random places leave standing."""
+    share = (high - low) / len(doors_m)
+    ends = [low]
+    for index, door in enumerate(doors_m):
+        door = min(door, share - 2 * _DOOR_MARGIN_M)
+        spare = max(share - door - 2 * _DOOR_MARGIN_M, 0.0)
+        start = low + index * share + _DOOR_MARGIN_M + spare * rng.random()
+        ends += [start, start + door]
+    ends.append(high)
+    return list(zip(ends[::2], ends[1::2], strict=True))
+
+
+def columns(
+    size_m: Sequence[float], radius_m: float, spacing_m: float, rng: np.random.Generator
+) -> list[Shape]:
+    """A regular grid of round or square columns over the room."""
+    axes = []
+    for side in size_m:
+        count = max(1, int((side - 2 * _OFF_WALL_M) / spacing_m) + 1)
+        margin = 0.5 * (side - (count - 1) * spacing_m)
+        axes.append(margin + spacing_m * np.arange(count))
+    places = [[float(x), float(y)] for x in axes[0] for y in axes[1]]
+    if rng.random() < 0.5:
+        return [{"circle": {"center": place, "radius_m": float(radius_m)}} for place in places]
+    angle = float(rng.choice([0.0, 45.0]))
+    return [_rectangle(place, [1.8 * radius_m] * 2, angle) for place in places]
+
+
+def furniture(
+    size_m: Sequence[float],
+    mixture: np.ndarray,
+    turned_share: float,
+    scale: float,
+    rng: np.random.Generator,
+) -> Shape:
+    """One random piece somewhere in a room.
+
+    Args:
+        size_m: sides of the room. [2]
+        mixture: probability of each kind. [len(KINDS)]
+        turned_share: probability of an arbitrary angle.
+        scale: factor on its size.
+        rng: source of randomness.
+    """
+    kind = KINDS[rng.choice(len(KINDS), p=mixture)]
+    turned = rng.random() < turned_share
+    angle = float(rng.uniform(0.0, 180.0)) if turned else float(rng.choice([0.0, 90.0]))
+    center = [float(rng.uniform(0.3, side - 0.3)) for side in size_m]
+    return kind(center, angle, scale, size_m, rng)
+
+
+def _rectangle(center: Sequence[float], size: Sequence[float], angle_deg: float) -> Shape:
+    fields = {"center": [float(c) for c in center], "size_m": [float(s) for s in size]}
+    return {"rectangle": {**fields, "angle_deg": angle_deg}}
+
+
+def _table(center, angle, scale, _room, rng) -> Shape:
+    return _rectangle(center, scale * rng.uniform([1.2, 0.7], [2.2, 1.1]), angle)
+
+
+def _crate(center, angle, scale, _room, rng) -> Shape:
+    return _rectangle(center, scale * np.repeat(rng.uniform(0.5, 1.2), 2), angle)
+
+
+def _block(center, angle, scale, _room, rng) -> Shape:
+    return _rectangle(center, scale * rng.uniform(1.5, 3.2, 2), angle)
+
+
+def _screen(center, angle, scale, _room, rng) -> Shape:
+    return _rectangle(center, [scale * rng.uniform(1.5, 4.0), 0.25], angle)
+
+
+def _round_table(center, _angle, scale, _room, rng) -> Shape:
+    return {"circle": {"center": center, "radius_m": float(scale * rng.uniform(0.35, 0.9))}}
+
+
+def _island(center, angle, scale, _room, rng) -> Shape:
+    """An irregular polygon: a flower bed, a stall."""
+    turns = np.deg2rad(angle) + 2 * np.pi * (np.arange(6) + rng.uniform(-0.3, 0.3, 6)) / 6
+    radii = scale * rng.uniform(0.5, 1.4, 6)
+    corners = np.array(center) + radii[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    return {"polygon": {"corners": corners.tolist()}}
+
+
+def _cabinet(center, _angle, scale, room, rng) -> Shape:
+    """A shelf with its back to one of the outer walls."""
+    length, depth = scale * rng.uniform(0.8, 2.6), rng.uniform(0.4, 0.7)
+    axis, far = rng.integers(2), rng.integers(2)
+    place, size = list(center), [0.0, 0.0]
+    place[axis] = room[axis] - depth / 2 if far else depth / 2
+    size[axis], size[1 - axis] = depth, length
+    return _rectangle(place, size, 0.0)
+
+
+KINDS: list[Callable[..., Shape]] = [_table, _crate, _block, _screen, _round_table, _island, _cabinet]

@@ -1,0 +1,65 @@
+"""What a walker feels of the obstacles: the signed distance to them and the way out, per cell."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from pedpred.scenes import OccupancyMap
+
+_NOTHING_NEAR_M = 1e3  # distance where a map has no obstacle at all
+
+
+class Ground(NamedTuple):
+    """Obstacles of a place, sampled at cell centres, for bilinear lookup.
+
+    Attributes:
+        origin: outer corner of cell (0, 0), world frame, m. [2]
+        resolution_m: side of a cell, m.
+        occupied: blocked cells. [X, Y]
+        distance: to the nearest obstacle, m; negative inside one. [X, Y]
+        away: gradient of `distance`: a unit vector, shorter midway between two obstacles. [X, Y, 2]
+    """
+
+    origin: np.ndarray
+    resolution_m: float
+    occupied: np.ndarray
+    distance: np.ndarray
+    away: np.ndarray
+
+
+def ground_of(occupancy: OccupancyMap, margin_cells: int = 0) -> Ground:
+    """Distances of a map, with some free cells added around it (outside a map is free)."""
+    occupied = np.pad(occupancy.occupied, margin_cells)
+    distance = signed_distance(occupied, occupancy.resolution_m)
+    away = np.stack(np.gradient(distance, occupancy.resolution_m), axis=-1)
+    origin = occupancy.origin - margin_cells * occupancy.resolution_m
+    return Ground(origin, float(occupancy.resolution_m), occupied, distance, away)
+
+
+def signed_distance(occupied: np.ndarray, resolution_m: float) -> np.ndarray:
+    """Distance from cell centres to the obstacles' edge, m; negative inside. [X, Y]
+
+    The edge is half a cell in front of an occupied cell's centre, so the value is exact for
+    straight borders along the grid.
+    """
+    if not occupied.any():
+        return np.full(occupied.shape, _NOTHING_NEAR_M)
+    outside = ndimage.distance_transform_edt(~occupied)
+    inside = ndimage.distance_transform_edt(occupied)
+    return np.where(occupied, 0.5 - inside, outside - 0.5) * resolution_m
+
+
+def interpolate(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Bilinear lookup between cell centres; beyond the outermost centres their value holds.
+
+    Args:
+        values: one number per cell. [X, Y]
+        cells: continuous cell coordinates, 0.5 is the centre of cell 0. [..., 2]
+
+    Returns:
+        Values at those points. [...]
+    """
+    return ndimage.map_coordinates(values, np.moveaxis(cells - 0.5, -1, 0), order=1, mode="nearest")

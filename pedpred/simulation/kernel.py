@@ -1,0 +1,184 @@
+"""The simulator's inner loop, compiled: a whole crowd, step by step.
+
+The forces are those of `forces.py`, pair by pair (a test holds the two together). Everything that
+the machine code depends on arrives as an argument or lives in this file, so that numba's cache in
+`__pycache__` (ignored by git and DVC) cannot go stale.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+_SMALLEST_AXIS_M = 1e-3  # as in forces.py
+
+
+@njit(cache=True, nogil=True)
+def _corner(x, y, origin, resolution, shape_x, shape_y):
+    """Lower cell and weights of the bilinear lookup at (x, y); held constant beyond the centres."""
+    u = min(max((x - origin[0]) / resolution - 0.5, 0.0), shape_x - 1.0)
+    v = min(max((y - origin[1]) / resolution - 0.5, 0.0), shape_y - 1.0)
+    i = min(int(u), max(shape_x - 2, 0))
+    j = min(int(v), max(shape_y - 2, 0))
+    return i, j, u - i, v - j
+
+
+@njit(cache=True, nogil=True)
+def _blend(values, i, j, p, q):
+    """Bilinear mean of the four values around a point."""
+    i2, j2 = min(i + 1, values.shape[0] - 1), min(j + 1, values.shape[1] - 1)
+    low = (1.0 - q) * values[i, j] + q * values[i, j2]
+    high = (1.0 - q) * values[i2, j] + q * values[i2, j2]
+    return (1.0 - p) * low + p * high
+
+
+@njit(cache=True, nogil=True)
+def _unit(x, y):
+    length = math.sqrt(x * x + y * y)
+    if length < 1e-9:
+        return 0.0, 0.0
+    return x / length, y / length
+
+
+@njit(cache=True, nogil=True)
+def border(x, y, ground):
+    """Distance to the nearest obstacle point and its gradient."""
+    shape = ground.distance.shape
+    i, j, p, q = _corner(x, y, ground.origin, ground.resolution_m, shape[0], shape[1])
+    away_x = _blend(ground.away[:, :, 0], i, j, p, q)
+    away_y = _blend(ground.away[:, :, 1], i, j, p, q)
+    return _blend(ground.distance, i, j, p, q), away_x, away_y
+
+
+@njit(cache=True, nogil=True)
+def way(x, y, goal, routes):
+    """Unit vector of the desired way to a goal; straight to it where the field has no answer."""
+    shape = routes.direction.shape
+    i, j, p, q = _corner(x, y, routes.origin, routes.resolution_m, shape[1], shape[2])
+    field = routes.direction[goal]
+    e_x, e_y = _unit(_blend(field[:, :, 0], i, j, p, q), _blend(field[:, :, 1], i, j, p, q))
+    if e_x == 0.0 and e_y == 0.0:
+        return _unit(routes.target[goal, 0] - x, routes.target[goal, 1] - y)
+    return e_x, e_y
+
+
+@njit(cache=True, nogil=True)
+def _pedestrians(n, position, stride, direction, forces):
+    """Sum of the pushes of all others on pedestrian n, weighted by sight."""
+    total_x, total_y = 0.0, 0.0
+    for m in range(len(position)):
+        if m == n:
+            continue
+        r_x, r_y = position[n, 0] - position[m, 0], position[n, 1] - position[m, 1]
+        a_x, a_y = r_x - stride[m, 0], r_y - stride[m, 1]
+        here, there = math.sqrt(r_x * r_x + r_y * r_y), math.sqrt(a_x * a_x + a_y * a_y)
+        square = (here + there) ** 2 - (stride[m, 0] ** 2 + stride[m, 1] ** 2)
+        axis = 0.5 * math.sqrt(max(square, 4.0 * _SMALLEST_AXIS_M**2))
+        push = forces.pedestrian_strength / forces.pedestrian_range_m
+        push *= math.exp(-axis / forces.pedestrian_range_m) * (here + there) / (4.0 * axis)
+        here, there = max(here, _SMALLEST_AXIS_M), max(there, _SMALLEST_AXIS_M)
+        f_x, f_y = push * (r_x / here + a_x / there), push * (r_y / here + a_y / there)
+        seen = -(direction[n, 0] * f_x + direction[n, 1] * f_y)
+        if seen < math.sqrt(f_x * f_x + f_y * f_y) * forces.sight_cosine:
+            f_x, f_y = f_x * forces.unseen_weight, f_y * forces.unseen_weight
+        total_x, total_y = total_x + f_x, total_y + f_y
+    return total_x, total_y
+
+
+@njit(cache=True, nogil=True)
+def accelerations(position, velocity, direction, desired_speed, ground, forces, out):
+    """`forces.social_acceleration` of a crowd on some ground, written to `out`. [N, 2] m/s^2"""
+    stride = np.empty_like(position)
+    for n in range(len(position)):
+        length = math.sqrt(velocity[n, 0] ** 2 + velocity[n, 1] ** 2) * forces.anticipation_s
+        stride[n, 0], stride[n, 1] = length * direction[n, 0], length * direction[n, 1]
+    for n in range(len(position)):
+        distance, away_x, away_y = border(position[n, 0], position[n, 1], ground)
+        wall = forces.border_strength / forces.border_range_m * math.exp(-distance / forces.border_range_m)
+        f_x, f_y = _pedestrians(n, position, stride, direction, forces)
+        drive_x = (desired_speed[n] * direction[n, 0] - velocity[n, 0]) / forces.relaxation_time_s
+        drive_y = (desired_speed[n] * direction[n, 1] - velocity[n, 1]) / forces.relaxation_time_s
+        out[n, 0] = drive_x + wall * away_x + f_x
+        out[n, 1] = drive_y + wall * away_y + f_y
+
+
+@njit(cache=True, nogil=True)
+def _blocked(x, y, ground):
+    i = int(math.floor((x - ground.origin[0]) / ground.resolution_m))
+    j = int(math.floor((y - ground.origin[1]) / ground.resolution_m))
+    shape = ground.occupied.shape
+    return 0 <= i < shape[0] and 0 <= j < shape[1] and ground.occupied[i, j]
+
+
+@njit(cache=True, nogil=True)
+def _move(n, position, velocity, dt, ground):
+    """Take the step, or the part of it along x or y that enters no obstacle; velocity follows."""
+    x, y = position[n, 0], position[n, 1]
+    next_x, next_y = x + velocity[n, 0] * dt, y + velocity[n, 1] * dt
+    if _blocked(next_x, next_y, ground) and not _blocked(x, y, ground):
+        if not _blocked(next_x, y, ground):
+            next_y = y
+        elif not _blocked(x, next_y, ground):
+            next_x = x
+        else:
+            next_x, next_y = x, y
+        velocity[n, 0], velocity[n, 1] = (next_x - x) / dt, (next_y - y) / dt
+    position[n, 0], position[n, 1] = next_x, next_y
+
+
+@njit(cache=True, nogil=True)
+def _heading(n, crowd, routes, reach_m):
+    """Desired direction of pedestrian n, after going over to the next target if one is reached."""
+    x, y = crowd.position[n, 0], crowd.position[n, 1]
+    plan, leg = crowd.plan[n], crowd.leg
+    if leg[n] < len(plan) and plan[leg[n]] >= 0:
+        to_x, to_y = routes.target[plan[leg[n]], 0] - x, routes.target[plan[leg[n]], 1] - y
+        if to_x * to_x + to_y * to_y <= reach_m * reach_m:
+            leg[n] += 1
+    if leg[n] < len(plan) and plan[leg[n]] >= 0:
+        return way(x, y, plan[leg[n]], routes)
+    return _unit(crowd.velocity[n, 0], crowd.velocity[n, 1])
+
+
+@njit(cache=True, nogil=True)
+def advance(crowd, noise, clock, ground, routes, forces, reach_m):
+    """Walk a crowd over the clock's steps; its position, velocity and leg are changed in place.
+
+    Semi-implicit Euler: v += a dt, capped at `speed_cap` v0, then x += v dt.
+
+    Args:
+        crowd: `Crowd`.
+        noise: random accelerations, each held for `clock.hold` steps; empty for none. [H, N, 2] m/s^2
+        clock: `Clock`.
+        ground: `Ground`.
+        routes: `Routes`.
+        forces: `ForceSettings`.
+        reach_m: a target is reached at this distance; behind the last one people walk on.
+
+    Returns:
+        Positions [R, N, 2], velocities [R, N, 2] and legs [R, N] after each `clock.every` steps.
+    """
+    position, velocity = crowd.position, crowd.velocity
+    count, records = len(position), clock.steps // clock.every
+    positions, velocities = np.empty((records, count, 2)), np.empty((records, count, 2))
+    legs = np.empty((records, count), dtype=np.int64)
+    direction, acceleration = np.empty((count, 2)), np.empty((count, 2))
+    for step in range(clock.steps):
+        for n in range(count):
+            direction[n, 0], direction[n, 1] = _heading(n, crowd, routes, reach_m)
+        accelerations(position, velocity, direction, crowd.desired_speed, ground, forces, acceleration)
+        if len(noise) > 0:
+            acceleration += noise[step // clock.hold]
+        for n in range(count):
+            v_x = velocity[n, 0] + acceleration[n, 0] * clock.dt_s
+            v_y = velocity[n, 1] + acceleration[n, 1] * clock.dt_s
+            speed, most = math.sqrt(v_x * v_x + v_y * v_y), forces.speed_cap * crowd.desired_speed[n]
+            scale = most / speed if speed > most else 1.0
+            velocity[n, 0], velocity[n, 1] = v_x * scale, v_y * scale
+            _move(n, position, velocity, clock.dt_s, ground)
+        if (step + 1) % clock.every == 0:
+            row = (step + 1) // clock.every - 1
+            positions[row], velocities[row], legs[row] = position, velocity, crowd.leg
+    return positions, velocities, legs

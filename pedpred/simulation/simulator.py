@@ -1,0 +1,162 @@
+"""From a map and a pool of targets to a `Scene`, and from a known crowd to its future."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pedpred.errors import ConfigError
+from pedpred.scenes import OccupancyMap, Recording, Scene
+from pedpred.simulation.crowd import Clock, Crowd, crowd_of
+from pedpred.simulation.ground import Ground, ground_of
+from pedpred.simulation.kernel import advance
+from pedpred.simulation.places import TargetPool, open_cells, scattered
+from pedpred.simulation.routing import Routes, routes_to
+from pedpred.simulation.settings import CrowdSettings, SocialForceSettings
+
+_NO_NOISE = np.empty((0, 0, 2))
+
+
+def simulate(
+    name: str,
+    occupancy: OccupancyMap,
+    targets: TargetPool,
+    settings: SocialForceSettings,
+    pedestrians: int,
+    duration_s: float,
+    rng: np.random.Generator,
+) -> Scene:
+    """Let people walk between targets and record them, with the truth about each.
+
+    Noise: each component of the acceleration gets a Gaussian number of deviation `noise_mps2` that
+    is held for `noise_hold_s` and then drawn anew. In the limit of short holds this is white noise
+    of density sigma^2 * hold, so the spread of a path is fixed by these two numbers and does not
+    depend on the integration step (Helbing & Molnar 1995, eq. 9, leave the time scale open).
+
+    Args:
+        name: of the scene.
+        occupancy: closed map of the obstacles.
+        targets: pool that all goals are drawn from.
+        settings: model, routing, crowd and clock.
+        pedestrians: how many.
+        duration_s: recorded time, after the warm-up.
+        rng: source of all randomness.
+    """
+    ground = ground_of(occupancy)
+    routes = routes_to(targets.position, ground, settings.routing)
+    crowd = _drawn_crowd(ground, targets, settings, pedestrians, duration_s, rng)
+    clock = settings.clock
+    every, hold = round(clock.record_s / clock.step_s), round(clock.noise_hold_s / clock.step_s)
+    skipped = round(clock.warm_up_s / clock.record_s)
+    steps = (skipped + round(duration_s / clock.record_s)) * every
+    noise = rng.normal(0.0, clock.noise_mps2, (-(-steps // hold), pedestrians, 2))
+    recorded = advance(
+        crowd,
+        noise,
+        Clock(clock.step_s, steps, every, hold),
+        ground,
+        routes,
+        settings.forces,
+        settings.crowd.reach_m,
+    )
+    position, velocity, leg = (values[skipped:] for values in recorded)
+    goal = routes.target[np.take_along_axis(crowd.plan, leg.T, axis=1).T]
+    rows = leg.size
+    recording = Recording(
+        time_s=np.repeat(np.round(np.arange(len(leg)) * clock.record_s, 9), pedestrians),
+        track_id=np.tile(np.arange(pedestrians), len(leg)),
+        position=position.reshape(rows, 2),
+        velocity=velocity.reshape(rows, 2),
+        goal=goal.reshape(rows, 2),
+        desired_speed_mps=np.tile(crowd.desired_speed, len(leg)),
+    )
+    return Scene(name, recording, occupancy, clock.record_s)
+
+
+def rollout(
+    crowd: Crowd,
+    ground: Ground,
+    routes: Routes,
+    settings: SocialForceSettings,
+    horizon_steps: int,
+    dt_s: float,
+) -> np.ndarray:
+    """The noise-free future of a crowd, all of them together; `crowd` itself is left as it is.
+
+    Args:
+        crowd: states and plans.
+        ground: obstacles.
+        routes: ways to the targets of the plans.
+        settings: model and integration step (shortened so that it divides `dt_s`).
+        horizon_steps: how many positions per pedestrian.
+        dt_s: time between them, s.
+
+    Returns:
+        World positions, m. [N, P, 2]
+    """
+    every = int(np.ceil(dt_s / settings.clock.step_s - 1e-6))
+    clock = Clock(dt_s / every, horizon_steps * every, every, 1)
+    moving = crowd_of(crowd.position, crowd.velocity, crowd.desired_speed, crowd.plan)
+    path, _, _ = advance(moving, _NO_NOISE, clock, ground, routes, settings.forces, settings.crowd.reach_m)
+    return path.swapaxes(0, 1)
+
+
+def desired_speeds(count: int, settings: CrowdSettings, rng: np.random.Generator) -> np.ndarray:
+    """Truncated normal desired speeds, m/s. [N]"""
+    speeds = np.empty(0)
+    least, most = settings.speed_range_mps
+    while len(speeds) < count:
+        drawn = rng.normal(settings.mean_speed_mps, settings.speed_deviation_mps, 2 * count)
+        speeds = np.concatenate([speeds, drawn[(drawn >= least) & (drawn <= most)]])
+    return speeds[:count]
+
+
+def visiting_plans(
+    targets: TargetPool, count: int, legs: int, least_leg_m: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Random sequences of targets; each differs from the last in region and is far enough from it.
+
+    Returns:
+        Indices into the pool. [N, legs]
+
+    Raises:
+        ConfigError: all targets are of one region.
+    """
+    apart = np.linalg.norm(targets.position[:, None] - targets.position[None], axis=-1)
+    other = targets.region[:, None] != targets.region[None]
+    if not other.any(axis=1).all():
+        raise ConfigError(
+            "social_force.crowd.targets", len(targets.region), "people need two regions to walk to"
+        )
+    apart = np.where(other, apart, 0.0)
+    allowed = apart >= np.minimum(least_leg_m, apart.max(axis=1, keepdims=True))
+    choices = [np.flatnonzero(row) for row in allowed]
+    plans = np.empty((count, legs), dtype=np.int64)
+    plans[:, 0] = rng.integers(len(choices), size=count)
+    draws = rng.random((count, legs))
+    for leg in range(1, legs):
+        for n in range(count):
+            options = choices[plans[n, leg - 1]]
+            plans[n, leg] = options[int(draws[n, leg] * len(options))]
+    return plans
+
+
+def _drawn_crowd(
+    ground: Ground,
+    targets: TargetPool,
+    settings: SocialForceSettings,
+    pedestrians: int,
+    duration_s: float,
+    rng: np.random.Generator,
+) -> Crowd:
+    """People at rest at scattered places, with more plans than the time allows."""
+    crowd = settings.crowd
+    cells = open_cells(ground, crowd.clearance_m)
+    position = scattered(cells, pedestrians, crowd.spacing_m, rng)
+    if len(position) < pedestrians:
+        raise ConfigError("pedestrians", pedestrians, f"only {len(position)} find room on this map")
+    speed = desired_speeds(pedestrians, crowd, rng)
+    farthest = (duration_s + settings.clock.warm_up_s) * settings.forces.speed_cap * speed.max()
+    shortest_leg = max(crowd.least_leg_m - 2.0 * crowd.reach_m, crowd.reach_m)
+    legs = int(np.ceil(farthest / shortest_leg)) + 2
+    plan = visiting_plans(targets, pedestrians, legs, crowd.least_leg_m, rng)
+    return crowd_of(position, np.zeros((pedestrians, 2)), speed, plan)

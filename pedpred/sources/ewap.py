@@ -1,0 +1,183 @@
+"""EWAP, the ETH walking-pedestrians recordings (Pellegrini et al., ICCV 2009), as a `Scene`.
+
+A sequence is a folder with
+
+* `obsmat.txt`: one row per pedestrian and annotated frame, the eight numbers of `COLUMNS`;
+* `H.txt`: 3 x 3, image (row, column, 1) to world (x, y, w), rows and columns counted from 1;
+* `map.png`: obstacles white;
+* `groups.txt`: one group of pedestrian ids per line;
+* `reference.png`: one video frame, optional.
+
+The velocity columns are never used: they are central differences, so they contain the next annotation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from pedpred.errors import ConfigError, SourceError, ValueRuleError
+from pedpred.geometry import Homography
+from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.sources.obstacles import occupancy_from_image
+from pedpred.sources.text import numbers, text_rows, whole_number
+
+COLUMNS = ("frame", "id", "pos_x", "pos_z", "pos_y", "v_x", "v_z", "v_y")
+ALONE = -1
+_FIRST_PIXEL = 1
+_BRIGHTEST_FREE = 127
+_BORDER = 0.1  # how far outside the picture an annotation may lie, in sides of the picture
+
+
+@dataclass(frozen=True)
+class _Annotations:
+    """The rows of `obsmat.txt`: frame [M], track_id [M], position [M, 2] (world, m), line [M]."""
+
+    frame: np.ndarray
+    track_id: np.ndarray
+    position: np.ndarray
+    line: np.ndarray
+
+
+def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
+    """Read one sequence.
+
+    Args:
+        folder: holds the files named above.
+        name: name of the scene.
+        settings: `frame_rate_hz`, `annotation_frames`, `resolution_m`, `margin_m`.
+
+    Raises:
+        SourceError: a file is missing or wrong; it names file, line and value.
+        ConfigError: a setting is out of range.
+    """
+    _check_settings(settings)
+    homography = _read_homography(folder / "H.txt")
+    blocked = _read_image(folder / "map.png", "L") > _BRIGHTEST_FREE
+    camera = _read_camera(folder, homography, blocked.shape)
+    rows = _read_annotations(folder / "obsmat.txt")
+    _check_in_picture(folder, rows, homography, blocked.shape)
+    groups = _read_groups(folder / "groups.txt", set(rows.track_id.tolist()))
+    recording = Recording(
+        time_s=rows.frame / settings["frame_rate_hz"],
+        track_id=rows.track_id,
+        position=rows.position,
+        group_id=np.array([groups.get(track, ALONE) for track in rows.track_id.tolist()]),
+    )
+    occupancy = _occupancy(folder, blocked, homography, rows.position, settings)
+    return Scene(
+        name, recording, occupancy, settings["annotation_frames"] / settings["frame_rate_hz"], camera
+    )
+
+
+def merged(groups: Iterable[set[int]]) -> list[set[int]]:
+    """Unite groups that share a member, until none do; ordered by their smallest member."""
+    apart: list[set[int]] = []
+    for group in groups:
+        touching = [other for other in apart if other & group]
+        apart = [other for other in apart if not other & group] + [group.union(*touching)]
+    return sorted(apart, key=min)
+
+
+def _check_settings(settings: Mapping[str, Any]) -> None:
+    for key in ("frame_rate_hz", "annotation_frames", "resolution_m"):
+        if not settings[key] > 0:
+            raise ConfigError(key, settings[key], "it must be positive")
+    if not settings["margin_m"] >= 0:
+        raise ConfigError("margin_m", settings["margin_m"], "it must not be negative")
+
+
+def _read_annotations(path: Path) -> _Annotations:
+    frames, tracks, positions, lines = [], [], [], []
+    seen: dict[tuple[int, int], int] = {}
+    for line, fields in text_rows(path):
+        values = dict(zip(COLUMNS, numbers(path, line, fields, COLUMNS), strict=True))
+        key = whole_number(path, line, "frame", values), whole_number(path, line, "id", values)
+        if key in seen:
+            raise SourceError(path, line, f"frame {key[0]} and id {key[1]} again, first in line {seen[key]}")
+        seen[key] = line
+        frames.append(key[0])
+        tracks.append(key[1])
+        positions.append((values["pos_x"], values["pos_y"]))
+        lines.append(line)
+    if not lines:
+        raise SourceError(path, None, "no annotations, the file is empty")
+    return _Annotations(np.array(frames), np.array(tracks), np.array(positions), np.array(lines))
+
+
+def _read_homography(path: Path) -> Homography:
+    rows = [numbers(path, line, fields, ("h_1", "h_2", "h_3")) for line, fields in text_rows(path)]
+    if len(rows) != 3:
+        raise SourceError(path, None, f"{len(rows)} rows, expected a 3 x 3 matrix")
+    try:
+        return Homography(np.array(rows), first_pixel=_FIRST_PIXEL)
+    except ValueRuleError as cause:
+        raise SourceError(path, None, str(cause)) from cause
+
+
+def _read_groups(path: Path, known: set[int]) -> dict[int, int]:
+    """Number of the group of each pedestrian who is in one; whoever is not listed is alone."""
+    groups = []
+    for line, fields in text_rows(path):
+        try:
+            group = {int(field) for field in fields}
+        except ValueError as cause:
+            raise SourceError(path, line, f"{cause}, expected pedestrian ids") from cause
+        if strangers := group - known:
+            raise SourceError(path, line, f"id {min(strangers)} has no row in obsmat.txt")
+        groups.append(group)
+    together = [group for group in merged(groups) if len(group) > 1]
+    return {track: number for number, group in enumerate(together) for track in group}
+
+
+def _read_camera(folder: Path, homography: Homography, shape: tuple[int, ...]) -> Camera | None:
+    path = folder / "reference.png"
+    if not path.exists():
+        return None
+    picture = _read_image(path, "RGB")
+    if picture.shape[:2] != shape:
+        problem = f"{shape} pixels (rows, columns), but reference.png has {picture.shape[:2]}"
+        raise SourceError(folder / "map.png", None, problem)
+    return Camera(homography, picture)
+
+
+def _read_image(path: Path, mode: str) -> np.ndarray:
+    try:
+        with Image.open(path) as image:
+            return np.asarray(image.convert(mode))
+    except (OSError, SyntaxError) as cause:
+        raise SourceError(path, None, f"not a readable image ({cause})") from cause
+
+
+def _check_in_picture(
+    folder: Path, rows: _Annotations, homography: Homography, shape: tuple[int, ...]
+) -> None:
+    """People were annotated in the video, so that their positions must project into the picture."""
+    pixels = homography.to_image(rows.position)
+    size = np.array(shape)
+    outside = ~((pixels >= -_BORDER * size) & (pixels < (1 + _BORDER) * size)).all(axis=1)
+    if outside.any():
+        row = int(np.flatnonzero(outside)[0])
+        problem = (
+            f"position {rows.position[row].tolist()} is pixel {pixels[row].round().tolist()} (row, column), "
+            f"far outside map.png with its {shape} pixels, as are {outside.sum() - 1} others; "
+            "this row, H.txt or map.png is wrong"
+        )
+        raise SourceError(folder / "obsmat.txt", int(rows.line[row]), problem)
+
+
+def _occupancy(
+    folder: Path, blocked: np.ndarray, homography: Homography, points: np.ndarray, settings: Mapping[str, Any]
+) -> OccupancyMap:
+    try:
+        return occupancy_from_image(
+            blocked, homography, points, settings["resolution_m"], settings["margin_m"]
+        )
+    except ValueRuleError as cause:
+        problem = f"{cause}: an obstacle reaches the horizon, H.txt is wrong or resolution_m too small"
+        raise SourceError(folder / "map.png", None, problem) from cause

@@ -1,0 +1,1 @@
+"""Scenes, feature shards and checkpoints on disk."""

@@ -1,0 +1,165 @@
+"""Scenes on disk: one folder with `tracks.parquet`, `map.yaml` + `map.pgm`, `scene.json`.
+
+A scene *set* is a folder of such folders (many arrangements of one simulated data set).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import yaml
+from PIL import Image, UnidentifiedImageError
+
+from pedpred.errors import ShapeError, StorageError, ValueRuleError
+from pedpred.geometry import Homography
+from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+
+SCENE_SCHEMA = 1
+_PAIRS = {"position": ("x_m", "y_m"), "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
+_OCCUPIED, _FREE = 0, 254
+_REMEDY = "Write the scene again (dvc repro) or correct the file"
+
+
+def write_scene(scene: Scene, folder: Path) -> None:
+    """Write a scene; `read_scene` returns an equal one."""
+    folder.mkdir(parents=True, exist_ok=True)
+    tracks_table(scene.recording).to_parquet(folder / "tracks.parquet", index=False, compression="zstd")
+    write_map(scene.occupancy, folder)
+    about: dict[str, object] = {
+        "schema": SCENE_SCHEMA,
+        "name": scene.name,
+        "detection_dt_s": scene.detection_dt_s,
+    }
+    if scene.camera is not None:
+        about["homography"] = scene.camera.homography.matrix.tolist()
+        about["first_pixel"] = scene.camera.homography.first_pixel
+        Image.fromarray(scene.camera.picture).save(folder / "reference.png")
+    (folder / "scene.json").write_text(json.dumps(about, indent=1) + "\n")
+
+
+def read_scene(folder: Path) -> Scene:
+    """Read one scene folder.
+
+    Raises:
+        StorageError: a file is missing or cannot be understood; it names file and field.
+    """
+    about = _read_json(folder / "scene.json")
+    try:
+        camera = None
+        if "homography" in about and (folder / "reference.png").exists():
+            homography = Homography(np.array(about["homography"]), about["first_pixel"])
+            with Image.open(folder / "reference.png") as picture:
+                camera = Camera(homography, np.asarray(picture.convert("RGB")))
+        return Scene(
+            about["name"],
+            _read_tracks(folder / "tracks.parquet"),
+            read_map(folder),
+            about["detection_dt_s"],
+            camera,
+        )
+    except KeyError as cause:
+        raise StorageError(folder / "scene.json", str(cause), "the field is missing", _REMEDY) from cause
+    except (OSError, TypeError, ValueError, ShapeError, ValueRuleError) as cause:
+        raise StorageError(folder, "scene", str(cause), _REMEDY) from cause
+
+
+def scene_folders(folder: Path) -> list[Path]:
+    """The folder itself if it is a scene, else the scenes in it, by name."""
+    if (folder / "scene.json").exists():
+        return [folder]
+    folders = sorted(path.parent for path in folder.glob("*/scene.json"))
+    if not folders:
+        raise StorageError(folder, "scene.json", "no scene is here", _REMEDY)
+    return folders
+
+
+def read_scenes(folder: Path) -> Iterator[Scene]:
+    """All scenes of a scene folder or a scene set, one at a time."""
+    return (read_scene(path) for path in scene_folders(folder))
+
+
+def tracks_table(recording: Recording) -> pd.DataFrame:
+    """The recording as columns with units in their names."""
+    columns: dict[str, np.ndarray] = {}
+    for field in fields(recording):
+        value = getattr(recording, field.name)
+        if value is None:
+            continue
+        for column, part in zip(_PAIRS.get(field.name, (field.name,)), np.atleast_2d(value.T), strict=True):
+            columns[column] = part
+    return pd.DataFrame(columns)
+
+
+def write_map(occupancy: OccupancyMap, folder: Path) -> None:
+    """Write the ROS map_server pair `map.yaml` + `map.pgm` (row 0 is the largest y)."""
+    grey = np.where(occupancy.occupied.T[::-1], _OCCUPIED, _FREE).astype(np.uint8)
+    Image.fromarray(grey).save(folder / "map.pgm")
+    about = {
+        "image": "map.pgm",
+        "resolution": float(occupancy.resolution_m),
+        "origin": [float(occupancy.origin[0]), float(occupancy.origin[1]), 0.0],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.196,
+    }
+    (folder / "map.yaml").write_text(yaml.safe_dump(about, sort_keys=False))
+
+
+def read_map(folder: Path) -> OccupancyMap:
+    """Read a ROS map_server pair; unknown cells count as free.
+
+    Raises:
+        StorageError: a file is missing or damaged, a field is missing, or the map is rotated.
+    """
+    path = folder / "map.yaml"
+    try:
+        about = yaml.safe_load(path.read_text())
+        x, y, yaw = about["origin"]
+        with Image.open(folder / about["image"]) as image:
+            grey = np.asarray(image.convert("L"), dtype=np.float64) / 255.0
+        probability = grey if about["negate"] else 1.0 - grey
+        threshold, resolution = about["occupied_thresh"], about["resolution"]
+    except (OSError, UnidentifiedImageError, yaml.YAMLError, KeyError, TypeError, ValueError) as cause:
+        raise StorageError(path, "map", f"{type(cause).__name__}: {cause}", _REMEDY) from cause
+    if yaw:
+        raise StorageError(path, "origin", f"yaw is {yaw} rad", "Only maps with yaw 0 are understood")
+    return OccupancyMap((probability > threshold)[::-1].T, np.array([x, y]), resolution)
+
+
+def _read_tracks(path: Path) -> Recording:
+    try:
+        table = pd.read_parquet(path)
+    except (OSError, pa.ArrowInvalid) as cause:
+        raise StorageError(path, "file", str(cause), _REMEDY) from cause
+    values: dict[str, np.ndarray] = {}
+    for field in fields(Recording):
+        columns = _PAIRS.get(field.name, (field.name,))
+        missing = [column for column in columns if column not in table]
+        if missing and field.name in ("time_s", "track_id", "position"):
+            raise StorageError(path, f"column {missing[0]}", "it is missing", _REMEDY)
+        if not missing:
+            for column in columns:
+                if not pd.api.types.is_numeric_dtype(table[column]):
+                    raise StorageError(
+                        path, f"column {column}", f"{table[column].dtype}, not numbers", _REMEDY
+                    )
+            values[field.name] = table[columns[0] if len(columns) == 1 else list(columns)].to_numpy()
+    return Recording(**values)
+
+
+def _read_json(path: Path) -> dict:
+    try:
+        about = json.loads(path.read_text())
+    except (OSError, ValueError) as cause:
+        raise StorageError(path, "file", str(cause), _REMEDY) from cause
+    if not isinstance(about, dict):
+        raise StorageError(path, "file", f"{type(about).__name__}, expected an object", _REMEDY)
+    if about.get("schema") != SCENE_SCHEMA:
+        raise StorageError(path, "schema", f"{about.get('schema')!r}, expected {SCENE_SCHEMA}", _REMEDY)
+    return about

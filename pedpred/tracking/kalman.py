@@ -1,0 +1,74 @@
+"""Constant-velocity Kalman filter, batched over tracks, in closed form.
+
+Both axes share noise and time stamps, so one 2 x 2 covariance of (position, velocity) serves both:
+    x' = x + dt v,    Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]]   (white-noise acceleration)
+Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications to Tracking and Navigation, 6.2.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Gaussian belief about N pedestrians at their last detection.
+
+    Attributes:
+        position: mean, world frame, m. [N, 2]
+        velocity: mean, world frame, m/s. [N, 2]
+        covariance: (P_pp [m^2], P_pv [m^2/s], P_vv [m^2/s^2]) of either axis. [N, 3]
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    covariance: np.ndarray
+
+
+def born(position: np.ndarray, position_noise_m: float, initial_speed_mps: float) -> Belief:
+    """Belief after the first detection: there, standing, with a speed that may be anything usual.
+
+    Args:
+        position: first detections, world frame, m. [N, 2]
+        position_noise_m: standard deviation r of a detection, m.
+        initial_speed_mps: standard deviation of a velocity component before it was seen, m/s.
+    """
+    covariance = np.tile([position_noise_m**2, 0.0, initial_speed_mps**2], (len(position), 1))
+    return Belief(position, np.zeros_like(position), covariance)
+
+
+def updated(
+    belief: Belief,
+    dt_s: np.ndarray,
+    detection: np.ndarray,
+    acceleration_noise: float,
+    position_noise_m: float,
+) -> Belief:
+    """Predict over `dt_s` [N] and correct by the next detections (world frame, m). [N, 2]
+
+    Args:
+        belief: after the detections before.
+        dt_s: time since then, s. [N]
+        detection: world frame, m. [N, 2]
+        acceleration_noise: spectral density q, m^2/s^3.
+        position_noise_m: standard deviation r of a detection, m.
+    """
+    p_pp, p_pv, p_vv = belief.covariance.T
+    q = acceleration_noise
+    p_pp = p_pp + 2 * dt_s * p_pv + dt_s**2 * p_vv + q * dt_s**3 / 3
+    p_pv = p_pv + dt_s * p_vv + q * dt_s**2 / 2
+    p_vv = p_vv + q * dt_s
+    innovation_variance = p_pp + position_noise_m**2
+    gain_p, gain_v = p_pp / innovation_variance, p_pv / innovation_variance
+    predicted = belief.position + dt_s[:, None] * belief.velocity
+    innovation = detection - predicted
+    covariance = np.stack(
+        [(1 - gain_p) * p_pp, (1 - gain_p) * p_pv, p_vv - gain_v * p_pv], axis=-1
+    )
+    return Belief(
+        predicted + gain_p[:, None] * innovation,
+        belief.velocity + gain_v[:, None] * innovation,
+        covariance,
+    )

@@ -1,0 +1,139 @@
+"""The one recurrent training loop: corridor, main training and fine-tuning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch.nn.utils import clip_grad_norm_
+from tqdm import tqdm
+
+from pedpred.datasets.lanes import stream_lanes
+from pedpred.datasets.motion import MotionData
+from pedpred.models.motion import MotionLstm
+from pedpred.models.rolling import displacement_errors, roll
+from pedpred.training.loss import velocity_loss
+from pedpred.training.progress import Progress, load_progress, save_progress
+from pedpred.training.schedule import learning_rate
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How a motion network is trained.
+
+    Attributes:
+        steps: optimiser steps.
+        lanes: tracks that are streamed side by side, B.
+        sub_sequence: truncation depth L, steps.
+        longest_track: tracks are cut into pieces of at most this many steps.
+        validate_every: steps between two validations (and saved states).
+        lr: peak learning rate.
+        warmup_steps: steps of linear warm-up.
+        clip_norm: largest gradient norm.
+        weight_decay: decoupled weight decay (the paper's lambda).
+        seed: of the order of the tracks, the split and dropout.
+    """
+
+    steps: int
+    lanes: int
+    sub_sequence: int
+    longest_track: int
+    validate_every: int
+    lr: float
+    warmup_steps: int
+    clip_norm: float
+    weight_decay: float
+    seed: int
+
+
+def train_motion(
+    network: MotionLstm,
+    data: MotionData,
+    training: np.ndarray,
+    validation: np.ndarray,
+    settings: TrainingSettings,
+    scratch: Path,
+    description: str,
+) -> list[dict[str, float]]:
+    """Train by truncated back-propagation through time; leaves the best validated weights in `network`.
+
+    Args:
+        network: initialised; the starting weights count as the first candidate.
+        data: all rows.
+        training: rows [first, last) of the sequences to learn from. [S, 2]
+        validation: rows [first, last) of the sequences to choose the weights by. [S, 2]
+        settings: see there.
+        scratch: folder for the state of an unfinished training; where one lies, it is continued.
+        description: title of the progress bar.
+
+    Returns:
+        The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m.
+    """
+    optimizer = torch.optim.AdamW(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
+    stream = stream_lanes(
+        training,
+        settings.lanes,
+        settings.sub_sequence,
+        settings.longest_track,
+        np.random.default_rng(settings.seed),
+    )
+    progress = load_progress(scratch, network, optimizer)
+    if progress is None:
+        progress = Progress(0, network.start(settings.lanes))
+        _validate(network, data, validation, progress, float("nan"))
+    for _ in range(progress.step):
+        next(stream)
+    losses: list[float] = []
+    bar = tqdm(total=settings.steps, initial=progress.step, desc=description, unit="step")
+    while progress.step < settings.steps:
+        torch.manual_seed(settings.seed + progress.step)  # dropout: the same after a resumption
+        batch = next(stream)
+        rows = torch.from_numpy(batch.rows)
+        state = progress.state.reset(torch.from_numpy(batch.starts)).detached()
+        for group in optimizer.param_groups:
+            group["lr"] = learning_rate(progress.step, settings.steps, settings.lr, settings.warmup_steps)
+        predicted, progress.state = network(data.inputs(rows), state)
+        loss = velocity_loss(predicted, data.future[rows.clamp(min=0)], data.known(rows))
+        optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        clip_grad_norm_(network.parameters(), settings.clip_norm)
+        optimizer.step()
+        losses.append(loss.item())
+        progress.step += 1
+        bar.update()
+        if progress.step % settings.validate_every == 0 or progress.step == settings.steps:
+            ade_m = _validate(network, data, validation, progress, float(np.mean(losses)))
+            bar.set_postfix_str(f"validation ADE {ade_m:.3f} m")
+            losses = []
+            save_progress(scratch, progress, network, optimizer)
+    bar.close()
+    network.load_state_dict(progress.best)
+    return progress.curve
+
+
+def _validate(
+    network: MotionLstm, data: MotionData, sequences: np.ndarray, progress: Progress, train_loss: float
+) -> float:
+    """Add a row to the curve and keep the weights if they are the best so far; returns the error, m."""
+    network.eval()
+    ade_m = validation_ade_m(network, data, sequences)
+    network.train()
+    if ade_m < progress.best_ade_m:
+        progress.best = {k: v.detach().clone() for k, v in network.state_dict().items()}
+    epoch = len(progress.curve)
+    progress.curve.append(
+        {"epoch": epoch, "step": progress.step, "train_loss": train_loss, "validation_ade_m": ade_m}
+    )
+    return ade_m
+
+
+def validation_ade_m(network: MotionLstm, data: MotionData, sequences: np.ndarray) -> float:
+    """Average displacement error over all steps whose whole horizon is known, m."""
+    rows = torch.from_numpy(np.concatenate([np.arange(a, b) for a, b in sequences]))
+    rows = rows[data.known(rows).all(dim=-1)]
+    if not len(rows):
+        return float("nan")
+    forecast = roll(network, data, sequences)
+    return float(displacement_errors(forecast[rows], data.future[rows], data.dt_s).mean())

@@ -1,0 +1,45 @@
+"""evaluate_sim, evaluate_real: every forecaster in every window of the test scenes."""
+
+import json
+from pathlib import Path
+
+import torch
+from omegaconf import DictConfig, OmegaConf
+from tqdm import tqdm
+
+from pedpred.config import stage, stage_key
+from pedpred.evaluation.compare import compare, figures
+from pedpred.models.forecasting import load_motion_lstm
+from pedpred.storage.columns import write_columns
+from pedpred.storage.scenes import read_scene, scene_folders
+from pedpred.storage.shards import read_codes, read_manifest, read_shard
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Write reports/metrics/<name>.json and data/forecasts/<name>; `name` is sim or real."""
+    name, options = stage_key(cfg), cfg.evaluation
+    torch.set_num_threads(options.threads)
+    out = Path(cfg.get("out", f"data/forecasts/{name}"))
+    social_force = OmegaConf.to_container(cfg.social_force)
+    metrics: dict = {}
+    for test, phase in options[name].items():
+        networks = {model: load_motion_lstm(Path("models") / phase / model) for model in options.models}
+        settings, _ = read_manifest(Path("data/features") / test)
+        scores = {}
+        for folder in tqdm(scene_folders(Path("data/scenes") / test), desc=f"evaluate {test}"):
+            scene = read_scene(folder)
+            table = read_shard(Path("data/features") / test, scene.name, settings)
+            codes = read_codes(Path("data/codes") / test, scene.name)
+            columns, scores[scene.name] = compare(
+                scene, table, codes, settings, networks, options, social_force
+            )
+            write_columns(columns, out / f"{scene.name}.parquet")
+        metrics |= figures(test, scores, options.bootstrap, options.seed)
+    path = Path(cfg.get("metrics", f"reports/metrics/{name}.json"))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(metrics, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

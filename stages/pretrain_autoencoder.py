@@ -1,0 +1,34 @@
+"""pretrain_autoencoder: learn to compress the occupancy crops of the training layouts."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from omegaconf import DictConfig, OmegaConf
+
+from pedpred.config import stage
+from pedpred.datasets.crops import crops_of
+from pedpred.storage.checkpoints import write_checkpoint
+from pedpred.training.autoencoder import AutoencoderSettings, train_autoencoder
+from pedpred.training.fit import write_curve
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Read data/features/main, write models/autoencoder and its curve."""
+    options = OmegaConf.to_container(cfg.autoencoder)
+    torch.set_num_threads(options.pop("threads"))
+    share, crops = options.pop("validation_share"), options.pop("validation_crops")
+    settings = AutoencoderSettings(**options)
+    training, validation, cells = crops_of(
+        Path("data/features/main"), share, crops, np.random.default_rng(settings.seed)
+    )
+    network, curve = train_autoencoder(training, validation, cells, settings)
+    out = Path(cfg.get("out", "models/autoencoder"))
+    write_checkpoint(out, network.state_dict(), {"kind": "autoencoder", "settings": options, "cells": cells})
+    write_curve(pd.DataFrame(curve), Path(cfg.get("curve", "reports/curves/sim/autoencoder.tsv")))
+
+
+if __name__ == "__main__":
+    main()

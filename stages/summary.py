@@ -1,0 +1,19 @@
+"""Join the pages on simulated and on real people into `reports/report.md`."""
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from pedpred.config import stage
+from pedpred.report.pages import joined
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Read both pages, write one; links to pictures stay relative to `reports/`."""
+    pages = [Path("reports", f"{key}.md").read_text() for key in ("sim", "real")]
+    Path(cfg.get("out", "reports/report.md")).write_text(joined(pages))
+
+
+if __name__ == "__main__":
+    main()

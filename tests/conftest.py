@@ -1,0 +1,23 @@
+"""What all tests share."""
+
+import os
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import settings
+
+settings.register_profile("pedpred", deadline=None, derandomize=True)
+settings.load_profile("pedpred")
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def ewap_folder() -> Path:
+    """The raw EWAP files, where the project would look for them; skips when they are nowhere."""
+    folders = yaml.safe_load((ROOT / "conf/mirrors/ewap.yaml").read_text())["folders"]
+    for place in (os.environ.get("PEDPRED_MIRROR"), *folders, "data/raw/ewap"):
+        if place and (ROOT / place / "seq_hotel" / "obsmat.txt").exists():
+            return ROOT / place
+    pytest.skip("the EWAP recordings are not here: run `python -m stages.fetch` or set PEDPRED_MIRROR")

@@ -1,0 +1,47 @@
+"""Small simulated places for the tests; the shipped configuration, a few seconds each."""
+
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from pedpred.simulation.arrangements import arrangements, simulated
+from pedpred.simulation.layouts import Layout, layout_from
+from pedpred.simulation.places import TargetPool
+from pedpred.simulation.settings import social_force_settings
+
+CONF = Path(__file__).parents[1] / "conf"
+
+
+def read(name):
+    return yaml.safe_load((CONF / f"{name}.yaml").read_text())
+
+
+SOCIAL_FORCE = read("social_force/helbing1995")
+SETTINGS = social_force_settings(SOCIAL_FORCE)
+CLUTTER = read("clutter/rooms")
+DRAWN = {path.stem: yaml.safe_load(path.read_text()) for path in sorted((CONF / "layouts").glob("*.yaml"))}
+QUIET = social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "noise_mps2": 0.0}})
+
+
+def drawn(name):
+    return layout_from(DRAWN[name], f"layouts.{name}")
+
+
+def short(seconds, pedestrians=20, **changes):
+    """A configuration `scenes.<key>` of one drawn layout, overridden by `changes`."""
+    scene = {"source": "simulation", "drawn": ["columns"], "generated": 0, "seed": 7}
+    scene.update(changes, pedestrians=pedestrians)
+    rooms = len(scene["drawn"]) + scene["generated"]
+    return arrangements({**scene, "hours": rooms * seconds / 3600.0}, DRAWN, CLUTTER)
+
+
+def scene_of(arrangement, settings=SETTINGS):
+    return simulated(arrangement, settings)
+
+
+def pool(*places):
+    return TargetPool(np.array(places, dtype=float), np.arange(len(places)))
+
+
+EMPTY_ROOM = Layout((12.0, 8.0))

@@ -1,0 +1,203 @@
+"""A stage sees the keys that it declares, and params.yaml is what conf/ composes to."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from omegaconf import OmegaConf
+
+from pedpred import config
+from pedpred.errors import ConfigError
+
+ROOT = Path(__file__).resolve().parents[1]
+
+DVC_YAML = """
+vars:
+  - places: [eth, hotel]
+stages:
+  plain: {cmd: x, params: [training.rate, seed]}
+  bare: {cmd: x}
+  listed:
+    foreach: [eth, hotel]
+    do: {cmd: x, params: ["scenes.${item}"]}
+  keyed:
+    foreach: ${models}
+    do: {cmd: x, params: ["models.${key}", training]}
+  crossed:
+    matrix: {network: "${models}", to: "${places}"}
+    cmd: x
+    params: ["models.${item.network}", "scenes.${item.to}"]
+  deep:
+    foreach: ${training.phases}
+    do: {cmd: x, params: ["training.phases.${item}"]}
+  wrong:
+    foreach: [eth]
+    do: {cmd: x, params: ["scenes.${item.name}"]}
+"""
+PARAMS_YAML = """
+seed: null
+training: {rate: 0.1, phases: {first: {steps: 1}, second: {steps: 2}}}
+scenes: {eth: {clocks: 3}, hotel: {clocks: 3}}
+models: {lstm: {units: 4}, lstm_nogrid: {units: 2}}
+"""
+STAGE = """
+from pathlib import Path
+from pedpred.config import stage, stage_key
+
+
+@stage
+def main(cfg):
+    seen = f"{stage_key(cfg, 'nobody')} {cfg.training.rate} {cfg.seed}"
+    Path(cfg.get("out") or "seen.txt").write_text(seen)
+    if cfg.get("out") == "spill.txt":
+        cfg.models.lstm
+
+
+if __name__ == "__main__":
+    main()
+"""
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A tiny project: dvc.yaml, params.yaml, conf/ and one stage. It has its own copy of the library."""
+    (tmp_path / "dvc.yaml").write_text(DVC_YAML)
+    (tmp_path / "params.yaml").write_text(PARAMS_YAML)
+    (tmp_path / "conf" / "scale").mkdir(parents=True)
+    (tmp_path / "conf" / "config.yaml").write_text(f"defaults: [_self_, scale: default]\n{PARAMS_YAML}")
+    (tmp_path / "conf" / "scale" / "default.yaml").write_text("pedestrians: 20\n")
+    (tmp_path / "conf" / "scale" / "smoke.yaml").write_text("pedestrians: 2\n")
+    (tmp_path / "pedpred").mkdir()
+    for name in ["__init__.py", "config.py", "errors.py"]:
+        shutil.copy(ROOT / "pedpred" / name, tmp_path / "pedpred" / name)
+    (tmp_path / "stages").mkdir()
+    (tmp_path / "stages" / "look.py").write_text(STAGE)
+    return tmp_path
+
+
+def python(project, *arguments, **environment):
+    inherited = {k: v for k, v in os.environ.items() if not k.startswith("DVC_")}
+    return subprocess.run(
+        [sys.executable, "-m", *arguments],
+        cwd=project,
+        env=inherited | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_only_keeps_the_named_keys_and_nothing_else():
+    cfg = OmegaConf.create({"a": {"b": 1, "c": 2}, "d": None, "e": 5})
+    assert config.only(cfg, ["a.b", "d"]) == {"a": {"b": 1}, "d": None}
+    assert config.only(cfg, ["a.b", "a"]) == {"a": {"b": 1, "c": 2}}
+    assert config.only(cfg, []) == {}
+
+
+def test_only_names_a_key_that_is_not_there():
+    with pytest.raises(ConfigError, match=r"a\.missing"):
+        config.only(OmegaConf.create({"a": {"b": 1}}), ["a.missing"])
+
+
+@pytest.mark.parametrize(
+    ("address", "expected"),
+    [
+        ("plain", ["training.rate", "seed"]),
+        ("bare", []),
+        ("listed@hotel", ["scenes.hotel"]),
+        ("keyed@lstm_nogrid", ["models.lstm_nogrid", "training"]),
+        ("crossed@lstm-hotel", ["models.lstm", "scenes.hotel"]),
+        ("deep@second", ["training.phases.second"]),
+        ("dvc.yaml:listed@eth", ["scenes.eth"]),
+    ],
+)
+def test_declared_params_follow_every_kind_of_stage(project, address, expected):
+    assert config.declared_params(project, address) == expected
+
+
+def test_a_stage_is_called_by_its_name_before_its_address(monkeypatch):
+    named, nameless = OmegaConf.create({"name": "lstm"}), OmegaConf.create({})
+    with pytest.raises(ConfigError, match="say which one"):
+        config.stage_key(nameless)
+    assert config.stage_key(nameless, "all") == "all"
+    monkeypatch.setenv("DVC_STAGE", "finetune@lstm-eth")
+    assert config.stage_key(nameless) == "lstm-eth"
+    assert config.stage_key(named) == "lstm"
+
+
+@pytest.mark.parametrize("address", ["nothing", "listed@zara", "listed", "plain@eth"])
+def test_an_unknown_stage_is_refused(project, address):
+    with pytest.raises(ConfigError, match="no such stage"):
+        config.declared_params(project, address)
+
+
+def test_a_template_value_that_does_not_exist_is_named(project):
+    with pytest.raises(ConfigError, match=r"item\.name"):
+        config.declared_params(project, "wrong@eth")
+
+
+def test_a_stage_under_dvc_sees_declared_keys_and_its_own_arguments(project):
+    run = python(project, "stages.look", DVC_STAGE="plain")
+    assert (run.returncode, run.stderr) == (0, "")
+    assert (project / "seen.txt").read_text() == "nobody 0.1 None"
+    assert python(project, "stages.look", "+out=other.txt", DVC_STAGE="plain").returncode == 0
+    assert (project / "other.txt").read_text() == "nobody 0.1 None"
+
+
+def test_a_stage_leaves_nothing_behind_but_its_output(project):
+    before = {path for path in project.rglob("*") if "__pycache__" not in path.parts}
+    python(project, "stages.look", DVC_STAGE="plain")
+    after = {path for path in project.rglob("*") if "__pycache__" not in path.parts}
+    assert after - before == {project / "seen.txt"}
+
+
+def test_reading_an_undeclared_key_ends_the_stage_with_its_name(project):
+    run = python(project, "stages.look", "+out=spill.txt", DVC_STAGE="plain")
+    assert run.returncode == 1
+    assert "'models'" in run.stderr
+    assert "stage 'plain' reads it, but dvc.yaml does not declare it" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+def test_by_hand_a_stage_composes_conf_with_its_overrides(project):
+    run = python(project, "stages.look", "training.rate=0.5", "+out=mine.txt", "+name=eth", "hydra.run.dir=.")
+    assert run.returncode == 0, run.stderr
+    assert (project / "mine.txt").read_text() == "eth 0.5 None"
+
+
+@pytest.mark.parametrize("override", ["training.pace=0.5", "scale=huge", "nonsense"])
+def test_an_unknown_key_or_option_is_named_without_a_traceback(project, override):
+    by_hand = python(project, "stages.look", override)
+    composing = python(project, "pedpred.config", override)
+    for run in (by_hand, composing):
+        assert run.returncode == 1
+        assert override.split("=")[-1] in run.stderr or "pace" in run.stderr
+        assert "Traceback" not in run.stderr
+
+
+def test_composing_twice_gives_the_same_bytes_and_the_check_agrees(project):
+    assert python(project, "pedpred.config").returncode == 0
+    first = (project / "params.yaml").read_bytes()
+    assert python(project, "pedpred.config").returncode == 0
+    assert (project / "params.yaml").read_bytes() == first
+    assert python(project, "pedpred.config", "--check", "--stamp", "data/checked").returncode == 0
+    assert (project / "data" / "checked").is_file()
+
+
+def test_the_check_fails_with_a_diff_after_an_edit_under_conf(project):
+    python(project, "pedpred.config")
+    (project / "conf" / "scale" / "default.yaml").write_text("pedestrians: 21\n")
+    run = python(project, "pedpred.config", "--check", "--stamp", "data/checked")
+    assert run.returncode == 1
+    assert "-  pedestrians: 20\n+  pedestrians: 21" in run.stderr
+    assert "make params" in run.stderr
+    assert not (project / "data" / "checked").exists()
+
+
+def test_inside_an_experiment_the_overridden_params_pass_the_check(project):
+    python(project, "pedpred.config", "scale=smoke")
+    assert python(project, "pedpred.config", "--check").returncode == 1
+    assert python(project, "pedpred.config", "--check", DVC_EXP_NAME="sweep-1").returncode == 0

@@ -1,0 +1,249 @@
+"""Raw files come from the first mirror that has them unaltered, or not at all."""
+
+import functools
+import hashlib
+import io
+import logging
+import re
+import tarfile
+import threading
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from pedpred.errors import FetchError
+from pedpred.sources import mirrors
+
+CONTENT = {
+    f"seq_{place}/{name}": f"{place} {name}\n".encode() * 500
+    for place in ("eth", "hotel")
+    for name in ("obsmat.txt", "H.txt", "reference.png")
+}
+NEEDED = [name for name in CONTENT if not name.endswith("reference.png")]
+
+
+@pytest.fixture(autouse=True)
+def tiny_data_set(monkeypatch):
+    sums = {name: hashlib.sha256(content).hexdigest() for name, content in CONTENT.items()}
+    monkeypatch.setattr(mirrors, "checksums", lambda data_set: sums)
+    monkeypatch.delenv("PEDPRED_MIRROR", raising=False)
+    monkeypatch.delenv("DVC_ROOT", raising=False)
+
+
+@pytest.fixture
+def target(tmp_path):
+    return tmp_path / "data" / "raw" / "ewap"
+
+
+@pytest.fixture
+def mirror(tmp_path):
+    return write_mirror(tmp_path / "mirror")
+
+
+def write_mirror(folder):
+    for name, content in CONTENT.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return folder
+
+
+def write_archive(path, members=None, names=tuple(CONTENT)):
+    """A .tgz with the data set below `ewap_dataset/`, preceded by some members of one's own."""
+    with tarfile.open(path, "w:gz") as archive:
+        for member, content in members or []:
+            member.size = len(content)
+            archive.addfile(member, io.BytesIO(content))
+        for name in names:
+            member = tarfile.TarInfo(f"ewap_dataset/{name}")
+            member.size = len(CONTENT[name])
+            archive.addfile(member, io.BytesIO(CONTENT[name]))
+    return path
+
+
+def fetch(target, folders=(), archives=()):
+    mirrors.fetch("ewap", target, [str(f) for f in folders], [str(a) for a in archives], timeout_s=2.0)
+
+
+def assert_fetched(target, names=tuple(CONTENT)):
+    found = {str(p.relative_to(target)): p.read_bytes() for p in target.rglob("*") if p.is_file()}
+    assert found == {name: CONTENT[name] for name in names}
+    assert [path.name for path in target.parent.iterdir()] == [target.name], "nothing is left beside it"
+
+
+def test_from_a_folder(target, mirror):
+    fetch(target, [mirror])
+    assert_fetched(target)
+
+
+def test_the_picture_is_optional(target, mirror):
+    for path in mirror.glob("*/reference.png"):
+        path.unlink()
+    fetch(target, [mirror])
+    assert_fetched(target, NEEDED)
+
+
+def test_from_a_local_archive(target, tmp_path):
+    fetch(target, archives=[write_archive(tmp_path / "a.tgz")])
+    assert_fetched(target)
+
+
+def test_from_a_file_address(target, tmp_path):
+    fetch(target, archives=[write_archive(tmp_path / "a.tgz", names=NEEDED).as_uri()])
+    assert_fetched(target, NEEDED)
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *args):
+        pass
+
+
+@pytest.fixture
+def server(tmp_path):
+    """The address of a web server for `tmp_path`."""
+    handler = functools.partial(_Quiet, directory=tmp_path)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as running:
+        threading.Thread(target=running.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{running.server_port}"
+        running.shutdown()
+
+
+def test_from_a_web_server_after_one_without_it(target, tmp_path, server):
+    write_archive(tmp_path / "a.tgz")
+    fetch(target, archives=[f"{server}/nowhere.tgz", f"{server}/a.tgz"])
+    assert_fetched(target)
+
+
+@pytest.mark.parametrize(
+    ("damage", "named"),
+    [
+        (lambda m: (m / "seq_eth/H.txt").unlink(), r"seq_eth/H\.txt is missing"),
+        (
+            lambda m: (m / "seq_eth/H.txt").write_text("1"),
+            r"seq_eth/H\.txt has SHA-256 6b86.*, expected \w{64}",
+        ),
+        (
+            lambda m: (m / "seq_eth/H.txt").write_bytes(CONTENT["seq_eth/H.txt"][:-1]),
+            r"seq_eth/H\.txt has SHA",
+        ),
+        (lambda m: (m / "seq_hotel/reference.png").write_text("1"), r"seq_hotel/reference\.png has SHA-256"),
+        (lambda m: m.rename(m.with_name("elsewhere")), "it does not exist"),
+    ],
+)
+def test_a_damaged_mirror_is_passed_over_with_a_warning(target, mirror, tmp_path, caplog, damage, named):
+    damage(mirror)
+    with caplog.at_level(logging.WARNING):
+        fetch(target, [mirror, write_mirror(tmp_path / "second")])
+    assert_fetched(target)
+    assert len(caplog.records) == 1
+    assert str(mirror) in caplog.text
+    assert re.search(named, caplog.text)
+
+
+def test_no_mirror_is_one_clear_error(target, mirror, tmp_path):
+    (mirror / "seq_eth/obsmat.txt").write_text("1")
+    cut = write_archive(tmp_path / "cut.tgz")
+    cut.write_bytes(cut.read_bytes()[:-40])
+    with pytest.raises(FetchError) as error:
+        fetch(target, [mirror, tmp_path / "none"], [cut, "http://127.0.0.1:9/a.tgz"])
+    message = str(error.value)
+    assert all(name in message for name in NEEDED)
+    assert "mirror/ewap" in message
+    assert "PEDPRED_MIRROR=" in message
+    assert f"{mirror}: seq_eth/obsmat.txt has SHA-256" in message
+    assert f"{tmp_path / 'none'}: it does not exist" in message
+    assert f"{cut}: " in message
+    assert "http://127.0.0.1:9/a.tgz: URLError" in message
+    assert "\n" not in message
+    assert not target.exists()
+    assert list(target.parent.iterdir()) == []
+
+
+def test_what_is_complete_stays(target, mirror):
+    fetch(target, [mirror])
+    fetch(target)  # no mirror is needed any more
+    assert_fetched(target)
+
+
+def test_what_is_damaged_is_replaced_as_a_whole(target, mirror):
+    fetch(target, [mirror])
+    (target / "seq_eth/H.txt").write_text("1")
+    (target / "leftover.txt").write_text("1")
+    fetch(target, [mirror])
+    assert_fetched(target)
+
+
+def test_a_failure_leaves_the_old_files(target, mirror):
+    fetch(target, [mirror])
+    (target / "seq_eth/H.txt").write_text("1")
+    with pytest.raises(FetchError):
+        fetch(target)
+    assert (target / "seq_eth/obsmat.txt").exists()
+
+
+def test_order_of_the_mirrors(tmp_path, monkeypatch):
+    """Experiments in the queue run in a copy of the project; relative paths hold at the original as well."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PEDPRED_MIRROR", "/own")
+    monkeypatch.setenv("DVC_ROOT", "/project")
+    found = mirrors.places(["mirror/ewap", "../there"], ["a.tgz", "https://example.org/a.tgz"])
+    assert found == [
+        "/own",
+        f"{tmp_path}/mirror/ewap",
+        "/project/mirror/ewap",
+        f"{tmp_path.parent}/there",
+        "/there",
+        f"{tmp_path}/a.tgz",
+        "/project/a.tgz",
+        "https://example.org/a.tgz",
+    ]
+
+
+def named(name, **changed):
+    member = tarfile.TarInfo(name)
+    for field, value in changed.items():
+        setattr(member, field, value)
+    return member
+
+
+@pytest.mark.parametrize(
+    "member",
+    [
+        named("../../seq_eth/H.txt"),
+        named("/seq_eth/H.txt"),
+        named("ewap_dataset/seq_eth/H.txt", type=tarfile.SYMTYPE, linkname="/etc/hostname"),
+        named("ewap_dataset/seq_eth/H.txt", type=tarfile.LNKTYPE, linkname="ewap_dataset/seq_eth/obsmat.txt"),
+        named("ewap_dataset/seq_eth/H.txt", type=tarfile.FIFOTYPE),
+    ],
+    ids=["traversal", "absolute", "symlink", "hardlink", "fifo"],
+)
+def test_unsafe_members_are_refused(target, tmp_path, member):
+    archive = write_archive(tmp_path / "a.tgz", [(member, b"")])
+    with pytest.raises(FetchError, match="no plain file inside the archive"):
+        fetch(target, archives=[archive])
+    assert not list(tmp_path.rglob("H.txt"))
+
+
+def test_a_huge_member_is_refused(target, tmp_path):
+    archive = write_archive(tmp_path / "a.tgz", [(named("seq_eth/H.txt"), bytes(2**24 + 1))])
+    with pytest.raises(FetchError, match="has 16777217 bytes"):
+        fetch(target, archives=[archive])
+
+
+def test_members_that_nobody_asked_for_are_not_written(target, tmp_path):
+    strangers = [(named("../evil.txt"), b"x"), (named("seq_eth/seq_eth.avi"), b"x")]
+    fetch(target, archives=[write_archive(tmp_path / "a.tgz", strangers)])
+    assert_fetched(target)
+    assert not list(tmp_path.rglob("evil.txt"))
+
+
+def test_committed_sums_name_both_sequences(monkeypatch):
+    monkeypatch.undo()
+    sums = mirrors.checksums("ewap")
+    names = ["H.txt", "destinations.txt", "groups.txt", "info.txt", "map.png", "obsmat.txt", "reference.png"]
+    assert sorted(sums) == [f"seq_{place}/{name}" for place in ("eth", "hotel") for name in names]
+    assert all(len(digest) == 64 for digest in sums.values())
+
+
+def test_committed_sums_are_those_of_the_recordings(monkeypatch, ewap_folder):
+    monkeypatch.undo()
+    assert mirrors.lack(ewap_folder, mirrors.checksums("ewap")) is None

@@ -1,0 +1,87 @@
+"""Laws of the coordinate frames."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.geometry import Homography, rotate, to_agent, to_world, wrap_angle
+
+metres = st.floats(-1e3, 1e3)
+points = arrays(np.float64, st.tuples(st.integers(0, 5), st.just(2)), elements=metres)
+point = arrays(np.float64, 2, elements=metres)
+angles = st.floats(-20.0, 20.0)
+
+
+@st.composite
+def homographies(draw):
+    """Cameras that see the plane from above, some turned, stretched or inclined."""
+    turn = draw(st.floats(-np.pi, np.pi))
+    scale = draw(arrays(np.float64, 2, elements=st.floats(0.01, 1.0)))
+    tilt = draw(arrays(np.float64, 2, elements=st.floats(0.0, 1e-3)))
+    matrix = np.eye(3)
+    matrix[:2, :2] = rotate(np.diag(scale), turn).T
+    matrix[:2, 2] = draw(point)
+    matrix[2, :2] = tilt
+    return Homography(matrix, first_pixel=draw(st.sampled_from([0, 1])))
+
+
+@given(homographies(), arrays(np.float64, (4, 2), elements=st.floats(0.0, 1e3)))
+def test_homography_there_and_back(homography, pixels_rc):
+    back = homography.to_image(homography.to_world(pixels_rc))
+    np.testing.assert_allclose(back, pixels_rc, atol=1e-4)
+
+
+def test_homography_takes_row_then_column_counted_from_its_first_pixel():
+    matrix = np.array([[2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 1.0]])
+    assert Homography(matrix).to_world(np.array([5.0, 7.0])).tolist() == [10.0, 21.0]
+    assert Homography(matrix, first_pixel=1).to_world(np.array([5.0, 7.0])).tolist() == [12.0, 24.0]
+
+
+@pytest.mark.parametrize(
+    ("matrix", "error"),
+    [
+        (np.eye(3)[:2], ShapeError),
+        (np.ones((3, 3)), ValueRuleError),
+        (np.diag([1.0, 1.0, np.nan]), ValueRuleError),
+    ],
+)
+def test_homography_is_valid_from_birth(matrix, error):
+    with pytest.raises(error, match="homography"):
+        Homography(matrix)
+
+
+def test_homography_refuses_points_that_are_no_pairs():
+    with pytest.raises(ShapeError, match="pixels_rc"):
+        Homography(np.eye(3)).to_world(np.zeros((4, 3)))
+
+
+@given(points, point, angles)
+def test_agent_frame_there_and_back(world, origin, heading_rad):
+    back = to_world(to_agent(world, origin, heading_rad), origin, heading_rad)
+    np.testing.assert_allclose(back, world, atol=1e-9)
+
+
+@given(points, angles)
+def test_rotation_there_and_back_keeps_lengths(vectors, angle_rad):
+    turned = rotate(vectors, angle_rad)
+    np.testing.assert_allclose(rotate(turned, -angle_rad), vectors, atol=1e-9)
+    np.testing.assert_allclose(np.hypot(*turned.T), np.hypot(*vectors.T), atol=1e-9)
+
+
+def test_agent_looks_along_x_with_y_to_its_left():
+    north = np.pi / 2
+    ahead, left = to_agent(np.array([[1.0, 5.0], [0.0, 2.0]]), np.array([1.0, 2.0]), north)
+    np.testing.assert_allclose(ahead, [3.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(left, [0.0, 1.0], atol=1e-12)
+
+
+@given(angles | st.sampled_from([np.pi, -np.pi, np.nextafter(-np.pi, -4.0), np.nextafter(np.pi, 4.0)]))
+def test_wrapped_angle_is_the_same_direction_in_range(angle_rad):
+    wrapped = wrap_angle(angle_rad)
+    assert -np.pi <= wrapped < np.pi
+    np.testing.assert_allclose(
+        [np.cos(wrapped), np.sin(wrapped)], [np.cos(angle_rad), np.sin(angle_rad)], atol=1e-9
+    )

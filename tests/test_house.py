@@ -1,0 +1,206 @@
+"""The house rules that a machine can check: layers, dependencies, sizes, documentation, configuration."""
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pedpred import config
+
+ROOT = Path(__file__).resolve().parents[1]
+PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
+DEFAULTS = yaml.safe_load((ROOT / "conf" / "config.yaml").read_text())["defaults"]
+SCRIPTS = sorted(path for path in (ROOT / "stages").glob("*.py") if path.name != "__init__.py")
+SOURCES = [*sorted((ROOT / "pedpred").rglob("*.py")), *SCRIPTS]
+NO_RESULT_DEPENDS_ON = {"pedpred/config.py", "pedpred/errors.py"}  # what they decide is checked or only said
+
+
+def named(path):
+    return str(path.relative_to(ROOT))
+
+
+def shipped_files():
+    listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    names = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    return [ROOT / name for name in names.split("\0") if name and (ROOT / name).is_file()]
+
+
+# Layers
+
+
+def test_import_contracts_hold():
+    command = [sys.executable, "-c", "from importlinter.cli import lint_imports_command as run; run()"]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout
+
+
+def test_every_package_stands_on_a_layer():
+    layers = next(contract["layers"] for contract in CONTRACTS if contract["type"] == "layers")
+    listed = {name.strip() for line in layers for name in line.split("|")} | {"pedpred.config"}
+    rooms = {p for p in (ROOT / "pedpred").iterdir() if (p / "__init__.py").exists() or p.suffix == ".py"}
+    assert {f"pedpred.{room.stem}" for room in rooms} - {"pedpred.__init__"} == listed - {"stages"}
+
+
+def test_what_may_run_on_the_robot_imports_without_torch():
+    packages = next(contract["source_modules"] for contract in CONTRACTS if contract["type"] == "forbidden")
+    folders = [ROOT.joinpath(*package.split(".")) for package in packages]
+    modules = packages + [
+        f"{p}.{f.stem}" for p, d in zip(packages, folders, strict=True) for f in d.glob("[a-z]*.py")
+    ]
+    script = f"import sys, {', '.join(modules)}; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=False).returncode == 0
+
+
+# Stages depend on exactly the code that they import
+
+
+def file_of(module):
+    """The project's file that holds a module; packages on the way to it have no side effects."""
+    path = ROOT.joinpath(*module.split("."))
+    return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
+
+
+def imported(path):
+    """The (module, name) pairs that a file imports; name is None for a plain `import module`."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, None) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from ((node.module, alias.name) for alias in node.names)
+
+
+def provider(module, name):
+    """The file that defines what is imported: a package's public names are followed to their module."""
+    file = (name and file_of(f"{module}.{name}")) or file_of(module)
+    if file is not None and file.name == "__init__.py":
+        sources = [source for source, public in imported(file) if public == name]
+        return provider(sources[0], name) if sources else file
+    return file
+
+
+@cache
+def imports_of(path):
+    """The project's files that a file of the project imports."""
+    return {provider(module, name) for module, name in imported(path)} - {None}
+
+
+def code_behind(script):
+    """Every file that a stage's script imports, directly or not, and itself."""
+    seen, waiting = set(), {script}
+    while waiting:
+        path = waiting.pop()
+        seen.add(path)
+        waiting |= imports_of(path) - seen
+    return {named(path) for path in seen} - NO_RESULT_DEPENDS_ON
+
+
+def within(file, dependency):
+    return file == dependency or file.startswith(f"{dependency}/")
+
+
+@pytest.mark.parametrize("name", [name for name in PIPELINE if name != "config"])
+def test_a_stage_depends_on_the_code_that_it_imports_and_no_other(name):
+    entry = PIPELINE[name].get("do", PIPELINE[name])
+    module = re.search(r"python -m (stages\.\w+)", entry["cmd"])[1]
+    needed = code_behind(ROOT / f"{module.replace('.', '/')}.py")
+    code = {d for d in entry["deps"] if d.split("/")[0] in ("pedpred", "stages")} - NO_RESULT_DEPENDS_ON
+    missing = {file for file in needed if not any(within(file, dependency) for dependency in code)}
+    idle = {dependency for dependency in code if not any(within(file, dependency) for file in needed)}
+    assert (missing, idle) == (set(), set())
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=named)
+def test_a_stage_is_glue(script):
+    tree = ast.parse(script.read_text())
+    main = next(
+        (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "main"), None
+    )
+    assert main is not None
+    assert main.end_lineno - main.lineno < 40
+    asked = re.findall(r"cfg\.get\(\"?(\w+)", script.read_text())
+    assert not set(asked) & set(PARAMS), "a configured key must be read in a way that fails when undeclared"
+
+
+# Readable in one sitting
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=named)
+def test_a_file_is_short_and_says_what_it_is(path):
+    text = path.read_text()
+    tree = ast.parse(text)
+    assert ast.get_docstring(tree)
+    assert len(text.splitlines()) <= 260
+    assert path.stem not in ("utils", "helpers", "common", "misc")
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    long = {f.name: lines for f in functions if (lines := f.end_lineno - f.body[0].end_lineno) > 45}
+    assert long == {}
+    assert not any(isinstance(n, ast.Call) and getattr(n.func, "id", "") == "print" for n in ast.walk(tree))
+
+
+# Configuration
+
+
+def test_params_yaml_is_what_conf_composes_to():
+    assert (ROOT / "params.yaml").read_text() == config.composed(ROOT / "conf", [])
+
+
+def options():
+    groups = [next(iter(entry)) for entry in DEFAULTS if isinstance(entry, dict)]
+    for group in dict.fromkeys(groups):
+        folder, _, _ = group.partition("@")
+        choice = f"{folder}=" if "@" not in group else f"+{folder}@{folder}.another="
+        yield from (choice + path.stem for path in sorted((ROOT / "conf" / folder).glob("*.yaml")))
+
+
+@pytest.mark.parametrize("option", sorted(set(options())))
+def test_every_option_under_conf_composes(option):
+    chosen = yaml.safe_load(config.composed(ROOT / "conf", [option]))
+    assert chosen
+
+
+def test_a_scale_resizes_what_exists_and_adds_nothing():
+    def keys(node, at=""):
+        return {k for n, v in node.items() for k in keys(v, f"{at}.{n}")} if isinstance(node, dict) else {at}
+
+    usual, small = (
+        yaml.safe_load(config.composed(ROOT / "conf", [f"scale={s}"])) for s in ("default", "smoke")
+    )
+    assert keys(small) == keys(usual)
+
+
+# Documentation
+
+
+@pytest.mark.parametrize("page", sorted(ROOT.glob("*.md")), ids=named)
+def test_a_page_names_existing_make_targets_and_files(page):
+    text = page.read_text()
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    assert set(re.findall(r"(?:`|^\s*)make ([a-z]+)", text, re.MULTILINE)) <= targets
+    linked = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in link]
+    assert [link for link in linked if not (ROOT / link).exists()] == []
+
+
+@pytest.mark.parametrize("page", sorted(ROOT.glob("*.md")), ids=named)
+def test_an_experiment_on_a_page_sets_a_parameter_that_exists(page):
+    for key in re.findall(r"(?:-S|--set-param) (\w[\w.]*)=", page.read_text()):
+        node = PARAMS
+        for part in key.split("."):
+            assert part in node, key
+            node = node[part]
+
+
+def test_nothing_refers_to_one_machine():
+    places = re.compile(r"(?<![\w.}])/(?:home|root|work|users|mnt)/|\.\./shared", re.IGNORECASE)
+    texts = {path: path.read_bytes() for path in shipped_files() if path != Path(__file__)}
+    guilty = {
+        named(p): m[0] for p, raw in texts.items() if b"\0" not in raw and (m := places.search(raw.decode()))
+    }
+    assert set(guilty) <= {"conf/mirrors/ewap.yaml", "params.yaml"}, guilty

@@ -1,0 +1,245 @@
+"""Lanes, network and training: memory is carried, cut and resumed exactly."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pedpred.datasets import MotionData, split_sequences, stream_lanes
+from pedpred.errors import ConfigError, StorageError
+from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.models.autoencoder import intersection_over_union, reconstruction_loss
+from pedpred.models.rolling import roll
+from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
+from pedpred.training import AutoencoderSettings, TrainingSettings, train_autoencoder, train_motion, velocity_loss
+from pedpred.training.schedule import learning_rate
+
+SMALL = MotionSettings.parse({
+    "channels": {"state": {"embedding": 8, "lstm": 8}, "angular": {"embedding": 8, "lstm": 8}},
+    "joint": 16, "head": 16, "horizon_steps": 4, "residual": True})
+QUICK = TrainingSettings(steps=6, lanes=4, sub_sequence=5, longest_track=15, validate_every=3, lr=1e-2,
+                         warmup_steps=2, clip_norm=1.0, weight_decay=1e-4, seed=0)
+
+
+def toy_data(rng, tracks=6, length=20):
+    """Tracks whose speed is told at the first step only: later targets need memory."""
+    rows = tracks * length
+    speed = np.repeat(rng.choice([-1.0, 1.0], tracks), length)
+    velocity = np.zeros((rows, 2))
+    velocity[::length, 0] = speed[::length]
+    future = np.zeros((rows, 4, 2))
+    future[:, :, 0] = speed[:, None]
+    edges = np.arange(0, rows + 1, length)
+    return MotionData(
+        velocity=torch.tensor(velocity, dtype=torch.float32),
+        angular=torch.zeros(rows, 72),
+        future=torch.tensor(future, dtype=torch.float32),
+        future_steps=torch.full((rows,), 4),
+        code=None,
+        sequences=np.stack([edges[:-1], edges[1:]], axis=-1),
+        scene=np.arange(tracks) // 2,
+        track=np.arange(tracks),
+        dt_s=0.3,
+    )
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.integers(1, 7))
+def test_lanes_stream_every_row_once_a_pass_in_order(seed, lanes, length):
+    rng = np.random.default_rng(seed)
+    lengths = rng.integers(1, 40, 9)
+    edges = np.concatenate([[0], np.cumsum(lengths)])
+    sequences = np.stack([edges[:-1], edges[1:]], axis=-1)
+    seen = []
+    ends = [-2] * lanes
+    for batch in stream_lanes(sequences, lanes, length, 1000, rng):
+        for lane, (rows, start) in enumerate(zip(batch.rows, batch.starts, strict=True)):
+            real = rows[rows >= 0]
+            assert (np.diff(real) == 1).all()
+            assert start == (real[0] in edges)
+            assert start or real[0] == ends[lane] + 1
+            ends[lane] = real[-1]
+            seen.extend(real)
+        if len(seen) >= 3 * edges[-1]:
+            break
+    counts = np.bincount(seen, minlength=edges[-1])
+    assert counts.min() >= 1
+    assert counts.max() - counts.min() <= 2 + lanes
+
+
+def test_long_tracks_are_cut_but_nothing_is_lost():
+    stream = stream_lanes(np.array([[0, 50]]), 1, 5, 12, np.random.default_rng(0))
+    seen, starts = [], 0
+    while len(seen) < 50:
+        batch = next(stream)
+        seen += batch.rows[batch.rows >= 0].tolist()
+        starts += int(batch.starts[0])
+    assert sorted(seen) == list(range(50))
+    assert starts >= 5
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 11))
+def test_chunked_forward_equals_one_long_forward(seed, cut):
+    torch.manual_seed(seed)
+    network = MotionLstm(SMALL).eval()
+    inputs = {"state": torch.randn(3, 12, 2), "angular": torch.rand(3, 12, 72)}
+    whole, _ = network(inputs, network.start(3))
+    first, state = network({k: v[:, :cut] for k, v in inputs.items()}, network.start(3))
+    second, _ = network({k: v[:, cut:] for k, v in inputs.items()}, state.detached())
+    torch.testing.assert_close(torch.cat([first, second], dim=1), whole, atol=1e-5, rtol=1e-4)
+
+
+def test_reset_forgets_the_starting_lanes_only():
+    network = MotionLstm(SMALL).eval()
+    inputs = {"state": torch.randn(2, 3, 2), "angular": torch.rand(2, 3, 72)}
+    _, state = network(inputs, network.start(2))
+    after = state.reset(torch.tensor([True, False]))
+    for name, (hidden, cell) in after.memory.items():
+        assert not hidden[:, 0].any()
+        assert not cell[:, 0].any()
+        torch.testing.assert_close(hidden[:, 1], state.memory[name][0][:, 1])
+
+
+def test_no_gradient_flows_into_the_sub_sequence_before():
+    network = MotionLstm(SMALL)
+    first = {"state": torch.randn(1, 3, 2, requires_grad=True), "angular": torch.rand(1, 3, 72)}
+    _, state = network(first, network.start(1))
+    second, _ = network({"state": torch.randn(1, 3, 2), "angular": torch.rand(1, 3, 72)}, state.detached())
+    second.sum().backward()
+    assert first["state"].grad is None
+
+
+def test_rolling_whole_tracks_does_not_depend_on_their_company():
+    data = toy_data(np.random.default_rng(0))
+    network = MotionLstm(SMALL).eval()
+    together, alone = roll(network, data, data.sequences), roll(network, data, data.sequences[2:3])
+    torch.testing.assert_close(together[40:60], alone[40:60], atol=1e-5, rtol=1e-4)
+    assert not alone[:40].any()
+
+
+def test_padding_counts_neither_in_loss_nor_in_gradient():
+    data = toy_data(np.random.default_rng(0))
+    network = MotionLstm(SMALL)
+    rows = torch.tensor([[0, 1, 2], [20, 21, 22]])
+    padded = torch.cat([rows, torch.full((2, 4), -1)], dim=1)
+    losses = []
+    for chosen in (rows, padded):
+        predicted, _ = network(data.inputs(chosen), network.start(2))
+        losses.append(velocity_loss(predicted, data.future[chosen.clamp(min=0)], data.known(chosen)))
+    torch.testing.assert_close(losses[0], losses[1])
+
+
+def test_unknown_futures_do_not_count():
+    predicted, truth = torch.zeros(1, 4, 2), torch.zeros(1, 4, 2)
+    truth[0, :, 0] = torch.tensor([3.0, 3.0, 100.0, 100.0])
+    known = torch.tensor([[True, True, False, False]])
+    assert velocity_loss(predicted, truth, known).item() == pytest.approx(3.0)
+
+
+def test_carried_memory_solves_what_one_sub_sequence_cannot(tmp_path):
+    """The direction is shown at the first of 20 steps, sub-sequences have 5: only memory knows it."""
+    torch.manual_seed(0)
+    data = toy_data(np.random.default_rng(1), tracks=24)
+    network = MotionLstm(SMALL)
+    settings = dataclasses.replace(QUICK, steps=250, lanes=12, longest_track=100, validate_every=50)
+    train_motion(network, data, data.sequences, data.sequences, settings, tmp_path, "memory")
+    late = [row for first, last in data.sequences for row in range(first + 10, last)]
+    error = torch.linalg.vector_norm(roll(network.eval(), data, data.sequences)[late] - data.future[late], dim=-1)
+    assert error.mean() < 0.2  # without memory nothing beats an error of 1 m/s
+
+
+def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
+    data = toy_data(np.random.default_rng(2))
+
+    def run(scratch):
+        torch.manual_seed(3)
+        network = MotionLstm(SMALL)
+        curve = train_motion(network, data, data.sequences[:4], data.sequences[4:], QUICK, scratch, "toy")
+        return network.state_dict(), curve
+
+    whole, curve = run(tmp_path / "whole")
+    import pedpred.training.recurrent as recurrent
+
+    def killed(*arguments):
+        save(*arguments)
+        raise KeyboardInterrupt
+
+    save = recurrent.save_progress
+    monkeypatch.setattr(recurrent, "save_progress", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path / "killed")
+    monkeypatch.setattr(recurrent, "save_progress", save)
+    resumed, resumed_curve = run(tmp_path / "killed")
+    for name, weight in whole.items():
+        torch.testing.assert_close(resumed[name], weight, rtol=0, atol=0)
+    assert [r["step"] for r in curve] == [r["step"] for r in resumed_curve]
+
+
+def test_splits_keep_scenes_and_tracks_whole():
+    data = toy_data(np.random.default_rng(0))
+    for by, group in (("scene", data.scene), ("track", data.track)):
+        training, validation = split_sequences(data, by, 0.3, np.random.default_rng(0))
+        of = {tuple(s): g for s, g in zip(data.sequences, group, strict=True)}
+        assert {of[tuple(s)] for s in training}.isdisjoint({of[tuple(s)] for s in validation})
+        assert len(training) + len(validation) == len(data.sequences)
+    with pytest.raises(ConfigError, match="validation_by"):
+        split_sequences(data, "window", 0.3, np.random.default_rng(0))
+
+
+def test_unknown_channel_is_named():
+    plain = SMALL.plain() | {"channels": {"smell": {"embedding": 1, "lstm": 1}}}
+    with pytest.raises(ConfigError, match="smell"):
+        MotionSettings.parse(plain)
+
+
+def test_checkpoint_round_trip_and_damage(tmp_path):
+    network = MotionLstm(SMALL)
+    write_checkpoint(tmp_path, network.state_dict(), {"kind": "motion", "network": SMALL.plain()})
+    weights, about = read_checkpoint(tmp_path)
+    other = MotionLstm(MotionSettings.parse(about["network"]))
+    load_weights(other, weights, tmp_path)
+    for a, b in zip(network.parameters(), other.parameters(), strict=True):
+        assert torch.equal(a, b)
+    wider = MotionLstm(dataclasses.replace(SMALL, joint=17))
+    with pytest.raises(StorageError, match="weights"):
+        load_weights(wider, weights, tmp_path)
+    (tmp_path / "weights.safetensors").write_bytes(b"\x08")
+    with pytest.raises(StorageError, match=r"weights\.safetensors"):
+        read_checkpoint(tmp_path)
+
+
+def test_decoder_uses_the_encoders_weights():
+    network = GridAutoencoder()
+    names = {name for name, _ in network.named_parameters()}
+    assert {n for n in names if "encoder" not in n} == {"code_bias", "bias1", "bias2", "bias3"}
+    crops = (torch.rand(2, 60, 60) > 0.8).float()
+    assert network(crops).shape == crops.shape
+    assert network.encoder.code(crops).shape == (2, 392)
+    assert reconstruction_loss(crops, crops).item() == 0
+    assert intersection_over_union(crops, crops) == 1
+    assert intersection_over_union(crops, 1 - crops) == 0
+
+
+def test_autoencoder_learns_and_repeats():
+    rng = np.random.default_rng(0)
+    cells = np.zeros((64, 60, 60), np.uint8)
+    for crop in cells:
+        x, y = rng.integers(0, 40, 2)
+        crop[x : x + 20, y : y + 20] = 1
+    packed = np.packbits(cells.reshape(64, -1), axis=-1, bitorder="little")
+    settings = AutoencoderSettings(latent=16, batch=16, steps=60, validate_every=20, lr=2e-3,
+                                   warmup_steps=5, clip_norm=100.0, seed=0)
+    network, curve = train_autoencoder(packed, packed[:32], 60, settings)
+    assert curve[-1]["validation_loss"] < 0.8 * curve[0]["validation_loss"]
+    again, _ = train_autoencoder(packed, packed[:32], 60, settings)
+    assert all(torch.equal(a, b) for a, b in zip(network.parameters(), again.parameters(), strict=True))
+
+
+def test_learning_rate_rises_then_falls():
+    rates = [learning_rate(step, 100, 1.0, 10) for step in range(100)]
+    assert np.argmax(rates) in (9, 10)
+    assert rates[0] == pytest.approx(0.1)
+    assert rates[-1] < 0.02
+    assert (np.diff(rates[10:]) < 0).all()

@@ -1,0 +1,134 @@
+"""The pipeline does what its users count on: sweeps differ, a remote shares results, nothing goes stale.
+
+Everything happens in a copy of the working tree, with one tiny simulated scene.
+"""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+TARGET = "simulate@corridor"
+TRACKS = Path("data/scenes/corridor/corridor/tracks.parquet")
+CORRIDOR = "scenes.corridor."
+
+pytestmark = pytest.mark.pipeline
+
+
+def run(folder, *command, succeeds=True):
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("DVC_", "GIT_"))} | {
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "NUMBA_DISABLE_JIT": "1",  # a second of simulation is not worth a compilation
+        "PEDPRED_JOBS": "1",
+        "GIT_AUTHOR_NAME": "test",
+        "GIT_AUTHOR_EMAIL": "test@localhost",
+        "GIT_COMMITTER_NAME": "test",
+        "GIT_COMMITTER_EMAIL": "test@localhost",
+    }
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode == 0) is succeeds, f"{command}\n{done.stdout}\n{done.stderr}"
+    return done.stdout + done.stderr
+
+
+def commit(folder, message):
+    run(folder, "git", "add", "--all")
+    run(folder, "git", "commit", "--quiet", "--message", message)
+
+
+def finished_experiments(folder, count, patience_s=300):
+    """The git references of a queue's experiments, once they are all there."""
+    deadline = time.monotonic() + patience_s
+    while time.monotonic() < deadline:
+        references = run(folder, "git", "for-each-ref", "--format=%(refname)", "refs/exps").split()
+        done = [reference for reference in references if reference.split("/")[2] not in ("celery", "exec")]
+        if len(done) == count:
+            return done
+        if "refs/exps/celery/failed" in references:
+            break
+        time.sleep(0.5)
+    pytest.fail(f"{count} experiments should have finished:\n{run(folder, 'dvc', 'queue', 'status')}")
+
+
+def tracks_md5(folder, revision):
+    """The checksum of the simulated tracks as a revision's dvc.lock and the cache record it."""
+    lock = yaml.safe_load(run(folder, "git", "show", f"{revision}:dvc.lock"))
+    listing = lock["stages"][TARGET]["outs"][0]["md5"]
+    files = json.loads((folder / ".dvc/cache/files/md5" / listing[:2] / listing[2:]).read_text())
+    return next(file["md5"] for file in files if Path(file["relpath"]).name == TRACKS.name)
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A committed copy of the working tree in which the corridor lasts a second and is reproduced."""
+    folder = tmp_path_factory.mktemp("pipeline") / "project"
+    run(ROOT, ".ci/copy", str(folder))
+    corridor = folder / "conf" / "scenes" / "corridor.yaml"
+    text = corridor.read_text()
+    corridor.write_text(
+        text.replace("hours: 0.95", "hours: 0.0005").replace("pedestrians: 10", "pedestrians: 3")
+    )
+    run(folder, sys.executable, "-m", "pedpred.config")
+    run(folder, "dvc", "repro", TARGET)
+    commit(folder, "reproduced")
+    return folder
+
+
+def test_reproducing_again_does_nothing_and_leaves_git_clean(project):
+    assert "up to date" in run(project, "dvc", "repro", TARGET)
+    assert run(project, "git", "status", "--short") == ""
+
+
+def test_a_stage_by_hand_writes_where_it_is_told_and_nowhere_else(project, tmp_path):
+    arguments = ["+name=corridor", f"{CORRIDOR}seed=7", f"+out={tmp_path}"]
+    run(project, sys.executable, "-m", "stages.simulate", *arguments)
+    assert (tmp_path / "corridor" / TRACKS.name).read_bytes() != (project / TRACKS).read_bytes()
+    assert run(project, "git", "status", "--short") == ""
+
+
+def test_an_edit_under_conf_without_make_params_is_not_ignored(project):
+    edited = project / "conf" / "scenes" / "corridor.yaml"
+    original = edited.read_text()
+    try:
+        edited.write_text(original.replace("pedestrians: 3", "pedestrians: 4"))
+        said = run(project, "dvc", "repro", TARGET, succeeds=False)
+    finally:
+        edited.write_text(original)
+    assert "-    pedestrians: 3\n+    pedestrians: 4" in said
+    assert "make params" in said
+
+
+def test_the_points_of_a_queued_sweep_differ_and_each_is_right(project, tmp_path):
+    setting = f"{CORRIDOR}pedestrians"
+    run(project, "dvc", "exp", "run", "--queue", "--set-param", f"{setting}=2,4", TARGET)
+    run(project, "dvc", "queue", "start", "--jobs", "2")
+    swept = {}
+    for point in finished_experiments(project, 2):
+        params = yaml.safe_load(run(project, "git", "show", f"{point}:params.yaml"))
+        swept[params["scenes"]["corridor"]["pedestrians"]] = tracks_md5(project, point)
+    plain = {}
+    for pedestrians in (2, 4):
+        arguments = ["+name=corridor", f"{setting}={pedestrians}", f"+out={tmp_path / str(pedestrians)}"]
+        run(project, sys.executable, "-m", "stages.simulate", *arguments)
+        written = (tmp_path / str(pedestrians) / "corridor" / TRACKS.name).read_bytes()
+        plain[pedestrians] = hashlib.md5(written).hexdigest()
+    assert swept == plain
+    assert len(set(swept.values())) == 2
+
+
+def test_a_second_clone_pulls_from_a_remote_and_recomputes_nothing(project, tmp_path):
+    remote, clone = tmp_path / "remote", tmp_path / "clone"
+    run(project, "dvc", "remote", "add", "--default", "--local", "shelf", str(remote))
+    run(project, "dvc", "push", TARGET)
+    run(tmp_path, "git", "clone", "--quiet", str(project), str(clone))
+    run(clone, "dvc", "remote", "add", "--default", "--local", "shelf", str(remote))
+    run(clone, "dvc", "pull", TARGET)
+    assert (clone / TRACKS).read_bytes() == (project / TRACKS).read_bytes()
+    assert "Running stage 'simulate" not in run(clone, "dvc", "repro", TARGET)
+    assert run(clone, "git", "status", "--short") == ""

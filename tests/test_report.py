@@ -1,0 +1,378 @@
+"""The report says what the numbers say, shows what its rule picks, and draws things where they are."""
+
+import io
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image
+
+from pedpred.errors import StorageError, ValueRuleError
+from pedpred.features import occupancy_crops
+from pedpred.geometry import Homography, to_world
+from pedpred.report.canvas import png_bytes
+from pedpred.report.curves import curves_figure, stage_and_model
+from pedpred.report.findings import real_findings, simulation_findings, summed_up
+from pedpred.report.gallery import real_gallery, simulation_gallery
+from pedpred.report.horizon import horizon_figure
+from pedpred.report.inputs import angular_cell_edges, draw_angular_grid, grid_image
+from pedpred.report.instants import choose
+from pedpred.report.methods import colours, ordered
+from pedpred.report.metrics import read_metrics
+from pedpred.report.pages import Picture, Section, answer, joined, real_page, simulation_page
+from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
+from pedpred.report.tables import methods_table
+from pedpred.report.windows import RANGE_M, Windows, read_windows
+from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.storage.columns import write_columns
+
+STEPS = 10
+MEETING = {
+    "cv": 0.70,
+    "cacc": 0.80,
+    "kalman_cv": 0.60,
+    "social_force": 0.07,
+    "lstm_nogrid": 0.50,
+    "lstm": 0.40,
+}
+
+
+def measures(ade_m, gap_m=None, spread_m=0.01):
+    steps = np.linspace(0.1, 1.9, STEPS) * ade_m
+    found = {"ade_m": ade_m, "ade_ci95_m": [ade_m - 0.02, ade_m + 0.03], "fde_m": 1.9 * ade_m}
+    found |= {"moving_ade_m": 1.1 * ade_m, "windows": 1234, "tracks": 56, "per_step_m": steps.tolist()}
+    found |= {f"per_step_q{q}_m": (steps * q / 50).tolist() for q in (25, 50, 75)}
+    found |= {"obstacle_share": 0.0123, "collision_share": 0.2}
+    if gap_m is not None:
+        found |= {"minus_kalman_cv_m": gap_m, "minus_kalman_cv_ci95_m": [gap_m - spread_m, gap_m + spread_m]}
+    return found
+
+
+def metrics_of(errors_m, spread_m=0.01):
+    reference = errors_m.get("kalman_cv", 0.0)
+    return {name: measures(ade, ade - reference, spread_m) for name, ade in errors_m.items()}
+
+
+def verdicts(findings):
+    return [finding.verdict for finding in findings]
+
+
+# Words
+
+
+def test_met_expectations_are_called_met():
+    findings = simulation_findings(metrics_of(MEETING))
+    assert verdicts(findings) == ["met"] * 4
+    assert "All 4 expectations" in summed_up([("here", finding) for finding in findings])
+
+
+@pytest.mark.parametrize(
+    ("changed", "missed"),
+    [
+        ({"social_force": 0.45}, "SF, true goal below LSTM"),
+        ({"lstm": 0.51}, "LSTM below LSTM-noGrid"),
+        ({"lstm_nogrid": 0.61}, "LSTM-noGrid below Kalman CV"),
+        ({"lstm": 0.45}, "LSTM-noGrid / LSTM at least 1.15"),
+    ],
+)
+def test_a_missed_expectation_is_named(changed, missed):
+    findings = simulation_findings(metrics_of(MEETING | changed))
+    assert missed in [finding.claim for finding in findings if finding.verdict == "missed"]
+    text = summed_up([("here", finding) for finding in findings])
+    assert "missed" in text
+    assert missed in text
+    assert "All" not in text
+
+
+@pytest.mark.parametrize(
+    ("lstm", "verdict", "words"),
+    [
+        (0.594, "met", "1.0 % better"),
+        (0.610, "missed", "1.7 % worse"),
+        (0.500, "exceeded", "16.7 % better"),
+    ],
+)
+def test_the_gain_on_real_people_is_judged_in_both_directions(lstm, verdict, words):
+    methods = metrics_of(MEETING | {"lstm": lstm}, spread_m=0.001)
+    below_cv, gain = real_findings(methods)
+    assert (below_cv.verdict, gain.verdict) == ("met", verdict)
+    assert gain.measured == words
+    assert f"{words} than the Kalman CV's 0.600 m" in answer(methods, "Here")
+
+
+def test_a_difference_within_the_noise_is_said_to_be():
+    methods = metrics_of(MEETING | {"lstm": 0.595}, spread_m=0.02)
+    assert "not distinguishable from the Kalman CV's" in answer(methods, "Here")
+    assert "includes 0" in real_findings(methods)[1].measured
+    assert "not distinguishable" not in answer(metrics_of(MEETING), "Here")
+
+
+def test_what_was_not_evaluated_is_not_judged():
+    methods = metrics_of({"cv": 0.7, "kalman_cv": 0.6})
+    findings = [("here", finding) for finding in simulation_findings(methods)]
+    assert {finding.verdict for _, finding in findings} == {"not measured"}
+    assert "could be checked" in summed_up(findings)
+    assert "was not evaluated" in answer(methods, "Here")
+
+
+def test_a_table_row_holds_its_figures_beside_the_papers():
+    table = methods_table(metrics_of(MEETING), {"cv": 0.652})
+    rows = {row.split(" | ")[0].strip("|* "): row for row in table.splitlines()}
+    cells = rows["CV"].strip("| ").split(" | ")
+    assert cells[1:5] == ["0.700 (0.680 to 0.730)", "1.330", "0.770", "1.23 %"]
+    assert cells[5:] == ["20.00 %", "+0.100 (+0.090 to +0.110)", "0.652"]
+    assert rows["Kalman CV"].endswith("| - | - |")
+    assert {row.count(" | ") for row in table.splitlines()} == {7}
+
+
+def test_methods_keep_order_and_colour_whoever_else_is_there():
+    assert ordered(["zebra", "lstm", "cv", "aaa"]) == ["cv", "lstm", "aaa", "zebra"]
+    assert colours(["lstm", "mine"])["lstm"] == colours(["lstm", "cv", "other"])["lstm"]
+    assert len(set(colours([*MEETING, "goal_blind", "mine", "other"]).values())) == 9
+
+
+def test_simulation_page_tells_single_arrangements_and_the_leaky_protocol_apart():
+    methods = metrics_of(MEETING)
+    worse = metrics_of(MEETING | {"lstm": 0.65})
+    scenes = {"sim_test": methods, "sim_test_office": methods, "sim_test_g0": worse}
+    section = Section("Look", [Picture(f"p{k}", f"caption {k}", Figure()) for k in range(3)], columns=2)
+    page = simulation_page(scenes | {"paper_protocol/sim_test": methods}, [section], "sim")
+    assert page.startswith("# Simulation")
+    assert "| office | 1234 |" in page
+    assert "below the LSTM-noGrid in 1 of 2 and below the Kalman CV in 1 of 2" in page
+    assert "future" in page.partition("## Leaky protocol")[2]
+    assert "![p2](sim/p2.png)<br>caption 2" in page
+    with pytest.raises(ValueRuleError, match="sim_test"):
+        simulation_page({"eth": methods}, [], "sim")
+
+
+def test_real_page_names_both_directions_and_what_cannot_be_reproduced():
+    page = real_page({"eth": metrics_of(MEETING), "hotel": metrics_of(MEETING)}, [], "real")
+    assert "At eth (tuned on hotel)" in page
+    assert "At hotel (tuned on eth)" in page
+    assert "could not be reproduced" in page
+
+
+def test_joined_pages_keep_their_links_and_lower_their_headings():
+    page = joined(["# One\n\n![a](sim/a.png)\n", "# Two\n\n## Part\n"])
+    assert [row for row in page.split("\n") if row.startswith("#")] == [
+        "# Report",
+        "## One",
+        "## Two",
+        "### Part",
+    ]
+    assert "![a](sim/a.png)" in page
+
+
+def test_a_measure_that_is_missing_is_named(tmp_path):
+    path = tmp_path / "sim.json"
+    scenes = {"sim_test": metrics_of(MEETING)}
+    path.write_text(json.dumps(scenes))
+    assert read_metrics(path) == scenes
+    del scenes["sim_test"]["cv"]["fde_m"]
+    path.write_text(json.dumps(scenes))
+    with pytest.raises(StorageError, match="sim_test/cv/fde_m"):
+        read_metrics(path)
+
+
+# Pictures
+
+
+def wall_scene(name="hall", camera=None):
+    """A room of 20 m with a block; walkers cross it eastwards, one row each 0.3 s."""
+    occupied = np.zeros((200, 200), dtype=bool)
+    occupied[120:140, 40:60] = True
+    times, tracks = np.meshgrid(np.arange(40) * 0.3, np.arange(6), indexing="ij")
+    position = np.stack([2.0 + times + tracks * 0.1, 3.0 + 2.0 * tracks], axis=-1).reshape(-1, 2)
+    recording = Recording(times.ravel(), tracks.ravel(), position)
+    return Scene(name, recording, OccupancyMap(occupied, np.zeros(2), 0.1), 0.3, camera)
+
+
+def columns_of(scene, walkers=5, planted_s=None):
+    """Forecast columns in which the LSTM is right at `planted_s` and as good as Kalman CV elsewhere."""
+    time_s, track = (
+        part.ravel() for part in np.meshgrid(np.arange(8) * 0.3, np.arange(walkers), indexing="ij")
+    )
+    rows = len(time_s)
+    position = np.stack([2.0 + time_s + track * 0.1, 3.0 + 2.0 * track], axis=-1)
+    ahead_s = (np.arange(STEPS) + 1) * 0.3
+    truth = position[:, None] + np.stack([ahead_s, np.zeros(STEPS)], axis=-1)
+    kalman = truth + np.stack([np.zeros(STEPS), 0.3 * ahead_s], axis=-1)
+    right = np.zeros(rows, bool) if planted_s is None else np.abs(time_s - planted_s) < 1e-6
+    lstm = np.where(right[:, None, None], truth, kalman)
+    heading_rad = np.zeros(rows)
+    crops = occupancy_crops(scene.occupancy, position, heading_rad, 60, 0.1)
+    columns = {"track_id": track, "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
+    columns |= {"heading_rad": heading_rad, "vx_mps": np.ones(rows), "vy_mps": np.zeros(rows), "grid": crops}
+    columns |= {"angular_grid": np.full((rows, 72), RANGE_M, np.float32)}
+    paths = {"truth": truth, "path_kalman_cv": kalman, "path_lstm": lstm}
+    return columns | {name: values.astype(np.float32) for name, values in paths.items()}
+
+
+def windows_of(folder, scene, **kind):
+    path = folder / f"{scene.name}.parquet"
+    write_columns(columns_of(scene, **kind), path)
+    return read_windows(path)
+
+
+def test_forecasts_are_read_as_they_were_written(tmp_path):
+    scene = wall_scene()
+    columns = columns_of(scene, planted_s=0.6)
+    windows = windows_of(tmp_path, scene, planted_s=0.6)
+    np.testing.assert_array_equal(windows.truth, columns["truth"])
+    np.testing.assert_array_equal(windows.paths["lstm"], columns["path_lstm"])
+    assert windows.paths.keys() == {"kalman_cv", "lstm"}
+    assert windows.grid(0).shape == (60, 60)
+
+
+def test_a_missing_forecast_column_is_named(tmp_path):
+    columns = columns_of(wall_scene())
+    del columns["angular_grid"]
+    write_columns(columns, tmp_path / "hall.parquet")
+    with pytest.raises(StorageError, match="angular_grid"):
+        read_windows(tmp_path / "hall.parquet")
+
+
+def test_the_rule_picks_the_planted_instant(tmp_path):
+    plain, planted = wall_scene("plain"), wall_scene("planted")
+    scenes = {
+        "plain": windows_of(tmp_path, plain),
+        "planted": windows_of(tmp_path, planted, planted_s=1.2),
+    }
+    found = choose(scenes, least_moving=4)
+    assert (found.scene, found.moving) == ("planted", 5)
+    assert found.time_s == pytest.approx(1.2)
+    assert found.gain_m == pytest.approx(0.3 * 0.3 * 5.5, abs=1e-5)
+    assert found.focus in found.rows
+    least = choose(scenes, least_moving=4, least=True)
+    assert (least.scene, least.time_s, least.gain_m) == ("plain", 0.0, 0.0)
+
+
+def test_few_people_do_not_count_where_more_are_somewhere(tmp_path):
+    scenes = {
+        "few": windows_of(tmp_path, wall_scene("few"), walkers=2, planted_s=0.3),
+        "many": windows_of(tmp_path, wall_scene("many"), walkers=4),
+    }
+    assert choose(scenes, least_moving=3).scene == "many"
+    assert choose(scenes, least_moving=99).scene == "many"
+    assert choose(scenes, least_moving=2).scene == "few"
+
+
+def test_without_a_model_there_is_nothing_to_show(tmp_path):
+    windows = windows_of(tmp_path, wall_scene())
+    del windows.paths["lstm"]
+    with pytest.raises(ValueRuleError, match="lstm must be among them"):
+        choose({"hall": windows}, 1)
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 1.0, np.pi / 2, -2.5])
+@pytest.mark.parametrize(("place", "row", "column"), [((2, 0), 10, 30), ((0, 2), 30, 10), ((-2, 0), 50, 30)])
+def test_an_obstacle_ahead_is_drawn_above_and_one_to_the_left_is_drawn_left(heading_rad, place, row, column):
+    agent = np.array([5.0, 5.0])
+    occupied = np.zeros((100, 100), dtype=bool)
+    x, y = np.floor(to_world(np.array(place), agent, heading_rad) * 10 + 1e-9).astype(int)
+    occupied[x - 1 : x + 2, y - 1 : y + 2] = True
+    crop = occupancy_crops(
+        OccupancyMap(occupied, np.zeros(2), 0.1), agent[None], np.array([heading_rad]), 60, 0.1
+    )
+    one, none = np.zeros(1), np.zeros((1, 0, 2))
+    windows = Windows(one, one, agent[None], one, agent[None], crop, np.zeros((1, 72)), none, {})
+    drawn = np.argwhere(grid_image(windows.grid(0))).mean(axis=0) + 0.5
+    np.testing.assert_allclose(drawn, (row, column), atol=1.5)
+
+
+@pytest.mark.parametrize(("cell", "direction"), [(0, (0, 1)), (18, (-1, 0)), (36, (0, -1)), (54, (1, 0))])
+def test_a_person_ahead_is_drawn_above_and_one_to_the_left_is_drawn_left(cell, direction):
+    distance_m = np.full(72, RANGE_M)
+    distance_m[cell] = 3.0
+    axes = Figure().add_subplot(projection="polar")
+    draw_angular_grid(axes, distance_m)
+    edges = angular_cell_edges(72)
+    arcs = [patch for patch in axes.patches if patch.get_y() > 0]
+    assert len(arcs) == 1
+    assert arcs[0].get_x() == pytest.approx(edges[cell])
+    tip, centre = axes.transData.transform([(edges[cell], 3.0), (0.0, 0.0)])
+    np.testing.assert_allclose((tip - centre) / np.linalg.norm(tip - centre), direction, atol=1e-6)
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_obstacles_and_people_turn_together(turns):
+    occupied = np.zeros((7, 4), dtype=bool)
+    occupied[5, 1] = occupied[0, 3] = True
+    occupancy = OccupancyMap(occupied, np.array([2.0, -3.0]), 0.5)
+    image, (left, right, bottom, top) = obstacle_image(occupancy, turns)
+    centres = turned(occupancy.center_of(np.argwhere(occupied)), turns)
+    columns, rows = np.floor((centres - [left, bottom]) / 0.5).astype(int).T
+    assert image[rows, columns].all()
+    assert image.sum() == 2
+    assert image.shape == (round((top - bottom) / 0.5), round((right - left) / 0.5))
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_the_plan_lies_like_the_picture(turns):
+    """A step to the right in the camera's picture is a step to the right in the plan."""
+    inverse = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])[[-turns % 4, (1 - turns) % 4]]
+    right_down = np.array([[0.0, 0.02], [-0.02, 0.0]])  # world from (row, column), unturned
+    matrix = np.eye(3)
+    matrix[:2, :2] = inverse.T @ right_down
+    camera = Camera(Homography(matrix), np.zeros((480, 640, 3), np.uint8))
+    step = camera.homography.to_world(np.array([[0.0, 0.0], [0.0, 50.0]]))
+    np.testing.assert_allclose(
+        turned(np.diff(step, axis=0)[0], quarter_turns_of(camera)), (1.0, 0.0), atol=1e-9
+    )
+
+
+def curve_tables():
+    curve = pd.DataFrame(
+        {"epoch": [0, 1], "step": [5, 10], "train_loss": [1.0, 0.5], "validation_ade_m": [0.5, 0.4]}
+    )
+    other = pd.DataFrame(
+        {"epoch": [0], "train_loss": [3.0], "validation_loss": [4.0], "validation_iou": [0.2]}
+    )
+    return {"autoencoder": other, "main_lstm": curve, "main_lstm_nogrid": curve, "finetune_eth_lstm": curve}
+
+
+def test_curves_are_sorted_into_stages_and_models():
+    names = ["main_lstm_nogrid", "finetune_lstm_eth", "autoencoder"]
+    found = [stage_and_model(name) for name in names]
+    assert found == [("main", "lstm_nogrid"), ("finetune eth", "lstm"), ("autoencoder", None)]
+    assert len(curves_figure(curve_tables()).axes) == 6
+
+
+def galleries(folder):
+    scene = wall_scene()
+    metrics = {"sim_test": metrics_of(MEETING), "hall": metrics_of(MEETING | {"cacc": 9.0})}
+    windows = {"hall": windows_of(folder, scene, planted_s=0.9)}
+    matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
+    picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
+    seen = wall_scene(camera=Camera(Homography(matrix), picture))
+    simulated = simulation_gallery(metrics, {"hall": scene}, windows, curve_tables())
+    real = real_gallery(metrics, {"hall": seen}, windows, {})
+    return [picture for section in [*simulated, *real] for picture in section.pictures]
+
+
+def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
+    first, second = galleries(tmp_path), galleries(tmp_path)
+    assert len(first) == 9
+    for one, two in zip(first, second, strict=True):
+        file = png_bytes(one.figure)
+        assert file == png_bytes(two.figure), one.name
+        assert b"Software" not in file
+        if "camera" not in one.name:  # its background is noise here, the worst case for a PNG
+            assert len(file) < 300_000, one.name
+        assert min(Image.open(io.BytesIO(file)).size) > 200
+
+
+def test_forecasts_of_an_unknown_scene_are_refused(tmp_path):
+    windows = {"attic": windows_of(tmp_path, wall_scene("attic"))}
+    with pytest.raises(ValueRuleError, match="attic"):
+        simulation_gallery({"sim_test": metrics_of(MEETING)}, {"hall": wall_scene()}, windows, {})
+
+
+def test_a_method_far_beyond_the_others_does_not_set_the_scale():
+    top = horizon_figure(metrics_of(MEETING | {"cacc": 9.0}), "x").axes[0].get_ylim()[1]
+    assert top < 1.3 * 1.9 * 0.7 * 1.5
+    legend = horizon_figure(metrics_of(MEETING | {"cacc": 9.0}), "x").legends[0]
+    assert "beyond" in legend.get_texts()[1].get_text()

@@ -1,0 +1,134 @@
+"""A disk round trip changes nothing, and foreign or damaged scene folders are understood or refused."""
+
+import json
+from dataclasses import fields
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pedpred.errors import StorageError
+from pedpred.geometry import Homography
+from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.storage.scenes import read_map, read_scene, read_scenes, scene_folders, write_map, write_scene
+
+number = st.floats(-1e6, 1e6)
+
+
+@st.composite
+def scenes(draw):
+    rows = draw(st.integers(0, 6))
+    column, pairs = arrays(np.float64, rows, elements=number), arrays(np.float64, (rows, 2), elements=number)
+    recording = Recording(
+        time_s=draw(column),
+        track_id=np.arange(rows) * 3,
+        position=draw(pairs),
+        velocity=draw(st.none() | pairs),
+        goal=draw(st.none() | pairs),
+        desired_speed_mps=draw(st.none() | column),
+        group_id=draw(st.none() | arrays(np.int64, rows, elements=st.integers(-1, 5))),
+    )
+    shape = draw(st.tuples(st.integers(1, 5), st.integers(1, 5)))
+    occupancy = OccupancyMap(
+        draw(arrays(bool, shape)), draw(arrays(np.float64, 2, elements=number)), draw(st.floats(1e-3, 10.0))
+    )
+    picture = draw(st.none() | arrays(np.uint8, (2, 3, 3)))
+    camera = None if picture is None else Camera(Homography(np.diag([0.1, 0.3, 1.0]), 1), picture)
+    return Scene("place", recording, occupancy, draw(st.floats(0.01, 2.0)), camera)
+
+
+def assert_same(left, right):
+    """Equality, field by field, to the last bit."""
+    assert type(left) is type(right)
+    for field in fields(left):
+        one, other = getattr(left, field.name), getattr(right, field.name)
+        if hasattr(one, "__dataclass_fields__"):
+            assert_same(one, other)
+        else:
+            np.testing.assert_array_equal(one, other, err_msg=field.name)
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(scenes())
+def test_disk_round_trip_changes_nothing(tmp_path, scene):
+    write_scene(scene, tmp_path / "place")
+    assert_same(read_scene(tmp_path / "place"), scene)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    recording = Recording([0.0, 0.4], [1, 1], [[0.0, 0.0], [0.5, 0.0]])
+    write_scene(Scene("place", recording, OccupancyMap(np.eye(2), [0, 0], 0.1), 0.4), tmp_path / "place")
+    return tmp_path / "place"
+
+
+def test_same_scene_same_bytes(folder, tmp_path):
+    write_scene(read_scene(folder), tmp_path / "again")
+    for path in folder.iterdir():
+        assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes()
+
+
+def test_map_server_pair_has_its_first_row_at_the_largest_y(tmp_path):
+    """Written by hand: 3 columns along x, 2 rows; black at the picture's upper left."""
+    (tmp_path / "map.pgm").write_bytes(b"P5\n3 2\n255\n" + bytes([0, 254, 254, 254, 254, 205]))
+    about = "image: map.pgm\nresolution: 0.5\norigin: [1.0, -2.0, 0.0]\nnegate: 0\n"
+    (tmp_path / "map.yaml").write_text(about + "occupied_thresh: 0.65\nfree_thresh: 0.196\n")
+    occupancy = read_map(tmp_path)
+    assert occupancy.occupied.tolist() == [[False, True], [False, False], [False, False]]
+    assert occupancy.is_occupied(np.array([1.25, -1.25]))
+    assert occupancy.origin.tolist() == [1.0, -2.0]
+    assert occupancy.resolution_m == 0.5
+    write_map(occupancy, tmp_path)
+    assert (tmp_path / "map.pgm").read_bytes().endswith(bytes([0, 254, 254, 254, 254, 254]))
+
+
+def test_a_folder_of_scenes_is_a_set(folder):
+    assert scene_folders(folder) == scene_folders(folder.parent) == [folder]
+    assert [scene.name for scene in read_scenes(folder.parent)] == ["place"]
+
+
+def test_no_scene_is_an_error(tmp_path):
+    with pytest.raises(StorageError, match=r"scene\.json"):
+        scene_folders(tmp_path)
+
+
+def change_json(folder, **changed):
+    about = json.loads((folder / "scene.json").read_text()) | changed
+    (folder / "scene.json").write_text(json.dumps({k: v for k, v in about.items() if v is not None}))
+
+
+def change_tracks(folder, **changed):
+    pd.read_parquet(folder / "tracks.parquet").assign(**changed).to_parquet(folder / "tracks.parquet")
+
+
+def change_map(folder, old, new):
+    (folder / "map.yaml").write_text((folder / "map.yaml").read_text().replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("damage", "named"),
+    [
+        (lambda f: change_json(f, schema=99), "schema: 99, expected 1"),
+        (lambda f: change_json(f, name=None), "'name': the field is missing"),
+        (lambda f: change_json(f, detection_dt_s=-1.0), "detection_dt_s = -1.0"),
+        (lambda f: change_json(f, detection_dt_s="often"), "'str'"),
+        (lambda f: (f / "scene.json").write_text("[]"), "list, expected an object"),
+        (lambda f: (f / "scene.json").write_text("{"), r"scene\.json"),
+        (lambda f: (f / "tracks.parquet").write_text("no table"), r"tracks\.parquet"),
+        (lambda f: (f / "tracks.parquet").unlink(), r"tracks\.parquet"),
+        (lambda f: change_tracks(f, x_m=np.nan), r"position\[0\] = \[nan, 0\.0\]"),
+        (lambda f: change_tracks(f, track_id="a"), "column track_id"),
+        (lambda f: change_map(f, "0.1", "-0.1"), "resolution_m = -0.1"),
+        (lambda f: change_map(f, "- 0.0\nnegate", "- 0.5\nnegate"), "yaw is 0.5 rad"),
+        (lambda f: change_map(f, "resolution", "size"), "resolution"),
+        (lambda f: (f / "map.pgm").write_bytes(b"P5\n9 9\n255\n"), r"map\.yaml"),
+    ],
+)
+def test_damage_is_named(folder, damage, named):
+    damage(folder)
+    with pytest.raises(StorageError, match=named) as error:
+        read_scene(folder)
+    assert str(folder) in str(error.value)

@@ -1,0 +1,109 @@
+"""Laws of recordings and occupancy maps."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+
+
+@st.composite
+def occupancy_maps(draw):
+    shape = draw(st.tuples(st.integers(1, 9), st.integers(1, 9)))
+    return OccupancyMap(
+        draw(arrays(bool, shape)),
+        draw(arrays(np.float64, 2, elements=st.floats(-100.0, 100.0))),
+        draw(st.floats(0.01, 2.0)),
+    )
+
+
+@given(occupancy_maps())
+def test_cell_centre_cell_centre(occupancy):
+    cells = np.argwhere(np.ones_like(occupancy.occupied))
+    centers = occupancy.center_of(cells)
+    assert (occupancy.cell_of(centers) == cells).all()
+    assert (occupancy.is_occupied(centers) == occupancy.occupied.reshape(-1)).all()
+
+
+@given(occupancy_maps(), st.integers(1, 50))
+def test_outside_is_free(occupancy, steps):
+    full = OccupancyMap(np.ones_like(occupancy.occupied), occupancy.origin, occupancy.resolution_m)
+    below = full.origin - steps * full.resolution_m * np.array([[1, 0], [0, 1], [1, 1]])
+    above = full.origin + full.extent_m + steps * full.resolution_m * np.array([[1, 0], [0, 1], [1, 1]])
+    assert not full.is_occupied(np.concatenate([below, above])).any()
+
+
+def test_first_axis_is_x():
+    occupancy = OccupancyMap([[False, False, True], [False, False, False]], [10.0, 20.0], 1.0)
+    assert occupancy.is_occupied(np.array([10.5, 22.5]))
+    assert not occupancy.is_occupied(np.array([12.5, 20.5]))
+    assert occupancy.extent_m.tolist() == [2.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("occupied", "origin", "resolution_m", "error", "field"),
+    [
+        (np.ones(3), [0, 0], 0.1, ShapeError, "occupied"),
+        (np.ones((0, 3)), [0, 0], 0.1, ShapeError, "occupied"),
+        (np.ones((2, 2)), [0, 0, 0], 0.1, ShapeError, "origin"),
+        (np.ones((2, 2)), [0, np.inf], 0.1, ValueRuleError, "origin"),
+        (np.ones((2, 2)), [0, 0], 0.0, ValueRuleError, "resolution_m"),
+    ],
+)
+def test_map_is_valid_from_birth(occupied, origin, resolution_m, error, field):
+    with pytest.raises(error, match=field):
+        OccupancyMap(occupied, origin, resolution_m)
+
+
+def recording(**changed):
+    values = {"time_s": [1.0, 0.0, 0.0], "track_id": [1, 2, 1], "position": [[1, 1], [2, 0], [0, 0]]}
+    return Recording(**(values | changed))
+
+
+def test_recording_is_sorted_by_time_then_track():
+    sorted_ = recording(group_id=[7, 8, 7])
+    assert sorted_.time_s.tolist() == [0.0, 0.0, 1.0]
+    assert sorted_.track_id.tolist() == [1, 2, 1]
+    assert sorted_.position.tolist() == [[0, 0], [2, 0], [1, 1]]
+    assert sorted_.group_id.tolist() == [7, 8, 7]
+
+
+def test_selected_rows_stay_together():
+    first = recording(goal=[[1, 2], [3, 4], [5, 6]])
+    second = first.select(first.track_id == 1)
+    assert second.position.tolist() == [[0, 0], [1, 1]]
+    assert second.goal.tolist() == [[5, 6], [1, 2]]
+
+
+def test_a_recording_may_be_empty():
+    assert len(Recording(np.zeros(0), np.zeros(0), np.zeros((0, 2)))) == 0
+
+
+@pytest.mark.parametrize(
+    ("changed", "error", "named"),
+    [
+        ({"track_id": [1, 2]}, ShapeError, "track_id"),
+        ({"position": [[1, 1, 1]] * 3}, ShapeError, "position"),
+        ({"position": [[1, 1], [2, np.nan], [0, 0]]}, ValueRuleError, r"position\[1\]"),
+        ({"time_s": [1.0, np.inf, 0.0]}, ValueRuleError, r"time_s\[1\]"),
+        ({"track_id": [1, 2, 1.5]}, ValueRuleError, r"track_id\[2\] = 1.5"),
+        ({"time_s": [0.0, 0.0, 0.0]}, ValueRuleError, "track 1 at 0.0 s"),
+        ({"goal": [[1, 1]]}, ShapeError, "goal"),
+    ],
+)
+def test_recording_is_valid_from_birth(changed, error, named):
+    with pytest.raises(error, match=named):
+        recording(**changed)
+
+
+def test_scene_is_valid_from_birth():
+    occupancy = OccupancyMap(np.zeros((1, 1)), [0, 0], 1.0)
+    with pytest.raises(ValueRuleError, match="name"):
+        Scene("a/b", recording(), occupancy, 0.4)
+    with pytest.raises(ValueRuleError, match="detection_dt_s"):
+        Scene("a", recording(), occupancy, 0.0)
+    with pytest.raises(ShapeError, match="picture"):
+        Camera(None, np.zeros((2, 2), dtype=np.uint8))

@@ -1,0 +1,137 @@
+"""Laws of the simulator: people arrive, nobody enters a wall, the same seed gives the same walk."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from joblib import Parallel, delayed
+
+from pedpred.errors import ConfigError
+from pedpred.simulation.crowd import crowd_of
+from pedpred.simulation.ground import ground_of
+from pedpred.simulation.places import drawn_targets
+from pedpred.simulation.routing import routes_to
+from pedpred.simulation.settings import social_force_settings
+from pedpred.simulation.simulator import desired_speeds, rollout, simulate, visiting_plans
+from pedpred.storage.scenes import tracks_table
+from tests.simulated import DRAWN, EMPTY_ROOM, QUIET, SETTINGS, SOCIAL_FORCE, drawn, pool, scene_of, short
+
+
+def tables_equal(first, second):
+    return tracks_table(first.recording).equals(tracks_table(second.recording))
+
+
+@pytest.mark.parametrize("name", sorted(DRAWN))
+def test_a_lone_slow_pedestrian_reaches_every_target(name):
+    layout = drawn(name)
+    ground = ground_of(layout.occupancy())
+    targets = drawn_targets(layout, ground, SETTINGS.crowd, np.random.default_rng(0)).position
+    routes = routes_to(targets, ground, SETTINGS.routing)
+    plan = np.arange(len(targets))[None]
+    slowest = np.array([SETTINGS.crowd.speed_range_mps[0]])
+    crowd = crowd_of(targets[-1:], np.zeros((1, 2)), slowest, plan)
+    path = rollout(crowd, ground, routes, SETTINGS, 6000, 0.3)[0]
+    nearest = np.linalg.norm(path[:, None] - targets, axis=-1).min(axis=0)
+    assert nearest.max() <= SETTINGS.crowd.reach_m + 0.3 * slowest[0]
+
+
+def test_people_at_random_rooms_walk_and_enter_no_obstacle():
+    for arrangement in short(30.0, drawn=["doorways"], generated=2):
+        scene = scene_of(arrangement)
+        assert not scene.occupancy.is_occupied(scene.recording.position).any()
+        speed = np.linalg.norm(scene.recording.velocity, axis=-1)
+        assert (speed <= 1.3 * scene.recording.desired_speed_mps + 1e-9).all()
+        assert (speed < 0.2).mean() < 0.2
+
+
+def test_records_have_the_stated_clock_and_goals_of_the_pool():
+    scene = scene_of(short(9.0)[0])
+    times = np.unique(scene.recording.time_s)
+    np.testing.assert_allclose(times, 0.3 * np.arange(30))
+    assert scene.detection_dt_s == 0.3
+    assert len(scene.recording) == 30 * 20
+    assert len(np.unique(scene.recording.goal, axis=0)) <= SETTINGS.crowd.targets
+
+
+def test_the_same_seed_gives_the_same_walk_and_another_seed_another():
+    first, again, other = (scene_of(short(6.0, seed=seed)[0]) for seed in (7, 7, 8))
+    assert tables_equal(first, again)
+    assert not tables_equal(first, other)
+
+
+def test_results_do_not_depend_on_the_number_of_workers():
+    todo = short(6.0, generated=2)
+    alone = [scene_of(arrangement) for arrangement in reversed(todo)][::-1]
+    shared = Parallel(n_jobs=2, backend="threading")(delayed(scene_of)(arrangement) for arrangement in todo)
+    assert all(tables_equal(a, b) for a, b in zip(alone, shared, strict=True))
+
+
+def test_halving_the_step_hardly_changes_a_noise_free_path():
+    layout = drawn("columns")
+    ground = ground_of(layout.occupancy())
+    targets = drawn_targets(layout, ground, SETTINGS.crowd, np.random.default_rng(3))
+    routes = routes_to(targets.position, ground, SETTINGS.routing)
+    rng = np.random.default_rng(4)
+    start = targets.position[:12]
+    plan = visiting_plans(targets, 12, 3, 8.0, rng)
+    crowd = crowd_of(start, np.zeros((12, 2)), desired_speeds(12, SETTINGS.crowd, rng), plan)
+    fine = social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "step_s": 0.025}})
+    coarse_path, fine_path = (rollout(crowd, ground, routes, s, 10, 0.3) for s in (SETTINGS, fine))
+    assert np.linalg.norm(coarse_path - fine_path, axis=-1).max() < 0.1
+
+
+def test_the_spread_of_a_path_does_not_depend_on_the_step():
+    spreads = []
+    for step in (0.05, 0.025):
+        settings = social_force_settings(
+            {**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "step_s": step, "warm_up_s": 0.0}}
+        )
+        ends = []
+        for seed in range(150):
+            rng = np.random.default_rng(seed)
+            targets = pool([1.0, 4.0], [11.0, 4.0])
+            scene = simulate("room", EMPTY_ROOM.occupancy(), targets, settings, 1, 3.0, rng)
+            quiet = replace(settings, clock=replace(settings.clock, noise_mps2=0.0))
+            rng = np.random.default_rng(seed)
+            calm = simulate("room", EMPTY_ROOM.occupancy(), targets, quiet, 1, 3.0, rng)
+            ends.append(scene.recording.position[-1] - calm.recording.position[-1])
+        spreads.append(np.std(ends))
+    assert spreads[0] == pytest.approx(spreads[1], rel=0.15)
+    assert 0.02 < spreads[0] < 0.2
+
+
+def test_a_pedestrian_at_its_last_target_walks_on():
+    ground = ground_of(EMPTY_ROOM.occupancy())
+    routes = routes_to(np.array([[6.0, 4.0]]), ground, QUIET.routing)
+    crowd = crowd_of([[5.0, 4.0]], [[1.3, 0.0]], [1.3], [[0]])
+    path = rollout(crowd, ground, routes, QUIET, 10, 0.3)[0]
+    np.testing.assert_allclose(path[-1], [5.0 + 3.0 * 1.3, 4.0], atol=0.15)
+
+
+def test_desired_speeds_are_truncated():
+    speeds = desired_speeds(2000, SETTINGS.crowd, np.random.default_rng(0))
+    least, most = SETTINGS.crowd.speed_range_mps
+    assert least <= speeds.min() < speeds.max() <= most
+    assert speeds.mean() == pytest.approx(1.34, abs=0.03)
+
+
+def test_plans_go_to_another_region_far_enough():
+    targets = pool([0.0, 0.0], [1.0, 0.0], [12.0, 0.0])
+    plans = visiting_plans(targets, 5, 50, 10.0, np.random.default_rng(0))
+    legs = np.linalg.norm(np.diff(targets.position[plans], axis=1), axis=-1)
+    assert legs.min() > 10.0
+
+
+def test_too_many_people_are_refused_with_the_numbers():
+    with pytest.raises(ConfigError, match=r"pedestrians' = 900: only \d+ find room"):
+        scene_of(short(3.0, pedestrians=900)[0])
+
+
+def test_a_record_interval_that_is_no_multiple_of_the_step_is_refused():
+    with pytest.raises(ConfigError, match=r"record_s' = 0.32: make it a multiple of step_s = 0.05"):
+        social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "record_s": 0.32}})
+
+
+def test_an_unknown_force_setting_is_named():
+    with pytest.raises(ConfigError, match="social_force.forces.*magic"):
+        social_force_settings({**SOCIAL_FORCE, "forces": {**SOCIAL_FORCE["forces"], "magic": 1.0}})

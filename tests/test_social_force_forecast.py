@@ -1,0 +1,119 @@
+"""The social-force forecaster knows the goals: only the noise is left to be wrong about."""
+
+import numpy as np
+import pytest
+
+from pedpred.baselines.social_force import intentions, social_force_paths
+from pedpred.errors import ValueRuleError
+from pedpred.scenes import OccupancyMap, Recording, Scene
+from tests.simulated import QUIET, SETTINGS, SOCIAL_FORCE, scene_of, short
+
+HORIZON = 10
+
+
+def forecast(scene, rows):
+    r = scene.recording.select(rows)
+    return social_force_paths(
+        scene, r.track_id, r.time_s, r.position, r.velocity, SOCIAL_FORCE, HORIZON, scene.detection_dt_s
+    )
+
+
+def errors(scene, people):
+    """Error of the forecaster and of constant velocity on every instant with a full future. [T, N, P]"""
+    r = scene.recording
+    steps = len(r) // people - HORIZON
+    position = r.position.reshape(-1, people, 2)
+    truth = np.stack([position[n : n + steps] for n in range(1, HORIZON + 1)], axis=2)
+    rows = np.arange(steps * people)
+    paths = forecast(scene, rows).reshape(truth.shape)
+    ahead = 0.3 * np.arange(1, HORIZON + 1)[:, None]
+    straight = (r.position[rows, None] + r.velocity[rows, None] * ahead).reshape(truth.shape)
+    return (np.linalg.norm(p - truth, axis=-1) for p in (paths, straight))
+
+
+def test_a_noise_free_future_is_reproduced():
+    scene = scene_of(short(24.0, pedestrians=12)[0], QUIET)
+    oracle, straight = errors(scene, 12)
+    assert oracle.max() < 1e-6
+    assert straight.mean() > 0.3
+
+
+def test_with_noise_the_error_is_far_below_constant_velocity():
+    scene = scene_of(short(24.0, pedestrians=12)[0], SETTINGS)
+    oracle, straight = errors(scene, 12)
+    assert oracle.mean() < 0.2 * straight.mean()
+
+
+def test_rows_of_other_instants_do_not_matter():
+    scene = scene_of(short(9.0, pedestrians=5)[0])
+    rows = np.arange(len(scene.recording))
+    some = rows[(rows // 5) % 3 == 1][::-1]
+    np.testing.assert_array_equal(forecast(scene, some), forecast(scene, rows)[some])
+
+
+def pavement(velocity):
+    """Two real-world tracks without known goals; the second leaves the map and ends there."""
+    time_s = np.repeat(0.4 * np.arange(10), 2)
+    start = np.tile([[1.0, 1.0], [4.0, 3.0]], (10, 1))
+    position = start + np.tile(velocity, (10, 1)) * time_s[:, None]
+    occupied = np.zeros((60, 60), dtype=bool)
+    occupied[:, :3] = True
+    recording = Recording(time_s, np.tile([4, 9], 10), position)
+    return Scene("pavement", recording, OccupancyMap(occupied, np.zeros(2), 0.1), 0.4)
+
+
+def test_without_known_goals_the_end_of_the_track_is_the_goal():
+    velocity = np.array([[1.0, 0.0], [1.1, 0.9]])
+    scene = pavement(velocity)
+    r = scene.recording
+    tracked = np.tile(velocity, (10, 1))
+    paths = social_force_paths(scene, r.track_id, r.time_s, r.position, tracked, SOCIAL_FORCE, 5, 0.3)
+    assert np.isfinite(paths).all()
+    ahead = r.position[:2, None] + velocity[:, None] * (0.3 * np.arange(1, 6))[:, None]
+    np.testing.assert_allclose(paths[:2], ahead, atol=0.2)
+
+
+def test_the_last_row_of_a_track_still_gets_a_path():
+    scene = pavement(np.array([[1.0, 0.0], [0.0, 0.0]]))
+    paths = social_force_paths(
+        scene,
+        [4, 9],
+        [3.6, 3.6],
+        scene.recording.position[-2:],
+        [[1.0, 0.0], [0.0, 0.0]],
+        SOCIAL_FORCE,
+        5,
+        0.3,
+    )
+    np.testing.assert_allclose(paths[0, -1], [4.6 + 1.5, 1.0], atol=0.3)
+
+
+def test_a_goal_inside_an_obstacle_is_approached():
+    scene = pavement(np.array([[0.0, -0.25], [1.0, 0.0]]))  # ends 0.1 m above the ground line, in the wall
+    paths = social_force_paths(scene, [4], [0.0], [[1.0, 1.5]], [[0.0, -1.0]], SOCIAL_FORCE, HORIZON, 0.3)
+    assert np.isfinite(paths).all()
+    assert not scene.occupancy.is_occupied(paths).any()
+    assert paths[0, -1, 1] < 1.0
+
+
+def test_the_plan_is_the_recorded_sequence_of_goals():
+    goal = np.array([[1.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 0.0]])
+    recording = Recording(
+        0.3 * np.arange(4),
+        np.zeros(4, dtype=int),
+        np.zeros((4, 2)),
+        goal=goal,
+        desired_speed_mps=np.full(4, 1.2),
+    )
+    wanted = intentions(recording, np.array([0, 0]), np.array([0.3, 0.9]), np.zeros((2, 2)))
+    assert wanted.goals[wanted.plan[0, :3]].tolist() == [[1.0, 0.0], [2.0, 0.0], [1.0, 0.0]]
+    assert wanted.plan[:, -1].tolist() == [-1, -1]
+    assert (wanted.plan[1, 1:] == -1).all()
+
+
+def test_no_rows_give_no_paths_and_an_unknown_track_is_named():
+    scene = pavement(np.ones((2, 2)))
+    none = np.empty((0, 2))
+    assert social_force_paths(scene, [], [], none, none, SOCIAL_FORCE, 5, 0.3).shape == (0, 5, 2)
+    with pytest.raises(ValueRuleError, match="track_id = 77"):
+        social_force_paths(scene, [77], [0.0], [[1.0, 1.0]], [[0.0, 0.0]], SOCIAL_FORCE, 5, 0.3)
