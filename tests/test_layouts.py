@@ -73,7 +73,7 @@ def test_a_room_depends_on_its_generator_state_only():
 def test_no_test_room_is_a_training_room():
     settings, rooms = clutter_settings(CLUTTER), {}
     for key in ("main", "sim_test"):
-        scene = {**read(f"scenes/{key}"), "generated": 12}
+        scene = {**read(f"scenes/{key}"), "generated": 6}
         todo = arrangements(scene, DRAWN, CLUTTER)
         layouts = [a.layout or cluttered_room(settings, a.rng()) for a in todo]
         rooms[key] = {layout.occupancy().occupied.tobytes() for layout in layouts}

@@ -49,8 +49,3 @@ def _crop(occupied, start, heading_rad, cells, step, crops):  # pragma: no cover
                 if 0.0 <= x < size_x and 0.0 <= y < size_y and occupied[int(x), int(y)]:
                     bit = i * cells + j
                     crops[q, bit >> 3] |= np.uint8(1 << (bit & 7))
-
-
-def unpack_crops(crops: np.ndarray, cells: int) -> np.ndarray:
-    """Bits to cells, [Q, cells^2 / 8] uint8 -> [Q, cells (forward), cells (left)] uint8 of 0 and 1."""
-    return np.unpackbits(crops, axis=-1, bitorder="little").reshape(-1, cells, cells)

@@ -8,39 +8,12 @@ import numpy as np
 
 from pedpred.features.angular import angular_grids
 from pedpred.features.crop import occupancy_crops
-from pedpred.features.table import FeatureTable
+from pedpred.features.table import FeatureSettings, FeatureTable
 from pedpred.features.targets import future_velocities, true_path
 from pedpred.geometry import rotate
 from pedpred.scenes import Scene
 from pedpred.tracking import Tracks
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
-
-
-@dataclass(frozen=True)
-class FeatureSettings:
-    """Sizes of the inputs and of the forecast; the defaults are the paper's.
-
-    Attributes:
-        dt_s: time between two steps, s.
-        horizon_steps: forecast steps P.
-        min_history: earlier detections that an evaluation window needs.
-        clocks: step sequences per track, offset by one detection interval each.
-        grid_cells: cells per side of the occupancy crop.
-        grid_resolution_m: side of a crop cell, m.
-        angular_cells: cones K of the angular pedestrian grid.
-        max_range_m: range of that grid, m.
-        max_age_intervals: a neighbour unseen for this many detection intervals is gone.
-    """
-
-    dt_s: float = 0.3
-    horizon_steps: int = 10
-    min_history: int = 3
-    clocks: int = 1
-    grid_cells: int = 60
-    grid_resolution_m: float = 0.1
-    angular_cells: int = 72
-    max_range_m: float = 6.0
-    max_age_intervals: float = 1.25
 
 
 @dataclass(frozen=True)

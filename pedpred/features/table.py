@@ -1,4 +1,4 @@
-"""The feature table: one row per (track, clock, step)."""
+"""The feature table: one row per (track, clock, step), and the sizes that it was made with."""
 
 from __future__ import annotations
 
@@ -7,6 +7,33 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from pedpred.errors import ShapeError
+
+
+@dataclass(frozen=True)
+class FeatureSettings:
+    """Sizes of the inputs and of the forecast; the defaults are the paper's.
+
+    Attributes:
+        dt_s: time between two steps, s.
+        horizon_steps: forecast steps P.
+        min_history: earlier detections that an evaluation window needs.
+        clocks: step sequences per track, offset by one detection interval each.
+        grid_cells: cells per side of the occupancy crop.
+        grid_resolution_m: side of a crop cell, m.
+        angular_cells: cones K of the angular pedestrian grid.
+        max_range_m: range of that grid, m.
+        max_age_intervals: a neighbour unseen for this many detection intervals is gone.
+    """
+
+    dt_s: float = 0.3
+    horizon_steps: int = 10
+    min_history: int = 3
+    clocks: int = 1
+    grid_cells: int = 60
+    grid_resolution_m: float = 0.1
+    angular_cells: int = 72
+    max_range_m: float = 6.0
+    max_age_intervals: float = 1.25
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy import ndimage
 
 from pedpred.errors import ConfigError
 from pedpred.simulation.furniture import KINDS, Shape, columns, furniture, split_walls
-from pedpred.simulation.ground import signed_distance
 from pedpred.simulation.layouts import RESOLUTION_M, WALL_CELLS, Layout
-from pedpred.simulation.places import connected_parts
 from pedpred.simulation.shapes import inside
 
 Range = tuple[float, float]
@@ -109,28 +108,41 @@ class _Room:
     def __init__(self, size_m: Range, clearance_m: float):
         empty = Layout(size_m).occupancy()
         self.shapes: list[Shape] = []
-        self.furnished = 0.0
-        self._clearance_m = clearance_m
+        self.furnished = 0.0  # share of the ground that furniture covers
+        self._reach = clearance_m / RESOLUTION_M + 0.5  # of an obstacle's cell centres, in cells
         self._occupied = empty.occupied
+        self._near = self._grown(empty.occupied)
         self._points = empty.center_of(np.stack(np.indices(empty.occupied.shape), axis=-1))
         self._ground = int((~empty.occupied).sum())
 
     def add(self, shapes: list[Shape]) -> bool:
         """Place some shapes if they leave the ground connected; say whether they stand."""
-        blocked = self._occupied.copy()
+        covered = np.zeros_like(self._occupied)
         for shape in shapes:
-            blocked |= inside(self._points, shape, "clutter")
-        distance = signed_distance(blocked, RESOLUTION_M)
-        if connected_parts(distance, self._clearance_m - 1e-9) != 1:
+            covered |= inside(self._points, shape, "clutter")
+        return self._place(shapes, covered)
+
+    def furnish(self, shape: Shape) -> None:
+        """Place one piece where nothing but an outer wall stands yet."""
+        covered = inside(self._points, shape, "clutter")
+        taken = (covered & self._occupied)[WALL_CELLS:-WALL_CELLS, WALL_CELLS:-WALL_CELLS]
+        if not taken.any() and self._place([shape], covered):
+            self.furnished += covered.sum() / self._ground
+
+    def _place(self, shapes: list[Shape], covered: np.ndarray) -> bool:
+        near = self._near | self._grown(covered)
+        if ndimage.label(~near)[1] != 1:
             return False
-        self._occupied = blocked
+        self._near, self._occupied = near, self._occupied | covered
         self.shapes.extend(shapes)
         return True
 
-    def furnish(self, shape: Shape) -> None:
-        """Place one piece where nothing stands yet, and count the ground that it covers."""
-        covered = inside(self._points, shape, "clutter")
-        if not (covered & self._occupied)[WALL_CELLS:-WALL_CELLS, WALL_CELLS:-WALL_CELLS].any() and self.add(
-            [shape]
-        ):
-            self.furnished += covered.sum() / self._ground
+    def _grown(self, covered: np.ndarray) -> np.ndarray:
+        """Cells where a walker would be too close to covered ones; looks only around those."""
+        near = np.zeros_like(covered)
+        rows, columns = np.nonzero(covered.any(axis=1))[0], np.nonzero(covered.any(axis=0))[0]
+        if len(rows):
+            margin = int(np.ceil(self._reach))
+            window = tuple(slice(max(at[0] - margin, 0), at[-1] + margin + 1) for at in (rows, columns))
+            near[window] = ndimage.distance_transform_edt(~covered[window]) < self._reach - 1e-9
+        return near

@@ -16,7 +16,8 @@ Point = Sequence[float]
 def rectangle(points: np.ndarray, center: Point, size_m: Point, angle_deg: float = 0.0) -> np.ndarray:
     """Points (m, [..., 2]) inside a rectangle turned counter-clockwise about its centre. [...]"""
     local = np.abs(rotate(points - np.asarray(center), -np.deg2rad(angle_deg)))
-    return (local <= 0.5 * np.asarray(size_m)).all(axis=-1)
+    width, depth = size_m
+    return (local[..., 0] <= 0.5 * width) & (local[..., 1] <= 0.5 * depth)
 
 
 def circle(points: np.ndarray, center: Point, radius_m: float) -> np.ndarray:
