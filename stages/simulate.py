@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any, cast
 
 from joblib import Parallel, delayed
 from omegaconf import DictConfig, OmegaConf
@@ -25,14 +26,11 @@ def main(cfg: DictConfig) -> None:
     """Share the arrangements among the cores ($PEDPRED_JOBS, all by default)."""
     key = stage_key(cfg)
     out = Path(cfg.get("out") or f"data/scenes/{key}")
-    scene, layouts, clutter, forces = (
-        OmegaConf.to_container(part) for part in (cfg.scenes[key], cfg.layouts, cfg.clutter, cfg.social_force)
-    )
-    todo = arrangements(scene, layouts, clutter)
-    settings = social_force_settings(forces)
-    workers = Parallel(
-        n_jobs=int(os.environ.get("PEDPRED_JOBS", os.cpu_count() or 1)), return_as="generator_unordered"
-    )
+    groups = cast(dict[str, Any], OmegaConf.to_container(cfg))
+    todo = arrangements(groups["scenes"][key], groups["layouts"], groups["clutter"])
+    settings = social_force_settings(groups["social_force"])
+    jobs = int(os.environ.get("PEDPRED_JOBS", os.cpu_count() or 1))
+    workers = Parallel(n_jobs=jobs, return_as="generator_unordered")
     done = workers(delayed(simulate_into)(out, arrangement, settings) for arrangement in todo)
     for _ in tqdm(done, total=len(todo), desc=f"simulate {key}", unit="room"):
         pass

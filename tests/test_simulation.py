@@ -90,15 +90,15 @@ def test_the_spread_of_a_path_does_not_depend_on_the_step(step_s):
         noise = rng.normal(0.0, 0.3, (30, 1, 2))
         clock = Clock(step_s, every, every, hold)
         ends.append(advance(crowd, noise, clock, ground, routes, SETTINGS.forces, 0.5)[0][-1, 0])
-    assert np.std(ends, axis=0)[1] == pytest.approx(0.067, rel=0.12)
+    assert np.std(ends, axis=0)[1] == pytest.approx(0.0453, rel=0.1)
 
 
-def test_a_pedestrian_at_its_last_target_walks_on():
+def test_people_stay_around_the_last_target_of_their_plan():
     ground = ground_of(EMPTY_ROOM.occupancy())
-    routes = routes_to(np.array([[6.0, 4.0]]), ground, QUIET.routing)
-    crowd = crowd_of([[5.0, 4.0]], [[1.3, 0.0]], [1.3], [[0]])
-    path = rollout(crowd, ground, routes, QUIET, 10, 0.3)[0]
-    np.testing.assert_allclose(path[-1], [5.0 + 3.0 * 1.3, 4.0], atol=0.15)
+    routes = routes_to(np.array([[6.0, 4.0], [8.0, 4.0]]), ground, QUIET.routing)
+    crowd = crowd_of([[5.0, 4.0]], [[1.3, 0.0]], [1.3], [[0, 1, -1]])
+    path = rollout(crowd, ground, routes, QUIET, 30, 0.3)[0]
+    assert np.linalg.norm(path[10:] - [8.0, 4.0], axis=-1).max() < 0.7
 
 
 def test_desired_speeds_are_truncated():
@@ -126,5 +126,5 @@ def test_a_record_interval_that_is_no_multiple_of_the_step_is_refused():
 
 
 def test_an_unknown_force_setting_is_named():
-    with pytest.raises(ConfigError, match="social_force.forces.*magic"):
+    with pytest.raises(ConfigError, match=r"social_force.forces.*magic"):
         social_force_settings({**SOCIAL_FORCE, "forces": {**SOCIAL_FORCE["forces"], "magic": 1.0}})

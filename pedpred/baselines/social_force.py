@@ -98,9 +98,10 @@ def intentions(
         time_s: the instant. [W]
         velocity: tracked, m/s. [W, 2]
     """
-    known = recording.goal is not None and recording.desired_speed_mps is not None
+    known = recording.goal is not None
     order = np.lexsort((recording.time_s, recording.track_id))  # each track in one piece
-    track, place = recording.track_id[order], (recording.goal if known else recording.position)[order]
+    track = recording.track_id[order]
+    place = (recording.position if recording.goal is None else recording.goal)[order]
     now = _latest_rows(track, recording.time_s[order], track_id, time_s)
     changes = np.diff(track) != 0
     if known:
@@ -113,7 +114,9 @@ def intentions(
     goals, used = np.unique(place[end[valid]], axis=0, return_inverse=True)
     plan = np.full(valid.shape, -1, dtype=np.int64)
     plan[valid] = used.ravel()
-    speed = recording.desired_speed_mps[order][now] if known else np.linalg.norm(velocity, axis=-1)
+    speed = np.linalg.norm(velocity, axis=-1)
+    if recording.desired_speed_mps is not None:
+        speed = recording.desired_speed_mps[order][now]
     return Intentions(goals, plan, speed)
 
 

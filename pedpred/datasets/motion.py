@@ -100,4 +100,4 @@ def load_motion_data(features: Path, codes: Path | None) -> MotionData:
 def network_columns(table: FeatureTable, settings: FeatureSettings) -> tuple[np.ndarray, ...]:
     """What the network needs of a feature table: velocity, angular, future, future_steps."""
     angular = 1.0 - table.angular_grid / np.float32(settings.max_range_m)
-    return table.velocity, angular, table.future, table.future_steps.astype(np.int64)
+    return table.velocity, angular, table.future.copy(), table.future_steps.astype(np.int64)

@@ -56,7 +56,9 @@ class ClutterSettings:
 
 def clutter_settings(cfg: Mapping[str, Any]) -> ClutterSettings:
     """Read the group `clutter`; lists become ranges."""
-    values = {key: value if isinstance(value, (int, float)) else tuple(value) for key, value in cfg.items()}
+    values: dict[str, Any] = {
+        key: value if isinstance(value, (int, float)) else tuple(value) for key, value in cfg.items()
+    }
     try:
         return ClutterSettings(**values)
     except TypeError as cause:
@@ -112,7 +114,7 @@ class _Room:
         self._reach = clearance_m / RESOLUTION_M + 0.5  # of an obstacle's cell centres, in cells
         self._occupied = empty.occupied
         self._near = self._grown(empty.occupied)
-        self._points = empty.center_of(np.stack(np.indices(empty.occupied.shape), axis=-1))
+        self._points = empty.center_of(np.moveaxis(np.indices(empty.occupied.shape), 0, -1))
         self._ground = int((~empty.occupied).sum())
 
     def add(self, shapes: list[Shape]) -> bool:

@@ -14,7 +14,8 @@ class Crowd(NamedTuple):
         position: world frame, m. [N, 2]
         velocity: m/s. [N, 2]
         desired_speed: v0, m/s. [N]
-        plan: targets to visit in order, indices into `Routes.target`; -1 ends a plan. [N, G] int64
+        plan: targets to visit in order, indices into `Routes.target`; -1 fills up shorter
+            plans, each of which has one target at least. [N, G] int64
         leg: which entry of its plan each one is walking to. [N] int64
     """
 

@@ -42,7 +42,7 @@ class ForceSettings(NamedTuple):
 def driving_acceleration(
     velocity: np.ndarray, direction: np.ndarray, desired_speed: np.ndarray, relaxation_time_s: float
 ) -> np.ndarray:
-    """Pull towards the goal, (v0 e - v) / tau. Helbing & Molnar 1995, eq. 2. [N, 2]"""
+    """Pull towards the goal, (v0 e - v) / tau. Helbing & Molnar 1995, eq. 2. [N, 2]."""
     return (desired_speed[:, None] * direction - velocity) / relaxation_time_s
 
 
@@ -61,7 +61,7 @@ def ellipse_axis(offset: np.ndarray, stride: np.ndarray) -> np.ndarray:
 
 
 def pedestrian_potential(offset: np.ndarray, stride: np.ndarray, settings: ForceSettings) -> np.ndarray:
-    """V(b) = V0 exp(-b / sigma). Helbing & Molnar 1995, eq. 3 and 13. [...] m^2/s^2"""
+    """V(b) = V0 exp(-b / sigma). Helbing & Molnar 1995, eq. 3 and 13. [...] m^2/s^2."""
     axis = ellipse_axis(offset, stride)
     return settings.pedestrian_strength * np.exp(-axis / settings.pedestrian_range_m)
 
@@ -106,7 +106,7 @@ def sight_weight(force: np.ndarray, direction: np.ndarray, settings: ForceSettin
 
 
 def border_potential(distance: np.ndarray, settings: ForceSettings) -> np.ndarray:
-    """U(d) = U0 exp(-d / R). Helbing & Molnar 1995, eq. 5 and 13. [...] m^2/s^2"""
+    """U(d) = U0 exp(-d / R). Helbing & Molnar 1995, eq. 5 and 13. [...] m^2/s^2."""
     return settings.border_strength * np.exp(-distance / settings.border_range_m)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+Rng = np.random.Generator
 Shape = Mapping[str, Any]
 Part = tuple[float, float, float, float]  # x0, y0, x1, y1 of an upright part of the room, m
 
@@ -15,7 +16,7 @@ _OFF_WALL_M = 1.3  # columns and free furniture leave a way along the outer wall
 
 
 def split_walls(
-    part: Part, doors_m: Sequence[float], thickness_m: float, smallest_m: float, rng: np.random.Generator
+    part: Part, doors_m: Sequence[float], thickness_m: float, smallest_m: float, rng: Rng
 ) -> tuple[list[Shape], list[Part]] | None:
     """A wall with doors across a part of the room, mostly across its longer side.
 
@@ -28,7 +29,7 @@ def split_walls(
         axis = 1 - axis
     if sides[axis] < 2 * smallest_m:
         return None
-    at = rng.uniform(part[axis] + smallest_m, part[axis + 2] - smallest_m)
+    at = float(rng.uniform(part[axis] + smallest_m, part[axis + 2] - smallest_m))
     low, high = part[1 - axis], part[3 - axis]
     pieces = []
     for start, end in _between_doors(low, high, doors_m, rng):
@@ -36,14 +37,13 @@ def split_walls(
         center[axis], center[1 - axis] = at, 0.5 * (start + end)
         size[axis], size[1 - axis] = thickness_m, end - start
         pieces.append(_rectangle(center, size, 0.0))
-    first, second = list(part), list(part)
-    first[axis + 2] = second[axis] = float(at)
-    return pieces, [tuple(first), tuple(second)]
+    x0, y0, x1, y1 = part
+    if axis == 0:
+        return pieces, [(x0, y0, at, y1), (at, y0, x1, y1)]
+    return pieces, [(x0, y0, x1, at), (x0, at, x1, y1)]
 
 
-def _between_doors(
-    low: float, high: float, doors_m: Sequence[float], rng: np.random.Generator
-) -> list[tuple[float, float]]:
+def _between_doors(low: float, high: float, doors_m: Sequence[float], rng: Rng) -> list[tuple[float, float]]:
     """The stretches of a wall from `low` to `high` that doors at random places leave standing."""
     share = (high - low) / len(doors_m)
     ends = [low]
@@ -56,9 +56,7 @@ def _between_doors(
     return list(zip(ends[::2], ends[1::2], strict=True))
 
 
-def columns(
-    size_m: Sequence[float], radius_m: float, spacing_m: float, rng: np.random.Generator
-) -> list[Shape]:
+def columns(size_m: Sequence[float], radius_m: float, spacing_m: float, rng: Rng) -> list[Shape]:
     """A regular grid of round or square columns over the room."""
     axes = []
     for side in size_m:
@@ -77,7 +75,7 @@ def furniture(
     mixture: np.ndarray,
     turned_share: float,
     scale: float,
-    rng: np.random.Generator,
+    rng: Rng,
 ) -> Shape:
     """One random piece somewhere in a room.
 
@@ -95,32 +93,32 @@ def furniture(
     return kind(center, angle, scale, size_m, rng)
 
 
-def _rectangle(center: Sequence[float], size: Sequence[float], angle_deg: float) -> Shape:
+def _rectangle(center: Sequence[float], size: Sequence[float] | np.ndarray, angle_deg: float) -> Shape:
     fields = {"center": [float(c) for c in center], "size_m": [float(s) for s in size]}
     return {"rectangle": {**fields, "angle_deg": angle_deg}}
 
 
-def _table(center, angle, scale, _room, rng) -> Shape:
+def _table(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
     return _rectangle(center, scale * rng.uniform([1.2, 0.7], [2.2, 1.1]), angle)
 
 
-def _crate(center, angle, scale, _room, rng) -> Shape:
+def _crate(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
     return _rectangle(center, scale * np.repeat(rng.uniform(0.5, 1.2), 2), angle)
 
 
-def _block(center, angle, scale, _room, rng) -> Shape:
+def _block(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
     return _rectangle(center, scale * rng.uniform(1.5, 3.2, 2), angle)
 
 
-def _screen(center, angle, scale, _room, rng) -> Shape:
+def _screen(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
     return _rectangle(center, [scale * rng.uniform(1.5, 4.0), 0.25], angle)
 
 
-def _round_table(center, _angle, scale, _room, rng) -> Shape:
+def _round_table(center: list[float], _angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
     return {"circle": {"center": center, "radius_m": float(scale * rng.uniform(0.35, 0.9))}}
 
 
-def _island(center, angle, scale, _room, rng) -> Shape:
+def _island(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
     """An irregular polygon: a flower bed, a stall."""
     turns = np.deg2rad(angle) + 2 * np.pi * (np.arange(6) + rng.uniform(-0.3, 0.3, 6)) / 6
     radii = scale * rng.uniform(0.5, 1.4, 6)
@@ -128,10 +126,10 @@ def _island(center, angle, scale, _room, rng) -> Shape:
     return {"polygon": {"corners": corners.tolist()}}
 
 
-def _cabinet(center, _angle, scale, room, rng) -> Shape:
+def _cabinet(center: list[float], _angle: float, scale: float, room: Sequence[float], rng: Rng) -> Shape:
     """A shelf with its back to one of the outer walls."""
     length, depth = scale * rng.uniform(0.8, 2.6), rng.uniform(0.4, 0.7)
-    axis, far = rng.integers(2), rng.integers(2)
+    axis, far = int(rng.integers(2)), rng.integers(2)
     place, size = list(center), [0.0, 0.0]
     place[axis] = room[axis] - depth / 2 if far else depth / 2
     size[axis], size[1 - axis] = depth, length

@@ -40,7 +40,7 @@ def ground_of(occupancy: OccupancyMap, margin_cells: int = 0) -> Ground:
 
 
 def signed_distance(occupied: np.ndarray, resolution_m: float) -> np.ndarray:
-    """Distance from cell centres to the obstacles' edge, m; negative inside. [X, Y]
+    """Distance from cell centres to the obstacles' edge, m; negative inside. [X, Y].
 
     The edge is half a cell in front of an occupied cell's centre, so the value is exact for
     straight borders along the grid.

@@ -89,7 +89,7 @@ def _pedestrians(n, position, stride, direction, forces):
 
 @njit(cache=True, nogil=True)
 def accelerations(position, velocity, direction, desired_speed, ground, forces, out):
-    """`forces.social_acceleration` of a crowd on some ground, written to `out`. [N, 2] m/s^2"""
+    """`forces.social_acceleration` of a crowd on some ground, written to `out`. [N, 2] m/s^2."""
     stride = np.empty_like(position)
     for n in range(len(position)):
         length = math.sqrt(velocity[n, 0] ** 2 + velocity[n, 1] ** 2) * forces.anticipation_s
@@ -106,8 +106,8 @@ def accelerations(position, velocity, direction, desired_speed, ground, forces, 
 
 @njit(cache=True, nogil=True)
 def _blocked(x, y, ground):
-    i = int(math.floor((x - ground.origin[0]) / ground.resolution_m))
-    j = int(math.floor((y - ground.origin[1]) / ground.resolution_m))
+    i = math.floor((x - ground.origin[0]) / ground.resolution_m)
+    j = math.floor((y - ground.origin[1]) / ground.resolution_m)
     shape = ground.occupied.shape
     return 0 <= i < shape[0] and 0 <= j < shape[1] and ground.occupied[i, j]
 
@@ -132,14 +132,13 @@ def _move(n, position, velocity, dt, ground):
 def _heading(n, crowd, routes, reach_m):
     """Desired direction of pedestrian n, after going over to the next target if one is reached."""
     x, y = crowd.position[n, 0], crowd.position[n, 1]
-    plan, leg = crowd.plan[n], crowd.leg
-    if leg[n] < len(plan) and plan[leg[n]] >= 0:
-        to_x, to_y = routes.target[plan[leg[n]], 0] - x, routes.target[plan[leg[n]], 1] - y
+    plan, leg = crowd.plan[n], crowd.leg[n]
+    if leg + 1 < len(plan) and plan[leg + 1] >= 0:
+        to_x, to_y = routes.target[plan[leg], 0] - x, routes.target[plan[leg], 1] - y
         if to_x * to_x + to_y * to_y <= reach_m * reach_m:
-            leg[n] += 1
-    if leg[n] < len(plan) and plan[leg[n]] >= 0:
-        return way(x, y, plan[leg[n]], routes)
-    return _unit(crowd.velocity[n, 0], crowd.velocity[n, 1])
+            leg += 1
+            crowd.leg[n] = leg
+    return way(x, y, plan[leg], routes)
 
 
 @njit(cache=True, nogil=True)
@@ -155,7 +154,7 @@ def advance(crowd, noise, clock, ground, routes, forces, reach_m):
         ground: `Ground`.
         routes: `Routes`.
         forces: `ForceSettings`.
-        reach_m: a target is reached at this distance; behind the last one people walk on.
+        reach_m: a target is reached at this distance; around the last one of their plan people stay.
 
     Returns:
         Positions [R, N, 2], velocities [R, N, 2] and legs [R, N] after each `clock.every` steps.

@@ -44,7 +44,7 @@ class Layout:
         cells = np.round(np.array(self.size_m) / RESOLUTION_M).astype(int)
         occupied = np.pad(np.zeros(cells, dtype=bool), WALL_CELLS, constant_values=True)
         free = OccupancyMap(occupied, np.full(2, -WALL_CELLS * RESOLUTION_M), RESOLUTION_M)
-        points = free.center_of(np.stack(np.indices(occupied.shape), axis=-1))
+        points = free.center_of(np.moveaxis(np.indices(occupied.shape), 0, -1))
         for index, shape in enumerate(self.shapes):
             occupied |= inside(points, shape, f"shapes[{index}]")
         if occupied.all():

@@ -8,7 +8,6 @@ import numpy as np
 from scipy import ndimage
 
 from pedpred.errors import ConfigError
-
 from pedpred.simulation.ground import Ground
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.settings import CrowdSettings
@@ -29,7 +28,7 @@ class TargetPool:
 
 
 def walkable(distance: np.ndarray, clearance_m: float) -> np.ndarray:
-    """The largest connected part of the cells with some clearance. [X, Y] bool"""
+    """The largest connected part of the cells with some clearance. [X, Y] bool."""
     labels, count = ndimage.label(distance >= clearance_m)
     if count == 0:
         return np.zeros(distance.shape, dtype=bool)
@@ -43,7 +42,7 @@ def connected_parts(distance: np.ndarray, clearance_m: float) -> int:
 
 
 def open_cells(ground: Ground, clearance_m: float) -> np.ndarray:
-    """Centres of the walkable cells, world frame, m. [C, 2]"""
+    """Centres of the walkable cells, world frame, m. [C, 2]."""
     cells = np.argwhere(walkable(ground.distance, clearance_m))
     return ground.origin + (cells + 0.5) * ground.resolution_m
 

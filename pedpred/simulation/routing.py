@@ -85,14 +85,14 @@ def routes_to(targets: np.ndarray, ground: Ground, settings: RoutingSettings) ->
 
 
 def clearance_grid(ground: Ground, resolution_m: float) -> np.ndarray:
-    """Distance to the obstacles at the centres of routing cells, m. [X, Y]"""
+    """Distance to the obstacles at the centres of routing cells, m. [X, Y]."""
     size = np.ceil(np.array(ground.distance.shape) * ground.resolution_m / resolution_m - 1e-9).astype(int)
-    centers = (np.stack(np.indices(size), axis=-1) + 0.5) * resolution_m
+    centers = (np.moveaxis(np.indices(tuple(size.tolist())), 0, -1) + 0.5) * resolution_m
     return interpolate(ground.distance, centers / ground.resolution_m)
 
 
 def walking_speed(clearance: np.ndarray, settings: RoutingSettings) -> np.ndarray:
-    """Share of the full speed: 1 at comfortable clearance, falling to `slowest` at `narrow_m`. [X, Y]"""
+    """Share of the full speed: 1 at comfortable clearance, falling to `slowest` at `narrow_m`. [X, Y]."""
     room = (clearance - settings.narrow_m) / (settings.comfortable_m - settings.narrow_m)
     return settings.slowest + (1.0 - settings.slowest) * np.clip(room, 0.0, 1.0)
 
@@ -111,14 +111,14 @@ def travel_time(
     Returns:
         Time for a walker of 1 m/s, s. Negative inside the disc that the wave starts from. [X, Y]
     """
-    centers = (np.stack(np.indices(blocked.shape), axis=-1) + 0.5) * resolution_m
+    centers = (np.moveaxis(np.indices(blocked.shape), 0, -1) + 0.5) * resolution_m
     apart = np.linalg.norm(centers - target, axis=-1) - _SOURCE_RADIUS * resolution_m
     time = skfmm.travel_time(np.ma.array(apart, mask=blocked), speed, dx=resolution_m, order=1)
     return np.where(apart < 0, apart, np.ma.filled(time, np.inf))
 
 
 def descent(time: np.ndarray) -> np.ndarray:
-    """Unit vectors along -grad T; one-sided beside blocked cells, 0 where T is flat or inf. [X, Y, 2]"""
+    """Unit vectors along -grad T; one-sided beside blocked cells, 0 where T is flat or inf. [X, Y, 2]."""
     slopes = []
     for axis in range(2):
         ends = [(1, 1) if a == axis else (0, 0) for a in range(2)]
@@ -135,7 +135,7 @@ def descent(time: np.ndarray) -> np.ndarray:
 
 
 def _nearest_open(blocked: np.ndarray) -> np.ndarray:
-    """For each cell the indices of the nearest cell that is not blocked. [2, X, Y]"""
+    """For each cell the indices of the nearest cell that is not blocked. [2, X, Y]."""
     if blocked.all():
         raise ValueRuleError("occupancy", "every cell", "people need some free ground")
     return ndimage.distance_transform_edt(blocked, return_distances=False, return_indices=True)

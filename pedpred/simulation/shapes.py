@@ -14,22 +14,22 @@ Point = Sequence[float]
 
 
 def rectangle(points: np.ndarray, center: Point, size_m: Point, angle_deg: float = 0.0) -> np.ndarray:
-    """Points (m, [..., 2]) inside a rectangle turned counter-clockwise about its centre. [...]"""
+    """Points (m, [..., 2]) inside a rectangle turned counter-clockwise about its centre. [...]."""
     local = np.abs(rotate(points - np.asarray(center), -np.deg2rad(angle_deg)))
     width, depth = size_m
     return (local[..., 0] <= 0.5 * width) & (local[..., 1] <= 0.5 * depth)
 
 
 def circle(points: np.ndarray, center: Point, radius_m: float) -> np.ndarray:
-    """Points (m, [..., 2]) inside a circle. [...]"""
+    """Points (m, [..., 2]) inside a circle. [...]."""
     return np.linalg.norm(points - np.asarray(center), axis=-1) <= radius_m
 
 
 def polygon(points: np.ndarray, corners: Sequence[Point]) -> np.ndarray:
-    """Points (m, [..., 2]) inside a simple polygon, even-odd rule. [...]"""
+    """Points (m, [..., 2]) inside a simple polygon, even-odd rule. [...]."""
     inside = np.zeros(points.shape[:-1], dtype=bool)
-    corners = np.asarray(corners, dtype=np.float64)
-    for (x1, y1), (x2, y2) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+    ends = np.asarray(corners, dtype=np.float64)
+    for (x1, y1), (x2, y2) in zip(ends, np.roll(ends, -1, axis=0), strict=True):
         if y1 == y2:
             continue
         crosses = (points[..., 1] >= min(y1, y2)) & (points[..., 1] < max(y1, y2))
@@ -39,11 +39,11 @@ def polygon(points: np.ndarray, corners: Sequence[Point]) -> np.ndarray:
 
 
 def wall(points: np.ndarray, start: Point, end: Point, thickness_m: float) -> np.ndarray:
-    """Points (m, [..., 2]) within half a thickness of the segment from `start` to `end`. [...]"""
-    start, end = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
-    along = end - start
-    share = ((points - start) @ along / max(float(along @ along), 1e-12)).clip(0.0, 1.0)
-    nearest = start + share[..., None] * along
+    """Points (m, [..., 2]) within half a thickness of the segment from `start` to `end`. [...]."""
+    first = np.asarray(start, dtype=np.float64)
+    along = np.asarray(end, dtype=np.float64) - first
+    share = ((points - first) @ along / max(float(along @ along), 1e-12)).clip(0.0, 1.0)
+    nearest = first + share[..., None] * along
     return np.linalg.norm(points - nearest, axis=-1) <= 0.5 * thickness_m
 
 

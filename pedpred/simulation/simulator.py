@@ -101,7 +101,7 @@ def rollout(
 
 
 def desired_speeds(count: int, settings: CrowdSettings, rng: np.random.Generator) -> np.ndarray:
-    """Truncated normal desired speeds, m/s. [N]"""
+    """Truncated normal desired speeds, m/s. [N]."""
     speeds = np.empty(0)
     least, most = settings.speed_range_mps
     while len(speeds) < count:
