@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 import torch
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 from tqdm import tqdm
 
-from pedpred.config import stage, stage_key
+from pedpred.config import plain, stage, stage_key
 from pedpred.evaluation.compare import compare, figures
 from pedpred.models.forecasting import load_motion_lstm
 from pedpred.storage.columns import write_columns
@@ -21,7 +21,7 @@ def main(cfg: DictConfig) -> None:
     name, options = stage_key(cfg), cfg.evaluation
     torch.set_num_threads(options.threads)
     out = Path(cfg.get("out", f"data/forecasts/{name}"))
-    social_force = OmegaConf.to_container(cfg.social_force)
+    social_force = plain(cfg.social_force)
     metrics: dict = {}
     for test, phase in options[name].items():
         networks = {model: load_motion_lstm(Path("models") / phase / model) for model in options.models}

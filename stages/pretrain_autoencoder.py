@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import torch
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
-from pedpred.config import stage
+from pedpred.config import plain, stage
 from pedpred.datasets.crops import crops_of
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.autoencoder import AutoencoderSettings, train_autoencoder
@@ -17,7 +17,7 @@ from pedpred.training.fit import write_curve
 @stage
 def main(cfg: DictConfig) -> None:
     """Read data/features/main, write models/autoencoder and its curve."""
-    options = OmegaConf.to_container(cfg.autoencoder)
+    options = plain(cfg.autoencoder)
     torch.set_num_threads(options.pop("threads"))
     share, crops = options.pop("validation_share"), options.pop("validation_crops")
     settings = AutoencoderSettings(**options)

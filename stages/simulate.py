@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, cast
 
 from joblib import Parallel, delayed
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 from tqdm import tqdm
 
-from pedpred.config import stage, stage_key
+from pedpred.config import plain, stage, stage_key
 from pedpred.simulation.arrangements import Arrangement, arrangements, simulated
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import write_scene
@@ -26,7 +25,7 @@ def main(cfg: DictConfig) -> None:
     """Share the arrangements among the cores ($PEDPRED_JOBS, all by default)."""
     key = stage_key(cfg)
     out = Path(cfg.get("out") or f"data/scenes/{key}")
-    groups = cast(dict[str, Any], OmegaConf.to_container(cfg))
+    groups = plain(cfg)
     todo = arrangements(groups["scenes"][key], groups["layouts"], groups["clutter"])
     settings = social_force_settings(groups["social_force"])
     jobs = int(os.environ.get("PEDPRED_JOBS", os.cpu_count() or 1))

@@ -3,14 +3,18 @@
 from pathlib import Path
 
 import torch
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
-from pedpred.config import stage, stage_key
+from pedpred.config import plain, stage, stage_key
 from pedpred.models import MotionSettings
 from pedpred.training.fit import fit, initialised, write_phase
 from pedpred.training.recurrent import TrainingSettings
 
-PREVIOUS = {"corridor": "models/autoencoder", "main": "models/corridor/{name}", "finetune": "models/main/{name}"}
+PREVIOUS = {
+    "corridor": "models/autoencoder",
+    "main": "models/corridor/{name}",
+    "finetune": "models/main/{name}",
+}
 
 
 @stage
@@ -18,11 +22,11 @@ def main(cfg: DictConfig) -> None:
     """Train model `name` in `phase` on the data set `data`."""
     name = stage_key(cfg)
     torch.set_num_threads(cfg.training.threads)
-    phase = OmegaConf.to_container(cfg.training[cfg.phase])
+    phase = plain(cfg.training[cfg.phase])
     split = (phase.pop("validation_by"), phase.pop("validation_share"))
     settings = TrainingSettings(**phase)
     network = initialised(
-        MotionSettings.parse(OmegaConf.to_container(cfg.models[name]) | {"horizon_steps": cfg.protocol.horizon_steps}),
+        MotionSettings.parse(plain(cfg.models[name]) | {"horizon_steps": cfg.protocol.horizon_steps}),
         Path(PREVIOUS[cfg.phase].format(name=name)),
         settings.seed,
     )
@@ -32,7 +36,9 @@ def main(cfg: DictConfig) -> None:
     real = cfg.phase == "finetune"
     label, kind = (f"{cfg.phase}_{cfg.data}", "real") if real else (cfg.phase, "sim")
     out = Path(cfg.get("out", f"models/{label}/{name}"))
-    write_phase(network, about, curve, out, Path(cfg.get("curve", f"reports/curves/{kind}/{label}_{name}.tsv")))
+    write_phase(
+        network, about, curve, out, Path(cfg.get("curve", f"reports/curves/{kind}/{label}_{name}.tsv"))
+    )
 
 
 if __name__ == "__main__":

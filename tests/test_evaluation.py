@@ -23,7 +23,9 @@ AHEAD_S = (np.arange(10) + 1) * 0.3
 
 
 def table_of(scene):
-    return extract(scene, follow(scene.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2), FeatureSettings(clocks=3))
+    return extract(
+        scene, follow(scene.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2), FeatureSettings(clocks=3)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +51,9 @@ def test_inside_obstacle_by_hand():
     occupied = room.occupied.copy()
     occupied[room.occupied.shape[0] // 2 :] = True
     room = dataclasses.replace(room, occupied=occupied)
-    assert inside_obstacle(np.array([[[1.0, 0.0], [-1.0, 0.0], [99.0, 0.0]]]), room).tolist() == [[True, False, False]]
+    assert inside_obstacle(np.array([[[1.0, 0.0], [-1.0, 0.0], [99.0, 0.0]]]), room).tolist() == [
+        [True, False, False]
+    ]
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -57,7 +61,9 @@ def test_order_does_not_matter(seed):
     rng = np.random.default_rng(seed)
     paths, time_s = rng.normal(size=(20, 3, 2)), rng.integers(0, 4, 20).astype(float)
     order = rng.permutation(20)
-    np.testing.assert_array_equal(too_close(paths, time_s, 0.5)[order], too_close(paths[order], time_s[order], 0.5))
+    np.testing.assert_array_equal(
+        too_close(paths, time_s, 0.5)[order], too_close(paths[order], time_s[order], 0.5)
+    )
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -65,8 +71,13 @@ def test_summary_of_parts_pools_to_the_whole(seed):
     rng = np.random.default_rng(seed)
 
     def part(windows):
-        return Scores(rng.integers(0, 5, windows), rng.random(windows) < 0.5, rng.random((windows, 10)),
-                      rng.random((windows, 10)) < 0.1, rng.random(windows) < 0.1)
+        return Scores(
+            rng.integers(0, 5, windows),
+            rng.random(windows) < 0.5,
+            rng.random((windows, 10)),
+            rng.random((windows, 10)) < 0.1,
+            rng.random(windows) < 0.1,
+        )
 
     a, b = part(30), part(20)
     whole = pooled([a, b])
@@ -81,7 +92,9 @@ def test_bootstrap_resamples_tracks_not_windows():
     rng = np.random.default_rng(0)
     per_track = rng.normal(1.0, 0.3, 40)
     once = bootstrap_interval(per_track, np.arange(40), 2000, np.random.default_rng(1))
-    often = bootstrap_interval(np.repeat(per_track, 25), np.repeat(np.arange(40), 25), 2000, np.random.default_rng(1))
+    often = bootstrap_interval(
+        np.repeat(per_track, 25), np.repeat(np.arange(40), 25), 2000, np.random.default_rng(1)
+    )
     np.testing.assert_allclose(once, often)
     assert once[0] < per_track.mean() < once[1]
     spread = 2 * 1.96 * per_track.std() / np.sqrt(40)

@@ -19,8 +19,16 @@ SOURCES = {
     "annotations": dict(kind="kalman", kalman=KALMAN, dt_s=0.4, clocks=3, truth=False),
     "simulation": dict(kind="truth", kalman=None, dt_s=0.3, clocks=1, truth=True),
 }
-INPUTS = ("position", "heading_rad", "velocity", "last_position", "last_velocity", "last_acceleration",
-          "occupancy", "angular_grid")
+INPUTS = (
+    "position",
+    "heading_rad",
+    "velocity",
+    "last_position",
+    "last_velocity",
+    "last_acceleration",
+    "occupancy",
+    "angular_grid",
+)
 
 
 def table_of(scene, source):
@@ -63,7 +71,8 @@ def test_velocities_targets_and_neighbours_do_not_see_the_world_frame(seed, turn
     scene = walled_scene(rng)
     shift = rng.uniform(-50, 50, 2)
     recording = dataclasses.replace(
-        scene.recording, position=rotate(scene.recording.position, np.float64(turn)) + shift)
+        scene.recording, position=rotate(scene.recording.position, np.float64(turn)) + shift
+    )
     turned = dataclasses.replace(scene, recording=recording)
     a, b = (table_of(s, SOURCES["annotations"]) for s in (scene, turned))
     walking = np.hypot(*a.velocity.T) > 0.25  # a pedestrian that never moved looks along world x
@@ -85,8 +94,7 @@ def test_crop_turns_with_the_map():
     assert (unpack_crops(a, 60) == unpack_crops(b, 60)).mean() > 0.999
 
 
-@given(
-    st.floats(-np.pi, np.pi), st.floats(-6, 6), st.floats(-6, 6), st.integers(30, 90), st.integers(30, 90))
+@given(st.floats(-np.pi, np.pi), st.floats(-6, 6), st.floats(-6, 6), st.integers(30, 90), st.integers(30, 90))
 def test_crop_equals_a_look_up_of_every_cell_centre(heading, x, y, size_x, size_y):
     occupied = np.random.default_rng(size_x).random((size_x, size_y)) < 0.5
     room = OccupancyMap(occupied, np.array([-2.0, -3.0]), 0.1)
@@ -112,7 +120,8 @@ def test_an_obstacle_ahead_and_to_the_left_is_there_in_the_crop():
 def apg(position, heading, crowd):
     span = np.array([[0, len(crowd)]])
     return angular_grids(
-        np.array([position]), np.array([heading]), crowd, np.arange(len(crowd)), np.array([-1]), span, 72, 6.0)[0]
+        np.array([position]), np.array([heading]), crowd, np.arange(len(crowd)), np.array([-1]), span, 72, 6.0
+    )[0]
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(-100, 100))
@@ -122,7 +131,8 @@ def test_apg_shifts_by_k_cells_when_the_crowd_turns_by_k_cones(seed, k):
     crowd = rng.uniform(0.5, 7.0, 12)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     turned = rotate(crowd, np.deg2rad(5.0 * k))
     np.testing.assert_allclose(
-        np.roll(apg([0.0, 0.0], 0.0, crowd), k), apg([0.0, 0.0], 0.0, turned), atol=1e-5)
+        np.roll(apg([0.0, 0.0], 0.0, crowd), k), apg([0.0, 0.0], 0.0, turned), atol=1e-5
+    )
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -131,7 +141,10 @@ def test_apg_equals_its_definition(seed):
     crowd, here, heading = rng.uniform(-8, 8, (30, 2)), rng.uniform(-1, 1, 2), rng.uniform(-np.pi, np.pi)
     relative = rotate(crowd - here, -np.float64(heading))
     distance = np.hypot(*relative.T)
-    cell = np.floor(np.mod(np.arctan2(relative[:, 1], relative[:, 0]), 2 * np.pi) / np.deg2rad(5)).astype(int) % 72
+    cell = (
+        np.floor(np.mod(np.arctan2(relative[:, 1], relative[:, 0]), 2 * np.pi) / np.deg2rad(5)).astype(int)
+        % 72
+    )
     expected = np.full(72, 6.0)
     np.minimum.at(expected, cell, distance)
     np.testing.assert_allclose(apg(here, heading, crowd), expected, atol=1e-5)
@@ -155,9 +168,14 @@ def test_integrated_targets_land_on_the_true_path(seed):
 def test_clocks_cover_every_annotation_once():
     scene = walled_scene(np.random.default_rng(5))
     table = table_of(scene, SOURCES["annotations"])
-    annotated = {(int(t), round(s / 0.4)) for t, s in zip(scene.recording.track_id, scene.recording.time_s, strict=True)}
+    annotated = {
+        (int(t), round(s / 0.4))
+        for t, s in zip(scene.recording.track_id, scene.recording.time_s, strict=True)
+    }
     on = np.abs(table.time_s / 0.4 - np.round(table.time_s / 0.4)) < 1e-6
-    covered = list(zip(table.track_id[on].tolist(), np.round(table.time_s[on] / 0.4).astype(int).tolist(), strict=True))
+    covered = list(
+        zip(table.track_id[on].tolist(), np.round(table.time_s[on] / 0.4).astype(int).tolist(), strict=True)
+    )
     assert len(covered) == len(set(covered))
     assert set(covered) == annotated
 

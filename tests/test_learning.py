@@ -14,14 +14,36 @@ from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
 from pedpred.models.autoencoder import intersection_over_union, reconstruction_loss
 from pedpred.models.rolling import roll
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
-from pedpred.training import AutoencoderSettings, TrainingSettings, train_autoencoder, train_motion, velocity_loss
+from pedpred.training import (
+    AutoencoderSettings,
+    TrainingSettings,
+    train_autoencoder,
+    train_motion,
+    velocity_loss,
+)
 from pedpred.training.schedule import learning_rate
 
-SMALL = MotionSettings.parse({
-    "channels": {"state": {"embedding": 8, "lstm": 8}, "angular": {"embedding": 8, "lstm": 8}},
-    "joint": 16, "head": 16, "horizon_steps": 4, "residual": True})
-QUICK = TrainingSettings(steps=6, lanes=4, sub_sequence=5, longest_track=15, validate_every=3, lr=1e-2,
-                         warmup_steps=2, clip_norm=1.0, weight_decay=1e-4, seed=0)
+SMALL = MotionSettings.parse(
+    {
+        "channels": {"state": {"embedding": 8, "lstm": 8}, "angular": {"embedding": 8, "lstm": 8}},
+        "joint": 16,
+        "head": 16,
+        "horizon_steps": 4,
+        "residual": True,
+    }
+)
+QUICK = TrainingSettings(
+    steps=6,
+    lanes=4,
+    sub_sequence=5,
+    longest_track=15,
+    validate_every=3,
+    lr=1e-2,
+    warmup_steps=2,
+    clip_norm=1.0,
+    weight_decay=1e-4,
+    seed=0,
+)
 
 
 def toy_data(rng, tracks=6, length=20):
@@ -146,7 +168,9 @@ def test_carried_memory_solves_what_one_sub_sequence_cannot(tmp_path):
     settings = dataclasses.replace(QUICK, steps=250, lanes=12, longest_track=100, validate_every=50)
     train_motion(network, data, data.sequences, data.sequences, settings, tmp_path, "memory")
     late = [row for first, last in data.sequences for row in range(first + 10, last)]
-    error = torch.linalg.vector_norm(roll(network.eval(), data, data.sequences)[late] - data.future[late], dim=-1)
+    error = torch.linalg.vector_norm(
+        roll(network.eval(), data, data.sequences)[late] - data.future[late], dim=-1
+    )
     assert error.mean() < 0.2  # without memory nothing beats an error of 1 m/s
 
 
@@ -229,8 +253,9 @@ def test_autoencoder_learns_and_repeats():
         x, y = rng.integers(0, 40, 2)
         crop[x : x + 20, y : y + 20] = 1
     packed = np.packbits(cells.reshape(64, -1), axis=-1, bitorder="little")
-    settings = AutoencoderSettings(latent=16, batch=16, steps=60, validate_every=20, lr=2e-3,
-                                   warmup_steps=5, clip_norm=100.0, seed=0)
+    settings = AutoencoderSettings(
+        latent=16, batch=16, steps=60, validate_every=20, lr=2e-3, warmup_steps=5, clip_norm=100.0, seed=0
+    )
     network, curve = train_autoencoder(packed, packed[:32], 60, settings)
     assert curve[-1]["validation_loss"] < 0.8 * curve[0]["validation_loss"]
     again, _ = train_autoencoder(packed, packed[:32], 60, settings)

@@ -49,8 +49,12 @@ def test_tracks_do_not_depend_on_each_other(seed):
 def test_heading_holds_while_standing_and_never_looks_ahead():
     time_s = np.arange(12) * 0.3
     x = np.array([0, 0, 0, 0.4, 0.8, 1.2, 1.2, 1.2, 1.2, 1.2, 1.2, 1.2])
-    stand_go_stand = Recording(time_s, np.zeros(12), np.stack([0 * x, x], axis=-1), velocity=np.stack(
-        [0 * x, np.diff(x, prepend=0) / 0.3], axis=-1))
+    stand_go_stand = Recording(
+        time_s,
+        np.zeros(12),
+        np.stack([0 * x, x], axis=-1),
+        velocity=np.stack([0 * x, np.diff(x, prepend=0) / 0.3], axis=-1),
+    )
     heading = follow(stand_go_stand, "truth", None, 0.2).heading_rad
     np.testing.assert_allclose(heading, [0] * 3 + [np.pi / 2] * 9)
 
@@ -68,5 +72,5 @@ def test_last_row_is_the_latest_detection_of_that_track():
 def test_bad_settings_are_named():
     with pytest.raises(ValueRuleError, match="position_noise_m"):
         KalmanSettings(acceleration_noise=0.3, position_noise_m=0.0)
-    with pytest.raises(ConfigError, match="tracker.kind"):
+    with pytest.raises(ConfigError, match=r"tracker\.kind"):
         follow(wandering(np.random.default_rng(0)), "truth", None, 0.2)

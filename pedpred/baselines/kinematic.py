@@ -9,17 +9,17 @@ from pedpred.geometry import rotate
 
 
 def constant_velocity(table: FeatureTable, ahead_s: np.ndarray) -> np.ndarray:
-    """Last detected position and the velocity of the last interval, p + v t. [M, P, 2] m, world"""
+    """Last detected position and the velocity of the last interval, p + v t. [M, P, 2] m, world."""
     return table.last_position[:, None] + table.last_velocity[:, None] * ahead_s[:, None]
 
 
 def constant_acceleration(table: FeatureTable, ahead_s: np.ndarray) -> np.ndarray:
-    """Last three detections continued, p + v t + a t^2 / 2. [M, P, 2] m, world"""
+    """Last three detections continued, p + v t + a t^2 / 2. [M, P, 2] m, world."""
     bend = 0.5 * table.last_acceleration[:, None] * (ahead_s**2)[:, None]
     return constant_velocity(table, ahead_s) + bend
 
 
 def kalman_velocity(table: FeatureTable, ahead_s: np.ndarray) -> np.ndarray:
-    """Tracked position and tracked velocity, p + v t. [M, P, 2] m, world"""
+    """Tracked position and tracked velocity, p + v t. [M, P, 2] m, world."""
     velocity = rotate(table.velocity, table.heading_rad)
     return table.position[:, None] + velocity[:, None] * ahead_s[:, None]

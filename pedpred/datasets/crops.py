@@ -27,7 +27,9 @@ def crops_of(
     settings, names = read_manifest(features)
     held = max(1, round(validation_share * len(names)))
     if held >= len(names):
-        raise ConfigError("autoencoder.validation_share", validation_share, f"{features} has {len(names)} scenes only")
+        raise ConfigError(
+            "autoencoder.validation_share", validation_share, f"{features} has {len(names)} scenes only"
+        )
     order = [names[i] for i in rng.permutation(len(names))]
     parts = [read_shard(features, name, settings).occupancy for name in order]
     validation = np.concatenate(parts[:held])

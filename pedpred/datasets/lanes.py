@@ -22,7 +22,7 @@ class LaneBatch:
 
 
 def cut(sequences: np.ndarray, longest: int, rng: np.random.Generator) -> np.ndarray:
-    """Cut long sequences into pieces of at most `longest` steps, at a random phase. [S, 2] -> [R, 2]"""
+    """Cut long sequences into pieces of at most `longest` steps, at a random phase. [S, 2] -> [R, 2]."""
     pieces = []
     for first, last in sequences:
         if last - first <= longest:

@@ -55,9 +55,11 @@ class MotionData:
 
 
 def sequences_of(table: FeatureTable) -> np.ndarray:
-    """Rows [first, last) of each (track, clock) of a sorted feature table. [S, 2]"""
+    """Rows [first, last) of each (track, clock) of a sorted feature table. [S, 2]."""
     first = np.flatnonzero(table.step == 0)
-    return np.stack([first, np.append(first[1:], len(table))], axis=-1) if len(first) else np.zeros((0, 2), int)
+    return (
+        np.stack([first, np.append(first[1:], len(table))], axis=-1) if len(first) else np.zeros((0, 2), int)
+    )
 
 
 def load_motion_data(features: Path, codes: Path | None) -> MotionData:

@@ -31,6 +31,8 @@ def split_sequences(
     names = rng.permutation(np.unique(group))
     held = max(1, round(validation_share * len(names)))
     if held >= len(names):
-        raise ConfigError("training.*.validation_by", by, f"only {len(names)} of it here: nothing is left to train on")
+        raise ConfigError(
+            "training.*.validation_by", by, f"only {len(names)} of it here: nothing is left to train on"
+        )
     validation = np.isin(group, names[:held])
     return data.sequences[~validation], data.sequences[validation]

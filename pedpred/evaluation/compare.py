@@ -64,7 +64,7 @@ def compare(
 
 
 def seen_together(table: FeatureTable) -> np.ndarray:
-    """Rows at the instants of evaluation windows: everybody whom a joint forecast must move. [R]
+    """Rows at the instants of evaluation windows: everybody whom a joint forecast must move. [R].
 
     At such an instant (an annotation) each track stands in exactly one of its clocks' rows.
     """

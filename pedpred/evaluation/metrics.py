@@ -8,12 +8,12 @@ from pedpred.scenes import OccupancyMap
 
 
 def displacement(paths: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Euclidean error of every forecast position, m. [W, P, 2] x 2 -> [W, P]"""
+    """Euclidean error of every forecast position, m. [W, P, 2] x 2 -> [W, P]."""
     return np.linalg.norm(paths - truth, axis=-1)
 
 
 def inside_obstacle(paths: np.ndarray, occupancy: OccupancyMap) -> np.ndarray:
-    """Which forecast positions lie in an occupied cell. [W, P, 2] m, world -> [W, P] bool"""
+    """Which forecast positions lie in an occupied cell. [W, P, 2] m, world -> [W, P] bool."""
     return occupancy.is_occupied(paths)
 
 

@@ -33,13 +33,13 @@ class Scores:
 
 
 def true_paths(windows: FeatureTable, dt_s: float) -> np.ndarray:
-    """The true path behind the targets of evaluation windows, world frame, m. [W, P, 2]"""
+    """The true path behind the targets of evaluation windows, world frame, m. [W, P, 2]."""
     walked = np.cumsum(windows.future.astype(np.float64) * dt_s, axis=1)
     return windows.position[:, None] + rotate(walked, windows.heading_rad[:, None])
 
 
 def world_paths(table: FeatureTable, velocities: np.ndarray, dt_s: float) -> np.ndarray:
-    """Euler integration of agent-frame velocities [M, P, 2] from the tracked positions. [M, P, 2] m"""
+    """Euler integration of agent-frame velocities [M, P, 2] from the tracked positions. [M, P, 2] m."""
     walked = np.cumsum(velocities.astype(np.float64) * dt_s, axis=1)
     return table.position[:, None] + rotate(walked, table.heading_rad[:, None])
 
@@ -80,5 +80,8 @@ def pooled(scores: Sequence[Scores]) -> Scores:
         offset += own.max(initial=-1) + 1
     return Scores(
         np.concatenate(track),
-        *(np.concatenate([getattr(part, name) for part in scores]) for name in ("moving", "error_m", "in_obstacle", "collides")),
+        *(
+            np.concatenate([getattr(part, name) for part in scores])
+            for name in ("moving", "error_m", "in_obstacle", "collides")
+        ),
     )

@@ -69,7 +69,14 @@ def extract(scene: Scene, tracks: Tracks, settings: FeatureSettings) -> FeatureT
             scene.occupancy, position, heading, settings.grid_cells, settings.grid_resolution_m
         ),
         angular_grid=angular_grids(
-            position, heading, crowd, crowd_track, steps.track_id, span, settings.angular_cells, settings.max_range_m
+            position,
+            heading,
+            crowd,
+            crowd_track,
+            steps.track_id,
+            span,
+            settings.angular_cells,
+            settings.max_range_m,
         ),
         future=np.where(known[..., None], future, 0.0).astype(np.float32),
         future_steps=future_steps,
@@ -132,7 +139,7 @@ def crowds(tracks: Tracks, steps: Steps, max_age_s: float) -> tuple[np.ndarray, 
 
 
 def last_differences(tracks: Tracks) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity and acceleration of the last detections; 0 where a track is too young. [M, 2] each"""
+    """Velocity and acceleration of the last detections; 0 where a track is too young. [M, 2] each."""
     velocity = np.zeros_like(tracks.detection)
     acceleration = np.zeros_like(tracks.detection)
     dt_s = np.diff(tracks.time_s, prepend=0.0)[:, None]

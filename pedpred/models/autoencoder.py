@@ -22,13 +22,13 @@ class GridEncoder(nn.Module):
         self.fc = nn.Linear(CODE_WIDTH, latent)
 
     def code(self, crops: Tensor) -> Tensor:
-        """Convolve crops of 0 and 1. [N, 60, 60] -> [N, 392]"""
+        """Convolve crops of 0 and 1. [N, 60, 60] -> [N, 392]."""
         hidden = torch.relu(self.conv1(crops[:, None]))
         hidden = torch.relu(self.conv2(hidden))
         return torch.relu(self.conv3(hidden)).flatten(1)
 
     def forward(self, crops: Tensor) -> Tensor:
-        """Latent features of crops. [N, 60, 60] -> [N, latent]"""
+        """Latent features of crops. [N, 60, 60] -> [N, latent]."""
         return self.fc(self.code(crops))
 
 
@@ -44,7 +44,7 @@ class GridAutoencoder(nn.Module):
         self.bias1 = nn.Parameter(torch.zeros(1))
 
     def forward(self, crops: Tensor) -> Tensor:
-        """Reconstruct crops; the output is linear (a sigmoid saturates at "all free" first). [N, 60, 60] both"""
+        """Reconstruct crops, linearly: a sigmoid saturates at "all free" first. [N, 60, 60] both."""
         encoder = self.encoder
         code = torch.relu(f.linear(encoder(crops), encoder.fc.weight.t(), self.code_bias))
         hidden = code.unflatten(1, CODE_SHAPE)
@@ -59,7 +59,7 @@ def _up(hidden: Tensor, weight: Tensor, bias: Tensor, padding: int) -> Tensor:
 
 
 def reconstruction_loss(crops: Tensor, reconstruction: Tensor) -> Tensor:
-    """Sum of squared cell errors of a crop, averaged over crops (paper, eq. 4). [N, 60, 60] x 2 -> []"""
+    """Sum of squared cell errors of a crop, averaged over crops (paper, eq. 4). [N, 60, 60] x 2 -> []."""
     return (crops - reconstruction).square().sum(dim=(1, 2)).mean()
 
 

@@ -29,7 +29,7 @@ def load_motion_lstm(folder: Path) -> MotionLstm:
 def forecast_velocities(
     network: MotionLstm, table: FeatureTable, codes: np.ndarray, settings: FeatureSettings
 ) -> np.ndarray:
-    """Forecast at every row of one scene's feature table, in agent frames, m/s. [M, P, 2]
+    """Forecast at every row of one scene's feature table, in agent frames, m/s. [M, P, 2].
 
     Args:
         network: trained.
@@ -37,8 +37,17 @@ def forecast_velocities(
         codes: the frozen encoder's outputs of its crops. [M, C]
         settings: the sizes that the table was made with.
     """
-    columns = [torch.from_numpy(column) for column in network_columns(table, settings)]
     spans = sequences_of(table)
-    nobody = np.zeros(len(spans), dtype=np.int64)
-    data = MotionData(*columns, torch.from_numpy(codes), spans, nobody, nobody, settings.dt_s)
+    velocity, angular, future, future_steps = map(torch.from_numpy, network_columns(table, settings))
+    data = MotionData(
+        velocity=velocity,
+        angular=angular,
+        future=future,
+        future_steps=future_steps,
+        code=torch.from_numpy(codes),
+        sequences=spans,
+        scene=np.zeros(len(spans), dtype=np.int64),
+        track=table.track_id[spans[:, 0]],
+        dt_s=settings.dt_s,
+    )
     return roll(network, data, spans).numpy()

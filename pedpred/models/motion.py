@@ -74,7 +74,7 @@ class MotionState:
     memory: dict[str, tuple[Tensor, Tensor]]
 
     def reset(self, starts: Tensor) -> MotionState:
-        """Forget lanes in which a new track starts. starts: [B] bool"""
+        """Forget lanes in which a new track starts. starts: [B] bool."""
         keep = (~starts).to(torch.float32)[None, :, None]
         return MotionState({k: (h * keep, c * keep) for k, (h, c) in self.memory.items()})
 
@@ -104,7 +104,9 @@ class MotionLstm(nn.Module):
         """Memory of tracks that have just been seen: zeros."""
         units = {name: widths.lstm for name, widths in self.settings.channels.items()}
         units["joint"] = self.settings.joint
-        return MotionState({k: (torch.zeros(1, lanes, n), torch.zeros(1, lanes, n)) for k, n in units.items()})
+        return MotionState(
+            {k: (torch.zeros(1, lanes, n), torch.zeros(1, lanes, n)) for k, n in units.items()}
+        )
 
     def forward(self, inputs: Mapping[str, Tensor], state: MotionState) -> tuple[Tensor, MotionState]:
         """Forecast after every step of a sub-sequence.

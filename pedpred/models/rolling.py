@@ -39,5 +39,5 @@ def roll(network: MotionLstm, data: MotionData, sequences: np.ndarray) -> torch.
 
 
 def displacement_errors(velocities: torch.Tensor, truth: torch.Tensor, dt_s: float) -> torch.Tensor:
-    """Distance of the integrated paths at every step, m. [..., P, 2] x 2 -> [..., P]"""
+    """Distance of the integrated paths at every step, m. [..., P, 2] x 2 -> [..., P]."""
     return torch.linalg.vector_norm(torch.cumsum((velocities - truth) * dt_s, dim=-2), dim=-1)

@@ -101,10 +101,10 @@ def read_shard(folder: Path, name: str, settings: FeatureSettings) -> FeatureTab
 
 
 def write_codes(codes: np.ndarray, folder: Path, name: str) -> None:
-    """Write the frozen encoder's outputs, row for row with the shard's features. [M, C] float16"""
+    """Write the frozen encoder's outputs, row for row with the shard's features. [M, C] float16."""
     write_columns({"code": codes}, folder / f"{name}.parquet")
 
 
 def read_codes(folder: Path, name: str) -> np.ndarray:
-    """Read the encoder's outputs of one scene. [M, C] float16"""
+    """Read the encoder's outputs of one scene. [M, C] float16."""
     return read_columns(folder / f"{name}.parquet", {"code": (-1,)})["code"]

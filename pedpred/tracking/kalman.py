@@ -46,7 +46,7 @@ def updated(
     acceleration_noise: float,
     position_noise_m: float,
 ) -> Belief:
-    """Predict over `dt_s` [N] and correct by the next detections (world frame, m). [N, 2]
+    """Predict over `dt_s` [N] and correct by the next detections (world frame, m). [N, 2].
 
     Args:
         belief: after the detections before.
@@ -64,9 +64,7 @@ def updated(
     gain_p, gain_v = p_pp / innovation_variance, p_pv / innovation_variance
     predicted = belief.position + dt_s[:, None] * belief.velocity
     innovation = detection - predicted
-    covariance = np.stack(
-        [(1 - gain_p) * p_pp, (1 - gain_p) * p_pv, p_vv - gain_v * p_pv], axis=-1
-    )
+    covariance = np.stack([(1 - gain_p) * p_pp, (1 - gain_p) * p_pv, p_vv - gain_v * p_pv], axis=-1)
     return Belief(
         predicted + gain_p[:, None] * innovation,
         belief.velocity + gain_v[:, None] * innovation,

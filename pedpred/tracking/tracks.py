@@ -57,7 +57,7 @@ class Tracks:
     heading_rad: np.ndarray
 
     def last_row(self, track_id: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Row of each track's last detection at or before a time; -1 when there is none. [Q]"""
+        """Row of each track's last detection at or before a time; -1 when there is none. [Q]."""
         span = float(np.ptp(self.time_s)) + 1.0 if len(self.time_s) else 1.0
         start = self.time_s.min(initial=np.inf)
         names, index = np.unique(self.track_id, return_inverse=True)
@@ -69,7 +69,7 @@ class Tracks:
         return np.where(found, row, -1)
 
     def position_at(self, row: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Position extrapolated from a row to a later time, world frame, m. [Q, 2]"""
+        """Position extrapolated from a row to a later time, world frame, m. [Q, 2]."""
         return self.position[row] + (time_s - self.time_s[row])[:, None] * self.velocity[row]
 
 
@@ -103,7 +103,7 @@ def follow(recording: Recording, kind: str, kalman: KalmanSettings | None, stand
 def _filtered(
     time_s: np.ndarray, detection: np.ndarray, first: np.ndarray, age: np.ndarray, settings: KalmanSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Run the filter over all tracks at once, one detection each at a time. [M, 2], [M, 2]"""
+    """Run the filter over all tracks at once, one detection each at a time. [M, 2], [M, 2]."""
     position, velocity = np.empty_like(detection), np.empty_like(detection)
     covariance = np.empty((len(detection), 3))
     for k in range(int(age.max(initial=-1)) + 1):
@@ -121,7 +121,7 @@ def _filtered(
 
 
 def held_heading(velocity: np.ndarray, age: np.ndarray, standstill_mps: float) -> np.ndarray:
-    """Direction of motion, or while standing the last one of the same track, else world x. [M] rad
+    """Direction of motion, or while standing the last one of the same track, else world x. [M] rad.
 
     Args:
         velocity: rows sorted by (track, time), world frame, m/s. [M, 2]

@@ -59,7 +59,8 @@ def train_autoencoder(
     rng = np.random.default_rng(settings.seed)
     network = GridAutoencoder(settings.latent)
     optimizer = torch.optim.Adam(network.parameters(), lr=settings.lr)
-    curve, losses = [], []
+    curve: list[dict[str, float]] = []
+    losses: list[float] = []
     for step in tqdm(range(settings.steps), desc="auto-encoder", unit="step"):
         rows = np.sort(rng.integers(0, len(training), settings.batch))
         crops = torch.from_numpy(unpack_crops(training[rows], cells)).to(torch.float32)
@@ -81,7 +82,7 @@ def train_autoencoder(
 
 @torch.inference_mode()
 def validate(network: GridAutoencoder, crops: np.ndarray, cells: int) -> dict[str, float]:
-    """Loss and intersection over union of bit-packed crops. [V, cells^2 / 8] uint8"""
+    """Loss and intersection over union of bit-packed crops. [V, cells^2 / 8] uint8."""
     parts = []
     for at in range(0, len(crops), _CROPS_AT_ONCE):
         truth = torch.from_numpy(unpack_crops(crops[at : at + _CROPS_AT_ONCE], cells)).to(torch.float32)
@@ -95,8 +96,8 @@ def validate(network: GridAutoencoder, crops: np.ndarray, cells: int) -> dict[st
 
 @torch.inference_mode()
 def encode(network: GridAutoencoder, packed: np.ndarray, cells: int) -> np.ndarray:
-    """The frozen convolutions' outputs of bit-packed crops, in cache-sized batches. [M, 392] float16"""
-    encoder = network.encoder.to(memory_format=torch.channels_last)
+    """The frozen convolutions' outputs of bit-packed crops, in cache-sized batches. [M, 392] float16."""
+    encoder = network.encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     codes = []
     for at in range(0, len(packed), _CROPS_AT_ONCE):
         crops = torch.from_numpy(unpack_crops(packed[at : at + _CROPS_AT_ONCE], cells)).to(torch.float32)

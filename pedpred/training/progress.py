@@ -53,9 +53,7 @@ def save_progress(
     written.replace(folder / "progress.safetensors")
 
 
-def load_progress(
-    folder: Path, network: MotionLstm, optimizer: torch.optim.Optimizer
-) -> Progress | None:
+def load_progress(folder: Path, network: MotionLstm, optimizer: torch.optim.Optimizer) -> Progress | None:
     """Put network and optimiser back to where `folder` says; None when there is nothing."""
     path = folder / "progress.safetensors"
     if not path.exists():
