@@ -4,11 +4,13 @@ import os
 from pathlib import Path
 
 import pytest
+import torch
 import yaml
 from hypothesis import settings
 
 settings.register_profile("pedpred", deadline=None, derandomize=True)
 settings.load_profile("pedpred")
+torch.set_num_threads(1)  # the networks of the tests are too small to share
 
 ROOT = Path(__file__).resolve().parents[1]
 
