@@ -21,6 +21,7 @@ from pedpred.training import (
     train_motion,
     velocity_loss,
 )
+from pedpred.training.recurrent import with_wrong_maps
 from pedpred.training.schedule import learning_rate
 
 SMALL = MotionSettings.parse(
@@ -199,6 +200,17 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     for name, weight in whole.items():
         torch.testing.assert_close(resumed[name], weight, rtol=0, atol=0)
     assert [r["step"] for r in curve] == [r["step"] for r in resumed_curve]
+
+
+def test_wrong_maps_come_from_the_neighbour_lane_and_touch_nothing_else():
+    torch.manual_seed(0)
+    inputs = {"state": torch.rand(64, 3, 2), "grid": torch.rand(64, 3, 5)}
+    mixed = with_wrong_maps(inputs, 0.5)
+    own = (mixed["grid"] == inputs["grid"]).all(dim=2).all(dim=1)
+    assert 0.2 < own.float().mean() < 0.8
+    assert torch.equal(mixed["grid"][~own], inputs["grid"].roll(1, dims=0)[~own])
+    assert torch.equal(mixed["state"], inputs["state"])
+    assert with_wrong_maps(inputs, 0.0) is inputs
 
 
 def test_splits_keep_scenes_and_tracks_whole():

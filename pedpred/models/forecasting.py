@@ -44,7 +44,7 @@ def forecast_velocities(
         angular=angular,
         future=future,
         future_steps=future_steps,
-        code=torch.from_numpy(codes),
+        code=torch.from_numpy(codes.copy()),
         sequences=spans,
         scene=np.zeros(len(spans), dtype=np.int64),
         track=table.track_id[spans[:, 0]],

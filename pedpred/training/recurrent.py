@@ -34,6 +34,8 @@ class TrainingSettings:
         clip_norm: largest gradient norm.
         weight_decay: decoupled weight decay (the paper's lambda).
         seed: of the order of the tracks, the split and dropout.
+        wrong_map_share: share of the sub-sequences that are shown another lane's obstacles. A place has
+            one map; a network that may trust it blindly learns that map by heart.
     """
 
     steps: int
@@ -46,6 +48,7 @@ class TrainingSettings:
     clip_norm: float
     weight_decay: float
     seed: int
+    wrong_map_share: float = 0.0
 
 
 def train_motion(
@@ -94,7 +97,8 @@ def train_motion(
         state = progress.state.reset(torch.from_numpy(batch.starts)).detached()
         for group in optimizer.param_groups:
             group["lr"] = learning_rate(progress.step, settings.steps, settings.lr, settings.warmup_steps)
-        predicted, progress.state = network(data.inputs(rows), state)
+        inputs = with_wrong_maps(data.inputs(rows), settings.wrong_map_share)
+        predicted, progress.state = network(inputs, state)
         loss = velocity_loss(predicted, data.future[rows.clamp(min=0)], data.known(rows))
         optimizer.zero_grad(set_to_none=True)
         loss.backward()
@@ -111,6 +115,15 @@ def train_motion(
     bar.close()
     network.load_state_dict(progress.best)
     return progress.curve
+
+
+def with_wrong_maps(inputs: dict[str, torch.Tensor], share: float) -> dict[str, torch.Tensor]:
+    """Give some lanes the obstacle codes of their neighbour lane, channel -> [B, L, width]."""
+    if not share or "grid" not in inputs:
+        return inputs
+    grid = inputs["grid"]
+    wrong = torch.rand(len(grid), 1, 1) < share
+    return inputs | {"grid": torch.where(wrong, grid.roll(1, dims=0), grid)}
 
 
 def _validate(
