@@ -12,6 +12,7 @@ from pedpred.features.targets import future_velocities
 from pedpred.geometry import rotate, to_world
 from pedpred.scenes import OccupancyMap, Recording, Scene
 from pedpred.tracking import KalmanSettings, follow
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 from tests.worlds import empty_map, walled_scene
 
 KALMAN = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
@@ -44,7 +45,7 @@ def test_no_input_depends_on_a_later_detection(source, seed, now):
     rng = np.random.default_rng(seed)
     scene = walled_scene(rng, source["dt_s"], source["truth"])
     before = table_of(scene, source)
-    later = scene.recording.time_s > now
+    later = scene.recording.time_s > now + TIME_TOLERANCE_S
     moved = {"position": scene.recording.position + later[:, None] * rng.normal(0, 3, (len(later), 2))}
     if source["truth"]:
         moved["velocity"] = scene.recording.velocity + later[:, None] * rng.normal(0, 3, (len(later), 2))
