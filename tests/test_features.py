@@ -1,13 +1,25 @@
 """Features: causal, and the same however the world is turned."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.features import FeatureSettings, angular_grids, extract, occupancy_crops, unpack_crops
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.features import (
+    FeatureSettings,
+    Pedestrians,
+    angular_grids,
+    extract,
+    extract_blocks,
+    frame_at,
+    observe_frame,
+    occupancy_crops,
+    unpack_crops,
+)
 from pedpred.features.targets import future_velocities
 from pedpred.geometry import rotate, to_world
 from pedpred.scenes import OccupancyMap, Recording, Scene
@@ -95,15 +107,44 @@ def test_crop_turns_with_the_map():
     assert (unpack_crops(a, 60) == unpack_crops(b, 60)).mean() > 0.999
 
 
-@given(st.floats(-np.pi, np.pi), st.floats(-6, 6), st.floats(-6, 6), st.integers(30, 90), st.integers(30, 90))
-def test_crop_equals_a_look_up_of_every_cell_centre(heading, x, y, size_x, size_y):
-    occupied = np.random.default_rng(size_x).random((size_x, size_y)) < 0.5
-    room = OccupancyMap(occupied, np.array([-2.0, -3.0]), 0.1)
-    centre = (np.arange(60) + 0.5 - 30) * 0.1
-    cells = np.stack(np.meshgrid(centre, centre, indexing="ij"), axis=-1)
-    expected = room.is_occupied(to_world(cells, np.array([x, y]), np.float64(heading)))
-    crop = unpack_crops(occupancy_crops(room, np.array([[x, y]]), np.array([heading]), 60, 0.1), 60)[0]
-    assert (crop != expected).sum() <= 4  # a centre on a cell's edge may round to either side
+def slow_crop(room, position, heading, cells, resolution_m):
+    """The definition, cell by cell, in the same floating-point steps as the compiled loop."""
+    scale = 1.0 / room.resolution_m
+    step = resolution_m * scale
+    cos, sin = math.cos(heading) * step, math.sin(heading) * step
+    start = [(float(p) - float(o)) * scale for p, o in zip(position, room.origin, strict=True)]
+    crop = np.zeros((cells, cells), np.uint8)
+    for i, j in np.ndindex(crop.shape):
+        forward, left = i + 0.5 - 0.5 * cells, j + 0.5 - 0.5 * cells
+        x = math.floor(start[0] + cos * forward - sin * left)
+        y = math.floor(start[1] + sin * forward + cos * left)
+        if 0 <= x < room.occupied.shape[0] and 0 <= y < room.occupied.shape[1]:
+            crop[i, j] = room.occupied[x, y]
+    return crop
+
+
+@settings(max_examples=30)
+@given(
+    st.sampled_from([0.0, np.pi / 2, -np.pi, np.pi / 4]) | st.floats(-10, 10),
+    st.tuples(st.floats(-6, 6), st.floats(-6, 6)) | st.just((1e4, -1e4)),
+    st.tuples(st.integers(1, 90), st.integers(1, 90)),
+    st.sampled_from([0.05, 0.1, 0.37]),
+    st.sampled_from([(60, 0.1), (20, 0.3)]),
+)
+def test_crop_equals_a_look_up_of_every_cell_centre(heading, position, size, resolution_m, window):
+    """Bit by bit: any angle, any place in or outside any map."""
+    occupied = np.random.default_rng(size).random(size) < 0.5
+    room = OccupancyMap(occupied, np.array([-2.0, -3.03]), resolution_m)
+    crop = occupancy_crops(room, np.array([position]), np.array([heading]), *window)
+    np.testing.assert_array_equal(
+        unpack_crops(crop, window[0])[0], slow_crop(room, position, heading, *window)
+    )
+    cells, side_m = window
+    centre = (np.arange(cells) + 0.5 - cells / 2) * side_m
+    centres = np.stack(np.meshgrid(centre, centre, indexing="ij"), axis=-1)
+    looked_up = room.is_occupied(to_world(centres, np.array(position), np.float64(heading)))
+    on_an_edge = (unpack_crops(crop, cells)[0] != looked_up).mean()
+    assert on_an_edge <= (0.002 if heading % (np.pi / 4) else 1.0)  # else whole rows of centres lie on edges
 
 
 def test_an_obstacle_ahead_and_to_the_left_is_there_in_the_crop():
@@ -118,11 +159,10 @@ def test_an_obstacle_ahead_and_to_the_left_is_there_in_the_crop():
     assert abs((j + 0.5 - 30) * 0.1 - 1.0) < 0.11
 
 
-def apg(position, heading, crowd):
-    span = np.array([[0, len(crowd)]])
-    return angular_grids(
-        np.array([position]), np.array([heading]), crowd, np.arange(len(crowd)), np.array([-1]), span, 72, 6.0
-    )[0]
+def apg(position, heading, crowd, cells=72):
+    span, names = np.array([[0, len(crowd)]]), np.arange(len(crowd))
+    here, nobody = np.array([position]), np.array([-1])
+    return angular_grids(here, np.array([heading]), crowd, names, nobody, span, cells, 6.0)[0]
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(-100, 100))
@@ -136,19 +176,21 @@ def test_apg_shifts_by_k_cells_when_the_crowd_turns_by_k_cones(seed, k):
     )
 
 
-@given(st.integers(0, 2**32 - 1))
-def test_apg_equals_its_definition(seed):
+@given(st.integers(0, 2**32 - 1), st.sampled_from([4, 72, 720]), st.sampled_from([1.0, 50.0]))
+def test_apg_equals_its_definition(seed, cells, largest_turn):
+    """Bit by bit, also with neighbours on the edges of cones and with one at the very same point."""
     rng = np.random.default_rng(seed)
-    crowd, here, heading = rng.uniform(-8, 8, (30, 2)), rng.uniform(-1, 1, 2), rng.uniform(-np.pi, np.pi)
-    relative = rotate(crowd - here, -np.float64(heading))
-    distance = np.hypot(*relative.T)
-    cell = (
-        np.floor(np.mod(np.arctan2(relative[:, 1], relative[:, 0]), 2 * np.pi) / np.deg2rad(5)).astype(int)
-        % 72
-    )
-    expected = np.full(72, 6.0)
-    np.minimum.at(expected, cell, distance)
-    np.testing.assert_allclose(apg(here, heading, crowd), expected, atol=1e-5)
+    here, heading = rng.uniform(-1, 1, 2), rng.uniform(-largest_turn, largest_turn)
+    edge = heading + rng.integers(0, cells, 30) * (2 * np.pi / cells)
+    on_edges = here + rng.uniform(0, 8, 30)[:, None] * np.stack([np.cos(edge), np.sin(edge)], axis=-1)
+    crowd = np.concatenate([rng.uniform(-8, 8, (60, 2)), on_edges, here[None]])
+    expected = np.full(cells, 6.0, dtype=np.float32)
+    for dx, dy in (crowd - here).tolist():
+        distance = math.sqrt(dx * dx + dy * dy)
+        if distance < 6.0:
+            k = math.floor((math.atan2(dy, dx) - heading) * (cells / (2.0 * np.pi))) % cells
+            expected[k] = min(expected[k], np.float32(distance))
+    np.testing.assert_array_equal(apg(here, heading, crowd, cells), expected)
 
 
 def test_nobody_sees_itself_and_an_empty_crowd_is_far_away():
@@ -190,3 +232,74 @@ def test_a_track_of_one_detection_and_an_empty_recording_have_an_answer():
     assert table.future_steps.tolist() == [0]
     nothing = Recording(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
     assert len(table_of(Scene("none", nothing, empty_map(), 0.4), SOURCES["annotations"])) == 0
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_online_equals_offline_bit_by_bit(source):
+    """Replay a scene detection by detection; whoever has a step now gets the inputs of the table's row."""
+    source = SOURCES[source]
+    scene = walled_scene(np.random.default_rng(3), source["dt_s"], source["truth"], detections=14)
+    table = table_of(scene, source)
+    sizes = FeatureSettings(clocks=source["clocks"])
+    max_age_s = scene.detection_dt_s * sizes.max_age_intervals
+    compared = 0
+    for now in np.unique(table.time_s):
+        heard = scene.recording.select(scene.recording.time_s <= now + TIME_TOLERANCE_S)
+        frame = frame_at(follow(heard, source["kind"], source["kalman"], 0.2), now, max_age_s)
+        seen = observe_frame(frame, scene.occupancy, sizes)
+        rows = np.flatnonzero(table.time_s == now)
+        who = np.searchsorted(frame.track_id, table.track_id[rows])
+        np.testing.assert_array_equal(frame.track_id[who], table.track_id[rows])
+        for name in ("position", "heading_rad"):
+            np.testing.assert_array_equal(getattr(frame, name)[who], getattr(table, name)[rows])
+        for name in ("velocity", "occupancy", "angular_grid"):
+            np.testing.assert_array_equal(getattr(seen, name)[who], getattr(table, name)[rows])
+        compared += len(rows)
+    assert compared == len(table) > 30
+
+
+def test_blocks_hold_whole_tracks_and_together_the_table():
+    scene = walled_scene(np.random.default_rng(0), tracks=6)
+    tracks = follow(scene.recording, "kalman", KALMAN, 0.2)
+    sizes = FeatureSettings(clocks=3)
+    whole = extract(scene, tracks, sizes)
+    for rows in (1, 350, 10**6):
+        blocks = list(extract_blocks(scene, tracks, sizes, rows))
+        owners = [set(block.track_id.tolist()) for block in blocks]
+        assert sum(map(len, owners)) == len(set.union(*owners)) == 6
+        assert all(len(block) <= rows or len(names) == 1 for block, names in zip(blocks, owners, strict=True))
+        for field in dataclasses.fields(whole):
+            parts = np.concatenate([getattr(block, field.name) for block in blocks])
+            np.testing.assert_array_equal(parts, getattr(whole, field.name), err_msg=field.name)
+
+
+def pedestrians(*positions, heading_rad=0.0):
+    where = np.reshape(np.array(positions, dtype=float), (-1, 2))
+    rows = len(where)
+    return Pedestrians(np.arange(rows), where, np.full(rows, heading_rad), np.zeros((rows, 2)))
+
+
+def test_frames_of_nobody_of_one_and_outside_the_map_have_an_answer():
+    full = OccupancyMap(np.ones((30, 30), bool), np.zeros(2), 0.1)
+    nobody = observe_frame(pedestrians(), full, FeatureSettings())
+    assert [nobody.velocity.shape, nobody.occupancy.shape, nobody.angular_grid.shape] == [
+        (0, 2),
+        (0, 450),
+        (0, 72),
+    ]
+    alone = observe_frame(pedestrians((1.5, 1.5)), full, FeatureSettings())
+    assert unpack_crops(alone.occupancy, 60).sum() == 900  # the whole map, and free ground around it
+    assert (alone.angular_grid == 6.0).all()
+    outside = observe_frame(pedestrians((50.0, 50.0), (51.0, 50.0)), full, FeatureSettings())
+    assert not outside.occupancy.any()
+    assert outside.angular_grid[0].min() == 1.0
+    assert not observe_frame(pedestrians((0.0, 0.0)), empty_map(), FeatureSettings()).occupancy.any()
+
+
+def test_states_that_are_no_numbers_are_named():
+    with pytest.raises(ValueRuleError, match=r"position\[1\].*finite"):
+        pedestrians((0.0, 0.0), (np.nan, 0.0))
+    with pytest.raises(ValueRuleError, match=r"heading_rad\[0\].*finite"):
+        pedestrians((0.0, 0.0), heading_rad=np.inf)
+    with pytest.raises(ShapeError, match="velocity"):
+        Pedestrians(np.arange(2), np.zeros((2, 2)), np.zeros(2), np.zeros(2))

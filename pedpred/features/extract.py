@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from itertools import pairwise
 
 import numpy as np
 
-from pedpred.features.angular import angular_grids
-from pedpred.features.crop import occupancy_crops
+from pedpred.features.observe import Crowd, observe
+from pedpred.features.presence import crowd_at, pedestrians_at
 from pedpred.features.table import FeatureSettings, FeatureTable
 from pedpred.features.targets import future_velocities, true_path
 from pedpred.geometry import rotate
@@ -34,6 +36,10 @@ class Steps:
     time_s: np.ndarray
     row: np.ndarray
 
+    def select(self, rows: slice) -> Steps:
+        """Some of the steps."""
+        return Steps(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+
 
 def extract(scene: Scene, tracks: Tracks, settings: FeatureSettings) -> FeatureTable:
     """Compute inputs and targets of all steps of a scene.
@@ -45,13 +51,47 @@ def extract(scene: Scene, tracks: Tracks, settings: FeatureSettings) -> FeatureT
         tracks: the tracker's states of that scene.
         settings: sizes.
     """
+    return next(extract_blocks(scene, tracks, settings, rows=np.iinfo(np.int64).max))
+
+
+def extract_blocks(
+    scene: Scene, tracks: Tracks, settings: FeatureSettings, rows: int = 8192
+) -> Iterator[FeatureTable]:
+    """The table of `extract` in blocks of whole tracks: a long scene needs no more memory.
+
+    Args:
+        scene: the place and the annotated paths.
+        tracks: the tracker's states of that scene.
+        settings: sizes.
+        rows: of a block, at most; a longer track is a block of its own. An empty scene is one empty block.
+    """
     steps = clock_steps(tracks, scene.detection_dt_s, settings)
-    position = tracks.position_at(steps.row, steps.time_s)
-    heading = tracks.heading_rad[steps.row]
-    crowd, crowd_track, span = crowds(tracks, steps, scene.detection_dt_s * settings.max_age_intervals)
-    last_velocity, last_acceleration = last_differences(tracks)
+    crowd = crowd_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
+    for block in track_blocks(steps.track_id, rows):
+        seen = Crowd(crowd.track_id, crowd.position, crowd.span[block])
+        yield _features(scene, tracks, settings, steps.select(block), seen)
+
+
+def track_blocks(track_id: np.ndarray, rows: int) -> Iterator[slice]:
+    """Divide rows that are grouped by track into blocks of at most `rows`, which never split a track."""
+    bounds = [0, *(np.flatnonzero(np.diff(track_id)) + 1).tolist(), len(track_id)]
+    first = 0
+    for begin, end in pairwise(bounds):
+        if end - first > rows and begin > first:
+            yield slice(first, begin)
+            first = begin
+    yield slice(first, len(track_id))
+
+
+def _features(
+    scene: Scene, tracks: Tracks, settings: FeatureSettings, steps: Steps, crowd: Crowd
+) -> FeatureTable:
+    """Inputs and targets of some steps, all of a track's or none."""
+    walkers = pedestrians_at(tracks, steps.row, steps.time_s)
+    seen = observe(walkers, crowd, scene.occupancy, settings)
+    last_velocity, last_acceleration = last_differences(tracks, steps.row)
     path, future_steps = _true_paths(tracks, steps, settings)
-    future = rotate(future_velocities(position, path, settings.dt_s), -heading[:, None])
+    future = rotate(future_velocities(walkers.position, path, settings.dt_s), -walkers.heading_rad[:, None])
     known = np.arange(settings.horizon_steps) < future_steps[:, None]
     seen_now = np.abs(tracks.time_s[steps.row] - steps.time_s) <= TIME_TOLERANCE_S
     return FeatureTable(
@@ -59,25 +99,14 @@ def extract(scene: Scene, tracks: Tracks, settings: FeatureSettings) -> FeatureT
         clock=steps.clock,
         step=steps.step,
         time_s=steps.time_s,
-        position=position,
-        heading_rad=heading,
-        velocity=rotate(tracks.velocity[steps.row], -heading).astype(np.float32),
+        position=walkers.position,
+        heading_rad=walkers.heading_rad,
+        velocity=seen.velocity,
         last_position=tracks.detection[steps.row],
-        last_velocity=last_velocity[steps.row],
-        last_acceleration=last_acceleration[steps.row],
-        occupancy=occupancy_crops(
-            scene.occupancy, position, heading, settings.grid_cells, settings.grid_resolution_m
-        ),
-        angular_grid=angular_grids(
-            position,
-            heading,
-            crowd,
-            crowd_track,
-            steps.track_id,
-            span,
-            settings.angular_cells,
-            settings.max_range_m,
-        ),
+        last_velocity=last_velocity,
+        last_acceleration=last_acceleration,
+        occupancy=seen.occupancy,
+        angular_grid=seen.angular_grid,
         future=np.where(known[..., None], future, 0.0).astype(np.float32),
         future_steps=future_steps,
         window=seen_now & (tracks.age[steps.row] >= settings.min_history) & known.all(axis=1),
@@ -96,7 +125,8 @@ def clock_steps(tracks: Tracks, detection_dt_s: float, settings: FeatureSettings
     ticks = np.maximum(ticks, 0)
     sequence = np.repeat(np.arange(len(track)), ticks)
     step = np.arange(len(sequence)) - np.repeat(np.cumsum(ticks) - ticks, ticks)
-    time_s = start[sequence] + step * settings.dt_s
+    # Clocks that tick together do so to the last bit: who is seen there stands where it stands itself.
+    time_s = np.round((start[sequence] + step * settings.dt_s) / TIME_TOLERANCE_S) * TIME_TOLERANCE_S
     track_id = names[track[sequence]]
     return Steps(
         track_id,
@@ -107,47 +137,22 @@ def clock_steps(tracks: Tracks, detection_dt_s: float, settings: FeatureSettings
     )
 
 
-def crowds(tracks: Tracks, steps: Steps, max_age_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where everybody is believed to be at each step's instant.
+def last_differences(tracks: Tracks, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity and acceleration of the last detections up to some rows; 0 where a track is too young.
 
-    Somebody is there while the last detection is at most `max_age_s` old. Whether there will be
-    another one is not asked.
-
-    Returns:
-        Positions (world frame, m, [C, 2]) and tracks [C] grouped by instant, and for each step the
-        rows [first, last) of its instant. [Q, 2]
+    World frame, m/s and m/s^2. [Q, 2] each.
     """
-    order = np.argsort(tracks.time_s, kind="stable")
-    detected = tracks.time_s[order]
-    same_next = np.append(tracks.track_id[1:] == tracks.track_id[:-1], False)
-    replaced = np.where(same_next, np.append(tracks.time_s[1:], np.inf), np.inf)[order]
-    instants, instant = np.unique(np.round(steps.time_s / TIME_TOLERANCE_S), return_inverse=True)
-    now = instants * TIME_TOLERANCE_S
-    low = np.searchsorted(detected, now - max_age_s, side="left")
-    high = np.searchsorted(detected, now + TIME_TOLERANCE_S, side="right")
-    count = high - low
-    at = np.repeat(np.arange(len(now)), count)
-    candidate = np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count) + low[at]
-    current = replaced[candidate] > now[at] + TIME_TOLERANCE_S
-    at, row = at[current], order[candidate[current]]
-    bounds = np.searchsorted(at, np.arange(len(now) + 1))
-    return (
-        tracks.position_at(row, now[at]),
-        tracks.track_id[row],
-        np.stack([bounds[instant], bounds[instant + 1]], axis=-1),
-    )
+    velocity, dt_s = _last_velocity(tracks, row)
+    before, _ = _last_velocity(tracks, np.maximum(row - 1, 0))
+    old = tracks.age[row, None] >= 2
+    return velocity, np.where(old, (velocity - before) / dt_s, 0.0)
 
 
-def last_differences(tracks: Tracks) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity and acceleration of the last detections; 0 where a track is too young. [M, 2] each."""
-    velocity = np.zeros_like(tracks.detection)
-    acceleration = np.zeros_like(tracks.detection)
-    dt_s = np.diff(tracks.time_s, prepend=0.0)[:, None]
-    rows = np.flatnonzero(tracks.age >= 1)
-    velocity[rows] = (tracks.detection[rows] - tracks.detection[rows - 1]) / dt_s[rows]
-    rows = np.flatnonzero(tracks.age >= 2)
-    acceleration[rows] = (velocity[rows] - velocity[rows - 1]) / dt_s[rows]
-    return velocity, acceleration
+def _last_velocity(tracks: Tracks, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Difference of the last two detections, [Q, 2], and the time between them (1 s at a birth), [Q, 1]."""
+    before, known = np.maximum(row - 1, 0), tracks.age[row] >= 1
+    dt_s = np.where(known, tracks.time_s[row] - tracks.time_s[before], 1.0)[:, None]
+    return np.where(known[:, None], (tracks.detection[row] - tracks.detection[before]) / dt_s, 0.0), dt_s
 
 
 def _true_paths(tracks: Tracks, steps: Steps, settings: FeatureSettings) -> tuple[np.ndarray, np.ndarray]:
@@ -156,8 +161,9 @@ def _true_paths(tracks: Tracks, steps: Steps, settings: FeatureSettings) -> tupl
     asked = steps.time_s[:, None] + ahead
     path = np.empty((*asked.shape, 2))
     known = np.zeros(len(asked), dtype=np.int8)
-    names, first = np.unique(tracks.track_id, return_index=True)
-    last = np.append(first, len(tracks.track_id))[1:]
+    names = np.unique(steps.track_id)
+    first = np.searchsorted(tracks.track_id, names, side="left")
+    last = np.searchsorted(tracks.track_id, names, side="right")
     step_first = np.searchsorted(steps.track_id, names, side="left")
     step_last = np.searchsorted(steps.track_id, names, side="right")
     for a, b, p, q in zip(first, last, step_first, step_last, strict=True):
