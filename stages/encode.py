@@ -9,7 +9,7 @@ from tqdm import tqdm
 from pedpred.config import stage, stage_key
 from pedpred.models import GridAutoencoder
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
-from pedpred.storage.shards import read_manifest, read_shard, write_codes
+from pedpred.storage.shards import read_crops, read_manifest, write_codes
 from pedpred.training.autoencoder import encode
 
 
@@ -24,8 +24,8 @@ def main(cfg: DictConfig) -> None:
     features, out = Path("data/features") / name, Path(cfg.get("out", f"data/codes/{name}"))
     settings, shards = read_manifest(features)
     for shard in tqdm(shards, desc=f"codes of {name}"):
-        crops = read_shard(features, shard, settings).occupancy
-        write_codes(encode(network, crops, settings.grid_cells), out, shard)
+        crops = read_crops(features, shard, settings)
+        write_codes((encode(network, block, settings.grid_cells) for block in crops), out, shard)
 
 
 if __name__ == "__main__":

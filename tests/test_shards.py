@@ -2,31 +2,50 @@
 
 import dataclasses
 import json
+import weakref
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
+from joblib import Parallel, delayed
 
 from pedpred.datasets.motion import load_motion_data
 from pedpred.errors import StorageError
-from pedpred.features import FeatureSettings, extract
-from pedpred.storage.columns import read_columns, write_columns
-from pedpred.storage.shards import read_manifest, read_shard, write_codes, write_manifest, write_shard
+from pedpred.features import FeatureSettings, extract, extract_blocks
+from pedpred.storage.columns import read_columns, write_blocks, write_columns
+from pedpred.storage.scenes import write_scene
+from pedpred.storage.shards import (
+    FEATURE_SCHEMA,
+    feature_columns,
+    read_crops,
+    read_manifest,
+    read_shard,
+    read_shard_blocks,
+    write_codes,
+    write_manifest,
+    write_shard,
+)
 from pedpred.tracking import KalmanSettings, follow
+from stages.features import features_into
 from tests.worlds import walled_scene
 
 SETTINGS = FeatureSettings(clocks=3)
+TRACKER = {"kind": "kalman", "acceleration_noise": 0.1, "position_noise_m": 0.1}
+
+
+def walled(seed=0, **options):
+    scene = walled_scene(np.random.default_rng(seed), **options)
+    return scene, follow(scene.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2)
 
 
 @pytest.fixture
 def shard(tmp_path):
-    scene = walled_scene(np.random.default_rng(0))
-    tracks = follow(scene.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2)
-    table = extract(scene, tracks, SETTINGS)
-    write_shard(table, tmp_path, "walled")
-    (tmp_path / "source").write_bytes(b"tracks")
-    write_manifest(tmp_path, SETTINGS, {"walled": tmp_path / "source"})
-    return tmp_path, table
+    scene, tracks = walled()
+    write_shard(extract_blocks(scene, tracks, SETTINGS, rows=350), tmp_path, "walled")
+    write_scene(scene, tmp_path / "scene")
+    write_manifest(tmp_path, SETTINGS, {"walled": tmp_path / "scene"})
+    return tmp_path, extract(scene, tracks, SETTINGS)
 
 
 def test_round_trip_changes_nothing(shard):
@@ -42,9 +61,65 @@ def test_round_trip_changes_nothing(shard):
 
 
 def test_writing_twice_gives_the_same_bytes(shard, tmp_path):
-    folder, table = shard
-    write_shard(table, tmp_path / "again", "walled")
+    folder, _ = shard
+    scene, tracks = walled()
+    write_shard(extract_blocks(scene, tracks, SETTINGS, rows=350), tmp_path / "again", "walled")
     assert (tmp_path / "again/walled.parquet").read_bytes() == (folder / "walled.parquet").read_bytes()
+
+
+def test_the_number_of_workers_changes_no_byte(tmp_path):
+    for seed in range(3):
+        scene, _ = walled(seed, detections=12)
+        write_scene(dataclasses.replace(scene, name=f"room{seed}"), tmp_path / f"scenes/room{seed}")
+    for workers in (1, 2):
+        Parallel(n_jobs=workers)(
+            delayed(features_into)(tmp_path / str(workers), folder, SETTINGS, TRACKER, 0.2)
+            for folder in (tmp_path / "scenes").iterdir()
+        )
+    one, two = ({p.name: p.read_bytes() for p in (tmp_path / n).iterdir()} for n in ("1", "2"))
+    assert len(one) == 3
+    assert one == two
+
+
+def test_a_row_group_holds_whole_tracks(shard):
+    folder, table = shard
+    blocks = list(read_shard_blocks(folder, "walled", SETTINGS))
+    assert len(blocks) == pq.ParquetFile(folder / "walled.parquet").num_row_groups > 1
+    owners = [set(block.track_id.tolist()) for block in blocks]
+    assert sum(map(len, owners)) == len(np.unique(table.track_id))
+    crops = np.concatenate(list(read_crops(folder, "walled", SETTINGS)))
+    np.testing.assert_array_equal(crops, table.occupancy)
+
+
+def test_a_scene_of_nobody_survives(tmp_path):
+    scene, _ = walled()
+    nobody = dataclasses.replace(scene, recording=scene.recording.select(np.arange(0)))
+    empty = extract(nobody, follow(nobody.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2), SETTINGS)
+    write_shard([empty], tmp_path, "nobody")
+    assert len(read_shard(tmp_path, "nobody", SETTINGS)) == 0
+
+
+def test_a_block_is_let_go_when_the_next_one_comes(tmp_path):
+    """However long a scene is, at most two blocks of it are in memory, written or read."""
+    table = extract(*walled(), SETTINGS)
+    alive, most = [], 0
+
+    def watched(blocks):
+        nonlocal most
+        for block in blocks:
+            alive.append(weakref.ref(block.occupancy))
+            most = max(most, sum(reference() is not None for reference in alive))
+            yield block
+            del block
+
+    copies = (table.select(np.arange(len(table))) for _ in range(8))
+    write_shard(watched(copies), tmp_path, "long")
+    assert most <= 2
+    alive, most = [], 0
+    assert sum(len(block) for block in watched(read_shard_blocks(tmp_path, "long", SETTINGS))) == 8 * len(
+        table
+    )
+    assert most <= 2
 
 
 def test_pandas_reads_it(shard):
@@ -57,7 +132,7 @@ def test_pandas_reads_it(shard):
 
 def test_half_floats_survive(tmp_path):
     codes = np.random.default_rng(0).normal(size=(7, 392)).astype(np.float16)
-    write_codes(codes, tmp_path, "a")
+    write_codes([codes[:3], codes[3:]], tmp_path, "a")
     np.testing.assert_array_equal(read_columns(tmp_path / "a.parquet", {"code": (-1,)})["code"], codes)
 
 
@@ -68,7 +143,10 @@ def test_damage_is_named(shard):
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(StorageError, match=r"walled\.parquet.*dvc repro"):
         read_shard(folder, "walled", SETTINGS)
-    write_columns({"track_id": np.arange(3)}, path)
+    path.write_bytes(whole[:5000] + bytes(1000) + whole[6000:])
+    with pytest.raises(StorageError, match=r"walled\.parquet, file"):
+        read_shard(folder, "walled", SETTINGS)
+    write_blocks([{"track_id": np.arange(3)}], path, FEATURE_SCHEMA)
     with pytest.raises(StorageError, match="column clock"):
         read_shard(folder, "walled", SETTINGS)
     about = json.loads((folder / "manifest.json").read_text())
@@ -86,12 +164,41 @@ def test_another_size_is_named(shard):
         read_shard(folder, "walled", dataclasses.replace(SETTINGS, angular_cells=36))
 
 
+@pytest.mark.parametrize("wrong", [str, np.float32])
+@pytest.mark.parametrize("column", ["time_s", "angular_grid", "window"])
+def test_another_type_is_named(shard, column, wrong):
+    folder, table = shard
+    columns = feature_columns(table)
+    columns[column] = columns[column].astype(wrong if column != "angular_grid" else np.float64)
+    write_blocks([columns], folder / "walled.parquet", FEATURE_SCHEMA)
+    with pytest.raises(StorageError, match=rf"walled\.parquet, column {column}.*dvc repro"):
+        read_shard(folder, "walled", SETTINGS)
+
+
+def test_another_schema_version_is_named(shard):
+    folder, table = shard
+    for write in (write_columns, lambda c, p: write_blocks([c], p, FEATURE_SCHEMA - 1)):
+        write(feature_columns(table), folder / "walled.parquet")
+        with pytest.raises(StorageError, match=r"walled\.parquet, schema: version .* expected"):
+            read_shard(folder, "walled", SETTINGS)
+
+
+def test_the_manifest_describes_every_column_and_changes_with_the_scene(shard):
+    folder, _ = shard
+    about = json.loads((folder / "manifest.json").read_text())
+    assert set(about["columns"]) == set(pd.read_parquet(folder / "walled.parquet").columns)
+    assert about["settings"]["dt_s"] == SETTINGS.dt_s
+    (folder / "scene/map.pgm").write_bytes(b"another map")
+    write_manifest(folder, SETTINGS, {"walled": folder / "scene"})
+    assert json.loads((folder / "manifest.json").read_text())["shards"] != about["shards"]
+
+
 def test_codes_must_belong_to_the_features(shard):
     folder, table = shard
-    write_codes(np.zeros((len(table) - 1, 392), np.float16), folder / "codes", "walled")
+    write_codes([np.zeros((len(table) - 1, 392), np.float16)], folder / "codes", "walled")
     with pytest.raises(StorageError, match="rows"):
         load_motion_data(folder, folder / "codes")
-    write_codes(np.ones((len(table), 392), np.float16), folder / "codes", "walled")
+    write_codes([np.ones((len(table), 392), np.float16)], folder / "codes", "walled")
     data = load_motion_data(folder, folder / "codes")
     assert len(data.sequences) == 3 * len(np.unique(table.track_id))
     assert set(data.track) == set(range(len(np.unique(table.track_id))))

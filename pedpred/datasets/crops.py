@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import ConfigError
-from pedpred.storage.shards import read_manifest, read_shard
+from pedpred.storage.shards import read_crops, read_manifest
 
 
 def crops_of(
@@ -31,7 +31,7 @@ def crops_of(
             "autoencoder.validation_share", validation_share, f"{features} has {len(names)} scenes only"
         )
     order = [names[i] for i in rng.permutation(len(names))]
-    parts = [read_shard(features, name, settings).occupancy for name in order]
+    parts = [np.concatenate(list(read_crops(features, name, settings))) for name in order]
     validation = np.concatenate(parts[:held])
     chosen = rng.permutation(len(validation))[:validation_crops]
     return np.concatenate(parts[held:]), validation[chosen], settings.grid_cells

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,48 +11,97 @@ import pyarrow.parquet as pq
 
 from pedpred.errors import StorageError
 
-_ROWS_PER_GROUP = 8192
+_VERSION_KEY = b"pedpred.schema"
 _REMEDY = "Rebuild it with dvc repro"
 
 
 def write_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
-    """Write arrays with a common first axis as one Parquet file (zstd, byte-identical each time).
+    """Write arrays with a common first axis as a Parquet file of one row group; see `write_blocks`."""
+    write_blocks([columns], path)
+
+
+def write_blocks(blocks: Iterable[Mapping[str, np.ndarray]], path: Path, version: int | None = None) -> None:
+    """Write blocks of rows as one Parquet file, one row group each; a block is let go when the next comes.
 
     [M] becomes a plain column, [M, ...] of bytes a fixed-size binary one, any other [M, ...] a
-    fixed-size list with the trailing axes flattened, row-major.
-    """
-    table = pa.table({name: _to_arrow(np.ascontiguousarray(values)) for name, values in columns.items()})
-    path.parent.mkdir(parents=True, exist_ok=True)
-    pq.write_table(table, path, compression="zstd", row_group_size=_ROWS_PER_GROUP, use_dictionary=False)
-
-
-def read_columns(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
-    """Read columns back as arrays.
+    fixed-size list with the trailing axes flattened, row-major. Compressed (zstd; the bytes of floats are
+    transposed first), byte-identical each time.
 
     Args:
-        path: a file of `write_columns`.
-        shapes: wanted columns and their trailing axes, () for plain ones.
+        blocks: at least one; the same columns in all.
+        path: the file; its folder is made.
+        version: of the columns' meaning, kept in the file.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    writer: pq.ParquetWriter | None = None
+    try:
+        for columns in blocks:
+            table = pa.table({n: _to_arrow(np.ascontiguousarray(v)) for n, v in columns.items()})
+            if version is not None:
+                table = table.replace_schema_metadata({_VERSION_KEY: str(version)})
+            writer = writer or pq.ParquetWriter(
+                path,
+                table.schema,
+                compression="zstd",
+                use_dictionary=False,
+                use_byte_stream_split=_float_leaves(table.schema),
+                write_page_checksum=True,
+            )
+            writer.write_table(table, row_group_size=max(len(table), 1))
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+def read_columns(
+    path: Path, shapes: Mapping[str, tuple[int, ...]], version: int | None = None
+) -> dict[str, np.ndarray]:
+    """Read whole columns back as arrays; arguments and errors of `read_blocks`."""
+    blocks = list(read_blocks(path, shapes, version))
+    return {name: np.concatenate([block[name] for block in blocks]) for name in shapes}
+
+
+def read_blocks(
+    path: Path, shapes: Mapping[str, tuple[int, ...]], version: int | None = None
+) -> Iterator[dict[str, np.ndarray]]:
+    """Read columns back row group by row group, which bounds the memory needed.
+
+    Args:
+        path: a file of `write_blocks`.
+        shapes: wanted columns and their trailing axes, () for plain ones, -1 for any size.
+        version: what the file must have been written with.
 
     Raises:
-        StorageError: the file is damaged, or a column is missing or has another shape.
+        StorageError: the file is damaged or of another version, or a column is missing, not of
+            numbers or of another shape; it names file and field.
     """
     try:
-        file = pq.ParquetFile(path)
-        missing = [name for name in shapes if name not in file.schema_arrow.names]
-        if missing:
-            raise StorageError(path, f"column {missing[0]}", "it is missing", _REMEDY)
-        table = file.read(columns=list(shapes))
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            _check(path, file.schema_arrow, shapes, version)
+            for group in range(file.num_row_groups):
+                table = file.read_row_group(group, columns=list(shapes))
+                yield {name: _read_column(path, name, table, shape) for name, shape in shapes.items()}
     except (OSError, pa.ArrowException) as cause:
         raise StorageError(path, "file", str(cause).splitlines()[0], _REMEDY) from cause
-    arrays = {}
-    for name, shape in shapes.items():
-        column = table[name].combine_chunks()
-        try:
-            arrays[name] = _from_arrow(column, shape)
-        except ValueError as cause:
-            problem = f"its type {column.type} does not fit the shape {shape}"
-            raise StorageError(path, f"column {name}", problem, _REMEDY) from cause
-    return arrays
+
+
+def _check(path: Path, schema: pa.Schema, names: Iterable[str], version: int | None) -> None:
+    found = (schema.metadata or {}).get(_VERSION_KEY, b"none").decode()
+    if version is not None and found != str(version):
+        raise StorageError(path, "schema", f"version {found}, expected {version}", _REMEDY)
+    for name in names:
+        if name not in schema.names:
+            raise StorageError(path, f"column {name}", "it is missing", _REMEDY)
+
+
+def _float_leaves(schema: pa.Schema) -> list[str]:
+    """Parquet's names of the columns that hold floats, or lists of them."""
+    lists = [field.name for field in schema if pa.types.is_fixed_size_list(field.type)]
+    return [
+        f"{field.name}.list.element" if field.name in lists else field.name
+        for field in schema
+        if pa.types.is_floating(field.type.value_type if field.name in lists else field.type)
+    ]
 
 
 def _to_arrow(values: np.ndarray) -> pa.Array:
@@ -64,16 +113,27 @@ def _to_arrow(values: np.ndarray) -> pa.Array:
     return pa.FixedSizeListArray.from_arrays(pa.array(values.reshape(-1)), width)
 
 
+def _read_column(path: Path, name: str, table: pa.Table, shape: tuple[int, ...]) -> np.ndarray:
+    column = table[name].combine_chunks()
+    try:
+        return _from_arrow(column, shape)
+    except ValueError as cause:
+        problem = f"its type {column.type} ({column.null_count} nulls) does not fit the shape {shape}"
+        raise StorageError(path, f"column {name}", problem, _REMEDY) from cause
+
+
 def _from_arrow(column: pa.Array, shape: tuple[int, ...]) -> np.ndarray:
-    rows = len(column)
-    if pa.types.is_fixed_size_binary(column.type):
-        if (column.type.byte_width,) != shape:
-            raise ValueError(shape)
-        flat = np.frombuffer(column.buffers()[1], dtype=np.uint8)
-        start = column.offset * column.type.byte_width
-        return flat[start : start + rows * column.type.byte_width].reshape(rows, *shape)
-    if pa.types.is_fixed_size_list(column.type):
-        return column.flatten().to_numpy(zero_copy_only=False).reshape(rows, *shape)
-    if shape:
-        raise ValueError(shape)
-    return column.to_numpy(zero_copy_only=False)
+    kind, rows = column.type, len(column)
+    if column.null_count:
+        raise ValueError(column.null_count)
+    if pa.types.is_fixed_size_binary(kind):
+        width = kind.byte_width
+        flat = np.frombuffer(column.buffers()[1] or b"", np.uint8, rows * width, column.offset * width)
+    else:
+        is_list = pa.types.is_fixed_size_list(kind)
+        width = kind.list_size if is_list else 1
+        values = column.flatten() if is_list else column
+        if not pa.types.is_primitive(values.type):
+            raise ValueError(values.type)
+        flat = values.to_numpy(zero_copy_only=False)
+    return flat.reshape(rows, *((width,) if shape == (-1,) else shape))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, fields
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,10 @@ import numpy as np
 
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.storage.columns import read_columns, write_columns
+from pedpred.storage.columns import read_blocks, read_columns, write_blocks
 
-FEATURE_SCHEMA = 1
+FEATURE_SCHEMA = 2
+_SOURCE_FILES = ("scene.json", "tracks.parquet", "map.yaml", "map.pgm")
 _REMEDY = "Rebuild it with dvc repro"
 _PAIRS = {
     "position": ("x_m", "y_m"),
@@ -23,17 +25,39 @@ _PAIRS = {
     "last_velocity": ("last_vx_mps", "last_vy_mps"),
     "last_acceleration": ("last_ax_mps2", "last_ay_mps2"),
 }
-_UNITS = {
-    "time_s": "s",
-    "x_m, y_m, last_x_m, last_y_m": "m, world",
-    "heading_rad": "rad, counter-clockwise from world x",
-    "vx_mps, vy_mps": "m/s, agent frame (forward, left)",
-    "last_vx_mps, last_vy_mps": "m/s, world",
-    "last_ax_mps2, last_ay_mps2": "m/s^2, world",
-    "occupancy": "bits, cell (i forward, j left) is bit i * grid_cells + j, least significant first",
-    "angular_grid": "m, cone k covers [k, k+1) * 2 pi / angular_cells from the heading",
-    "future": "m/s, agent frame, [horizon_steps, 2] row-major",
-}
+
+
+@dataclass(frozen=True)
+class Column:
+    """What one field of the feature table looks like on disk: type, trailing axes, unit and frame."""
+
+    dtype: str
+    shape: tuple[int, ...] = ()
+    unit: str = ""
+
+
+def columns_of(settings: FeatureSettings) -> dict[str, Column]:
+    """Every column of a shard, pairs split into x and y."""
+    bits = "bits, cell (i forward, j left) is bit i * grid_cells + j, least significant first"
+    cones = "m, cone k covers [k, k+1) * 2 pi / angular_cells counter-clockwise from the heading"
+    by_field = {
+        "track_id": Column("int64"),
+        "clock": Column("int8"),
+        "step": Column("int32", unit="dt_s since the first step of (track_id, clock)"),
+        "time_s": Column("float64", unit="s"),
+        "position": Column("float64", unit="m, world"),
+        "heading_rad": Column("float64", unit="rad, counter-clockwise from world x"),
+        "velocity": Column("float32", unit="m/s, agent frame (forward, left)"),
+        "last_position": Column("float64", unit="m, world"),
+        "last_velocity": Column("float64", unit="m/s, world"),
+        "last_acceleration": Column("float64", unit="m/s^2, world"),
+        "occupancy": Column("uint8", (settings.grid_cells**2 // 8,), bits),
+        "angular_grid": Column("float32", (settings.angular_cells,), cones),
+        "future": Column("float32", (settings.horizon_steps, 2), "m/s, agent frame, row-major"),
+        "future_steps": Column("int8", unit="steps of future that are known"),
+        "window": Column("bool"),
+    }
+    return {name: about for field, about in by_field.items() for name in _PAIRS.get(field, (field,))}
 
 
 def feature_columns(table: FeatureTable) -> dict[str, np.ndarray]:
@@ -41,29 +65,49 @@ def feature_columns(table: FeatureTable) -> dict[str, np.ndarray]:
     columns: dict[str, np.ndarray] = {}
     for field in fields(table):
         value = getattr(table, field.name)
-        if field.name in _PAIRS:
-            columns |= dict(zip(_PAIRS[field.name], value.T, strict=True))
-        else:
-            columns[field.name] = value
+        columns |= (
+            dict(zip(_PAIRS[field.name], value.T, strict=True))
+            if field.name in _PAIRS
+            else {field.name: value}
+        )
     return columns
 
 
-def write_shard(table: FeatureTable, folder: Path, name: str) -> None:
-    """Write the feature table of one scene as `<folder>/<name>.parquet`."""
-    write_columns(feature_columns(table), folder / f"{name}.parquet")
+def write_shard(blocks: Iterable[FeatureTable], folder: Path, name: str) -> None:
+    """Write one scene as `<folder>/<name>.parquet`, a row group per block, as the blocks come.
+
+    Args:
+        blocks: of whole tracks, at least one (`pedpred.features.extract_blocks`).
+        folder: of the scene set.
+        name: of the scene.
+    """
+    write_blocks(map(feature_columns, blocks), folder / f"{name}.parquet", FEATURE_SCHEMA)
 
 
-def write_manifest(folder: Path, settings: FeatureSettings, sources: dict[str, Path]) -> None:
-    """Write `manifest.json`: schema, units, sizes, and the hash of each shard's source scene."""
-    hashes = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in sources.items()}
+def write_manifest(folder: Path, settings: FeatureSettings, scenes: Mapping[str, Path]) -> None:
+    """Write `manifest.json`: schema version, sizes (dt_s among them), columns with units, sources.
+
+    Args:
+        folder: of the shards.
+        settings: that they were made with.
+        scenes: the scene folder behind each shard, by name.
+    """
     about = {
         "schema": FEATURE_SCHEMA,
-        "units": _UNITS,
         "settings": asdict(settings),
-        "shards": {name: {"tracks_sha256": digest} for name, digest in sorted(hashes.items())},
+        "columns": {name: asdict(column) for name, column in columns_of(settings).items()},
+        "shards": {name: {"scene_sha256": _digest(scene)} for name, scene in sorted(scenes.items())},
     }
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "manifest.json").write_text(json.dumps(about, indent=1) + "\n")
+
+
+def _digest(scene: Path) -> str:
+    """Checksum of everything in a scene folder that features are made of."""
+    digest = hashlib.sha256()
+    for name in _SOURCE_FILES:
+        digest.update((scene / name).read_bytes())
+    return digest.hexdigest()
 
 
 def read_manifest(folder: Path) -> tuple[FeatureSettings, list[str]]:
@@ -83,26 +127,45 @@ def read_manifest(folder: Path) -> tuple[FeatureSettings, list[str]]:
 
 
 def read_shard(folder: Path, name: str, settings: FeatureSettings) -> FeatureTable:
-    """Read one scene's feature table.
+    """Read one scene's feature table; errors of `read_shard_blocks`."""
+    blocks = list(read_shard_blocks(folder, name, settings))
+    return FeatureTable(
+        **{f.name: np.concatenate([getattr(b, f.name) for b in blocks]) for f in fields(FeatureTable)}
+    )
+
+
+def read_shard_blocks(folder: Path, name: str, settings: FeatureSettings) -> Iterator[FeatureTable]:
+    """Read one scene's feature table block by block, whole tracks each.
 
     Raises:
-        StorageError: the shard is damaged or lacks a column; it names file and field.
+        StorageError: the shard is damaged or of another schema version, or a column is missing or of
+            another type or size; it names file and field.
     """
-    trailing = {
-        "occupancy": (settings.grid_cells**2 // 8,),
-        "angular_grid": (settings.angular_cells,),
-        "future": (settings.horizon_steps, 2),
-    }
-    names = [column for f in fields(FeatureTable) for column in _PAIRS.get(f.name, (f.name,))]
-    columns = read_columns(folder / f"{name}.parquet", {n: trailing.get(n, ()) for n in names})
-    for field, pair in _PAIRS.items():
-        columns[field] = np.stack([columns.pop(column) for column in pair], axis=-1)
-    return FeatureTable(**columns)
+    for columns in _blocks(folder / f"{name}.parquet", columns_of(settings)):
+        for field, pair in _PAIRS.items():
+            columns[field] = np.stack([columns.pop(column) for column in pair], axis=-1)
+        yield FeatureTable(**columns)
 
 
-def write_codes(codes: np.ndarray, folder: Path, name: str) -> None:
-    """Write the frozen encoder's outputs, row for row with the shard's features. [M, C] float16."""
-    write_columns({"code": codes}, folder / f"{name}.parquet")
+def read_crops(folder: Path, name: str, settings: FeatureSettings) -> Iterator[np.ndarray]:
+    """Read only the bit-packed crops of one scene, block by block: [m, cells^2 / 8] uint8."""
+    wanted = {"occupancy": columns_of(settings)["occupancy"]}
+    return (columns["occupancy"] for columns in _blocks(folder / f"{name}.parquet", wanted))
+
+
+def _blocks(path: Path, wanted: Mapping[str, Column]) -> Iterator[dict[str, np.ndarray]]:
+    shapes = {name: column.shape for name, column in wanted.items()}
+    for columns in read_blocks(path, shapes, FEATURE_SCHEMA):
+        for name, column in wanted.items():
+            if columns[name].dtype != column.dtype:
+                problem = f"it is {columns[name].dtype}, expected {column.dtype}"
+                raise StorageError(path, f"column {name}", problem, _REMEDY)
+        yield columns
+
+
+def write_codes(blocks: Iterable[np.ndarray], folder: Path, name: str) -> None:
+    """Write the frozen encoder's outputs, row for row with the shard's blocks. [m, C] float16 each."""
+    write_blocks(({"code": codes} for codes in blocks), folder / f"{name}.parquet")
 
 
 def read_codes(folder: Path, name: str) -> np.ndarray:
