@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import zlib
 from pathlib import Path
 
+import numpy as np
 from joblib import Parallel, delayed
 from omegaconf import DictConfig
 from tqdm import tqdm
@@ -13,18 +15,24 @@ from pedpred.config import plain, stage, stage_key
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import write_manifest, write_shard
-from pedpred.tracking import KalmanSettings, follow
+from pedpred.tracking import KalmanSettings, SensorSettings, follow, resampled, sensed
 
 
 def features_into(
-    out: Path, folder: Path, settings: FeatureSettings, tracker: dict, standstill_mps: float
+    out: Path, folder: Path, settings: FeatureSettings, source: dict, standstill_mps: float
 ) -> None:
-    """One worker's job: the shard of one scene."""
-    scene = read_scene(folder)
-    noise = {key: value for key, value in tracker.items() if key != "kind"}
-    kalman = KalmanSettings(**noise) if noise else None
-    tracks = follow(scene.recording, tracker["kind"], kalman, standstill_mps)
-    write_shard(extract_blocks(scene, tracks, settings), out, scene.name)
+    """One worker's job: the shard of one scene, as its protocol and its sensor show it."""
+    real = read_scene(folder)
+    tracker, sensor = dict(source["tracker"]), SensorSettings(**source["sensor"])
+    scene = real
+    if settings.leaks:
+        scene, tracker = resampled(real, settings.dt_s, settings.lost_after_s), {"kind": "truth"}
+    elif sensor != SensorSettings():
+        scene = sensed(real, sensor, np.random.default_rng([sensor.seed, zlib.crc32(real.name.encode())]))
+    kind = tracker.pop("kind")
+    kalman = KalmanSettings(**tracker) if tracker else None
+    tracks = follow(scene.recording, kind, kalman, standstill_mps, settings.lost_after_s)
+    write_shard(extract_blocks(scene, tracks, settings, real.recording), out, scene.name)
 
 
 @stage
@@ -35,12 +43,13 @@ def main(cfg: DictConfig) -> None:
     groups = plain(cfg)
     standstill_mps = groups["features"].pop("standstill_mps")
     source = groups["scenes"][key]
-    settings = FeatureSettings(**groups["protocol"], **groups["features"], clocks=source["clocks"])
+    clocks = 1 if groups["protocol"]["leaks"] else source["clocks"]  # resampled tracks have one clock
+    settings = FeatureSettings(**groups["protocol"], **groups["features"], clocks=clocks)
     folders = scene_folders(Path("data/scenes") / key)
     jobs = int(os.environ.get("PEDPRED_JOBS", os.cpu_count() or 1))
     workers = Parallel(n_jobs=jobs, return_as="generator_unordered")  # it gives each one its share of threads
     done = workers(
-        delayed(features_into)(out, folder, settings, source["tracker"], standstill_mps) for folder in folders
+        delayed(features_into)(out, folder, settings, source, standstill_mps) for folder in folders
     )
     for _ in tqdm(done, total=len(folders), desc=f"features of {key}", unit="scene"):
         pass

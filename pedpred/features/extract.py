@@ -11,16 +11,16 @@ import numpy as np
 from pedpred.features.observe import Crowd, observe
 from pedpred.features.presence import crowd_at, pedestrians_at
 from pedpred.features.table import FeatureSettings, FeatureTable
-from pedpred.features.targets import future_velocities, true_path
+from pedpred.features.targets import Futures, future_velocities
 from pedpred.geometry import rotate
-from pedpred.scenes import Scene
+from pedpred.scenes import Recording, Scene
 from pedpred.tracking import Tracks
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 
 @dataclass(frozen=True)
 class Steps:
-    """The instants at which features are asked for, sorted by (track, clock, step).
+    """The instants at which features are asked for, sorted by (track, life, clock, step).
 
     Attributes:
         track_id: [Q]
@@ -41,35 +41,38 @@ class Steps:
         return Steps(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
 
 
-def extract(scene: Scene, tracks: Tracks, settings: FeatureSettings) -> FeatureTable:
-    """Compute inputs and targets of all steps of a scene.
+def extract(
+    scene: Scene, tracks: Tracks, settings: FeatureSettings, truth: Recording | None = None
+) -> FeatureTable:
+    """Compute inputs and targets of all steps of a scene; arguments of `extract_blocks`.
 
     Every input at time t follows from detections at or before t; targets alone look ahead.
-
-    Args:
-        scene: the place and the annotated paths.
-        tracks: the tracker's states of that scene.
-        settings: sizes.
     """
-    return next(extract_blocks(scene, tracks, settings, rows=np.iinfo(np.int64).max))
+    return next(extract_blocks(scene, tracks, settings, truth, rows=np.iinfo(np.int64).max))
 
 
 def extract_blocks(
-    scene: Scene, tracks: Tracks, settings: FeatureSettings, rows: int = 8192
+    scene: Scene,
+    tracks: Tracks,
+    settings: FeatureSettings,
+    truth: Recording | None = None,
+    rows: int = 8192,
 ) -> Iterator[FeatureTable]:
     """The table of `extract` in blocks of whole tracks: a long scene needs no more memory.
 
     Args:
-        scene: the place and the annotated paths.
+        scene: the place and the detections.
         tracks: the tracker's states of that scene.
         settings: sizes.
+        truth: where people really walk, for the targets; the scene's detections when nobody knows better.
         rows: of a block, at most; a longer track is a block of its own. An empty scene is one empty block.
     """
+    futures = Futures.of(scene.recording if truth is None else truth, settings.lost_after_s)
     steps = clock_steps(tracks, scene.detection_dt_s, settings)
     crowd = crowd_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
     for block in track_blocks(steps.track_id, rows):
         seen = Crowd(crowd.track_id, crowd.position, crowd.span[block])
-        yield _features(scene, tracks, settings, steps.select(block), seen)
+        yield _features(scene, tracks, settings, steps.select(block), seen, futures)
 
 
 def track_blocks(track_id: np.ndarray, rows: int) -> Iterator[slice]:
@@ -84,13 +87,14 @@ def track_blocks(track_id: np.ndarray, rows: int) -> Iterator[slice]:
 
 
 def _features(
-    scene: Scene, tracks: Tracks, settings: FeatureSettings, steps: Steps, crowd: Crowd
+    scene: Scene, tracks: Tracks, settings: FeatureSettings, steps: Steps, crowd: Crowd, futures: Futures
 ) -> FeatureTable:
     """Inputs and targets of some steps, all of a track's or none."""
     walkers = pedestrians_at(tracks, steps.row, steps.time_s)
     seen = observe(walkers, crowd, scene.occupancy, settings)
     last_velocity, last_acceleration = last_differences(tracks, steps.row)
-    path, future_steps = _true_paths(tracks, steps, settings)
+    ahead_s = (np.arange(settings.horizon_steps) + 1) * settings.dt_s
+    path, future_steps = futures.after(tracks.person_id[steps.row], steps.time_s, ahead_s)
     future = rotate(future_velocities(walkers.position, path, settings.dt_s), -walkers.heading_rad[:, None])
     known = np.arange(settings.horizon_steps) < future_steps[:, None]
     seen_now = np.abs(tracks.time_s[steps.row] - steps.time_s) <= TIME_TOLERANCE_S
@@ -114,9 +118,9 @@ def _features(
 
 
 def clock_steps(tracks: Tracks, detection_dt_s: float, settings: FeatureSettings) -> Steps:
-    """Steps of all tracks: clock c of a track ticks at (first detection + c detections) + k dt_s."""
-    names, first = np.unique(tracks.track_id, return_index=True)
-    begin = tracks.time_s[first]
+    """Steps of all lives: clock c of one ticks at (first detection + c detections) + k dt_s."""
+    first = np.flatnonzero(tracks.age == 0)
+    names, begin = tracks.track_id[first], tracks.time_s[first]
     end = tracks.time_s[np.append(first, len(tracks.time_s))[1:] - 1]
     track = np.repeat(np.arange(len(names)), settings.clocks)
     clock = np.tile(np.arange(settings.clocks), len(names))
@@ -153,20 +157,3 @@ def _last_velocity(tracks: Tracks, row: np.ndarray) -> tuple[np.ndarray, np.ndar
     before, known = np.maximum(row - 1, 0), tracks.age[row] >= 1
     dt_s = np.where(known, tracks.time_s[row] - tracks.time_s[before], 1.0)[:, None]
     return np.where(known[:, None], (tracks.detection[row] - tracks.detection[before]) / dt_s, 0.0), dt_s
-
-
-def _true_paths(tracks: Tracks, steps: Steps, settings: FeatureSettings) -> tuple[np.ndarray, np.ndarray]:
-    """True positions after each step, [Q, P, 2], and how many of them lie inside the track, [Q]."""
-    ahead = (np.arange(settings.horizon_steps) + 1) * settings.dt_s
-    asked = steps.time_s[:, None] + ahead
-    path = np.empty((*asked.shape, 2))
-    known = np.zeros(len(asked), dtype=np.int8)
-    names = np.unique(steps.track_id)
-    first = np.searchsorted(tracks.track_id, names, side="left")
-    last = np.searchsorted(tracks.track_id, names, side="right")
-    step_first = np.searchsorted(steps.track_id, names, side="left")
-    step_last = np.searchsorted(steps.track_id, names, side="right")
-    for a, b, p, q in zip(first, last, step_first, step_last, strict=True):
-        path[p:q] = true_path(tracks.time_s[a:b], tracks.detection[a:b], asked[p:q])
-        known[p:q] = (asked[p:q] <= tracks.time_s[b - 1] + TIME_TOLERANCE_S).sum(axis=1)
-    return path, known

@@ -1,4 +1,4 @@
-"""The feature table: one row per (track, clock, step), and the sizes that it was made with."""
+"""The feature table: one row per (life, clock, step), and the sizes that it was made with."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ class FeatureSettings:
         angular_cells: cones K of the angular pedestrian grid.
         max_range_m: range of that grid, m.
         max_age_intervals: a neighbour unseen for this many detection intervals is gone.
+        lost_after_s: an id that was silent for longer is somebody new, s.
+        leaks: the inputs know the future (the `paper` protocol); figures from them must say so.
     """
 
     dt_s: float = 0.3
@@ -34,6 +36,8 @@ class FeatureSettings:
     angular_cells: int = 72
     max_range_m: float = 6.0
     max_age_intervals: float = 1.25
+    lost_after_s: float = 2.0
+    leaks: bool = False
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class FeatureTable:
     Attributes:
         track_id: [M] int64
         clock: which of the offset clocks the step belongs to. [M] int8
-        step: counted from the first step of (track, clock). [M] int32
+        step: counted from the first step of (life, clock); a life is one stay of one id. [M] int32
         time_s: of the step, s. [M] float64
         position: tracked, m. [M, 2] float64
         heading_rad: of the agent frame. [M] float64

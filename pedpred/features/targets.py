@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.interpolate import CubicSpline
+
+from pedpred.scenes import Recording
+from pedpred.tracking.tracks import TIME_TOLERANCE_S, births, last_rows
 
 
 def true_path(time_s: np.ndarray, position: np.ndarray, query_s: np.ndarray) -> np.ndarray:
@@ -21,6 +26,60 @@ def true_path(time_s: np.ndarray, position: np.ndarray, query_s: np.ndarray) -> 
     if len(time_s) == 1:
         return np.broadcast_to(position[0], (*query_s.shape, 2))
     return CubicSpline(time_s, position)(query_s)
+
+
+@dataclass(frozen=True)
+class Futures:
+    """The true paths of everybody, to be asked what comes next.
+
+    Attributes:
+        person_id: rows sorted by (person, time). [A]
+        time_s: s. [A]
+        position: world frame, m. [A, 2]
+        first: where the life that a row belongs to begins. [A]
+        last: one behind its last row. [A]
+    """
+
+    person_id: np.ndarray
+    time_s: np.ndarray
+    position: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+
+    @classmethod
+    def of(cls, truth: Recording, lost_after_s: float) -> Futures:
+        """Take a recording apart; nobody's future goes on beyond a silence longer than `lost_after_s`."""
+        order = np.lexsort((truth.time_s, truth.track_id))
+        person_id, time_s = truth.track_id[order], truth.time_s[order]
+        begin = np.flatnonzero(births(person_id, time_s, lost_after_s))
+        end = np.append(begin, len(order))[1:]
+        first, last = np.repeat(begin, end - begin), np.repeat(end, end - begin)
+        return cls(person_id, time_s, truth.position[order], first, last)
+
+    def after(
+        self, person_id: np.ndarray, time_s: np.ndarray, ahead_s: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """True positions `ahead_s` [P] after some instants.
+
+        Args:
+            person_id: whose, seen at or before the instant. [Q]
+            time_s: the instants, s. [Q]
+            ahead_s: s. [P]
+
+        Returns:
+            World frame, m; the last known position where the life is over. [Q, P, 2]
+            How many of the steps lie inside it. [Q] int8
+        """
+        asked = time_s[:, None] + ahead_s
+        row = last_rows(self.person_id, self.time_s, person_id, time_s)
+        path = np.empty((*asked.shape, 2))
+        order = np.argsort(self.first[row], kind="stable")
+        lives = np.flatnonzero(np.diff(self.first[row[order]])) + 1
+        for steps in np.split(order, lives) if len(order) else []:
+            a, b = self.first[row[steps[0]]], self.last[row[steps[0]]]
+            path[steps] = true_path(self.time_s[a:b], self.position[a:b], asked[steps])
+        ends = self.time_s[self.last[row] - 1]
+        return path, (asked <= ends[:, None] + TIME_TOLERANCE_S).sum(axis=1).astype(np.int8)
 
 
 def future_velocities(position: np.ndarray, path: np.ndarray, dt_s: float) -> np.ndarray:

@@ -21,6 +21,7 @@ class Recording:
         goal: true current goal, world frame, m. [M, 2]
         desired_speed_mps: true desired speed, m/s. [M]
         group_id: pedestrians who walk together share one; -1 is alone. [M]
+        person_id: who it really was, where a sensor confuses people. [M]
     """
 
     time_s: np.ndarray
@@ -30,6 +31,7 @@ class Recording:
     goal: np.ndarray | None = None
     desired_speed_mps: np.ndarray | None = None
     group_id: np.ndarray | None = None
+    person_id: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         rows = len(self.time_s)
@@ -38,7 +40,7 @@ class Recording:
             value = getattr(self, field.name)
             if value is None:
                 continue
-            whole = field.name in {"track_id", "group_id"}
+            whole = field.name in {"track_id", "group_id", "person_id"}
             given = np.asarray(value)
             shape = (rows, 2) if field.name in wide else (rows,)
             if given.shape != shape:

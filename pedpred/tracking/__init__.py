@@ -1,6 +1,22 @@
 """Causal tracking: positions in, pose and velocity of every pedestrian out."""
 
-from pedpred.tracking.kalman import Belief, born, updated
+from pedpred.tracking.kalman import Belief, born, predicted, updated
+from pedpred.tracking.resampling import resampled
+from pedpred.tracking.sensor import SensorSettings, sensed
 from pedpred.tracking.tracks import KalmanSettings, Tracks, follow
+from pedpred.tracking.tuning import log_likelihood, tuned
 
-__all__ = ["Belief", "KalmanSettings", "Tracks", "born", "follow", "updated"]
+__all__ = [
+    "Belief",
+    "KalmanSettings",
+    "SensorSettings",
+    "Tracks",
+    "born",
+    "follow",
+    "log_likelihood",
+    "predicted",
+    "resampled",
+    "sensed",
+    "tuned",
+    "updated",
+]

@@ -39,6 +39,25 @@ def born(position: np.ndarray, position_noise_m: float, initial_speed_mps: float
     return Belief(position, np.zeros_like(position), covariance)
 
 
+def predicted(belief: Belief, dt_s: np.ndarray, acceleration_noise: float) -> Belief:
+    """Belief `dt_s` [N] later, if nothing is detected in between.
+
+    Args:
+        belief: after the last detections.
+        dt_s: time since then, s. [N]
+        acceleration_noise: spectral density q, m^2/s^3.
+    """
+    p_pp, p_pv, p_vv = belief.covariance.T
+    q = acceleration_noise
+    covariance = [
+        p_pp + 2 * dt_s * p_pv + dt_s**2 * p_vv + q * dt_s**3 / 3,
+        p_pv + dt_s * p_vv + q * dt_s**2 / 2,
+        p_vv + q * dt_s,
+    ]
+    ahead = belief.position + dt_s[:, None] * belief.velocity
+    return Belief(ahead, belief.velocity, np.stack(covariance, axis=-1))
+
+
 def updated(
     belief: Belief,
     dt_s: np.ndarray,
@@ -55,18 +74,14 @@ def updated(
         acceleration_noise: spectral density q, m^2/s^3.
         position_noise_m: standard deviation r of a detection, m.
     """
-    p_pp, p_pv, p_vv = belief.covariance.T
-    q = acceleration_noise
-    p_pp = p_pp + 2 * dt_s * p_pv + dt_s**2 * p_vv + q * dt_s**3 / 3
-    p_pv = p_pv + dt_s * p_vv + q * dt_s**2 / 2
-    p_vv = p_vv + q * dt_s
+    before = predicted(belief, dt_s, acceleration_noise)
+    p_pp, p_pv, p_vv = before.covariance.T
     innovation_variance = p_pp + position_noise_m**2
     gain_p, gain_v = p_pp / innovation_variance, p_pv / innovation_variance
-    predicted = belief.position + dt_s[:, None] * belief.velocity
-    innovation = detection - predicted
+    innovation = detection - before.position
     covariance = np.stack([(1 - gain_p) * p_pp, (1 - gain_p) * p_pv, p_vv - gain_v * p_pv], axis=-1)
     return Belief(
-        predicted + gain_p[:, None] * innovation,
-        belief.velocity + gain_v[:, None] * innovation,
+        before.position + gain_p[:, None] * innovation,
+        before.velocity + gain_v[:, None] * innovation,
         covariance,
     )

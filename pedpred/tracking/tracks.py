@@ -8,7 +8,7 @@ import numpy as np
 
 from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.scenes import Recording
-from pedpred.tracking.kalman import Belief, born, updated
+from pedpred.tracking.kalman import Belief, born, predicted, updated
 
 TIME_TOLERANCE_S = 1e-6
 """Two time stamps closer than this are the same instant (frame / rate is not exact in binary)."""
@@ -38,99 +38,162 @@ class KalmanSettings:
 class Tracks:
     """The tracker's state after each detection, sorted by (track, time). Row k uses rows <= k only.
 
+    An id that comes back after a long silence is somebody new: a life is one stay of one id.
+
     Attributes:
         track_id: [M]
+        person_id: who was really detected; the track_id unless a sensor confuses people. [M]
+        life: counts the stays over all tracks. [M]
         time_s: of the detection, s. [M]
-        age: how many detections the track had before this one. [M]
+        age: how many detections the life had before this one. [M]
         detection: what was measured, world frame, m. [M, 2]
         position: tracked, world frame, m. [M, 2]
         velocity: tracked, world frame, m/s. [M, 2]
+        covariance: (P_pp, P_pv, P_vv) of either axis, see `Belief`; 0 for true states. [M, 3]
         heading_rad: direction of the velocity; held while standing. [M]
     """
 
     track_id: np.ndarray
+    person_id: np.ndarray
+    life: np.ndarray
     time_s: np.ndarray
     age: np.ndarray
     detection: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
+    covariance: np.ndarray
     heading_rad: np.ndarray
 
     def last_row(self, track_id: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         """Row of each track's last detection at or before a time; -1 when there is none. [Q]."""
-        span = float(np.ptp(self.time_s)) + 1.0 if len(self.time_s) else 1.0
-        start = self.time_s.min(initial=np.inf)
-        names, index = np.unique(self.track_id, return_inverse=True)
-        keys = index * 2 * span + (self.time_s - start)
-        asked = np.searchsorted(names, track_id)
-        elapsed = np.clip(time_s - start + TIME_TOLERANCE_S, -0.5, span)
-        row = np.searchsorted(keys, asked * 2 * span + elapsed, side="right") - 1
-        found = (row >= 0) & (self.track_id[np.maximum(row, 0)] == track_id)
-        return np.where(found, row, -1)
+        return last_rows(self.track_id, self.time_s, track_id, time_s)
 
     def position_at(self, row: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         """Position extrapolated from a row to a later time, world frame, m. [Q, 2]."""
         return self.position[row] + (time_s - self.time_s[row])[:, None] * self.velocity[row]
 
+    def belief_at(self, row: np.ndarray, time_s: np.ndarray, acceleration_noise: float) -> Belief:
+        """State and covariance extrapolated from a row to a later time.
 
-def follow(recording: Recording, kind: str, kalman: KalmanSettings | None, standstill_mps: float) -> Tracks:
-    """Track everybody in a recording, causally.
+        Args:
+            row: of the last detection before that time. [Q]
+            time_s: asked for, s. [Q]
+            acceleration_noise: spectral density q that the filter ran with, m^2/s^3.
+        """
+        belief = Belief(self.position[row], self.velocity[row], self.covariance[row])
+        return predicted(belief, time_s - self.time_s[row], acceleration_noise)
+
+
+def last_rows(
+    track_id: np.ndarray, time_s: np.ndarray, asked_id: np.ndarray, asked_s: np.ndarray
+) -> np.ndarray:
+    """Each asked track's last row at or before a time; -1 when there is none. [Q].
+
+    Args:
+        track_id: rows sorted by (track, time). [M]
+        time_s: of those rows, s. [M]
+        asked_id: [Q]
+        asked_s: [Q]
+    """
+    span = float(np.ptp(time_s)) + 1.0 if len(time_s) else 1.0
+    start = time_s.min(initial=np.inf)
+    names, index = np.unique(track_id, return_inverse=True)
+    keys = index * 2 * span + (time_s - start)
+    asked = np.searchsorted(names, asked_id)
+    elapsed = np.clip(asked_s - start + TIME_TOLERANCE_S, -0.5, span)
+    row = np.searchsorted(keys, asked * 2 * span + elapsed, side="right") - 1
+    found = (row >= 0) & (track_id[np.maximum(row, 0)] == asked_id)
+    return np.where(found, row, -1)
+
+
+def births(track_id: np.ndarray, time_s: np.ndarray, lost_after_s: float) -> np.ndarray:
+    """Rows where a life begins: a new id, or one that was silent for longer than `lost_after_s`. [M] bool.
+
+    Args:
+        track_id: rows sorted by (track, time). [M]
+        time_s: of those rows, s. [M]
+        lost_after_s: longest silence within a life, s.
+    """
+    first = np.diff(track_id, prepend=track_id[:1] - 1) != 0
+    silence_s = np.diff(time_s, prepend=time_s[:1])
+    return first | (silence_s > lost_after_s + TIME_TOLERANCE_S)
+
+
+def follow(
+    recording: Recording,
+    kind: str,
+    kalman: KalmanSettings | None,
+    standstill_mps: float,
+    lost_after_s: float = 2.0,
+) -> Tracks:
+    """Track everybody in a recording, causally. Time stamps may be irregular, tracks may have gaps.
 
     Args:
         recording: detections.
-        kind: "kalman" filters the positions; "truth" passes a simulation's own states on.
+        kind: "kalman" filters the positions; "truth" passes on the states that the recording knows.
         kalman: the filter's parameters, for kind "kalman".
         standstill_mps: below this speed a pedestrian keeps the heading it had, m/s.
+        lost_after_s: an id that was silent for longer is born anew, s.
 
     Raises:
-        ConfigError: an unknown kind, or "truth" for a recording without true velocities.
+        ConfigError: an unknown kind, or "truth" for a recording without velocities.
     """
     order = np.lexsort((recording.time_s, recording.track_id))
     track_id, time_s = recording.track_id[order], recording.time_s[order]
+    person_id = track_id if recording.person_id is None else recording.person_id[order]
     detection = recording.position[order]
-    first = np.flatnonzero(np.diff(track_id, prepend=track_id[:1] - 1))
+    born_here = births(track_id, time_s, lost_after_s)
+    first = np.flatnonzero(born_here)
     age = np.arange(len(track_id)) - np.repeat(first, np.diff(first, append=len(track_id)))
     if kind == "kalman" and kalman is not None:
-        position, velocity = _filtered(time_s, detection, first, age, kalman)
+        state = _filtered(time_s, detection, age, kalman)
     elif kind == "truth" and recording.velocity is not None:
-        position, velocity = detection, recording.velocity[order]
+        state = Belief(detection, recording.velocity[order], np.zeros((len(detection), 3)))
     else:
         raise ConfigError("tracker.kind", kind, "use 'kalman', or 'truth' where the source knows velocities")
-    heading = held_heading(velocity, age, standstill_mps)
-    return Tracks(track_id, time_s, age, detection, position, velocity, heading)
+    return Tracks(
+        track_id,
+        person_id,
+        np.cumsum(born_here) - 1,
+        time_s,
+        age,
+        detection,
+        state.position,
+        state.velocity,
+        state.covariance,
+        held_heading(state.velocity, age, standstill_mps),
+    )
 
 
-def _filtered(
-    time_s: np.ndarray, detection: np.ndarray, first: np.ndarray, age: np.ndarray, settings: KalmanSettings
-) -> tuple[np.ndarray, np.ndarray]:
-    """Run the filter over all tracks at once, one detection each at a time. [M, 2], [M, 2]."""
-    position, velocity = np.empty_like(detection), np.empty_like(detection)
-    covariance = np.empty((len(detection), 3))
+def _filtered(time_s: np.ndarray, detection: np.ndarray, age: np.ndarray, settings: KalmanSettings) -> Belief:
+    """Run the filter over all lives at once, one detection each at a time. [M]."""
+    state = Belief(np.empty_like(detection), np.empty_like(detection), np.empty((len(detection), 3)))
     for k in range(int(age.max(initial=-1)) + 1):
         rows = np.flatnonzero(age == k)
         if k == 0:
             belief = born(detection[rows], settings.position_noise_m, settings.initial_speed_mps)
         else:
-            before = Belief(position[rows - 1], velocity[rows - 1], covariance[rows - 1])
+            before = Belief(*(values[rows - 1] for values in vars(state).values()))
             dt_s = time_s[rows] - time_s[rows - 1]
             belief = updated(
                 before, dt_s, detection[rows], settings.acceleration_noise, settings.position_noise_m
             )
-        position[rows], velocity[rows], covariance[rows] = belief.position, belief.velocity, belief.covariance
-    return position, velocity
+        for name, values in vars(state).items():
+            values[rows] = getattr(belief, name)
+    return state
 
 
 def held_heading(velocity: np.ndarray, age: np.ndarray, standstill_mps: float) -> np.ndarray:
-    """Direction of motion, or while standing the last one of the same track, else world x. [M] rad.
+    """Direction of motion, or while standing the last one of the same life, else world x. [M] rad.
 
     Args:
         velocity: rows sorted by (track, time), world frame, m/s. [M, 2]
-        age: position of each row in its track, from 0. [M]
+        age: position of each row in its life, from 0. [M]
         standstill_mps: speeds below this carry no direction, m/s.
     """
     rows = np.arange(len(velocity))
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) >= standstill_mps
     latest = np.maximum.accumulate(np.where(moving, rows, -1))
-    known = latest >= rows - age  # the latest motion belongs to this track
+    known = latest >= rows - age  # the latest motion belongs to this life
     source = velocity[np.where(known, latest, 0)]
     return np.where(known, np.arctan2(source[:, 1], source[:, 0]), 0.0)

@@ -1,0 +1,39 @@
+"""Tune the tracker on one place by maximum likelihood: `python -m stages.tune_tracker +name=eth`.
+
+By hand, after `dvc repro ingest`: the result is configuration, conf/tracker/tuned_on_<name>.yaml, which
+the *other* places are tracked with. Run `make params` afterwards.
+"""
+
+import logging
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from pedpred.config import stage, stage_key
+from pedpred.storage.scenes import read_scene
+from pedpred.tracking import log_likelihood, tuned
+
+_PAGE = """\
+# Maximum likelihood on {name} (python -m stages.tune_tracker +name={name}): {fit:.3f} a detection.
+kind: kalman
+acceleration_noise: {acceleration_noise:.4f} # q, m^2/s^3
+position_noise_m: {position_noise_m:.4f} # r
+initial_speed_mps: {initial_speed_mps:.4f}
+"""
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Read data/scenes/<name>, write conf/tracker/tuned_on_<name>.yaml."""
+    name = stage_key(cfg)
+    recording = read_scene(Path("data/scenes") / name).recording
+    best = tuned(recording)
+    page = _PAGE.format(name=name, fit=log_likelihood(recording, best), **vars(best))
+    out = Path(cfg.get("out", "conf/tracker")) / f"tuned_on_{name}.yaml"
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(page)
+    logging.getLogger(__name__).info("%s\n%s", out, page)
+
+
+if __name__ == "__main__":
+    main()
