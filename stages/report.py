@@ -10,8 +10,8 @@ from pedpred.report.curves import read_curve
 from pedpred.report.gallery import real_gallery, simulation_gallery
 from pedpred.report.metrics import read_metrics
 from pedpred.report.pages import real_page, simulation_page
-from pedpred.report.windows import read_windows
 from pedpred.storage.scenes import read_scenes
+from pedpred.storage.windows import read_windows
 
 PAGES = {"sim": (simulation_gallery, simulation_page), "real": (real_gallery, real_page)}
 

@@ -24,9 +24,9 @@ from pedpred.report.metrics import read_metrics
 from pedpred.report.pages import Picture, Section, answer, joined, real_page, simulation_page
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.report.tables import methods_table
-from pedpred.report.windows import RANGE_M, Windows, read_windows
 from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 from pedpred.storage.columns import write_columns
+from pedpred.storage.windows import RANGE_M, Windows, read_windows
 
 STEPS = 10
 MEETING = {

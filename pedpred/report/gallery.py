@@ -15,8 +15,8 @@ from pedpred.report.pages import POOLED, Picture, Section
 from pedpred.report.plan import arrangement_figure
 from pedpred.report.situation import ARROW_S
 from pedpred.report.snapshots import camera_figure, inputs_figure
-from pedpred.report.windows import Windows
 from pedpred.scenes import Scene
+from pedpred.storage.windows import Windows
 
 CROWD = {"sim": 8, "real": 4}
 """How many moving people an instant needs to be shown."""

@@ -8,7 +8,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.projections.polar import PolarAxes
 
 from pedpred.report.canvas import FAINT, INK, OBSTACLE
-from pedpred.report.windows import CELL_M, RANGE_M
+from pedpred.storage.windows import CELL_M, RANGE_M
 
 _PERSON = "#D55E00"
 _FREE = "#E9EEF3"

@@ -14,7 +14,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.report.methods import MODEL, YARDSTICK, label
-from pedpred.report.windows import Windows
+from pedpred.storage.windows import Windows
 
 MOVING_MPS = 0.3
 """People faster than this count as moving."""

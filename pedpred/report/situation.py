@@ -14,8 +14,8 @@ from matplotlib.patches import FancyArrowPatch
 from pedpred.report.canvas import INK
 from pedpred.report.instants import Instant
 from pedpred.report.methods import colours, label
-from pedpred.report.windows import Windows
 from pedpred.scenes import Recording
+from pedpred.storage.windows import Windows
 
 ARROW_S = 0.75
 """A velocity arrow ends where its person would be after this time, s."""

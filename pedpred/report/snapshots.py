@@ -16,8 +16,8 @@ from pedpred.report.instants import Instant
 from pedpred.report.methods import MODEL, YARDSTICK
 from pedpred.report.plan import draw_ground, obstacle_image, quarter_turns_of, turned
 from pedpred.report.situation import draw_bystanders, draw_people, legend_handles
-from pedpred.report.windows import Windows
 from pedpred.scenes import Scene
+from pedpred.storage.windows import Windows
 
 SHOWN = (MODEL, YARDSTICK)
 _PALE = 0.42

@@ -96,6 +96,28 @@ def tracks_table(recording: Recording) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
+def tracks_of(table: pd.DataFrame, path: Path) -> Recording:
+    """The recording that `tracks_table` made a table of; `path` is where the table was found.
+
+    Raises:
+        StorageError: a column is missing or holds no numbers; it is named.
+    """
+    values: dict[str, np.ndarray] = {}
+    for field in fields(Recording):
+        columns = _PAIRS.get(field.name, (field.name,))
+        missing = [column for column in columns if column not in table]
+        if missing and field.name in ("time_s", "track_id", "position"):
+            raise StorageError(path, f"column {missing[0]}", "it is missing", _REMEDY)
+        if not missing:
+            for column in columns:
+                if not pd.api.types.is_numeric_dtype(table[column]):
+                    raise StorageError(
+                        path, f"column {column}", f"{table[column].dtype}, not numbers", _REMEDY
+                    )
+            values[field.name] = table[columns[0] if len(columns) == 1 else list(columns)].to_numpy()
+    return Recording(**values)
+
+
 def write_map(occupancy: OccupancyMap, folder: Path) -> None:
     """Write the ROS map_server pair `map.yaml` + `map.pgm` (row 0 is the largest y)."""
     grey = np.where(occupancy.occupied.T[::-1], _OCCUPIED, _FREE).astype(np.uint8)
@@ -137,20 +159,7 @@ def _read_tracks(path: Path) -> Recording:
         table = pd.read_parquet(path)
     except (OSError, pa.ArrowInvalid) as cause:
         raise StorageError(path, "file", str(cause), _REMEDY) from cause
-    values: dict[str, np.ndarray] = {}
-    for field in fields(Recording):
-        columns = _PAIRS.get(field.name, (field.name,))
-        missing = [column for column in columns if column not in table]
-        if missing and field.name in ("time_s", "track_id", "position"):
-            raise StorageError(path, f"column {missing[0]}", "it is missing", _REMEDY)
-        if not missing:
-            for column in columns:
-                if not pd.api.types.is_numeric_dtype(table[column]):
-                    raise StorageError(
-                        path, f"column {column}", f"{table[column].dtype}, not numbers", _REMEDY
-                    )
-            values[field.name] = table[columns[0] if len(columns) == 1 else list(columns)].to_numpy()
-    return Recording(**values)
+    return tracks_of(table, path)
 
 
 def _read_json(path: Path) -> dict:

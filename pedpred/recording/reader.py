@@ -1,0 +1,173 @@
+"""Reading recordings back, also those that end in the middle."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Channel, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC
+from mcap_ros2.decoder import DecoderFactory
+from zstandard import ZstdError
+
+from pedpred.errors import ShapeError, SourceError, StorageError, ValueRuleError
+from pedpred.recording.interfaces import MAP, PEOPLE, TYPES
+from pedpred.recording.messages import OCCUPIED, TAGS
+from pedpred.recording.writer import SCENE_RECORD
+from pedpred.scenes import OccupancyMap, Scene
+from pedpred.storage.scenes import tracks_of
+
+_RECORD_HEAD = struct.Struct("<BQ")
+"""Kind and length of what follows."""
+_REMEDY = f"A recording is an MCAP file with {TYPES[MAP]} on {MAP} and {TYPES[PEOPLE]} on {PEOPLE}, in CDR"
+_NOBODY = {name: np.zeros(0) for name in ("time_s", "track_id", "x_m", "y_m")}
+_DAMAGE = (
+    McapError,
+    ZstdError,
+    struct.error,
+    LookupError,
+    MemoryError,
+    OverflowError,
+    RuntimeError,
+    ValueError,
+)
+"""What the MCAP reader and its decompressors raise on altered bytes."""
+
+
+def read_recording(path: Path) -> Scene:
+    """The scene of a recording of `write_recording`, or of another one with the same topics and types.
+
+    A recording that ends in the middle is read up to there, with a warning. Where no record of ours
+    tells them, the name is the file's, the resolution the shortest decimal that the map's float can
+    stand for, and the time between detections the median one.
+
+    Raises:
+        SourceError: no MCAP file, damaged, a topic is missing or carries another type, or what
+            it says makes no scene.
+    """
+    rows: list[dict[str, Any]] = []
+    found: dict[str, Any] = {}
+    for topic, content in _contents(path):
+        found[topic] = content
+        if topic == PEOPLE:
+            rows += _rows(content, path)
+    for topic in (MAP, PEOPLE):
+        if topic not in found:
+            raise SourceError(path, None, f"nothing on {topic}, only on {sorted(found)}", _REMEDY)
+    about = found.get(SCENE_RECORD, {})
+    try:
+        recording = tracks_of(pd.DataFrame(rows or _NOBODY), path)
+        return Scene(
+            about.get("name", path.stem),
+            recording,
+            _occupancy(found[MAP], about.get("resolution_m")),
+            float(about.get("detection_dt_s") or _usual_interval_s(recording.time_s)),
+        )
+    except (ShapeError, StorageError, ValueRuleError, ValueError) as cause:
+        raise SourceError(path, None, str(cause), _REMEDY) from cause
+
+
+def _contents(path: Path) -> Iterator[tuple[str, Any]]:
+    """What a scene needs, in the file's order: (topic, message) and (name, metadata)."""
+    channels: dict[int, Channel] = {}
+    schemas: dict[int, Schema] = {}
+    decoders = DecoderFactory()
+    try:
+        for record in _records(path):
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Metadata):
+                yield record.name, record.metadata
+            elif isinstance(record, Message):
+                channel = channels[record.channel_id]
+                if channel.topic in (MAP, PEOPLE):
+                    schema = schemas.get(channel.schema_id)
+                    decode = decoders.decoder_for(channel.message_encoding, schema)
+                    if schema is None or decode is None or schema.name != TYPES[channel.topic]:
+                        kind = f"{schema.name if schema else None} ({channel.message_encoding})"
+                        raise SourceError(path, None, f"{channel.topic} carries {kind}", _REMEDY)
+                    yield channel.topic, decode(record.data)
+                else:
+                    yield channel.topic, None
+    except _DAMAGE as cause:
+        problem = f"damaged, {type(cause).__name__}: {cause}"
+        raise SourceError(path, None, problem, _REMEDY) from cause
+
+
+def _records(path: Path) -> Iterator[McapRecord]:
+    """All records, or those before the cut."""
+    try:
+        raw = path.read_bytes()
+    except OSError as cause:
+        raise SourceError(path, None, str(cause), _REMEDY) from cause
+    if not raw.startswith(MCAP0_MAGIC):
+        raise SourceError(path, None, f"no MCAP file, it begins with {raw[:8]!r}", _REMEDY)
+    cut = len(raw) == len(MCAP0_MAGIC) or not raw.endswith(MCAP0_MAGIC)
+    end = _last_whole_record(raw) if cut else len(raw)
+    if cut:
+        warnings.warn(f"{path} is cut: read up to byte {end} of {len(raw)}", stacklevel=2)
+    try:
+        yield from StreamReader(BytesIO(raw[:end]), validate_crcs=True).records
+    except EndOfFile:
+        if not cut:
+            raise
+
+
+def _last_whole_record(raw: bytes) -> int:
+    """Where the last record ends that is there in full."""
+    end = len(MCAP0_MAGIC)
+    while end + _RECORD_HEAD.size <= len(raw):
+        _, length = _RECORD_HEAD.unpack_from(raw, end)
+        if end + _RECORD_HEAD.size + length > len(raw):
+            break
+        end += _RECORD_HEAD.size + length
+    return end
+
+
+def _rows(message: Any, path: Path) -> list[dict[str, Any]]:
+    """People of one message as rows of `tracks_table`.
+
+    The stamp counts whole nanoseconds, a tag `time_s` is exact. Velocities that nobody knows are left out.
+    """
+    stamp = message.header.stamp
+    rows = []
+    for person in message.people:
+        if not person.name.lstrip("-").isdecimal():
+            raise SourceError(path, None, f"person {person.name!r} has no whole number for a name", _REMEDY)
+        row = {"time_s": stamp.sec + stamp.nanosec / 1e9, "track_id": int(person.name)}
+        row |= {"x_m": person.position.x, "y_m": person.position.y}
+        if not np.isnan([person.velocity.x, person.velocity.y]).all():
+            row |= {"vx_mps": person.velocity.x, "vy_mps": person.velocity.y}
+        tags = zip(person.tagnames, person.tags, strict=True)
+        rows.append(row | {name: float(text) for name, text in tags if name in TAGS})
+    return rows
+
+
+def _usual_interval_s(time_s: np.ndarray) -> float:
+    instants = np.unique(time_s)
+    if len(instants) < 2:
+        raise ValueRuleError("time_s", instants.tolist(), "two instants are needed to know the interval")
+    return float(np.median(np.diff(instants)))
+
+
+def _occupancy(message: Any, resolution_m: str | None) -> OccupancyMap:
+    """The map of nav_msgs/OccupancyGrid; unknown cells (-1) are free."""
+    info = message.info
+    turn = info.origin.orientation
+    if turn.x or turn.y or turn.z:
+        raise ValueRuleError(
+            "origin.orientation", [turn.x, turn.y, turn.z, turn.w], "maps must not be turned"
+        )
+    cells = np.asarray(message.data).reshape(info.height, info.width).T
+    origin = np.array([info.origin.position.x, info.origin.position.y])
+    return OccupancyMap(cells > OCCUPIED / 2, origin, float(resolution_m or str(np.float32(info.resolution))))

@@ -1,0 +1,161 @@
+"""People walking: an animated plan view with the ways behind them and the forecasts ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from pedpred.errors import ValueRuleError
+from pedpred.report.canvas import FAINT, INK, OBSTACLE
+from pedpred.report.methods import colours, label
+from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
+from pedpred.scenes import Recording, Scene
+from pedpred.storage.windows import Windows
+
+_PERSON_RADIUS_M = 0.2
+_TAIL = "#7FA8C9"
+_SMOOTHING = 2
+"""Drawn this much larger and averaged down, so that edges are smooth."""
+_SHADES = 48
+_FOOT_PX = 20
+_LONGEST_GAP = 1.5
+"""A track with a longer gap than this many detection intervals is not drawn across it."""
+
+
+@dataclass(frozen=True)
+class Animation:
+    """What is shown, and how finely.
+
+    Attributes:
+        method: whose forecasts are drawn.
+        duration_s: of the scene, shown at the pace at which it happened.
+        frame_s: time between two frames.
+        tail_s: how much of the way behind a person is kept.
+        width_px: of a frame.
+    """
+
+    method: str
+    duration_s: float
+    frame_s: float
+    tail_s: float
+    width_px: int
+
+    def __post_init__(self) -> None:
+        for field in ("duration_s", "frame_s", "tail_s", "width_px"):
+            if not getattr(self, field) > 0:
+                raise ValueRuleError(field, getattr(self, field), "it must be positive")
+
+
+def write_animation(scene: Scene, windows: Windows, animation: Animation, path: Path) -> None:
+    """Write the busiest stretch of a scene as a GIF that repeats; the same input gives the same bytes.
+
+    Args:
+        scene: people and obstacles.
+        windows: forecasts in this scene.
+        animation: what is shown.
+        path: the file.
+
+    Raises:
+        ValueRuleError: there are no forecasts of the method, or none at all.
+    """
+    if animation.method not in windows.paths:
+        rule = f"scene {scene.name} has forecasts of {sorted(windows.paths)}"
+        raise ValueRuleError("method", animation.method, rule)
+    frames = list(_frames(scene, windows, animation))
+    palette = frames[len(frames) // 2].quantize(_SHADES, dither=Image.Dither.NONE)
+    first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    duration_ms = round(1000 * animation.frame_s)
+    first.save(path, save_all=True, append_images=others, duration=duration_ms, loop=0, optimize=False)
+
+
+def busiest_start(time_s: np.ndarray, duration_s: float) -> float:
+    """Where the stretch of `duration_s` begins that holds most of the times; the earliest such.
+
+    Raises:
+        ValueRuleError: there are no times.
+    """
+    if not len(time_s):
+        raise ValueRuleError("windows", 0, "there must be forecasts to show")
+    time_s = np.sort(time_s)
+    ends = np.searchsorted(time_s, time_s + duration_s, side="right")
+    return float(time_s[np.argmax(ends - np.arange(len(time_s)))])
+
+
+def positions_at(recording: Recording, time_s: float, longest_gap_s: float) -> dict[int, np.ndarray]:
+    """Who is there at an instant, and where (m, world, [2]): on the line between two detections.
+
+    A track counts as absent within gaps longer than `longest_gap_s`.
+    """
+    slack_s = 1e-6
+    near = np.abs(recording.time_s - time_s) <= longest_gap_s + slack_s
+    found = {}
+    for track in np.unique(recording.track_id[near]):
+        mine = near & (recording.track_id == track)
+        clock, position = recording.time_s[mine], recording.position[mine]
+        after = int(np.searchsorted(clock, time_s - slack_s))
+        before = int(np.searchsorted(clock, time_s + slack_s, side="right")) - 1
+        if before < 0 or after == len(clock) or clock[after] - clock[before] > longest_gap_s + slack_s:
+            continue
+        found[int(track)] = np.array([np.interp(time_s, clock, axis) for axis in position.T])
+    return found
+
+
+class _Sheet:
+    """A plan of the scene in pixels, to be drawn on."""
+
+    def __init__(self, scene: Scene, width_px: int):
+        self.turns = quarter_turns_of(scene.camera)
+        image, (left, right, bottom, top) = obstacle_image(scene.occupancy, self.turns)
+        self.scale = _SMOOTHING * width_px / (right - left)
+        self.corner = np.array([left, top])
+        size = (_SMOOTHING * width_px, round(self.scale * (top - bottom)))
+        blocked = Image.fromarray(image[::-1]).resize(size, Image.Resampling.NEAREST)
+        self.ground = Image.new("RGB", (size[0], size[1] + _SMOOTHING * _FOOT_PX), "white")
+        self.ground.paste(OBSTACLE, mask=blocked.crop((0, 0, *self.ground.size)))
+        draw = ImageDraw.Draw(self.ground)
+        draw.rectangle((0, 0, size[0] - 1, size[1]), outline=FAINT, width=_SMOOTHING)
+        self.foot = size[1] + _SMOOTHING * _FOOT_PX / 2
+        draw.line([10, self.foot, 10 + 2 * self.scale, self.foot], INK, 2 * _SMOOTHING)
+        self.write(draw, 16 + 2 * self.scale, "2 m")
+
+    def pixels(self, points: np.ndarray) -> list[tuple[float, float]]:
+        """World points (m, [n, 2]) as (column, row)."""
+        at = (turned(points, self.turns) - self.corner) * [self.scale, -self.scale]
+        return [(float(x), float(y)) for x, y in at]
+
+    def write(self, draw: ImageDraw.ImageDraw, column: float, text: str) -> None:
+        """Words below the plan."""
+        font = ImageFont.load_default(11 * _SMOOTHING)
+        draw.text((column, self.foot), text, INK, font, anchor="lm")
+
+
+def _frames(scene: Scene, windows: Windows, animation: Animation) -> Iterator[Image.Image]:
+    """One picture per instant."""
+    sheet = _Sheet(scene, animation.width_px)
+    recording = scene.recording
+    start_s = busiest_start(windows.time_s, animation.duration_s)
+    colour = colours(windows.paths)[animation.method]
+    for time_s in start_s + np.arange(0.0, animation.duration_s, animation.frame_s):
+        picture = sheet.ground.copy()
+        draw = ImageDraw.Draw(picture)
+        here = positions_at(recording, time_s, _LONGEST_GAP * scene.detection_dt_s)
+        behind = (recording.time_s <= time_s) & (recording.time_s >= time_s - animation.tail_s)
+        for track, position in here.items():
+            tail = recording.position[behind & (recording.track_id == track)]
+            draw.line(sheet.pixels(np.vstack([tail, position])), _TAIL, 2 * _SMOOTHING)
+        latest = (windows.time_s <= time_s + 1e-6) & (windows.time_s > time_s - scene.detection_dt_s + 1e-6)
+        for row in np.flatnonzero(latest & np.isin(windows.track_id, list(here))):
+            path = sheet.pixels(np.vstack([windows.position[row], windows.paths[animation.method][row]]))
+            draw.line(path, colour, _SMOOTHING)
+            for x, y in path[1:]:
+                draw.circle((x, y), 1.6 * _SMOOTHING, colour)
+        for x, y in sheet.pixels(np.array([*here.values()]).reshape(-1, 2)):
+            draw.circle((x, y), _PERSON_RADIUS_M * sheet.scale, INK)
+        caption = f"{scene.name}, t = {time_s:.1f} s, dots: {label(animation.method)}, the next 3 s"
+        sheet.write(draw, 60 * _SMOOTHING + 2 * sheet.scale, caption)
+        yield picture.reduce(_SMOOTHING)

@@ -1,0 +1,34 @@
+"""record_sim, record_real: one test scene with its forecasts as an MCAP recording and an animation."""
+
+from pathlib import Path
+
+from matplotlib.colors import to_rgb
+from omegaconf import DictConfig
+
+from pedpred.config import plain, stage
+from pedpred.recording import write_recording
+from pedpred.recording.foxglove import write_layout
+from pedpred.report.animation import Animation, write_animation
+from pedpred.report.methods import colours
+from pedpred.storage.scenes import read_scene
+from pedpred.storage.windows import read_windows
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Write data/recordings/<scene>.mcap, its Foxglove layout and reports/walking/<scene>.gif.
+
+    `scene` is a scene's folder, `forecasts` the file of the forecasts in it, `out` another root than here.
+    """
+    scene, windows = read_scene(Path(cfg.scene)), read_windows(Path(cfg.forecasts))
+    root, options = Path(cfg.get("out", ".")), cfg.recording
+    recording = root / "data/recordings" / scene.name
+    shown = {name: to_rgb(colour) for name, colour in colours(options.methods).items()}
+    animation = Animation(**plain(options.animation))
+    write_recording(scene, recording.with_suffix(".mcap"), windows, shown)
+    write_layout(scene.occupancy, set(shown) - {animation.method}, recording.with_suffix(".foxglove.json"))
+    write_animation(scene, windows, animation, root / f"reports/walking/{scene.name}.gif")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,287 @@
+"""A recording holds the scene exactly, robotics readers understand it, and damage is named."""
+
+import json
+import warnings
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from mcap_ros2.writer import Writer
+from PIL import Image
+
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.geometry import rotate
+from pedpred.recording import read_recording, write_recording
+from pedpred.recording.foxglove import write_layout
+from pedpred.recording.interfaces import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
+from pedpred.report.animation import Animation, busiest_start, positions_at, write_animation
+from pedpred.scenes import OccupancyMap, Recording, Scene
+from pedpred.storage.windows import Windows
+from tests.worlds import walled_scene
+
+STEPS = 10
+SHOWN = {"lstm": (1.0, 0.5, 0.0)}
+LINES, LARGEST = {"truth", "lstm"}, 1e6
+numbers = st.floats(-LARGEST, LARGEST)
+
+
+def small_scene(tracks=3, detections=12):
+    return walled_scene(np.random.default_rng(0), truth=True, tracks=tracks, detections=detections)
+
+
+def walking_on(scene):
+    """One window per detection, forecast and truth straight ahead along the true velocity."""
+    recording = scene.recording
+    rows = len(recording)
+    heading = np.arctan2(recording.velocity[:, 1], recording.velocity[:, 0])
+    ahead_s = 0.3 * np.arange(1, STEPS + 1)[:, None]
+    path = recording.position[:, None] + ahead_s * recording.velocity[:, None]
+    grid, angular = np.zeros((rows, 2), np.uint8), np.full((rows, 8), 6.0)
+    own = rotate(recording.velocity, -heading)
+    return Windows(
+        recording.track_id,
+        recording.time_s,
+        recording.position,
+        heading,
+        own,
+        grid,
+        angular,
+        path,
+        {"lstm": path},
+    )
+
+
+def assert_same(scene, other):
+    for field in fields(Recording):
+        np.testing.assert_array_equal(
+            getattr(scene.recording, field.name), getattr(other.recording, field.name)
+        )
+    np.testing.assert_array_equal(scene.occupancy.occupied, other.occupancy.occupied)
+    np.testing.assert_array_equal(scene.occupancy.origin, other.occupancy.origin)
+    assert scene.occupancy.resolution_m == other.occupancy.resolution_m
+    assert (scene.name, scene.detection_dt_s) == (other.name, other.detection_dt_s)
+
+
+def decoded(path):
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        return reader.get_header().profile, list(reader.iter_decoded_messages(log_time_order=False))
+
+
+@st.composite
+def scenes(draw):
+    """Any few people on any small map, with or without what only simulation knows."""
+    rows = draw(st.integers(0, 5))
+    time_s = draw(arrays(float, rows, elements=st.floats(0, 2**31 - 1)))
+    track = draw(arrays(np.int64, rows, elements=st.integers(-(2**62), 2**62)))
+    assume(len(set(zip(time_s.tolist(), track.tolist(), strict=True))) == rows)
+    known = draw(st.sets(st.sampled_from(["velocity", "goal", "desired_speed_mps", "group_id"])))
+    values = {
+        name: draw(arrays(float, (rows, 2), elements=numbers)) for name in ("position", "velocity", "goal")
+    }
+    values["desired_speed_mps"] = draw(arrays(float, rows, elements=numbers))
+    values["group_id"] = draw(arrays(np.int64, rows, elements=st.integers(-1, 2**31)))
+    kept = {name: value for name, value in values.items() if rows and (name in known or name == "position")}
+    recording = Recording(time_s, track, **({"position": np.zeros((0, 2))} | kept))
+    occupied = draw(arrays(bool, st.tuples(st.integers(1, 5), st.integers(1, 5))))
+    place = OccupancyMap(occupied, draw(arrays(float, 2, elements=numbers)), draw(st.floats(1e-3, 10)))
+    return Scene("anywhere", recording, place, draw(st.floats(1e-3, 10)))
+
+
+@given(scenes())
+@settings(max_examples=40)
+def test_a_scene_comes_back_as_it_was(tmp_path_factory, scene):
+    path = tmp_path_factory.mktemp("recording") / "scene.mcap"
+    write_recording(scene, path)
+    assert_same(scene, read_recording(path))
+
+
+def test_every_message_can_be_read_and_carries_its_time_and_frame(tmp_path):
+    scene = small_scene()
+    write_recording(scene, tmp_path / "scene.mcap", walking_on(scene), SHOWN)
+    profile, messages = decoded(tmp_path / "scene.mcap")
+    assert profile == "ros2"
+    assert {channel.topic: schema.name for schema, channel, _, _ in messages} == TYPES
+    times = [message.log_time for _, _, message, _ in messages]
+    assert times == sorted(times)
+    assert len([channel for _, channel, _, _ in messages if channel.topic == MAP]) == 1
+    instants = iter(np.unique(scene.recording.time_s))
+    for _, channel, message, content in messages:
+        nested = {MARKERS: "markers", FRAMES: "transforms"}.get(channel.topic)
+        for part in getattr(content, nested) if nested else [content]:
+            assert part.header.stamp.sec * 10**9 + part.header.stamp.nanosec == message.log_time
+            assert part.header.frame_id == ("world" if channel.topic == FRAMES else "map")
+        if channel.topic == PEOPLE:
+            assert message.log_time == pytest.approx(1e9 * next(instants), abs=1)
+    assert next(instants, None) is None
+
+
+@pytest.mark.parametrize("later_s", [0.0, -1e-9, 0.1], ids=["at", "rounded", "behind"])
+def test_markers_show_people_where_they_are_and_paths_where_they_lead(tmp_path, later_s):
+    scene = small_scene(tracks=1)
+    windows = walking_on(scene)
+    windows = replace(windows, time_s=np.abs(windows.time_s + later_s))
+    write_recording(scene, tmp_path / "scene.mcap", windows, SHOWN)
+    drawn = [
+        content for _, channel, _, content in decoded(tmp_path / "scene.mcap")[1] if channel.topic == MARKERS
+    ]
+    for row, content in enumerate(drawn):
+        clearing, *markers = content.markers
+        assert clearing.action == 3
+        by_name = {marker.ns: marker for marker in markers}
+        assert set(by_name) == {"people", "velocity", *LINES}
+        at = by_name["people"].pose.position
+        assert (at.x, at.y) == tuple(scene.recording.position[row])
+        for name in LINES:
+            path = [(point.x, point.y) for point in by_name[name].points]
+            np.testing.assert_array_equal(path, [windows.position[row], *windows.truth[row]])
+        start, end = ((point.x, point.y) for point in by_name["velocity"].points)
+        np.testing.assert_allclose(np.subtract(end, start), 0.75 * scene.recording.velocity[row])
+
+
+def test_map_rows_run_along_x(tmp_path):
+    occupied = np.array([[True, False], [False, False], [False, True]])  # x, y
+    scene = replace(small_scene(), occupancy=OccupancyMap(occupied, np.array([-1.0, 2.0]), 0.1))
+    write_recording(scene, tmp_path / "scene.mcap")
+    grid = next(c for _, channel, _, c in decoded(tmp_path / "scene.mcap")[1] if channel.topic == MAP)
+    assert (grid.info.width, grid.info.height) == (3, 2)
+    assert list(grid.data) == [100, 0, 0, 0, 0, 100]
+
+
+def test_same_scene_same_bytes(tmp_path):
+    scene = small_scene()
+    for name in "ab":
+        write_recording(scene, tmp_path / name, walking_on(scene), SHOWN)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+# What is cut, altered or strange
+
+
+def test_a_recording_cut_at_any_byte_is_read_up_to_there(tmp_path, monkeypatch):
+    monkeypatch.setattr("pedpred.recording.writer._CHUNK_BYTES", 1000)
+    scene = walled_scene(np.random.default_rng(1), tracks=2, detections=20)
+    scene = replace(scene, occupancy=OccupancyMap(np.eye(3, dtype=bool), np.zeros(2), 0.1))
+    whole, path = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
+    write_recording(scene, whole)
+    raw, found = whole.read_bytes(), []
+    for end in range(8, len(raw), 61):
+        path.write_bytes(raw[:end])
+        try:
+            with pytest.warns(UserWarning, match=f"cut.* of {end}$"):
+                found.append(len(read_recording(path).recording))
+        except SourceError:
+            assert not found, "an error only where nothing of map or people lies before the cut"
+    assert found == sorted(found)
+    assert len(set(found)) > 3
+    assert found[-1] == len(scene.recording)
+
+
+def test_altered_bytes_are_noticed(tmp_path):
+    scene, path = small_scene(), tmp_path / "scene.mcap"
+    write_recording(scene, path)
+    raw = bytearray(path.read_bytes())
+    middle = raw.index(b"\x28\xb5\x2f\xfd") + 200  # in the first compressed chunk
+    raw[middle] ^= 0xFF
+    path.write_bytes(raw)
+    with pytest.raises(SourceError, match="damaged"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("topics", "message"),
+    [
+        ({MAP: TYPES[MAP]}, r"nothing on /people, only on \['/map'\]"),
+        ({PEOPLE: TYPES[PEOPLE]}, "nothing on /map"),
+        ({PEOPLE: TYPES[MARKERS]}, "/people carries visualization_msgs/msg/MarkerArray"),
+    ],
+)
+def test_a_recording_of_something_else_is_named(tmp_path, topics, message):
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as stream, Writer(stream) as writer:
+        for topic, kind in topics.items():
+            writer.write_message(topic, writer.register_msgdef(kind, definition(kind)), {}, log_time=0)
+    with pytest.raises(SourceError, match=message):
+        read_recording(path)
+
+
+def test_people_of_others_need_no_tags(tmp_path):
+    path = tmp_path / "theirs.mcap"
+    people = [{"name": "7", "position": {"x": 1.0, "y": 2.0}, "velocity": {"x": 0.5}}]
+    info = {"resolution": 0.1, "width": 2, "height": 1, "origin": {"orientation": {"w": 1.0}}}
+    with path.open("wb") as stream, Writer(stream) as writer:
+        schemas = {kind: writer.register_msgdef(kind, definition(kind)) for kind in TYPES.values()}
+        writer.write_message(MAP, schemas[TYPES[MAP]], {"info": info, "data": [-1, 100]}, log_time=0)
+        for sec in (3, 4, 5):
+            message = {"header": {"stamp": {"sec": sec}}, "people": people}
+            writer.write_message(PEOPLE, schemas[TYPES[PEOPLE]], message, log_time=sec)
+    scene = read_recording(path)
+    assert (scene.name, scene.detection_dt_s, scene.occupancy.resolution_m) == ("theirs", 1.0, 0.1)
+    np.testing.assert_array_equal(scene.recording.time_s, [3, 4, 5])
+    np.testing.assert_array_equal(scene.recording.velocity, [[0.5, 0]] * 3)
+    np.testing.assert_array_equal(scene.occupancy.occupied, [[False], [True]])
+
+
+@pytest.mark.parametrize("raw", [b"", b"PK\x03\x04 something else"])
+def test_a_file_of_another_kind_is_named(tmp_path, raw):
+    (tmp_path / "x.mcap").write_bytes(raw)
+    with pytest.raises(SourceError, match="no MCAP file"):
+        read_recording(tmp_path / "x.mcap")
+
+
+def test_what_cannot_be_written_is_named(tmp_path):
+    scene = small_scene()
+    with pytest.raises(ValueRuleError, match="lstm"):
+        write_recording(scene, tmp_path / "x.mcap", None, SHOWN)
+    early = replace(scene, recording=replace(scene.recording, time_s=scene.recording.time_s - 100))
+    with pytest.raises(ValueRuleError, match="time_s = -"):
+        write_recording(early, tmp_path / "x.mcap")
+
+
+def test_the_layout_shows_the_topics_that_are_written(tmp_path):
+    write_layout(small_scene().occupancy, ["cv"], tmp_path / "layout.json")
+    layout = json.loads((tmp_path / "layout.json").read_text())
+    assert set(layout["configById"]["3D!plan"]["topics"]) <= set(TYPES)
+    assert {layout["layout"]["first"], layout["layout"]["second"]} == set(layout["configById"])
+
+
+# The animated plan
+
+
+def test_people_move_on_the_line_between_two_detections_and_vanish_in_gaps():
+    time_s, position = np.array([0.0, 0.4, 2.0]), np.array([[0.0, 0.0], [0.4, 0.8], [2.0, 0.0]])
+    recording = Recording(time_s, np.zeros(3), position)
+    np.testing.assert_allclose(positions_at(recording, 0.1, 0.6)[0], [0.1, 0.2])
+    np.testing.assert_allclose(positions_at(recording, 0.4, 0.6)[0], [0.4, 0.8])
+    assert positions_at(recording, 1.0, 0.6) == {}
+    assert positions_at(recording, 2.3, 0.6) == {}
+
+
+def test_the_busiest_stretch_is_found():
+    assert busiest_start(np.array([9.0, 0.0, 5.0, 5.5, 6.0, 6.2]), 1.0) == 5.0  # the earliest of two
+    with pytest.raises(ValueRuleError, match="forecasts to show"):
+        busiest_start(np.zeros(0), 1.0)
+
+
+def test_an_animation_lasts_as_long_as_it_shows(tmp_path):
+    scene = small_scene(tracks=1)
+    animation = Animation("lstm", duration_s=1.0, frame_s=0.2, tail_s=1.0, width_px=80)
+    for name in ("a.gif", "b.gif"):
+        write_animation(scene, walking_on(scene), animation, tmp_path / name)
+    assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
+    with Image.open(tmp_path / "a.gif") as film:
+        assert (film.n_frames, film.info["duration"], film.width) == (5, 200, 80)
+    with pytest.raises(ValueRuleError, match="method = 'cv'"):
+        write_animation(scene, walking_on(scene), replace(animation, method="cv"), tmp_path / "c.gif")
+
+
+def test_no_warning_without_a_cut(tmp_path):
+    write_recording(small_scene(), tmp_path / "scene.mcap")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_recording(tmp_path / "scene.mcap")
