@@ -32,7 +32,7 @@ def features_into(
     kind = tracker.pop("kind")
     kalman = KalmanSettings(**tracker) if tracker else None
     tracks = follow(scene.recording, kind, kalman, standstill_mps, settings.lost_after_s)
-    write_shard(extract_blocks(scene, tracks, settings, real.recording), out, scene.name)
+    write_shard(extract_blocks(scene, tracks, settings, truth=real.recording), out, scene.name)
 
 
 @stage

@@ -1,5 +1,6 @@
 """The real recordings, read as configured, are what is known about them."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -7,12 +8,17 @@ import pytest
 import yaml
 from PIL import Image
 
+from pedpred.baselines.kinematic import constant_velocity, kalman_velocity
 from pedpred.errors import SourceError
+from pedpred.evaluation.metrics import displacement
+from pedpred.evaluation.scores import true_paths
+from pedpred.features import FeatureSettings, extract
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera
 from pedpred.sources import SOURCES
 from pedpred.sources.ewap import ALONE, read_sequence
 from pedpred.sources.obstacles import occupancy_from_image
+from pedpred.tracking import KalmanSettings, follow, log_likelihood
 
 CONF = Path(__file__).resolve().parents[1] / "conf" / "scenes"
 FACTS = {
@@ -29,6 +35,10 @@ FACTS = {
         "wrong_order_outside": 0.0,
         "obstacles": [[-1.02, -0.83], [14.58, 13.07]],
         "picture": (480, 640, 3),
+        "windows": 5074,
+        "window_tracks": 330,
+        "cv_ade": 0.419,
+        "kalman_ade": 0.345,
     },
     "hotel": {
         "rows": 6544,
@@ -43,6 +53,10 @@ FACTS = {
         "wrong_order_outside": 0.17,
         "obstacles": [[-1.42, -10.13], [-0.58, 2.01]],
         "picture": (576, 720, 3),
+        "windows": 2819,
+        "window_tracks": 259,
+        "cv_ade": 0.270,
+        "kalman_ade": 0.220,
     },
 }
 
@@ -126,3 +140,34 @@ def test_a_transposed_homography_file_is_refused(ewap_folder, tmp_path):
     settings = yaml.safe_load((CONF / "hotel.yaml").read_text())
     with pytest.raises(SourceError, match=r"far outside map\.png"):
         read_sequence(tmp_path, "hotel", settings)
+
+
+def tracker_tuned_on(place):
+    values = yaml.safe_load((CONF.parent / "tracker" / f"tuned_on_{place}.yaml").read_text())
+    return KalmanSettings(**{name: value for name, value in values.items() if name != "kind"})
+
+
+def test_real_windows_and_the_errors_of_constant_velocity(real):
+    """The honest protocol's windows, and the tracker tuned on the *other* place."""
+    scene, facts, _ = real
+    (other,) = set(FACTS) - {scene.name}
+    tracks = follow(scene.recording, "kalman", tracker_tuned_on(other), 0.2)
+    table = extract(scene, tracks, FeatureSettings(clocks=3))
+    windows = table.select(table.window)
+    assert len(windows) == facts["windows"]
+    assert len(np.unique(windows.track_id)) == facts["window_tracks"]
+    ahead_s, truth = 0.3 * np.arange(1, 11), true_paths(windows, 0.3)
+    error = {f: displacement(f(windows, ahead_s), truth).mean() for f in (constant_velocity, kalman_velocity)}
+    assert error[constant_velocity] == pytest.approx(facts["cv_ade"], rel=0.01)
+    assert error[kalman_velocity] <= facts["kalman_ade"]
+
+
+def test_the_committed_tracker_is_what_its_command_finds(real):
+    """Perturbing any parameter of conf/tracker/tuned_on_<place> makes the place's detections less likely."""
+    scene = real[0]
+    committed = tracker_tuned_on(scene.name)
+    best = log_likelihood(scene.recording, committed, 8)
+    for name, value in vars(committed).items():
+        for factor in (0.95, 1.05):
+            other = dataclasses.replace(committed, **{name: value * factor})
+            assert log_likelihood(scene.recording, other, 8) < best + 1e-7, (name, factor)

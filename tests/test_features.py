@@ -2,9 +2,11 @@
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,15 +25,19 @@ from pedpred.features import (
 from pedpred.features.targets import future_velocities
 from pedpred.geometry import rotate, to_world
 from pedpred.scenes import OccupancyMap, Recording, Scene
-from pedpred.tracking import KalmanSettings, follow
+from pedpred.sources import SOURCES as EWAP
+from pedpred.tracking import KalmanSettings, SensorSettings, follow, resampled, sensed
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 from tests.worlds import empty_map, walled_scene
 
+CONF = Path(__file__).resolve().parents[1] / "conf"
 KALMAN = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
 SOURCES = {
     "annotations": dict(kind="kalman", kalman=KALMAN, dt_s=0.4, clocks=3, truth=False),
     "simulation": dict(kind="truth", kalman=None, dt_s=0.3, clocks=1, truth=True),
+    "sensor": dict(kind="kalman", kalman=KALMAN, dt_s=0.1, clocks=1, truth=False, detections=60),
 }
+SENSOR = SensorSettings(every=2, position_noise_m=0.1, quantum_m=0.02, drop_out_share=0.1, switch_share=0.2)
 INPUTS = (
     "position",
     "heading_rad",
@@ -44,40 +50,94 @@ INPUTS = (
 )
 
 
-def table_of(scene, source):
+def table_of(scene, source, truth=None):
     tracks = follow(scene.recording, source["kind"], source["kalman"], 0.2)
-    return extract(scene, tracks, FeatureSettings(clocks=source["clocks"]))
+    return extract(scene, tracks, FeatureSettings(clocks=source["clocks"]), truth)
 
 
-@pytest.mark.parametrize("source", SOURCES)
-@given(seed=st.integers(0, 2**32 - 1), now=st.floats(3.0, 12.0))
-def test_no_input_depends_on_a_later_detection(source, seed, now):
-    """Perturb, drop and add everything after `now`: all inputs up to then stay bit-identical."""
-    source = SOURCES[source]
-    rng = np.random.default_rng(seed)
-    scene = walled_scene(rng, source["dt_s"], source["truth"])
-    before = table_of(scene, source)
-    later = scene.recording.time_s > now + TIME_TOLERANCE_S
-    moved = {"position": scene.recording.position + later[:, None] * rng.normal(0, 3, (len(later), 2))}
-    if source["truth"]:
-        moved["velocity"] = scene.recording.velocity + later[:, None] * rng.normal(0, 3, (len(later), 2))
-    changed = dataclasses.replace(scene.recording, **moved)
-    changed = changed.select(~later | (rng.random(len(later)) < 0.7))
-    after = table_of(dataclasses.replace(scene, recording=changed), source)
+def paper_table(scene):
+    """The leaky protocol."""
+    prepared = resampled(scene, 0.3)
+    tracks = follow(prepared.recording, "truth", None, 0.2)
+    return extract(prepared, tracks, FeatureSettings(leaks=True), scene.recording)
 
-    def keyed(table):
-        rows = np.flatnonzero(table.time_s <= now)
-        return {(table.track_id[r], table.clock[r], table.step[r]): r for r in rows}
 
-    old, new = keyed(before), keyed(after)
-    common = old.keys() & new.keys()
+def otherwise_later(scene, now, rng):
+    """The scene with every detection after `now` moved, some of them gone and somebody else come."""
+    recording = scene.recording
+    later = recording.time_s > now + TIME_TOLERANCE_S
+    moved = {"position": recording.position + later[:, None] * rng.normal(0, 3, (len(later), 2))}
+    if recording.velocity is not None:
+        moved["velocity"] = recording.velocity + later[:, None] * rng.normal(0, 3, (len(later), 2))
+    changed = dataclasses.replace(recording, **moved).select(~later | (rng.random(len(later)) < 0.7))
+    new = changed.select(changed.time_s > now + TIME_TOLERANCE_S)
+    new = dataclasses.replace(new, track_id=new.track_id + 100, position=new.position + 1.0)
+    columns = {f.name: (getattr(changed, f.name), getattr(new, f.name)) for f in dataclasses.fields(new)}
+    both = {name: np.concatenate(pair) for name, pair in columns.items() if pair[0] is not None}
+    return dataclasses.replace(scene, recording=Recording(**both))
+
+
+def inputs_until(before, after, now):
+    """Rows of the same (track, clock, step) up to `now` in both tables; nobody's may be missing."""
+    old, new = (
+        {(t.track_id[r], t.clock[r], t.step[r]): r for r in np.flatnonzero(t.time_s <= now)}
+        for t in (before, after)
+    )
+    common = sorted(old.keys() & new.keys())
     # A track that ends earlier has fewer steps, but none before its last detection may be missing.
     assert len(common) >= len(new) > 0
-    a, b = [old[k] for k in common], [new[k] for k in common]
+    return [old[k] for k in common], [new[k] for k in common]
+
+
+def assert_same_inputs(before, after, now):
+    a, b = inputs_until(before, after, now)
     for name in INPUTS:
         np.testing.assert_array_equal(getattr(before, name)[a], getattr(after, name)[b], err_msg=name)
 
 
+@pytest.mark.parametrize("name", SOURCES)
+@settings(max_examples=25)
+@given(seed=st.integers(0, 2**32 - 1), now=st.floats(3.0, 12.0))
+def test_no_input_depends_on_a_later_detection(name, seed, now):
+    """Move, drop and add anything after `now`: all inputs up to then stay bit-identical."""
+    source, rng = SOURCES[name], np.random.default_rng(seed)
+    scene = walled_scene(rng, source["dt_s"], source["truth"], detections=source.get("detections", 40))
+    if name == "sensor":
+        scene, now = sensed(scene, SENSOR, rng), now / 3
+    before, after = table_of(scene, source), table_of(otherwise_later(scene, now, rng), source)
+    assert_same_inputs(before, after, now)
+
+
+@pytest.mark.parametrize("place", ["eth", "hotel"])
+def test_no_input_depends_on_a_later_annotation_of_the_real_recordings(place, ewap_folder):
+    scene = minute_of(ewap_folder, place)
+    source = SOURCES["annotations"]
+    before = table_of(scene, source)
+    for now in (12.0, 30.2, 47.3):
+        after = table_of(otherwise_later(scene, now, np.random.default_rng(0)), source)
+        assert_same_inputs(before, after, now)
+
+
+def test_the_paper_protocol_does_leak():
+    """A detection moved after `now` changes the position, velocity and crop that the network gets before."""
+    scene, now = walled_scene(np.random.default_rng(1)), 6.0
+    before = paper_table(scene)
+    after = paper_table(otherwise_later(scene, now, np.random.default_rng(2)))
+    a, b = inputs_until(before, after, now)
+    for name in ("position", "velocity", "occupancy", "angular_grid"):
+        assert (getattr(before, name)[a] != getattr(after, name)[b]).any(), name
+
+
+def minute_of(ewap_folder, place):
+    """The first minute of a real recording."""
+    about = yaml.safe_load((CONF / "scenes" / f"{place}.yaml").read_text())
+    scene = EWAP["ewap"](ewap_folder / about["sequence"], place, about)
+    start = scene.recording.time_s.min()
+    minute = scene.recording.select(scene.recording.time_s < start + 60.0)
+    return dataclasses.replace(scene, recording=dataclasses.replace(minute, time_s=minute.time_s - start))
+
+
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.floats(-np.pi, np.pi))
 def test_velocities_targets_and_neighbours_do_not_see_the_world_frame(seed, turn):
     rng = np.random.default_rng(seed)
@@ -234,7 +294,7 @@ def test_a_track_of_one_detection_and_an_empty_recording_have_an_answer():
     assert len(table_of(Scene("none", nothing, empty_map(), 0.4), SOURCES["annotations"])) == 0
 
 
-@pytest.mark.parametrize("source", SOURCES)
+@pytest.mark.parametrize("source", ["annotations", "simulation"])
 def test_online_equals_offline_bit_by_bit(source):
     """Replay a scene detection by detection; whoever has a step now gets the inputs of the table's row."""
     source = SOURCES[source]
@@ -303,3 +363,38 @@ def test_states_that_are_no_numbers_are_named():
         pedestrians((0.0, 0.0), heading_rad=np.inf)
     with pytest.raises(ShapeError, match="velocity"):
         Pedestrians(np.arange(2), np.zeros((2, 2)), np.zeros(2), np.zeros(2))
+
+
+def test_a_life_ends_with_a_long_silence():
+    """An id that comes back is somebody new: no motion, no target and no window reaches over the gap."""
+    time_s = np.concatenate([np.arange(20) * 0.4, 20.0 + np.arange(20) * 0.4])
+    x = np.concatenate([np.arange(20) * 0.4, 9.0 - np.arange(20) * 0.4])
+    back = Recording(time_s, np.zeros(40), np.stack([x, 0 * x], axis=-1))
+    table = table_of(Scene("back", back, empty_map(), 0.4), SOURCES["annotations"])
+    assert not ((table.time_s > 7.6 + 1e-3) & (table.time_s < 20.0 - 1e-3)).any()
+    reborn = (table.clock == 0) & (np.abs(table.time_s - 20.0) < 1e-3)
+    assert table.step[reborn].tolist() == [0]
+    assert not table.velocity[reborn].any()
+    assert not table.last_velocity[reborn].any()
+    before = table.time_s < 10.0
+    np.testing.assert_array_equal(
+        table.future_steps[before], np.clip((7.6 + 1e-6 - table.time_s[before]) // 0.3, 0, 10)
+    )
+    assert (table.time_s[table.window & ~before] >= 20.0 + 3 * 0.4 - 1e-3).all()
+
+
+def test_targets_are_the_truth_whatever_the_sensor_says():
+    """Two people change names for good; each name's target is the path of whom it stands for."""
+    rng = np.random.default_rng(4)
+    scene = walled_scene(rng, 0.1, tracks=6, detections=100, noise_m=0.0)
+    tracks = follow(sensed(scene, SENSOR, rng).recording, "kalman", KALMAN, 0.2)
+    assert (tracks.person_id != tracks.track_id).any()
+    seen = sensed(scene, SENSOR, np.random.default_rng(4))
+    tracks = follow(seen.recording, "kalman", KALMAN, 0.2)
+    table = extract(seen, tracks, FeatureSettings(), scene.recording)
+    row = tracks.last_row(table.track_id, table.time_s)
+    own = follow(scene.recording, "kalman", KALMAN, 0.2)
+    ahead = own.last_row(tracks.person_id[row], table.time_s + 0.3)
+    landed = table.position + rotate(table.future[:, 0] * 0.3, table.heading_rad)
+    known = table.future_steps > 0
+    assert np.abs(landed - own.detection[ahead])[known].max() < 0.3  # one detection interval of walking

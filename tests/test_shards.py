@@ -31,7 +31,10 @@ from stages.features import features_into
 from tests.worlds import walled_scene
 
 SETTINGS = FeatureSettings(clocks=3)
-TRACKER = {"kind": "kalman", "acceleration_noise": 0.1, "position_noise_m": 0.1}
+SOURCE = {
+    "tracker": {"kind": "kalman", "acceleration_noise": 0.1, "position_noise_m": 0.1},
+    "sensor": {"position_noise_m": 0.05, "drop_out_share": 0.1, "switch_share": 0.1},
+}
 
 
 def walled(seed=0, **options):
@@ -73,7 +76,7 @@ def test_the_number_of_workers_changes_no_byte(tmp_path):
         write_scene(dataclasses.replace(scene, name=f"room{seed}"), tmp_path / f"scenes/room{seed}")
     for workers in (1, 2):
         Parallel(n_jobs=workers)(
-            delayed(features_into)(tmp_path / str(workers), folder, SETTINGS, TRACKER, 0.2)
+            delayed(features_into)(tmp_path / str(workers), folder, SETTINGS, SOURCE, 0.2)
             for folder in (tmp_path / "scenes").iterdir()
         )
     one, two = ({p.name: p.read_bytes() for p in (tmp_path / n).iterdir()} for n in ("1", "2"))

@@ -1,5 +1,7 @@
 """The tracker: optimal, causal, and steady while people stand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,8 +9,18 @@ from hypothesis import strategies as st
 
 from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.scenes import Recording
-from pedpred.tracking import KalmanSettings, born, follow, updated
-from tests.worlds import wandering
+from pedpred.tracking import (
+    KalmanSettings,
+    SensorSettings,
+    born,
+    follow,
+    log_likelihood,
+    resampled,
+    sensed,
+    tuned,
+    updated,
+)
+from tests.worlds import walled_scene, wandering
 
 SETTINGS = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
 
@@ -74,3 +86,134 @@ def test_bad_settings_are_named():
         KalmanSettings(acceleration_noise=0.3, position_noise_m=0.0)
     with pytest.raises(ConfigError, match=r"tracker\.kind"):
         follow(wandering(np.random.default_rng(0)), "truth", None, 0.2)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_belief_extrapolated_in_two_steps_is_that_of_one(seed):
+    rng = np.random.default_rng(seed)
+    tracks = follow(wandering(rng), "kalman", SETTINGS, 0.2)
+    row, (short, long) = np.arange(len(tracks.age)), np.sort(rng.uniform(0, 3, 2))
+    there = tracks.belief_at(row, tracks.time_s + long, 0.3)
+    np.testing.assert_allclose(there.position, tracks.position_at(row, tracks.time_s + long))
+    here = tracks.belief_at(row, tracks.time_s + short, 0.3)
+    half = dataclasses.replace(tracks, time_s=tracks.time_s + short, **vars(here))
+    for name, value in vars(half.belief_at(row, tracks.time_s + long, 0.3)).items():
+        np.testing.assert_allclose(value, getattr(there, name))
+    assert (there.covariance[:, 0] >= here.covariance[:, 0]).all()
+
+
+def test_the_filter_knows_how_wrong_it_is():
+    """Detections of the filter's own model: innovations are as large as it says, at any irregular rate."""
+    rng = np.random.default_rng(0)
+    tracks = follow(model_walks(rng, 0.2, 0.05), "kalman", KalmanSettings(0.2, 0.05), 0.2)
+    row = np.flatnonzero(tracks.age >= 5)
+    before = tracks.belief_at(row - 1, tracks.time_s[row], 0.2)
+    miss = (tracks.detection[row] - before.position) ** 2 / (before.covariance[:, :1] + 0.05**2)
+    assert miss.mean() == pytest.approx(1.0, abs=0.05)
+
+
+def test_tuning_finds_the_noise_that_was_put_in():
+    recording = model_walks(np.random.default_rng(1), 0.2, 0.05)
+    for ahead in (1, 4):
+        found = tuned(recording, ahead)
+        assert found.acceleration_noise == pytest.approx(0.2, rel=0.15)
+        assert found.position_noise_m == pytest.approx(0.05, rel=0.15)
+        assert log_likelihood(recording, found, ahead) > log_likelihood(recording, SETTINGS, ahead)
+
+
+def model_walks(rng, q, r, tracks=60, detections=60):
+    """Walks with white-noise acceleration of density q, seen at irregular times with deviation r."""
+    dt_s = rng.uniform(0.05, 0.6, (tracks, detections))
+    velocity, position = rng.normal(0, 1, (tracks, 2)), rng.normal(0, 5, (tracks, 2))
+    seen = []
+    for k in range(detections):
+        h = dt_s[:, k : k + 1]
+        a, b = rng.normal(size=(2, tracks, 2))  # a path and a velocity with the covariance Q
+        position = position + h * velocity + np.sqrt(q * h**3) * (a / 2 + b / np.sqrt(12))
+        velocity = velocity + np.sqrt(q * h) * a
+        seen.append(position + rng.normal(0, r, position.shape))
+    track_id = np.repeat(np.arange(tracks), detections)
+    return Recording(np.cumsum(dt_s, axis=1).ravel(), track_id, np.stack(seen, axis=1).reshape(-1, 2))
+
+
+def test_an_id_that_comes_back_is_born_anew():
+    time_s = np.array([0.0, 0.4, 0.8, 5.0, 5.4])
+    x = np.array([0.0, 0.5, 1.0, 9.0, 8.5])
+    tracks = follow(Recording(time_s, np.zeros(5), np.stack([x, x], axis=-1)), "kalman", SETTINGS, 0.2, 2.0)
+    assert tracks.age.tolist() == [0, 1, 2, 0, 1]
+    assert tracks.life.tolist() == [0, 0, 0, 1, 1]
+    assert tracks.velocity[3].tolist() == [0.0, 0.0]
+    assert tracks.heading_rad[3] == 0.0
+    patient = follow(Recording(time_s, np.zeros(5), np.stack([x, x], axis=-1)), "kalman", SETTINGS, 0.2, 10.0)
+    assert patient.age.tolist() == [0, 1, 2, 3, 4]
+
+
+def test_detections_in_any_order_give_the_same_tracks():
+    """Time running backwards in a file is no error: stamps say when, rows do not."""
+    recording = wandering(np.random.default_rng(0))
+    shuffled = recording.select(np.random.default_rng(1).permutation(len(recording)))
+    a, b = (follow(r, "kalman", SETTINGS, 0.2) for r in (recording, shuffled))
+    np.testing.assert_array_equal(a.position, b.position)
+
+
+def test_what_no_tracker_could_make_sense_of_is_refused():
+    here, ids = np.zeros((2, 2)), np.array([1, 1])
+    with pytest.raises(ValueRuleError, match=r"position\[1\].*finite"):
+        Recording(np.array([0.0, 1.0]), ids, np.array([[0.0, 0.0], [np.nan, 0.0]]))
+    with pytest.raises(ValueRuleError, match=r"time_s\[0\].*finite"):
+        Recording(np.array([np.inf, 1.0]), ids, here)
+    with pytest.raises(ValueRuleError, match=r"track 1 at 1\.0 s.*unique"):
+        Recording(np.array([1.0, 1.0]), ids, here)
+    nobody = Recording(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
+    assert len(follow(nobody, "kalman", SETTINGS, 0.2).age) == 0
+
+
+# Sensors and protocols
+
+
+def test_a_perfect_sensor_changes_no_detection():
+    scene = walled_scene(np.random.default_rng(0))
+    seen = sensed(scene, SensorSettings(), np.random.default_rng(1)).recording
+    for name in ("time_s", "track_id", "position"):
+        np.testing.assert_array_equal(getattr(seen, name), getattr(scene.recording, name))
+    np.testing.assert_array_equal(seen.person_id, seen.track_id)
+
+
+def test_a_sensor_is_as_bad_as_it_says():
+    scene = walled_scene(np.random.default_rng(0), tracks=30, detections=200)
+    faults = SensorSettings(
+        position_noise_m=0.2, quantum_m=0.01, drop_out_share=0.3, switch_share=0.5, switch_range_m=9.0
+    )
+    seen = sensed(scene, faults, np.random.default_rng(1)).recording
+    assert len(seen) / len(scene.recording) == pytest.approx(0.7, abs=0.02)
+    true = follow(scene.recording, "kalman", SETTINGS, 0.2)
+    miss = seen.position - true.detection[true.last_row(seen.person_id, seen.time_s)]
+    assert miss.std() == pytest.approx(0.2, rel=0.05)
+    np.testing.assert_allclose(seen.position / 0.01, np.round(seen.position / 0.01), atol=1e-6)
+    assert 0.2 < (seen.person_id != seen.track_id).mean() < 1.0
+    for now in np.unique(seen.time_s):  # one id a person and one person an id
+        there = seen.time_s == now
+        assert len(np.unique(seen.person_id[there])) == len(np.unique(seen.track_id[there])) == there.sum()
+
+
+def test_a_slow_sensor_sees_every_third_instant():
+    scene = walled_scene(np.random.default_rng(0))
+    seen = sensed(scene, SensorSettings(every=3), np.random.default_rng(1))
+    np.testing.assert_array_equal(np.unique(seen.recording.time_s), np.unique(scene.recording.time_s)[::3])
+    assert seen.detection_dt_s == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize("fault", [{"every": 0}, {"drop_out_share": 1.0}, {"position_noise_m": -1.0}])
+def test_an_impossible_sensor_is_named(fault):
+    with pytest.raises(ValueRuleError, match=f"sensor.{next(iter(fault))}"):
+        SensorSettings(**fault)
+
+
+def test_resampling_goes_through_the_annotations_and_knows_the_next_step():
+    scene = walled_scene(np.random.default_rng(0), dt_s=0.4)
+    table = resampled(scene, 0.1).recording
+    own = scene.recording
+    for track in np.unique(own.track_id):
+        path, seen = table.select(table.track_id == track), own.select(own.track_id == track)
+        np.testing.assert_allclose(path.position[::4], seen.position, atol=1e-9)
+        np.testing.assert_allclose(path.velocity[1:-1], (path.position[2:] - path.position[:-2]) / 0.2)

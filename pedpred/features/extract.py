@@ -48,15 +48,15 @@ def extract(
 
     Every input at time t follows from detections at or before t; targets alone look ahead.
     """
-    return next(extract_blocks(scene, tracks, settings, truth, rows=np.iinfo(np.int64).max))
+    return next(extract_blocks(scene, tracks, settings, np.iinfo(np.int64).max, truth))
 
 
 def extract_blocks(
     scene: Scene,
     tracks: Tracks,
     settings: FeatureSettings,
-    truth: Recording | None = None,
     rows: int = 8192,
+    truth: Recording | None = None,
 ) -> Iterator[FeatureTable]:
     """The table of `extract` in blocks of whole tracks: a long scene needs no more memory.
 
@@ -64,8 +64,8 @@ def extract_blocks(
         scene: the place and the detections.
         tracks: the tracker's states of that scene.
         settings: sizes.
-        truth: where people really walk, for the targets; the scene's detections when nobody knows better.
         rows: of a block, at most; a longer track is a block of its own. An empty scene is one empty block.
+        truth: where people really walk, for the targets; the scene's detections when nobody knows better.
     """
     futures = Futures.of(scene.recording if truth is None else truth, settings.lost_after_s)
     steps = clock_steps(tracks, scene.detection_dt_s, settings)

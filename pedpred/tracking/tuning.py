@@ -11,26 +11,38 @@ from pedpred.tracking.tracks import KalmanSettings, follow
 _START = KalmanSettings(acceleration_noise=0.1, position_noise_m=0.1, initial_speed_mps=1.0)
 
 
-def log_likelihood(recording: Recording, settings: KalmanSettings) -> float:
-    """Mean log density of a detection, given the same pedestrian's earlier ones.
+def log_likelihood(recording: Recording, settings: KalmanSettings, ahead: int) -> float:
+    """Mean log density of the next `ahead` detections of a pedestrian, each given those up to now.
 
-    With innovation n = z - x and S = P_pp + r^2 before the detection, both axes alike:
+    With innovation n = z - x and S = P_pp + r^2 of the state extrapolated to that detection, both axes alike:
         log p(z) = -log(2 pi S) - |n|^2 / (2 S).
-    Bar-Shalom, Li & Kirubarajan 2001, section 5.4.2. First detections are not counted.
+    One detection ahead, it is the filter's likelihood (Bar-Shalom, Li & Kirubarajan 2001, section
+    5.4.2); farther, a composite likelihood (Varin, Reid & Firth 2011) of what the tracker is asked for.
+
+    Args:
+        recording: detections.
+        settings: noise parameters.
+        ahead: how many detections, counted within a life.
     """
     tracks = follow(recording, "kalman", settings, standstill_mps=0.0)
-    rows = np.flatnonzero(tracks.age > 0)
-    before = tracks.belief_at(rows - 1, tracks.time_s[rows], settings.acceleration_noise)
-    variance = before.covariance[:, 0] + settings.position_noise_m**2
-    miss = ((tracks.detection[rows] - before.position) ** 2).sum(axis=1)
-    return float((-np.log(2 * np.pi * variance) - miss / (2 * variance)).mean())
+    total, count = 0.0, 0
+    for distance in range(1, ahead + 1):
+        row = np.arange(len(tracks.life) - distance)
+        row = row[tracks.life[row] == tracks.life[row + distance]]
+        after = tracks.belief_at(row, tracks.time_s[row + distance], settings.acceleration_noise)
+        variance = after.covariance[:, 0] + settings.position_noise_m**2
+        miss = ((tracks.detection[row + distance] - after.position) ** 2).sum(axis=1)
+        total += float((-np.log(2 * np.pi * variance) - miss / (2 * variance)).sum())
+        count += len(row)
+    return total / count
 
 
-def tuned(recording: Recording) -> KalmanSettings:
+def tuned(recording: Recording, ahead: int) -> KalmanSettings:
     """The most likely noise parameters of a recording.
 
     Args:
         recording: detections of the *training* place.
+        ahead: see `log_likelihood`.
     """
 
     def settings(logarithms: np.ndarray) -> KalmanSettings:
@@ -38,9 +50,9 @@ def tuned(recording: Recording) -> KalmanSettings:
 
     start = [_START.acceleration_noise, _START.position_noise_m, _START.initial_speed_mps]
     found = minimize(
-        lambda x: -log_likelihood(recording, settings(x)),
+        lambda x: -log_likelihood(recording, settings(x), ahead),
         np.log(start),
         method="Nelder-Mead",
-        options={"xatol": 1e-4, "fatol": 1e-8},
+        options={"xatol": 1e-4, "fatol": 1e-9},
     )
     return settings(found.x)
