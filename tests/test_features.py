@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks import features as benchmark
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import (
     FeatureSettings,
@@ -303,3 +304,14 @@ def test_states_that_are_no_numbers_are_named():
         pedestrians((0.0, 0.0), heading_rad=np.inf)
     with pytest.raises(ShapeError, match="velocity"):
         Pedestrians(np.arange(2), np.zeros((2, 2)), np.zeros(2), np.zeros(2))
+
+
+def test_the_benchmark_compares_with_the_same_grids():
+    rng = np.random.default_rng(0)
+    place, frame = benchmark.room(rng), benchmark.crowd(20, rng)
+    crops, grids = benchmark.plain_numpy(frame, place)
+    seen = benchmark.both_grids(frame, place)
+    assert (
+        np.unpackbits(crops ^ seen.occupancy).sum() <= 20
+    )  # a centre on a cell's edge may round to either side
+    np.testing.assert_allclose(grids, seen.angular_grid, atol=1e-5)

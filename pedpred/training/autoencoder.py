@@ -14,7 +14,7 @@ from pedpred.models.autoencoder import GridAutoencoder, intersection_over_union,
 from pedpred.training.schedule import learning_rate
 
 _CROPS_AT_ONCE = 8
-"""The first layer's output of so many is 1.6 MB: it stays in the cache, and in memory that the allocator keeps."""
+"""The first layer's output of so many, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
 
 
 @dataclass(frozen=True)
