@@ -1,31 +1,46 @@
 """encode@scene: the frozen convolutions' output for every occupancy crop, once and for all."""
 
+from __future__ import annotations
+
+import os
 from pathlib import Path
 
 import torch
+from joblib import Parallel, delayed
 from omegaconf import DictConfig
 from tqdm import tqdm
 
 from pedpred.config import stage, stage_key
+from pedpred.features.table import FeatureSettings
 from pedpred.models import GridAutoencoder
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.storage.shards import read_crops, read_manifest, write_codes
 from pedpred.training.autoencoder import encode
 
 
+def codes_into(
+    out: Path, features: Path, shard: str, settings: FeatureSettings, network: GridAutoencoder
+) -> None:
+    """One worker's job, on one thread, whatever their number: the codes of one scene."""
+    torch.set_num_threads(1)
+    crops = read_crops(features, shard, settings)
+    write_codes((encode(network, block, settings.grid_cells) for block in crops), out, shard)
+
+
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/features/<name> and models/autoencoder, write data/codes/<name>."""
+    """Read data/features/<name> and models/autoencoder, write data/codes/<name> ($PEDPRED_JOBS workers)."""
     name = stage_key(cfg)
-    torch.set_num_threads(cfg.autoencoder.threads)
     weights, about = read_checkpoint(Path("models/autoencoder"))
     network = GridAutoencoder(about["settings"]["latent"])
     load_weights(network, weights, Path("models/autoencoder"))
     features, out = Path("data/features") / name, Path(cfg.get("out", f"data/codes/{name}"))
     settings, shards = read_manifest(features)
-    for shard in tqdm(shards, desc=f"codes of {name}"):
-        crops = read_crops(features, shard, settings)
-        write_codes((encode(network, block, settings.grid_cells) for block in crops), out, shard)
+    jobs = int(os.environ.get("PEDPRED_JOBS", os.cpu_count() or 1))
+    workers = Parallel(n_jobs=jobs, return_as="generator_unordered")
+    done = workers(delayed(codes_into)(out, features, shard, settings, network) for shard in shards)
+    for _ in tqdm(done, total=len(shards), desc=f"codes of {name}", unit="scene"):
+        pass
 
 
 if __name__ == "__main__":

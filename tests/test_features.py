@@ -10,6 +10,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks import features as benchmark
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import (
     FeatureSettings,
@@ -387,10 +388,9 @@ def test_targets_are_the_truth_whatever_the_sensor_says():
     """Two people change names for good; each name's target is the path of whom it stands for."""
     rng = np.random.default_rng(4)
     scene = walled_scene(rng, 0.1, tracks=6, detections=100, noise_m=0.0)
-    tracks = follow(sensed(scene, SENSOR, rng).recording, "kalman", KALMAN, 0.2)
-    assert (tracks.person_id != tracks.track_id).any()
-    seen = sensed(scene, SENSOR, np.random.default_rng(4))
+    seen = sensed(scene, SENSOR, rng)
     tracks = follow(seen.recording, "kalman", KALMAN, 0.2)
+    assert (tracks.person_id != tracks.track_id).any()
     table = extract(seen, tracks, FeatureSettings(), scene.recording)
     row = tracks.last_row(table.track_id, table.time_s)
     own = follow(scene.recording, "kalman", KALMAN, 0.2)
@@ -398,3 +398,13 @@ def test_targets_are_the_truth_whatever_the_sensor_says():
     landed = table.position + rotate(table.future[:, 0] * 0.3, table.heading_rad)
     known = table.future_steps > 0
     assert np.abs(landed - own.detection[ahead])[known].max() < 0.3  # one detection interval of walking
+
+
+def test_the_benchmark_compares_with_the_same_grids():
+    rng = np.random.default_rng(0)
+    place, frame = benchmark.room(rng), benchmark.crowd(20, rng)
+    crops, grids = benchmark.plain_numpy(frame, place)
+    seen = benchmark.both_grids(frame, place)
+    # A centre on a cell's edge may round to either side.
+    assert np.unpackbits(crops ^ seen.occupancy).sum() <= 20
+    np.testing.assert_allclose(grids, seen.angular_grid, atol=1e-5)

@@ -2,17 +2,22 @@
 
 import dataclasses
 import json
+import re
 import weakref
+from pathlib import Path
 
+import matplotlib
+import matplotlib.pyplot
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from joblib import Parallel, delayed
+from PIL import Image
 
 from pedpred.datasets.motion import load_motion_data
 from pedpred.errors import StorageError
-from pedpred.features import FeatureSettings, extract, extract_blocks
+from pedpred.features import FeatureSettings, extract, extract_blocks, unpack_crops
 from pedpred.storage.columns import read_columns, write_blocks, write_columns
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import (
@@ -205,3 +210,23 @@ def test_codes_must_belong_to_the_features(shard):
     data = load_motion_data(folder, folder / "codes")
     assert len(data.sequences) == 3 * len(np.unique(table.track_id))
     assert set(data.track) == set(range(len(np.unique(table.track_id))))
+
+
+def test_the_example_in_the_readme_draws_a_grid_and_an_angular_grid(tmp_path, monkeypatch):
+    matplotlib.use("Agg")
+    scene, tracks = walled()
+    write_shard([extract(scene, tracks, SETTINGS)], tmp_path / "data/features/eth", "eth")
+    monkeypatch.chdir(tmp_path)
+    readme = (Path(__file__).parents[1] / "README.md").read_text()
+    (example,) = (
+        code for code in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "read_parquet" in code
+    )
+    names: dict = {}
+    exec(example, names)
+    drawn = names["row"]
+    table = read_shard(tmp_path / "data/features/eth", "eth", SETTINGS)
+    expected = unpack_crops(table.occupancy[drawn.name : drawn.name + 1], 60)[0]
+    np.testing.assert_array_equal(names["grid"], expected)
+    with Image.open("inputs.png") as picture:
+        assert len(picture.convert("L").getcolors()) > 2
+    matplotlib.pyplot.close("all")

@@ -65,5 +65,4 @@ def _crop(occupied, start, heading_rad, centers, step, crops):  # pragma: no cov
             for j in range(cells):
                 found[i * cells + j] = index[j] >= 0 and flat[index[j]]
         words = found.view(np.uint64)
-        for k in range(len(words)):
-            crops[q, k] = np.uint8((words[k] * _GATHER_BITS) >> np.uint64(56))
+        crops[q] = ((words * _GATHER_BITS) >> np.uint64(56)).astype(np.uint8)

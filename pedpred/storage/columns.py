@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,17 +20,23 @@ def write_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
     write_blocks([columns], path)
 
 
-def write_blocks(blocks: Iterable[Mapping[str, np.ndarray]], path: Path, version: int | None = None) -> None:
+def write_blocks(
+    blocks: Iterable[Mapping[str, np.ndarray]],
+    path: Path,
+    version: int | None = None,
+    split: Sequence[str] = (),
+) -> None:
     """Write blocks of rows as one Parquet file, one row group each; a block is let go when the next comes.
 
     [M] becomes a plain column, [M, ...] of bytes a fixed-size binary one, any other [M, ...] a
-    fixed-size list with the trailing axes flattened, row-major. Compressed (zstd; the bytes of floats are
-    transposed first), byte-identical each time.
+    fixed-size list with the trailing axes flattened, row-major. Compressed with zstd, byte-identical
+    each time.
 
     Args:
         blocks: at least one; the same columns in all.
         path: the file; its folder is made.
         version: of the columns' meaning, kept in the file.
+        split: columns whose floats are stored byte-stream-split, which pays where values do not repeat.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     writer: pq.ParquetWriter | None = None
@@ -44,7 +50,7 @@ def write_blocks(blocks: Iterable[Mapping[str, np.ndarray]], path: Path, version
                 table.schema,
                 compression="zstd",
                 use_dictionary=False,
-                use_byte_stream_split=_float_leaves(table.schema),
+                use_byte_stream_split=[_leaf(table.schema.field(name)) for name in split],
                 write_page_checksum=True,
             )
             writer.write_table(table, row_group_size=max(len(table), 1))
@@ -94,14 +100,9 @@ def _check(path: Path, schema: pa.Schema, names: Iterable[str], version: int | N
             raise StorageError(path, f"column {name}", "it is missing", _REMEDY)
 
 
-def _float_leaves(schema: pa.Schema) -> list[str]:
-    """Parquet's names of the columns that hold floats, or lists of them."""
-    lists = [field.name for field in schema if pa.types.is_fixed_size_list(field.type)]
-    return [
-        f"{field.name}.list.element" if field.name in lists else field.name
-        for field in schema
-        if pa.types.is_floating(field.type.value_type if field.name in lists else field.type)
-    ]
+def _leaf(field: pa.Field) -> str:
+    """Parquet's name of a column, or of what its lists hold."""
+    return f"{field.name}.list.element" if pa.types.is_fixed_size_list(field.type) else field.name
 
 
 def _to_arrow(values: np.ndarray) -> pa.Array:

@@ -17,6 +17,8 @@ from pedpred.storage.columns import read_blocks, read_columns, write_blocks
 
 FEATURE_SCHEMA = 2
 _SOURCE_FILES = ("scene.json", "tracks.parquet", "map.yaml", "map.pgm")
+_NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
+"""Byte-stream-split makes these 5-45 % smaller, and those that hold their values up to 3 times larger."""
 _REMEDY = "Rebuild it with dvc repro"
 _PAIRS = {
     "position": ("x_m", "y_m"),
@@ -81,7 +83,8 @@ def write_shard(blocks: Iterable[FeatureTable], folder: Path, name: str) -> None
         folder: of the scene set.
         name: of the scene.
     """
-    write_blocks(map(feature_columns, blocks), folder / f"{name}.parquet", FEATURE_SCHEMA)
+    path = folder / f"{name}.parquet"
+    write_blocks(map(feature_columns, blocks), path, FEATURE_SCHEMA, split=_NEVER_REPEATED)
 
 
 def write_manifest(folder: Path, settings: FeatureSettings, scenes: Mapping[str, Path]) -> None:

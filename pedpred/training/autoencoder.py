@@ -13,7 +13,8 @@ from pedpred.features import unpack_crops
 from pedpred.models.autoencoder import GridAutoencoder, intersection_over_union, reconstruction_loss
 from pedpred.training.schedule import learning_rate
 
-_CROPS_AT_ONCE = 32
+_CROPS_AT_ONCE = 8
+"""The first layer's output of so many, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
 
 
 @dataclass(frozen=True)

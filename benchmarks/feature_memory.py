@@ -1,0 +1,56 @@
+"""One long scene to a shard and back, for `benchmarks.features` to watch its memory.
+
+`python -m benchmarks.feature_memory COPIES {stream,whole} SCENE`: the scene's recording is repeated that
+many times, one after the other, by new people; its shard is written and read block by block, or as a whole.
+Without copies it only imports.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.features import FeatureSettings, extract, extract_blocks
+from pedpred.scenes import Recording, Scene
+from pedpred.storage.scenes import read_scene
+from pedpred.storage.shards import read_shard, read_shard_blocks, write_shard
+from pedpred.tracking import KalmanSettings, follow
+
+NOISE = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05)
+
+
+def repeated(scene: Scene, copies: int) -> Scene:
+    """The scene's recording many times, one after the other; every copy has tracks of its own."""
+    one = scene.recording
+    copy = np.repeat(np.arange(copies), len(one))
+    rows = np.tile(np.arange(len(one)), copies)
+    values = {field.name: getattr(one, field.name) for field in dataclasses.fields(one)}
+    columns = {name: value[rows] for name, value in values.items() if value is not None}
+    columns["time_s"] = columns["time_s"] + copy * (np.ptp(one.time_s) + 10.0)
+    columns["track_id"] = columns["track_id"] + copy * (np.ptp(one.track_id) + 1)
+    return dataclasses.replace(scene, recording=Recording(**columns))
+
+
+def main() -> None:
+    """Write and read; the caller measures."""
+    copies, way, folder = int(sys.argv[1]), sys.argv[2], Path(sys.argv[3])
+    if not copies:
+        return
+    scene, settings = repeated(read_scene(folder), copies), FeatureSettings()
+    tracks = follow(scene.recording, "kalman", NOISE, 0.2)
+    with tempfile.TemporaryDirectory() as out:
+        if way == "stream":
+            write_shard(extract_blocks(scene, tracks, settings), Path(out), scene.name)
+            rows = sum(len(block) for block in read_shard_blocks(Path(out), scene.name, settings))
+        else:
+            write_shard([extract(scene, tracks, settings)], Path(out), scene.name)
+            rows = len(read_shard(Path(out), scene.name, settings))
+    print(f"{rows} rows")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,164 @@
+"""Occupancy crop and angular grid: ours, a plain numpy implementation and the memory bound, in one run.
+
+`python -m benchmarks.features [--json FILE] [--main-set]`. One thread. The pedestrians are spread over one
+room of 20 m x 20 m, so 1000 of them are a crush (2.5 per m^2) in which each sees hundreds of others: the
+worst case. The bound is what the crop's look-ups take when their addresses are known; the angular grid comes
+on top. With `--main-set` the whole set `main` (needs data/scenes/main) goes to Parquet on two cores, and one
+long scene shows how memory grows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from functools import partial
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from benchmarks.timing import keep, median_ms, run_measured, tell
+from pedpred.features import FeatureSettings, Observation, Pedestrians, observe_frame, occupancy_crops
+from pedpred.geometry import rotate, to_world
+from pedpred.scenes import OccupancyMap
+
+CROWDS = (20, 200, 1000)
+SIZES = FeatureSettings()
+MAIN = Path("data/scenes/main")
+
+
+def room(rng: np.random.Generator) -> OccupancyMap:
+    """20 m x 20 m with forty blocks."""
+    occupied = np.zeros((200, 200), dtype=bool)
+    for x, y in rng.integers(0, 190, (40, 2)):
+        occupied[x : x + 10, y : y + 10] = True
+    return OccupancyMap(occupied, np.zeros(2), 0.1)
+
+
+def crowd(count: int, rng: np.random.Generator) -> Pedestrians:
+    """People anywhere in the room, looking anywhere."""
+    heading, position = rng.uniform(-np.pi, np.pi, count), rng.uniform(0.0, 20.0, (count, 2))
+    return Pedestrians(np.arange(count), position, heading, rng.normal(0.0, 1.0, (count, 2)))
+
+
+def both_grids(frame: Pedestrians, occupancy: OccupancyMap) -> Observation:
+    """What runs online."""
+    return observe_frame(frame, occupancy, SIZES)
+
+
+def crop_only(frame: Pedestrians, occupancy: OccupancyMap) -> np.ndarray:
+    """The part of it that the bound is about."""
+    sizes = SIZES.grid_cells, SIZES.grid_resolution_m
+    return occupancy_crops(occupancy, frame.position, frame.heading_rad, *sizes)
+
+
+def plain_numpy(frame: Pedestrians, occupancy: OccupancyMap) -> tuple[np.ndarray, np.ndarray]:
+    """The same two grids in array expressions: [N, cells^2 / 8] uint8, [N, K] float32."""
+    centre = (np.arange(SIZES.grid_cells) + 0.5 - SIZES.grid_cells / 2) * SIZES.grid_resolution_m
+    cells = np.stack(np.meshgrid(centre, centre, indexing="ij"), axis=-1)
+    points = to_world(cells[None], frame.position[:, None, None], frame.heading_rad[:, None, None])
+    crops = np.packbits(occupancy.is_occupied(points).reshape(len(frame), -1), axis=1, bitorder="little")
+    away = rotate(frame.position - frame.position[:, None], -frame.heading_rad[:, None])
+    distance = np.hypot(away[..., 0], away[..., 1])
+    np.fill_diagonal(distance, np.inf)
+    angle = np.arctan2(away[..., 1], away[..., 0]) % (2 * np.pi)
+    cone = np.minimum((angle * SIZES.angular_cells / (2 * np.pi)).astype(int), SIZES.angular_cells - 1)
+    grids = np.full((len(frame), SIZES.angular_cells), SIZES.max_range_m)
+    np.minimum.at(grids, (np.arange(len(frame))[:, None], cone), distance)
+    return crops, grids.astype(np.float32)
+
+
+@numba.njit
+def gather(cells, index, found):
+    """Look-ups and nothing else."""
+    for k in range(len(index)):
+        found[k] = cells[index[k]]
+
+
+def look_up_ns(occupancy: OccupancyMap, rng: np.random.Generator) -> float:
+    """Time of one look-up in a map of that size, its address known, ns."""
+    cells = occupancy.occupied.ravel().view(np.uint8)
+    index = rng.integers(0, len(cells), SIZES.grid_cells**2 * 200).astype(np.int32)
+    found = np.empty(len(index), np.uint8)
+    return median_ms(lambda: gather(cells, index, found)) * 1e6 / len(index)
+
+
+def latency(rng: np.random.Generator) -> list[dict]:
+    """Milliseconds per frame, and the look-ups alone."""
+    occupancy = room(rng)
+    look_up = look_up_ns(occupancy, rng)
+    rows = []
+    for count in CROWDS:
+        frame = crowd(count, rng)
+        seen, (crops, grids) = both_grids(frame, occupancy), plain_numpy(frame, occupancy)
+        assert np.unpackbits(seen.occupancy ^ crops).mean() < 1e-4  # centres on edges, angles on edges
+        assert np.isclose(seen.angular_grid, grids, atol=1e-5).mean() > 0.9999
+        ours, crop, plain = (
+            median_ms(partial(work, frame, occupancy)) for work in (both_grids, crop_only, plain_numpy)
+        )
+        bound = count * SIZES.grid_cells**2 * look_up * 1e-6
+        rows.append(
+            {
+                "pedestrians": count,
+                "ours_ms": ours,
+                "of_it_crop_ms": crop,
+                "numpy_ms": plain,
+                "numpy/ours": plain / ours,
+                "look_ups": count * SIZES.grid_cells**2,
+                "ns/look_up": look_up,
+                "bound_ms": bound,
+                "crop/bound": crop / bound,
+            }
+        )
+    return rows
+
+
+def main_set() -> list[dict]:
+    """The whole set to Parquet, as the pipeline does it, on two cores."""
+    with tempfile.TemporaryDirectory() as out:
+        command = [sys.executable, "-m", "stages.features", "+name=main", f"+out={out}"]
+        seconds, peak_mib = run_measured(command, {"PEDPRED_JOBS": "2"})
+        size = sum(path.stat().st_size for path in Path(out).iterdir())
+    return [
+        {
+            "seconds": seconds,
+            "largest_process_mib": peak_mib,
+            "three_processes_at_most_mib": 3 * peak_mib,
+            "shards_mib": size / 2**20,
+        }
+    ]
+
+
+def growth() -> list[dict]:
+    """Peak memory of one scene, and of one ten times as long."""
+    scene = str(next(path.parent for path in sorted(MAIN.glob("*/scene.json"))))
+    command = [sys.executable, "-m", "benchmarks.feature_memory"]
+    ways = {
+        way: [run_measured([*command, str(n), way, scene])[1] for n in (0, 5, 50)]
+        for way in ("stream", "whole")
+    }
+    return [
+        {"blocks": way, "imports_mib": none, "50k_rows_mib": one, "500k_rows_mib": ten}
+        for way, (none, one, ten) in ways.items()
+    ]
+
+
+def main() -> None:
+    """Measure, print, and keep the figures when asked to."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", type=Path, help="write the figures there")
+    parser.add_argument("--main-set", action="store_true", help="also the 5 h set and the growth of memory")
+    options = parser.parse_args()
+    numba.set_num_threads(1)
+    figures = {"latency": latency(np.random.default_rng(0))}
+    tell("Crop and angular grid of a frame, one thread", figures["latency"])
+    if options.main_set:
+        figures |= {"main_set": main_set(), "growth": growth()}
+        tell("The set main to Parquet, two workers", figures["main_set"])
+        tell("Peak memory of one scene, written and read", figures["growth"])
+    keep(figures, options.json)
+
+
+if __name__ == "__main__":
+    main()
