@@ -30,7 +30,7 @@ smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
 	@.ci/smoke
 
 test: setup ## run the tests
-	python -m pytest --numprocesses 2 --dist loadscope
+	python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder
 
 check: setup ## lint, format, types, import contracts, params.yaml
 	ruff check .

@@ -23,3 +23,8 @@ def ewap_folder() -> Path:
         if place and (ROOT / place / "seq_hotel" / "obsmat.txt").exists():
             return ROOT / place
     pytest.skip("the EWAP recordings are not here: run `python -m stages.fetch` or set PEDPRED_MIRROR")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The pipeline's tests wait a lot: begun first, they wait beside the others."""
+    items.sort(key=lambda item: item.get_closest_marker("pipeline") is None)

@@ -153,11 +153,19 @@ def test_params_yaml_is_what_conf_composes_to():
 
 
 def options():
-    groups = [next(iter(entry)) for entry in DEFAULTS if isinstance(entry, dict)]
-    for group in dict.fromkeys(groups):
-        folder, _, _ = group.partition("@")
-        choice = f"{folder}=" if "@" not in group else f"+{folder}@{folder}.another="
-        yield from (choice + path.stem for path in sorted((ROOT / "conf" / folder).glob("*.yaml")))
+    """Every choice under conf/ that is not made by default (those compose into params.yaml)."""
+    usual = {
+        (key.partition("@")[0], choice)
+        for entry in DEFAULTS
+        if isinstance(entry, dict)
+        for key, choice in entry.items()
+    }
+    for folder in sorted({group for group, _ in usual}):
+        keyed = f"{folder}@" in str(DEFAULTS)
+        prefix = f"+{folder}@{folder}.another=" if keyed else f"{folder}="
+        for path in sorted((ROOT / "conf" / folder).glob("*.yaml")):
+            if (folder, path.stem) not in usual:
+                yield prefix + path.stem
 
 
 @pytest.mark.parametrize("option", sorted(set(options())))

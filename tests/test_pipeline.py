@@ -6,6 +6,7 @@ Everything happens in a copy of the working tree, with one tiny simulated scene.
 import hashlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -19,20 +20,24 @@ TARGET = "simulate@corridor"
 TRACKS = Path("data/scenes/corridor/corridor/tracks.parquet")
 CORRIDOR = "scenes.corridor."
 
-pytestmark = pytest.mark.pipeline
+SWEPT = f"{CORRIDOR}pedestrians"
+
+pytestmark = [pytest.mark.pipeline, pytest.mark.usefixtures("sweep")]
+
+
+ENVIRONMENT = {k: v for k, v in os.environ.items() if not k.startswith(("DVC_", "GIT_"))} | {
+    "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+    "NUMBA_DISABLE_JIT": "1",  # a second of simulation is not worth a compilation
+    "PEDPRED_JOBS": "1",
+    "GIT_AUTHOR_NAME": "test",
+    "GIT_AUTHOR_EMAIL": "test@localhost",
+    "GIT_COMMITTER_NAME": "test",
+    "GIT_COMMITTER_EMAIL": "test@localhost",
+}
 
 
 def run(folder, *command, succeeds=True):
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("DVC_", "GIT_"))} | {
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "NUMBA_DISABLE_JIT": "1",  # a second of simulation is not worth a compilation
-        "PEDPRED_JOBS": "1",
-        "GIT_AUTHOR_NAME": "test",
-        "GIT_AUTHOR_EMAIL": "test@localhost",
-        "GIT_COMMITTER_NAME": "test",
-        "GIT_COMMITTER_EMAIL": "test@localhost",
-    }
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, check=False)
     assert (done.returncode == 0) is succeeds, f"{command}\n{done.stdout}\n{done.stderr}"
     return done.stdout + done.stderr
 
@@ -80,6 +85,18 @@ def project(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def sweep(project, tmp_path_factory):
+    """Another copy of it, in which two points of a sweep are queued; they run while the other tests do."""
+    folder = tmp_path_factory.mktemp("sweep") / "project"
+    shutil.copytree(project, folder, symlinks=True)
+    run(folder, "dvc", "exp", "run", "--queue", "--set-param", f"{SWEPT}=2,4", TARGET)
+    start = ["dvc", "queue", "start", "--jobs", "2"]
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}  # its workers would keep pipes open
+    subprocess.run(start, cwd=folder, env=ENVIRONMENT, check=True, **silent)
+    return folder
+
+
 def test_reproducing_again_does_nothing_and_leaves_git_clean(project):
     assert "up to date" in run(project, "dvc", "repro", TARGET)
     assert run(project, "git", "status", "--short") == ""
@@ -104,24 +121,6 @@ def test_an_edit_under_conf_without_make_params_is_not_ignored(project):
     assert "make params" in said
 
 
-def test_the_points_of_a_queued_sweep_differ_and_each_is_right(project, tmp_path):
-    setting = f"{CORRIDOR}pedestrians"
-    run(project, "dvc", "exp", "run", "--queue", "--set-param", f"{setting}=2,4", TARGET)
-    run(project, "dvc", "queue", "start", "--jobs", "2")
-    swept = {}
-    for point in finished_experiments(project, 2):
-        params = yaml.safe_load(run(project, "git", "show", f"{point}:params.yaml"))
-        swept[params["scenes"]["corridor"]["pedestrians"]] = tracks_md5(project, point)
-    plain = {}
-    for pedestrians in (2, 4):
-        arguments = ["+name=corridor", f"{setting}={pedestrians}", f"+out={tmp_path / str(pedestrians)}"]
-        run(project, sys.executable, "-m", "stages.simulate", *arguments)
-        written = (tmp_path / str(pedestrians) / "corridor" / TRACKS.name).read_bytes()
-        plain[pedestrians] = hashlib.md5(written).hexdigest()
-    assert swept == plain
-    assert len(set(swept.values())) == 2
-
-
 def test_a_second_clone_pulls_from_a_remote_and_recomputes_nothing(project, tmp_path):
     remote, clone = tmp_path / "remote", tmp_path / "clone"
     run(project, "dvc", "remote", "add", "--default", "--local", "shelf", str(remote))
@@ -132,3 +131,18 @@ def test_a_second_clone_pulls_from_a_remote_and_recomputes_nothing(project, tmp_
     assert (clone / TRACKS).read_bytes() == (project / TRACKS).read_bytes()
     assert "Running stage 'simulate" not in run(clone, "dvc", "repro", TARGET)
     assert run(clone, "git", "status", "--short") == ""
+
+
+def test_the_points_of_a_queued_sweep_differ_and_each_is_right(sweep, tmp_path):
+    swept = {}
+    for point in finished_experiments(sweep, 2):
+        params = yaml.safe_load(run(sweep, "git", "show", f"{point}:params.yaml"))
+        swept[params["scenes"]["corridor"]["pedestrians"]] = tracks_md5(sweep, point)
+    plain = {}
+    for pedestrians in (2, 4):
+        arguments = ["+name=corridor", f"{SWEPT}={pedestrians}", f"+out={tmp_path / str(pedestrians)}"]
+        run(sweep, sys.executable, "-m", "stages.simulate", *arguments)
+        written = (tmp_path / str(pedestrians) / "corridor" / TRACKS.name).read_bytes()
+        plain[pedestrians] = hashlib.md5(written).hexdigest()
+    assert swept == plain
+    assert len(set(swept.values())) == 2
