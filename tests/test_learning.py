@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.datasets import MotionData, split_sequences, stream_lanes
@@ -103,6 +103,7 @@ def test_long_tracks_are_cut_but_nothing_is_lost():
     assert starts >= 5
 
 
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 11))
 def test_chunked_forward_equals_one_long_forward(seed, cut):
     torch.manual_seed(seed)
@@ -166,8 +167,8 @@ def test_carried_memory_solves_what_one_sub_sequence_cannot(tmp_path):
     torch.manual_seed(0)
     data = toy_data(np.random.default_rng(1), tracks=24)
     network = MotionLstm(SMALL)
-    settings = dataclasses.replace(QUICK, steps=250, lanes=12, longest_track=100, validate_every=50)
-    train_motion(network, data, data.sequences, data.sequences, settings, tmp_path, "memory")
+    long = dataclasses.replace(QUICK, steps=250, lanes=12, longest_track=100, validate_every=50)
+    train_motion(network, data, data.sequences, data.sequences, long, tmp_path, "memory")
     late = [row for first, last in data.sequences for row in range(first + 10, last)]
     error = torch.linalg.vector_norm(
         roll(network.eval(), data, data.sequences)[late] - data.future[late], dim=-1
@@ -265,12 +266,12 @@ def test_autoencoder_learns_and_repeats():
         x, y = rng.integers(0, 40, 2)
         crop[x : x + 20, y : y + 20] = 1
     packed = np.packbits(cells.reshape(64, -1), axis=-1, bitorder="little")
-    settings = AutoencoderSettings(
-        latent=16, batch=16, steps=60, validate_every=20, lr=2e-3, warmup_steps=5, clip_norm=100.0, seed=0
+    short = AutoencoderSettings(
+        latent=16, batch=8, steps=60, validate_every=20, lr=2e-3, warmup_steps=5, clip_norm=100.0, seed=0
     )
-    network, curve = train_autoencoder(packed, packed[:32], 60, settings)
+    network, curve = train_autoencoder(packed, packed[:32], 60, short)
     assert curve[-1]["validation_loss"] < 0.8 * curve[0]["validation_loss"]
-    again, _ = train_autoencoder(packed, packed[:32], 60, settings)
+    again, _ = train_autoencoder(packed, packed[:32], 60, short)
     assert all(torch.equal(a, b) for a, b in zip(network.parameters(), again.parameters(), strict=True))
 
 
