@@ -35,7 +35,7 @@ def main(cfg: DictConfig) -> None:
                 scene, table, codes, settings, networks, options, social_force
             )
             write_columns(columns, out / f"{scene.name}.parquet")
-        metrics |= figures(test, scores, options.bootstrap, options.seed)
+        metrics |= figures(test, scores, options.bootstrap, options.seed, settings.leaks)
     path = Path(cfg.get("metrics", f"reports/metrics/{name}.json"))
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(metrics, indent=1) + "\n")

@@ -133,6 +133,15 @@ def test_methods_keep_order_and_colour_whoever_else_is_there():
     assert len(set(colours([*MEETING, "goal_blind", "mine", "other"]).values())) == 9
 
 
+@pytest.mark.parametrize("page", [simulation_page, real_page])
+def test_a_page_of_leaky_figures_says_so_first(page):
+    methods = metrics_of(MEETING)
+    honest = page({"sim_test": methods}, [], "sim")
+    marked = page({"sim_test": {name: m | {"leaks": True} for name, m in methods.items()}}, [], "sim")
+    assert "nothing on this page is a forecast" not in honest
+    assert "nothing on this page is a forecast" in marked.partition("|")[0]
+
+
 def test_simulation_page_tells_single_arrangements_and_the_leaky_protocol_apart():
     methods = metrics_of(MEETING)
     worse = metrics_of(MEETING | {"lstm": 0.65})

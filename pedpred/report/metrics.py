@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from pedpred.errors import StorageError
@@ -46,3 +47,8 @@ def read_metrics(path: Path) -> dict[str, MethodMetrics]:
             if missing:
                 raise StorageError(path, f"{scene}/{method}/{missing[0]}", "it is missing", _REMEDY)
     return scenes
+
+
+def leaks(scenes: Mapping[str, MethodMetrics]) -> bool:
+    """Whether these are figures of the protocol whose inputs know the future."""
+    return any(measures.get("leaks") for methods in scenes.values() for measures in methods.values())

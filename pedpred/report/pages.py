@@ -18,7 +18,7 @@ from pedpred.report.findings import (
     summed_up,
 )
 from pedpred.report.methods import MODEL, PAPER_ADE_M, YARDSTICK, label
-from pedpred.report.metrics import LEAKY, MethodMetrics
+from pedpred.report.metrics import LEAKY, MethodMetrics, leaks
 from pedpred.report.tables import findings_table, interval, methods_table, scenes_table
 
 POOLED = "sim_test"
@@ -35,6 +35,7 @@ IRREPRODUCIBLE = (
     "ours: compare methods within a column, not across."
 )
 LEAK = "These inputs contain up to 0.4 s of the future: the rows are no forecasts. ADE, m."
+ALL_LEAKS = "**Leaky protocol: the inputs know the future, so nothing on this page is a forecast.**"
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,7 @@ def simulation_page(scenes: Mapping[str, MethodMetrics], sections: Sequence[Sect
     findings = [("all arrangements", finding) for finding in simulation_findings(pooled)]
     parts = [
         "# Simulation: arrangements of obstacles that no training saw",
+        *([ALL_LEAKS] if leaks(scenes) else []),
         f"**{answer(pooled, 'In simulated arrangements that no training saw')}**",
         methods_table(pooled, PAPER_ADE_M["sim"]),
         READING,
@@ -100,7 +102,8 @@ def real_page(scenes: Mapping[str, MethodMetrics], sections: Sequence[Section], 
     place = {name: _tested_at(name, list(honest)) for name in honest}
     answers = [answer(methods, f"At {place[name]}") for name, methods in honest.items()]
     findings = [(name, f) for name, methods in honest.items() for f in real_findings(methods)]
-    parts = ["# Real pedestrians: tested where no network was tuned", f"**{' '.join(answers)}**"]
+    parts = ["# Real pedestrians: tested where no network was tuned"]
+    parts += [*([ALL_LEAKS] if leaks(scenes) else []), f"**{' '.join(answers)}**"]
     for name, methods in honest.items():
         parts += [f"Tested at {place[name]}:", methods_table(methods, PAPER_ADE_M["real"])]
     parts += [
