@@ -1,7 +1,8 @@
 """The vocabulary: what was seen (`Recording`), where (`OccupancyMap`), and what is forecast."""
 
+from pedpred.scenes.forecast import Forecast
 from pedpred.scenes.occupancy import OccupancyMap
 from pedpred.scenes.recording import Recording
 from pedpred.scenes.scene import Camera, Scene
 
-__all__ = ["Camera", "OccupancyMap", "Recording", "Scene"]
+__all__ = ["Camera", "Forecast", "OccupancyMap", "Recording", "Scene"]

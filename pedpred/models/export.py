@@ -1,0 +1,135 @@
+"""A trained network as one self-contained ONNX graph: inputs of a frame and memory in, both out.
+
+The graph is written by hand, node by node, so that it holds the network and nothing else (an exporter adds
+traces of the machine it ran on), and is the same bytes each time.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+from torch import Tensor, nn
+
+from pedpred.models.autoencoder import GridEncoder
+from pedpred.models.motion import INPUT_WIDTHS, LEAK, MotionLstm
+
+_OPSET, _IR = 17, 9
+
+
+class _Graph:
+    """Nodes and constants in the order in which they are added."""
+
+    def __init__(self) -> None:
+        self.nodes: list[onnx.NodeProto] = []
+        self.constants: list[onnx.TensorProto] = []
+
+    def constant(self, name: str, value: np.ndarray) -> str:
+        self.constants.append(numpy_helper.from_array(np.ascontiguousarray(value), name))
+        return name
+
+    def add(self, kind: str, inputs: list[str], output: str, **attributes: Any) -> str:
+        self.nodes.append(helper.make_node(kind, inputs, [output], **attributes))
+        return output
+
+    def linear(self, name: str, layer: nn.Linear, value: str) -> str:
+        weights = [self.constant(f"{name}.{k}", _numbers(v)) for k, v in layer.named_parameters()]
+        return self.add("Gemm", [value, *weights], f"{name}_linear", transB=1)
+
+    def lstm(self, name: str, layer: nn.LSTM, value: str) -> str:
+        """One step; ONNX orders the gates (in, out, forget, cell), torch (in, forget, cell, out)."""
+
+        def gates(parameter: str) -> np.ndarray:
+            i, f, g, o = np.split(_numbers(getattr(layer, parameter)), 4)
+            return np.concatenate([i, o, f, g])[None]
+
+        bias = np.concatenate([gates("bias_ih_l0"), gates("bias_hh_l0")], axis=1)
+        weights = {"W": gates("weight_ih_l0"), "R": gates("weight_hh_l0"), "B": bias}
+        names = [self.constant(f"{name}.{k}", v) for k, v in weights.items()]
+        x, h, c = (
+            self.add("Unsqueeze", [v, "axis0"], f"{v}_1") for v in (value, f"{name}_hidden", f"{name}_cell")
+        )
+        after = [f"{name}_hidden_1_next", f"{name}_cell_1_next"]
+        node = helper.make_node("LSTM", [x, *names, "", h, c], ["", *after], hidden_size=layer.hidden_size)
+        self.nodes.append(node)
+        self.add("Squeeze", [after[1], "axis0"], f"{name}_cell_next")
+        return self.add("Squeeze", [after[0], "axis0"], f"{name}_hidden_next")
+
+    def code(self, encoder: GridEncoder) -> str:
+        """The frozen convolutions of `crop`, in half precision, as the network has learned from them."""
+        value = self.add("Unsqueeze", ["crop", "axis1"], "image")
+        for name in ("conv1", "conv2", "conv3"):
+            layer = getattr(encoder, name)
+            weights = [self.constant(f"{name}.{k}", _numbers(v)) for k, v in layer.named_parameters()]
+            pads = [*layer.padding, *layer.padding]
+            value = self.add("Conv", [value, *weights], f"{name}_out", strides=layer.stride, pads=pads)
+            value = self.add("Relu", [value], f"{name}_relu")
+        value = self.add("Flatten", [value], "code")
+        value = self.add("Cast", [value], "code_half", to=TensorProto.FLOAT16)
+        return self.add("Cast", [value], "grid", to=TensorProto.FLOAT)
+
+
+def export_onnx(network: MotionLstm, encoder: GridEncoder, cells: int, path: Path) -> dict[str, Any]:
+    """Write the graph of one step of N people: state [N, 2], crop [N, cells, cells], angular [N, K].
+
+    Args:
+        network: trained; its channels decide which inputs the graph has.
+        encoder: of the auto-encoder that the network's codes come from.
+        cells: per side of the occupancy crop.
+        path: the file to write.
+
+    Returns:
+        "inputs": their names in order; "memory": names in order and units.
+    """
+    graph, settings = _Graph(), network.settings
+    graph.constant("axis0", np.array([0]))
+    graph.constant("axis1", np.array([1]))
+    shapes: dict[str, list[int]] = {}
+    hidden = []
+    for name, lstm in network.lstms.items():
+        grid = name == "grid"
+        shapes["crop" if grid else name] = [cells, cells] if grid else [INPUT_WIDTHS[name]]
+        value = graph.code(encoder) if grid else name
+        value = graph.linear(f"{name}_embedding", network.embeddings[name], value)
+        value = graph.add("LeakyRelu", [value], f"{name}_embedded", alpha=LEAK)
+        hidden.append(graph.lstm(name, lstm, value))
+    fused = graph.lstm("joint", network.joint, graph.add("Concat", hidden, "channels", axis=1))
+    head = graph.add("Relu", [graph.linear("head", network.head, fused)], "head_relu")
+    flat = graph.linear("out", network.out, head)
+    shape = graph.constant("horizon", np.array([-1, settings.horizon_steps, 2]))
+    paths = graph.add("Reshape", [flat, shape], "paths" if settings.residual else "velocities")
+    if settings.residual:
+        graph.add("Add", [paths, graph.add("Unsqueeze", ["state", "axis1"], "present")], "velocities")
+    units = {f"{n}_{part}": v[0].shape[2] for n, v in network.start(1).memory.items() for part in _PARTS}
+    after = {f"{name}_next": [width] for name, width in units.items()}
+    _write(
+        graph,
+        shapes | {k: [v] for k, v in units.items()},
+        {"velocities": [settings.horizon_steps, 2]} | after,
+        path,
+    )
+    return {"inputs": tuple(shapes), "memory": units}
+
+
+_PARTS = ("hidden", "cell")
+
+
+def _write(graph: _Graph, inputs: dict[str, list[int]], outputs: dict[str, list[int]], path: Path) -> None:
+    """Check the graph and write it."""
+    ends = [
+        [helper.make_tensor_value_info(n, TensorProto.FLOAT, ["people", *shape]) for n, shape in end.items()]
+        for end in (inputs, outputs)
+    ]
+    whole = helper.make_graph(graph.nodes, "pedpred", *ends, initializer=graph.constants)
+    model = helper.make_model(whole, opset_imports=[helper.make_opsetid("", _OPSET)], producer_name="pedpred")
+    model.ir_version = _IR
+    onnx.checker.check_model(model, full_check=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(model.SerializeToString(deterministic=True))
+
+
+def _numbers(tensor: Tensor) -> np.ndarray:
+    return tensor.detach().numpy()

@@ -1,0 +1,115 @@
+"""An exported network: a folder that says all about itself, run by onnxruntime."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from pedpred.errors import StorageError, ValueRuleError
+from pedpred.features import FeatureSettings
+from pedpred.tracking import KalmanSettings
+
+MODEL_SCHEMA = 1
+_GRAPH, _ABOUT = "network.onnx", "model.json"
+_REMEDY = "Export the model again (dvc repro export) or fetch the folder anew"
+
+
+@dataclass(frozen=True)
+class ModelDescription:
+    """What a robot must know to use a network.
+
+    Attributes:
+        inputs: names of the graph's inputs, in order.
+        memory: names of its memory tensors, in order, and their units.
+        features: sizes and clock of the inputs.
+        tracker: noise of the tracker that the positions go through.
+        standstill_mps: below this speed a pedestrian keeps its heading, m/s.
+    """
+
+    inputs: tuple[str, ...]
+    memory: dict[str, int]
+    features: FeatureSettings
+    tracker: KalmanSettings
+    standstill_mps: float
+
+
+def write_description(folder: Path, description: ModelDescription, origin: Mapping[str, object]) -> None:
+    """Describe `folder`'s network.onnx in model.json, with its checksum and where it comes from."""
+    about = {
+        "schema": MODEL_SCHEMA,
+        "units": {
+            "state": "m/s, agent frame (forward, left)",
+            "crop": "0 free, 1 occupied, cell (i forward, j left)",
+            "angular": "1 - distance / max_range_m",
+            "velocities": "m/s, agent frame, [people, horizon_steps, 2]",
+        },
+        "network_sha256": _digest(folder / _GRAPH),
+        **asdict(description),
+        "origin": dict(origin),
+    }
+    (folder / _ABOUT).write_text(json.dumps(about, indent=1) + "\n")
+
+
+def read_description(folder: Path) -> ModelDescription:
+    """Read model.json and check that network.onnx is the one it describes.
+
+    Raises:
+        StorageError: a file is missing, altered, or of another schema version; it names file and field.
+    """
+    path = folder / _ABOUT
+    try:
+        about = json.loads(path.read_text())
+        if about["schema"] != MODEL_SCHEMA:
+            raise StorageError(path, "schema", f"{about['schema']!r}, expected {MODEL_SCHEMA}", _REMEDY)
+        if about["network_sha256"] != _digest(folder / _GRAPH):
+            raise StorageError(folder / _GRAPH, "checksum", f"it is not what {_ABOUT} describes", _REMEDY)
+        return ModelDescription(
+            tuple(about["inputs"]),
+            {str(name): int(units) for name, units in about["memory"].items()},
+            FeatureSettings(**about["features"]),
+            KalmanSettings(**about["tracker"]),
+            float(about["standstill_mps"]),
+        )
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, ValueRuleError) as cause:
+        raise StorageError(path, "description", f"{type(cause).__name__}: {cause}", _REMEDY) from cause
+
+
+class ExportedNetwork:
+    """The network of a model folder; one thread, no state of its own."""
+
+    def __init__(self, folder: Path, memory: Mapping[str, int]):
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        path = folder / _GRAPH
+        try:
+            self._session = onnxruntime.InferenceSession(
+                str(path), options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as cause:  # onnxruntime's errors share no base class
+            raise StorageError(path, "graph", str(cause).splitlines()[0], _REMEDY) from cause
+        self._memory = list(memory)
+
+    def step(
+        self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """One step of N people.
+
+        Args:
+            inputs: name -> [N, ...] float32.
+            memory: name -> [N, units] float32, before the step.
+
+        Returns:
+            Future velocities, agent frames, m/s [N, P, 2], and the memory after the step.
+        """
+        velocities, *after = self._session.run(None, {**inputs, **memory})
+        return velocities, dict(zip(self._memory, after, strict=True))
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

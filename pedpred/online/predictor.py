@@ -1,0 +1,211 @@
+"""Frames of detections in, forecasts out."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.features import FeatureSettings, Pedestrians, unpack_crops
+from pedpred.features.observe import Crowd, observe
+from pedpred.geometry import rotate
+from pedpred.online.network import ExportedNetwork, read_description
+from pedpred.online.people import People, detected, next_ticks_s
+from pedpred.scenes import Forecast, OccupancyMap
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
+
+_LOG = logging.getLogger(__name__)
+_NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
+
+
+@dataclass(frozen=True)
+class OnlineSettings:
+    """How a stream of detections is treated.
+
+    Attributes:
+        max_age_s: somebody is there while the last detection is at most this old, s.
+        snap_s: a step that became due at most this long before a frame is taken with the frame, s.
+        clocks: step sequences per person; one is enough on a robot, offline replays may use more.
+        clock_offset_s: between the clocks of one person, s.
+    """
+
+    max_age_s: float = 0.5
+    snap_s: float = 0.05
+    clocks: int = 1
+    clock_offset_s: float = 0.0
+
+
+class OnlinePredictor:
+    """Follows everybody and predicts their next seconds, with memory per track.
+
+    The network's clock is its own: every `dt_s` after a person's birth it takes a step that is remembered.
+    A frame in between gets a forecast from fresh inputs and the memory of the last step, which it leaves as
+    it is, so the frame rate is free. Where frames are rarer than steps, the missed steps are made up for at
+    their own instants, with what was known then. One object serves one stream; it holds no lock.
+    """
+
+    def __init__(self, folder: Path, settings: OnlineSettings | None = None):
+        self._about = read_description(folder)
+        self._network = ExportedNetwork(folder, self._about.memory)
+        self._settings = settings or OnlineSettings()
+        self._map = _NO_MAP
+        self.reset()
+
+    @classmethod
+    def load(cls, folder: Path | str, settings: OnlineSettings | None = None) -> OnlinePredictor:
+        """Read a model folder.
+
+        Raises:
+            StorageError: a file is missing, altered or of another version.
+        """
+        return cls(Path(folder), settings)
+
+    @property
+    def features(self) -> FeatureSettings:
+        """Sizes and clock of the network's inputs."""
+        return self._about.features
+
+    def reset(self) -> None:
+        """Forget everybody; the map stays."""
+        self._people = People.nobody(self._settings.clocks, self._about.memory)
+        self._now = -np.inf
+        self._last = self._forecast(np.zeros(0, int), np.zeros((0, self.features.horizon_steps, 2)), 0.0)
+
+    def set_map(self, occupancy: OccupancyMap) -> None:
+        """Use these static obstacles from now on; without a map everything is free."""
+        self._map = occupancy
+
+    def update(
+        self, time_s: float, track_id: np.ndarray, position: np.ndarray, velocity: np.ndarray | None = None
+    ) -> Forecast:
+        """Take the detections of one instant, give everybody's forecast.
+
+        A frame that is not later than the last one is dropped, with a warning, and the last forecast is
+        returned again. Somebody who is not detected is extrapolated for `max_age_s`, and forgotten after the
+        model's `lost_after_s`; an id that comes back later is somebody new.
+
+        Args:
+            time_s: of the frame, s; any rate, also an irregular one.
+            track_id: whole numbers, each at most once. [D]
+            position: world frame, m. [D, 2]
+            velocity: true velocities, for sources that know them; otherwise positions are filtered. [D, 2]
+
+        Raises:
+            ValueRuleError, ShapeError: something is no number or an id appears twice; nothing has changed.
+        """
+        track_id, position, velocity = _checked(time_s, track_id, position, velocity)
+        if time_s <= self._now + TIME_TOLERANCE_S:
+            _LOG.warning("frame at %s s dropped: the last one was at %s s", time_s, self._now)
+            return self._last
+        self._make_up(time_s - self._settings.snap_s)
+        lost = time_s - self._people.seen_s > self.features.lost_after_s + TIME_TOLERANCE_S
+        known, about = self._people.select(~lost), self._about
+        self._people = detected(
+            known, time_s, track_id, position, velocity, about.tracker, about.standstill_mps
+        )
+        self._now = time_s
+        self._last = self._predict(time_s)
+        return self._last
+
+    def _make_up(self, until_s: float) -> None:
+        """Take the steps that were due before a frame, each at its own instant."""
+        while len(self._people):
+            due = self._due()
+            first = due.min()
+            if not first < until_s - TIME_TOLERANCE_S:
+                return
+            person, clock = np.nonzero(due <= first + TIME_TOLERANCE_S)
+            self._step(person, clock, first, np.ones(len(person), bool))
+
+    def _due(self) -> np.ndarray:
+        """Next tick of every clock, s; infinite for those who will be forgotten before. [N, C]."""
+        people = self._people
+        due = next_ticks_s(people, self.features.dt_s, self._settings.clock_offset_s)
+        gone = due > (people.seen_s + self.features.lost_after_s)[:, None]
+        return np.where(gone, np.inf, due)
+
+    def _predict(self, time_s: float) -> Forecast:
+        """Forecast everybody who is there; clocks that are due now tick."""
+        people = self._people
+        due = self._due() <= time_s + TIME_TOLERANCE_S
+        there = np.flatnonzero(people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S)
+        ticking = due.any(axis=1)
+        person, clock = np.nonzero(due)
+        waiting = there[~ticking[there]]
+        latest = people.ticks[waiting].argmax(axis=1)
+        rows, lanes = np.concatenate([person, waiting]), np.concatenate([clock, latest])
+        keep = np.arange(len(rows)) < len(person)
+        velocities = self._step(rows, lanes, time_s, keep)
+        answer = np.full(len(people), -1)
+        answer[rows[::-1]] = np.arange(len(rows))[::-1]  # the first clock that ticks speaks for its person
+        return self._forecast(there, velocities[answer[there]], time_s)
+
+    def _step(self, person: np.ndarray, clock: np.ndarray, time_s: float, keep: np.ndarray) -> np.ndarray:
+        """Run the network for some (person, clock) and remember the step where `keep`.
+
+        Returns:
+            Future velocities, agent frames, m/s. [R, P, 2]
+        """
+        people = self._people
+        if not len(person):
+            return np.zeros((0, self.features.horizon_steps, 2))
+        inputs = self._inputs(people.at(person, time_s), time_s)
+        memory = {name: values[person, clock] for name, values in people.memory.items()}
+        velocities, after = self._network.step(inputs, memory)
+        who, which = person[keep], clock[keep]
+        for name, values in after.items():
+            people.memory[name][who, which] = values[keep]
+        people.ticks[who, which] += 1
+        return velocities
+
+    def _inputs(self, observers: Pedestrians, time_s: float) -> dict[str, np.ndarray]:
+        """What the network sees, name -> [R, ...] float32."""
+        people, sizes = self._people, self.features
+        age_s = time_s - people.seen_s
+        crowd = people.at(np.flatnonzero(age_s <= self._settings.max_age_s + TIME_TOLERANCE_S), time_s)
+        everybody = np.tile([0, len(crowd)], (len(observers), 1))
+        seen = observe(observers, Crowd(crowd.track_id, crowd.position, everybody), self._map, sizes)
+        inputs = {
+            "state": seen.velocity,
+            "crop": unpack_crops(seen.occupancy, sizes.grid_cells).astype(np.float32),
+            "angular": 1.0 - seen.angular_grid / np.float32(sizes.max_range_m),
+        }
+        return {name: inputs[name] for name in self._about.inputs}
+
+    def _forecast(self, rows: np.ndarray, velocities: np.ndarray, time_s: float) -> Forecast:
+        frame = self._people.at(rows, time_s)
+        world = rotate(velocities.astype(np.float64), frame.heading_rad[:, None])
+        path = frame.position[:, None] + np.cumsum(world * self.features.dt_s, axis=1)
+        return Forecast(time_s, self.features.dt_s, frame.track_id, path, world)
+
+
+def _checked(
+    time_s: float, track_id: np.ndarray, position: np.ndarray, velocity: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """The arguments of a frame as arrays."""
+    if not np.isfinite(time_s):
+        raise ValueRuleError("time_s", time_s, "it must be finite")
+    track_id = np.asarray(track_id)
+    if track_id.ndim != 1 or (len(track_id) and not np.issubdtype(track_id.dtype, np.integer)):
+        raise ValueRuleError("track_id", track_id.tolist(), "it must be a list of whole numbers")
+    names, counts = np.unique(track_id, return_counts=True)
+    if (counts > 1).any():
+        raise ValueRuleError("track_id", int(names[counts > 1][0]), "it must appear once in a frame")
+    position = _pairs("position", position, len(track_id))
+    velocity = None if velocity is None else _pairs("velocity", velocity, len(track_id))
+    return track_id.astype(np.int64), position, velocity
+
+
+def _pairs(name: str, value: np.ndarray, rows: int) -> np.ndarray:
+    """Finite numbers, [rows, 2]; an empty frame may come in any shape."""
+    value = np.asarray(value, dtype=np.float64)
+    value = value.reshape(0, 2) if not value.size else value
+    if value.shape != (rows, 2):
+        raise ShapeError(name, value.shape, f"({rows}, 2)")
+    if not np.isfinite(value).all():
+        row = int(np.argwhere(~np.isfinite(value))[0, 0])
+        raise ValueRuleError(f"{name}[{row}]", value[row].tolist(), "it must be finite")
+    return value

@@ -1,0 +1,214 @@
+"""On the robot: the same forecasts as offline, whatever the stream does."""
+
+import dataclasses
+import json
+import logging
+
+import numpy as np
+import pytest
+import torch
+
+from pedpred.errors import ShapeError, StorageError, ValueRuleError
+from pedpred.features import FeatureSettings, extract
+from pedpred.geometry import rotate
+from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.models.export import export_onnx
+from pedpred.models.forecasting import forecast_velocities
+from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.network import ModelDescription, write_description
+from pedpred.scenes import OccupancyMap
+from pedpred.tracking import KalmanSettings, follow
+from pedpred.training.autoencoder import encode
+from tests.worlds import walled_scene
+
+TRACKER = KalmanSettings(acceleration_noise=0.05, position_noise_m=0.05)
+NETWORK = MotionSettings.parse(
+    {
+        "channels": {
+            "state": {"embedding": 8, "lstm": 8},
+            "grid": {"embedding": 64, "lstm": 16},
+            "angular": {"embedding": 16, "lstm": 16},
+        },
+        "joint": 32,
+        "head": 16,
+        "horizon_steps": 10,
+        "residual": True,
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """An untrained network with large weights, exported; its folder, itself and its encoder."""
+    folder = tmp_path_factory.mktemp("model")
+    torch.manual_seed(0)
+    network, encoder = MotionLstm(NETWORK).eval(), GridAutoencoder(64).encoder
+    for weights in network.parameters():
+        torch.nn.init.normal_(weights, std=0.3)
+    names = export_onnx(network, encoder, 60, folder / "network.onnx")
+    description = ModelDescription(**names, features=FeatureSettings(), tracker=TRACKER, standstill_mps=0.2)
+    write_description(folder, description, {"trained_on": "nothing"})
+    return folder, network, encoder
+
+
+def offline_paths(scene, kind, clocks, model):
+    """Every row's forecast path, computed from the whole table. World frame."""
+    _, network, encoder = model
+    tracks = follow(scene.recording, kind, TRACKER if kind == "kalman" else None, 0.2)
+    settings = FeatureSettings(clocks=clocks)
+    table = extract(scene, tracks, settings)
+    whole = GridAutoencoder(64)
+    whole.encoder.load_state_dict(encoder.state_dict())
+    codes = encode(whole, table.occupancy, 60)
+    velocities = forecast_velocities(network, table, codes, settings)
+    walked = np.cumsum(velocities.astype(float) * 0.3, axis=1)
+    return table, table.position[:, None] + rotate(walked, table.heading_rad[:, None])
+
+
+def frames(scene):
+    """The detections of each instant."""
+    recording = scene.recording
+    for now in np.unique(recording.time_s):
+        here = recording.time_s == now
+        velocity = None if recording.velocity is None else recording.velocity[here]
+        yield float(now), recording.track_id[here], recording.position[here], velocity
+
+
+@pytest.mark.parametrize(
+    ("kind", "dt_s", "clocks"), [("kalman", 0.4, 3), ("kalman", 0.1, 1), ("truth", 0.3, 1)]
+)
+def test_a_replay_gives_the_offline_forecasts(model, kind, dt_s, clocks):
+    """At every step that coincides with a detection: annotations, a fast tracker, a simulation."""
+    scene = walled_scene(np.random.default_rng(1), dt_s, kind == "truth", detections=int(10 / dt_s))
+    table, paths = offline_paths(scene, kind, clocks, model)
+    options = OnlineSettings(1.25 * dt_s, snap_s=1e-6, clocks=clocks, clock_offset_s=dt_s)
+    robot = OnlinePredictor.load(model[0], options)
+    robot.set_map(scene.occupancy)
+    compared = 0
+    for now, track_id, position, velocity in frames(scene):
+        forecast = robot.update(now, track_id, position, velocity)
+        rows = np.flatnonzero((np.abs(table.time_s - now) < 2e-6) & np.isin(table.track_id, track_id))
+        at = np.searchsorted(forecast.track_id, table.track_id[rows])
+        np.testing.assert_array_equal(forecast.track_id[at], table.track_id[rows])
+        np.testing.assert_allclose(forecast.position[at], paths[rows], atol=1e-4)
+        compared += len(rows)
+    on_time = np.abs(table.time_s / dt_s - np.round(table.time_s / dt_s)) < 1e-4
+    assert compared == on_time.sum() > 20
+
+
+def test_the_frame_rate_is_free(model):
+    """The same walk seen at 10 and at 30 Hz, exactly: the steps in between leave the memory alone."""
+    robots = [OnlinePredictor.load(model[0]) for _ in range(2)]
+    last = []
+    for robot, rate in zip(robots, (10, 30), strict=True):
+        for k in range(3 * rate + 1):
+            now = k / rate
+            forecast = robot.update(now, [4, 9], [[now, 0.0], [5.0 - now, 1.0]], [[1.0, 0.0], [-1.0, 0.0]])
+        last.append(forecast)
+    np.testing.assert_allclose(last[0].position, last[1].position, atol=1e-4)
+
+
+def test_memory_matters_and_a_lost_track_starts_from_zero(model):
+    robot = OnlinePredictor.load(model[0])
+    first = robot.update(0.0, [1], [[0.0, 0.0]], [[1.0, 0.0]])
+    later = robot.update(0.6, [1], [[0.0, 0.0]], [[1.0, 0.0]])
+    assert np.abs(later.position - first.position).max() > 1e-3
+    back = robot.update(9.0, [1], [[0.0, 0.0]], [[1.0, 0.0]])
+    np.testing.assert_allclose(back.position, first.position, atol=1e-6)
+
+
+def test_whoever_is_not_detected_is_extrapolated_then_gone(model):
+    robot = OnlinePredictor.load(model[0])
+    robot.update(0.0, [1, 2], [[0.0, 0.0], [3.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]])
+    assert robot.update(0.3, [2], [[3.0, 0.0]], [[0.0, 0.0]]).track_id.tolist() == [1, 2]
+    assert robot.update(0.6, [2], [[3.0, 0.0]], [[0.0, 0.0]]).track_id.tolist() == [2]
+    assert robot.update(9.0, [], []).track_id.tolist() == []
+
+
+def test_obstacles_and_people_change_a_forecast(model):
+    def path(occupancy=None, others=()):
+        robot = OnlinePredictor.load(model[0])
+        if occupancy is not None:
+            robot.set_map(occupancy)
+        position = [[0.0, 0.0], *others]
+        still = [[1.0, 0.0]] + [[0.0, 0.0]] * len(others)
+        return robot.update(0.0, range(len(position)), position, still).position[0]
+
+    wall = OccupancyMap(np.ones((10, 40), bool), np.array([1.0, -2.0]), 0.1)
+    assert np.abs(path(wall) - path()).max() > 1e-3
+    assert np.abs(path(others=[[1.0, 0.5]]) - path()).max() > 1e-3
+
+
+def test_late_and_repeated_frames_are_dropped(model, caplog):
+    robot, other = OnlinePredictor.load(model[0]), OnlinePredictor.load(model[0])
+    for predictor in (robot, other):
+        last = predictor.update(1.0, [1], [[0.0, 0.0]])
+    with caplog.at_level(logging.WARNING):
+        assert robot.update(1.0, [1], [[7.0, 0.0]]) is not last
+        assert robot.update(0.5, [3], [[7.0, 0.0]]).track_id.tolist() == [1]
+    assert "dropped" in caplog.text
+    a, b = (predictor.update(1.3, [1], [[0.4, 0.0]]) for predictor in (robot, other))
+    np.testing.assert_array_equal(a.position, b.position)
+
+
+@pytest.mark.parametrize(
+    ("frame", "error", "named"),
+    [
+        ((np.nan, [1], [[0, 0]]), ValueRuleError, "time_s"),
+        ((2.0, [1, 1], [[0, 0], [1, 1]]), ValueRuleError, "track_id"),
+        ((2.0, [1.5], [[0, 0]]), ValueRuleError, "track_id"),
+        ((2.0, [1, 2], [[0, 0], [np.nan, 0]]), ValueRuleError, r"position\[1\]"),
+        ((2.0, [1, 2], [[0, 0]]), ShapeError, "position"),
+    ],
+)
+def test_a_bad_frame_is_refused_and_changes_nothing(model, frame, error, named):
+    robot, other = OnlinePredictor.load(model[0]), OnlinePredictor.load(model[0])
+    for predictor in (robot, other):
+        predictor.update(1.0, [1], [[0.0, 0.0]])
+    with pytest.raises(error, match=named):
+        robot.update(*frame)
+    a, b = (predictor.update(1.3, [1], [[0.4, 0.0]]) for predictor in (robot, other))
+    np.testing.assert_array_equal(a.position, b.position)
+
+
+def test_people_may_come_and_go_in_any_order_of_ids(model):
+    """Forecasts do not depend on the order of the detections in a frame."""
+    rng = np.random.default_rng(0)
+    robots = [OnlinePredictor.load(model[0]) for _ in range(2)]
+    for k in range(12):
+        ids = rng.permutation(8)[: rng.integers(1, 8)]
+        position = rng.uniform(-3, 3, (len(ids), 2))
+        shuffle = rng.permutation(len(ids))
+        a = robots[0].update(k * 0.2, ids, position)
+        b = robots[1].update(k * 0.2, ids[shuffle], position[shuffle])
+        np.testing.assert_array_equal(a.track_id, b.track_id)
+        np.testing.assert_allclose(a.position, b.position, atol=1e-5)
+
+
+def test_an_altered_model_folder_is_refused(model, tmp_path):
+    def copy():
+        for name in ("network.onnx", "model.json"):
+            (tmp_path / name).write_bytes((model[0] / name).read_bytes())
+        return json.loads((tmp_path / "model.json").read_text())
+
+    about = copy()
+    (tmp_path / "network.onnx").write_bytes((model[0] / "network.onnx").read_bytes()[:-7])
+    with pytest.raises(StorageError, match=r"network\.onnx, checksum"):
+        OnlinePredictor.load(tmp_path)
+    copy()
+    (tmp_path / "model.json").write_text(json.dumps(about | {"schema": 99}))
+    with pytest.raises(StorageError, match="schema: 99"):
+        OnlinePredictor.load(tmp_path)
+    for field in ("tracker", "memory", "network_sha256"):
+        copy()
+        (tmp_path / "model.json").write_text(json.dumps({k: v for k, v in about.items() if k != field}))
+        with pytest.raises(StorageError, match=field):
+            OnlinePredictor.load(tmp_path)
+    copy()
+    (tmp_path / "network.onnx").unlink()
+    with pytest.raises(StorageError, match=r"network\.onnx"):
+        OnlinePredictor.load(tmp_path)
+
+
+def test_a_description_comes_back_as_it_was(model):
+    assert OnlinePredictor.load(model[0]).features == dataclasses.replace(FeatureSettings())
