@@ -77,16 +77,15 @@ def _undeclared(error: OmegaConfBaseException, address: str | None) -> ConfigErr
     return ConfigError(str(error.full_key), None, remedy)
 
 
-def stage_key(cfg: DictConfig, default: str | None = None) -> str:
-    """What `+name=` says, else the part of the stage's address behind '@'.
+def stage_key(cfg: DictConfig) -> str:
+    """What the command's `+name=` says: which scene, model or half of the report the stage is about.
 
     Raises:
-        ConfigError: neither is there and there is no default.
+        ConfigError: it is not there.
     """
-    key = cfg.get("name") or os.environ.get("DVC_STAGE", "").partition("@")[2] or default
-    if key is None:
+    if not cfg.get("name"):
         raise ConfigError("name", None, "say which one, e.g. `python -m stages.features +name=eth`")
-    return str(key)
+    return str(cfg.name)
 
 
 def plain(node: DictConfig) -> dict[str, Any]:

@@ -45,12 +45,12 @@ models: {lstm: {units: 4}, lstm_nogrid: {units: 2}}
 """
 STAGE = """
 from pathlib import Path
-from pedpred.config import stage, stage_key
+from pedpred.config import stage
 
 
 @stage
 def main(cfg):
-    seen = f"{stage_key(cfg, 'nobody')} {cfg.training.rate} {cfg.seed}"
+    seen = f"{cfg.get('name', 'nobody')} {cfg.training.rate} {cfg.seed}"
     Path(cfg.get("out") or "seen.txt").write_text(seen)
     if cfg.get("out") == "spill.txt":
         cfg.models.lstm
@@ -118,14 +118,10 @@ def test_declared_params_follow_every_kind_of_stage(project, address, expected):
     assert config.declared_params(project, address) == expected
 
 
-def test_a_stage_is_called_by_its_name_before_its_address(monkeypatch):
-    named, nameless = OmegaConf.create({"name": "lstm"}), OmegaConf.create({})
+def test_a_stage_is_told_its_name_by_its_command():
+    assert config.stage_key(OmegaConf.create({"name": "lstm"})) == "lstm"
     with pytest.raises(ConfigError, match="say which one"):
-        config.stage_key(nameless)
-    assert config.stage_key(nameless, "all") == "all"
-    monkeypatch.setenv("DVC_STAGE", "finetune@lstm-eth")
-    assert config.stage_key(nameless) == "lstm-eth"
-    assert config.stage_key(named) == "lstm"
+        config.stage_key(OmegaConf.create({}))
 
 
 @pytest.mark.parametrize("address", ["nothing", "listed@zara", "listed", "plain@eth"])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ import torch
 from torch.nn.utils import clip_grad_norm_
 from tqdm import tqdm
 
-from pedpred.datasets.lanes import stream_lanes
+from pedpred.datasets.lanes import LaneBatch, stream_lanes
 from pedpred.datasets.motion import MotionData
 from pedpred.models.motion import MotionLstm
 from pedpred.models.rolling import displacement_errors, roll
@@ -75,37 +77,15 @@ def train_motion(
         The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m.
     """
     optimizer = torch.optim.AdamW(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
-    stream = stream_lanes(
-        training,
-        settings.lanes,
-        settings.sub_sequence,
-        settings.longest_track,
-        np.random.default_rng(settings.seed),
-    )
     progress = load_progress(scratch, network, optimizer)
     if progress is None:
         progress = Progress(0, network.start(settings.lanes))
         _validate(network, data, validation, progress, float("nan"))
-    for _ in range(progress.step):
-        next(stream)
+    batches = _batches(training, settings, progress.step)
     losses: list[float] = []
     bar = tqdm(total=settings.steps, initial=progress.step, desc=description, unit="step")
     while progress.step < settings.steps:
-        torch.manual_seed(settings.seed + progress.step)  # dropout: the same after a resumption
-        batch = next(stream)
-        rows = torch.from_numpy(batch.rows)
-        state = progress.state.reset(torch.from_numpy(batch.starts)).detached()
-        for group in optimizer.param_groups:
-            group["lr"] = learning_rate(progress.step, settings.steps, settings.lr, settings.warmup_steps)
-        inputs = with_wrong_maps(data.inputs(rows), settings.wrong_map_share)
-        predicted, progress.state = network(inputs, state)
-        loss = velocity_loss(predicted, data.future[rows.clamp(min=0)], data.known(rows))
-        optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        clip_grad_norm_(network.parameters(), settings.clip_norm)
-        optimizer.step()
-        losses.append(loss.item())
-        progress.step += 1
+        losses.append(_step(network, data, next(batches), optimizer, progress, settings))
         bar.update()
         if progress.step % settings.validate_every == 0 or progress.step == settings.steps:
             ade_m = _validate(network, data, validation, progress, float(np.mean(losses)))
@@ -115,6 +95,40 @@ def train_motion(
     bar.close()
     network.load_state_dict(progress.best)
     return progress.curve
+
+
+def _batches(training: np.ndarray, settings: TrainingSettings, done: int) -> Iterator[LaneBatch]:
+    """The endless stream of lanes, from where a training of so many steps stands."""
+    rng = np.random.default_rng(settings.seed)
+    stream = stream_lanes(training, settings.lanes, settings.sub_sequence, settings.longest_track, rng)
+    return islice(stream, done, None)
+
+
+def _step(
+    network: MotionLstm,
+    data: MotionData,
+    batch: LaneBatch,
+    optimizer: torch.optim.Optimizer,
+    progress: Progress,
+    settings: TrainingSettings,
+) -> float:
+    """One sub-sequence of every lane: forward, backward, update; returns the loss, m/s."""
+    torch.manual_seed(settings.seed + progress.step)  # dropout: the same after a resumption
+    for group in optimizer.param_groups:
+        group["lr"] = learning_rate(progress.step, settings.steps, settings.lr, settings.warmup_steps)
+    rows = torch.from_numpy(batch.rows)
+    inputs = with_wrong_maps(data.inputs(rows), settings.wrong_map_share)
+    state = progress.state.reset(
+        torch.from_numpy(batch.starts)
+    ).detached()  # the memory stays, the gradient ends
+    predicted, progress.state = network(inputs, state)
+    loss = velocity_loss(predicted, data.future[rows.clamp(min=0)], data.known(rows))
+    optimizer.zero_grad(set_to_none=True)
+    loss.backward()
+    clip_grad_norm_(network.parameters(), settings.clip_norm)
+    optimizer.step()
+    progress.step += 1
+    return loss.item()
 
 
 def with_wrong_maps(inputs: dict[str, torch.Tensor], share: float) -> dict[str, torch.Tensor]:
