@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import logging
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -212,3 +213,15 @@ def test_an_altered_model_folder_is_refused(model, tmp_path):
 
 def test_a_description_comes_back_as_it_was(model):
     assert OnlinePredictor.load(model[0]).features == dataclasses.replace(FeatureSettings())
+
+
+def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
+    page = (Path(__file__).parents[1] / "README.md").read_text().partition("## On the robot")[2]
+    code = page.partition("```python\n")[2].partition("```")[0]
+    (tmp_path / "models/online").mkdir(parents=True)
+    (tmp_path / "models/online/finetune_eth").symlink_to(model[0])
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(code, names)
+    assert names["forecast"].track_id.tolist() == [4, 7]
+    assert names["forecast"].position.shape == (2, 10, 2)

@@ -35,11 +35,11 @@ class _Graph:
         self.nodes.append(helper.make_node(kind, inputs, [output], **attributes))
         return output
 
-    def linear(self, name: str, layer: nn.Linear, value: str) -> str:
+    def linear(self, name: str, layer: nn.Module, value: str) -> str:
         weights = [self.constant(f"{name}.{k}", _numbers(v)) for k, v in layer.named_parameters()]
         return self.add("Gemm", [value, *weights], f"{name}_linear", transB=1)
 
-    def lstm(self, name: str, layer: nn.LSTM, value: str) -> str:
+    def lstm(self, name: str, layer: nn.Module, value: str) -> str:
         """One step; ONNX orders the gates (in, out, forget, cell), torch (in, forget, cell, out)."""
 
         def gates(parameter: str) -> np.ndarray:
@@ -119,11 +119,11 @@ _PARTS = ("hidden", "cell")
 
 def _write(graph: _Graph, inputs: dict[str, list[int]], outputs: dict[str, list[int]], path: Path) -> None:
     """Check the graph and write it."""
-    ends = [
+    sources, sinks = (
         [helper.make_tensor_value_info(n, TensorProto.FLOAT, ["people", *shape]) for n, shape in end.items()]
         for end in (inputs, outputs)
-    ]
-    whole = helper.make_graph(graph.nodes, "pedpred", *ends, initializer=graph.constants)
+    )
+    whole = helper.make_graph(graph.nodes, "pedpred", sources, sinks, graph.constants)
     model = helper.make_model(whole, opset_imports=[helper.make_opsetid("", _OPSET)], producer_name="pedpred")
     model.ir_version = _IR
     onnx.checker.check_model(model, full_check=True)

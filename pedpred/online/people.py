@@ -123,7 +123,8 @@ def _newborn(
     heading = _heading(belief.velocity, np.zeros(count), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
     ticks = np.zeros((count, clocks), np.int64)
-    return People(track_id, now, now.copy(), *vars(belief).values(), heading, ticks, memory)
+    position, velocity, covariance = belief.position, belief.velocity, belief.covariance
+    return People(track_id, now, now.copy(), position, velocity, covariance, heading, ticks, memory)
 
 
 def _heading(velocity: np.ndarray, before: np.ndarray, standstill_mps: float) -> np.ndarray:

@@ -130,7 +130,7 @@ class OnlinePredictor:
     def _predict(self, time_s: float) -> Forecast:
         """Forecast everybody who is there; clocks that are due now tick."""
         people = self._people
-        due = self._due() <= time_s + TIME_TOLERANCE_S
+        due = np.less_equal(self._due(), time_s + TIME_TOLERANCE_S)
         there = np.flatnonzero(people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S)
         ticking = due.any(axis=1)
         person, clock = np.nonzero(due)

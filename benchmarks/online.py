@@ -1,0 +1,115 @@
+"""Milliseconds per update of the online predictor: tracker, both grids, network and bookkeeping.
+
+`python -m benchmarks.online [--model models/online/finetune_eth] [--json FILE]`. One thread, every frame a
+new detection of everybody, 0.3 s apart, so that each frame takes a remembered step. The bound is the
+network's multiply-adds at the matrix rate that numpy reaches here; the convolutions are two thirds of them.
+Beside it: the same network in torch, eager, without features, and the paper's 51 ms for 20 pedestrians on an
+i7-4810MQ.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1", NUMBA_NUM_THREADS="1")
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from benchmarks.features import room
+from benchmarks.timing import keep, median_ms, tell
+from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.online import OnlinePredictor
+
+CROWDS = (1, 20, 200, 1000)
+PAPER_MS = {20: 51.0}
+
+
+def matrix_rate(size: int = 1024) -> float:
+    """Multiply-adds a second of a single-precision matrix product on one thread."""
+    a = np.random.default_rng(0).random((size, size), dtype=np.float32)
+    return size**3 / (median_ms(lambda: a @ a) * 1e-3)
+
+
+def multiply_adds(settings: MotionSettings) -> int:
+    """Of one pedestrian's step: convolutions, embeddings, LSTMs, head."""
+    convolutions = 28 * 28 * 64 * 25 + 14 * 14 * 32 * 64 * 9 + 7 * 7 * 8 * 32 * 9
+    widths = {"state": 2, "grid": 392, "angular": 72}
+    total = convolutions if "grid" in settings.channels else 0
+    for name, channel in settings.channels.items():
+        total += widths[name] * channel.embedding + 4 * channel.lstm * (channel.embedding + channel.lstm)
+    fused = sum(channel.lstm for channel in settings.channels.values())
+    total += 4 * settings.joint * (fused + settings.joint) + settings.joint * settings.head
+    return total + settings.head * 2 * settings.horizon_steps
+
+
+def walkers(count: int, rng: np.random.Generator, frames: int) -> list[np.ndarray]:
+    """Positions of a crowd that walks through a room of 20 m x 20 m, frame by frame. [count, 2] each."""
+    start, velocity = rng.uniform(0.0, 20.0, (count, 2)), rng.normal(0.0, 1.0, (count, 2))
+    return [(start + velocity * 0.3 * k) % 20.0 for k in range(frames)]
+
+
+def update_times_ms(folder: Path, count: int, frames: int) -> np.ndarray:
+    """Wall time of every update but the first ones. [frames - 10]."""
+    rng = np.random.default_rng(0)
+    robot = OnlinePredictor.load(folder)
+    robot.set_map(room(rng))
+    ids, times = np.arange(count), []
+    for k, position in enumerate(walkers(count, rng, frames)):
+        begin = time.perf_counter()
+        robot.update(0.3 * k, ids, position)
+        times.append(time.perf_counter() - begin)
+    return np.array(times[10:]) * 1e3
+
+
+def eager_ms(settings: MotionSettings, count: int) -> float:
+    """The same network in torch, convolutions included, features not."""
+    network, encoder = MotionLstm(settings).eval(), GridAutoencoder(64).encoder
+    crops, inputs = torch.zeros(count, 60, 60), {"state": torch.zeros(count, 1, 2)}
+    inputs["angular"] = torch.zeros(count, 1, 72)
+    state = network.start(count)
+
+    @torch.inference_mode()
+    def step() -> None:
+        network({**inputs, "grid": encoder.code(crops)[:, None]}, state)
+
+    return median_ms(step)
+
+
+def main() -> None:
+    """Measure, print, and keep the figures when asked to."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--model", type=Path, default=Path("models/online/finetune_eth"))
+    parser.add_argument("--json", type=Path, help="write the figures there")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    settings = MotionSettings.parse(
+        json.loads((options.model / "model.json").read_text())["origin"]["network"]
+    )
+    rate = matrix_rate()
+    rows = []
+    for count in CROWDS:
+        times = update_times_ms(options.model, count, 1010 if count <= 20 else 110)
+        bound = count * multiply_adds(settings) / rate * 1e3
+        rows.append(
+            {
+                "pedestrians": count,
+                "median_ms": float(np.median(times)),
+                "p99_ms": float(np.percentile(times, 99)),
+                "bound_ms": bound,
+                "median/bound": float(np.median(times)) / bound,
+                "torch_eager_ms": eager_ms(settings, count),
+                "paper_ms": PAPER_MS.get(count, float("nan")),
+            }
+        )
+    tell(f"An update, one thread ({2e-9 * rate:.0f} GFLOP/s in matrix products)", rows)
+    keep({"updates": rows, "multiply_adds_per_s": rate}, options.json)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,36 @@
+"""export@phase: the LSTM of a training phase as a model folder for robots (ONNX and a description)."""
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from pedpred.config import plain, stage, stage_key
+from pedpred.models import GridAutoencoder
+from pedpred.models.export import export_onnx
+from pedpred.models.forecasting import load_motion_lstm
+from pedpred.online.network import ModelDescription, write_description
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
+from pedpred.storage.shards import read_manifest
+from pedpred.tracking import KalmanSettings
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Read models/<phase>/lstm and models/autoencoder, write models/online/<phase>."""
+    phase, options = stage_key(cfg), plain(cfg.online)
+    out = Path(cfg.get("out", f"models/online/{phase}"))
+    weights, about = read_checkpoint(Path("models/autoencoder"))
+    autoencoder = GridAutoencoder(about["settings"]["latent"])
+    load_weights(autoencoder, weights, Path("models/autoencoder"))
+    network = load_motion_lstm(Path("models", phase, "lstm"))
+    features, _ = read_manifest(Path("data/features/main"))
+    names = export_onnx(network, autoencoder.encoder, features.grid_cells, out / "network.onnx")
+    tracker = KalmanSettings(**{k: v for k, v in options["tracker"].items() if k != "kind"})
+    description = ModelDescription(
+        **names, features=features, tracker=tracker, standstill_mps=options["standstill_mps"]
+    )
+    write_description(out, description, {"phase": phase, "network": network.settings.plain()})
+
+
+if __name__ == "__main__":
+    main()
