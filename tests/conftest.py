@@ -25,6 +25,14 @@ def ewap_folder() -> Path:
     pytest.skip("the EWAP recordings are not here: run `python -m stages.fetch` or set PEDPRED_MIRROR")
 
 
+@pytest.fixture(scope="session")
+def model(tmp_path_factory):
+    """An untrained network, exported; its folder, itself and its encoder."""
+    from tests.exported import export
+
+    return export(tmp_path_factory.mktemp("model"))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The pipeline's tests wait a lot: begun first, they wait beside the others."""
     items.sort(key=lambda item: item.get_closest_marker("pipeline") is None)

@@ -7,49 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.features import FeatureSettings, extract
 from pedpred.geometry import rotate
-from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
-from pedpred.models.export import export_onnx
+from pedpred.models import GridAutoencoder
 from pedpred.models.forecasting import forecast_velocities
 from pedpred.online import OnlinePredictor, OnlineSettings
-from pedpred.online.network import ModelDescription, write_description
 from pedpred.scenes import OccupancyMap
-from pedpred.tracking import KalmanSettings, follow
+from pedpred.tracking import follow
 from pedpred.training.autoencoder import encode
+from tests.exported import TRACKER
 from tests.worlds import walled_scene
-
-TRACKER = KalmanSettings(acceleration_noise=0.05, position_noise_m=0.05)
-NETWORK = MotionSettings.parse(
-    {
-        "channels": {
-            "state": {"embedding": 8, "lstm": 8},
-            "grid": {"embedding": 64, "lstm": 16},
-            "angular": {"embedding": 16, "lstm": 16},
-        },
-        "joint": 32,
-        "head": 16,
-        "horizon_steps": 10,
-        "residual": True,
-    }
-)
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    """An untrained network with large weights, exported; its folder, itself and its encoder."""
-    folder = tmp_path_factory.mktemp("model")
-    torch.manual_seed(0)
-    network, encoder = MotionLstm(NETWORK).eval(), GridAutoencoder(64).encoder
-    for weights in network.parameters():
-        torch.nn.init.normal_(weights, std=0.3)
-    names = export_onnx(network, encoder, 60, folder / "network.onnx")
-    description = ModelDescription(**names, features=FeatureSettings(), tracker=TRACKER, standstill_mps=0.2)
-    write_description(folder, description, {"trained_on": "nothing"})
-    return folder, network, encoder
 
 
 def offline_paths(scene, kind, clocks, model):

@@ -1,0 +1,54 @@
+"""A recorded scene as a robot would have met it, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from pedpred.features.targets import Futures
+from pedpred.online.predictor import OnlinePredictor
+from pedpred.scenes import Forecast, Scene
+from pedpred.storage.windows import Windows
+
+
+def replayed(scene: Scene, predictor: OnlinePredictor) -> Iterable[Forecast]:
+    """A forecast after every frame of a scene's detections; velocities that it may know are not used."""
+    predictor.reset()
+    predictor.set_map(scene.occupancy)
+    recording = scene.recording
+    instants, first = np.unique(recording.time_s, return_index=True)
+    for now, rows in zip(instants, np.split(np.arange(len(recording)), first[1:]), strict=True):
+        yield predictor.update(float(now), recording.track_id[rows], recording.position[rows])
+
+
+def as_windows(scene: Scene, forecasts: Iterable[Forecast], method: str, lost_after_s: float) -> Windows:
+    """Forecasts as rows beside what really happened.
+
+    Args:
+        scene: knows the paths that people took; where one ends, its last position stands for the rest.
+        forecasts: at any instants of it.
+        method: what to call them.
+        lost_after_s: longest silence within a path, s.
+
+    Returns:
+        One row per person and forecast; the grids are left empty.
+    """
+    known = [forecast for forecast in forecasts if len(forecast)]
+    steps = known[0].position.shape[1] if known else 0
+    dt_s = known[0].dt_s if known else 0.0
+    track_id = _joined([forecast.track_id for forecast in known], (), np.int64)
+    time_s = np.repeat([forecast.time_s for forecast in known], [len(forecast) for forecast in known])
+    path = _joined([forecast.position for forecast in known], (steps, 2), np.float64)
+    velocity = _joined([forecast.velocity for forecast in known], (steps, 2), np.float64)[:, :1]
+    ahead_s = (np.arange(steps) + 1) * dt_s
+    truth, _ = Futures.of(scene.recording, lost_after_s).after(track_id, time_s, ahead_s)
+    first = velocity.reshape(-1, 2) if steps else np.zeros((0, 2))
+    present = path[:, 0] - first * dt_s if steps else np.zeros((0, 2))
+    rows = len(track_id)
+    empty = np.zeros((rows, 0), np.uint8), np.zeros((rows, 0))
+    return Windows(track_id, time_s, present, np.zeros(rows), first, *empty, truth, {method: path})
+
+
+def _joined(parts: list[np.ndarray], shape: tuple[int, ...], dtype: type) -> np.ndarray:
+    return np.concatenate(parts) if parts else np.zeros((0, *shape), dtype)

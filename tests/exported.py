@@ -1,0 +1,36 @@
+"""An untrained network as a model folder, for the tests of what runs on the robot."""
+
+import torch
+
+from pedpred.features import FeatureSettings
+from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.models.export import export_onnx
+from pedpred.online.network import ModelDescription, write_description
+from pedpred.tracking import KalmanSettings
+
+TRACKER = KalmanSettings(acceleration_noise=0.05, position_noise_m=0.05)
+NETWORK = MotionSettings.parse(
+    {
+        "channels": {
+            "state": {"embedding": 8, "lstm": 8},
+            "grid": {"embedding": 64, "lstm": 16},
+            "angular": {"embedding": 16, "lstm": 16},
+        },
+        "joint": 32,
+        "head": 16,
+        "horizon_steps": 10,
+        "residual": True,
+    }
+)
+
+
+def export(folder):
+    """Write it, with large weights; the folder, the network and its encoder."""
+    torch.manual_seed(0)
+    network, encoder = MotionLstm(NETWORK).eval(), GridAutoencoder(64).encoder
+    for weights in network.parameters():
+        torch.nn.init.normal_(weights, std=0.3)
+    names = export_onnx(network, encoder, 60, folder / "network.onnx")
+    description = ModelDescription(**names, features=FeatureSettings(), tracker=TRACKER, standstill_mps=0.2)
+    write_description(folder, description, {"trained_on": "nothing"})
+    return folder, network, encoder
