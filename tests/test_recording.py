@@ -285,3 +285,10 @@ def test_no_warning_without_a_cut(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         read_recording(tmp_path / "scene.mcap")
+
+
+def test_a_layout_does_not_depend_on_the_order_of_the_methods(tmp_path):
+    methods = ["cv", "lstm", "kalman_cv"]
+    for name, order in {"a": methods, "b": methods[::-1]}.items():
+        write_layout(small_scene().occupancy, order, tmp_path / name)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()

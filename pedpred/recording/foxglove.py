@@ -43,7 +43,7 @@ def write_layout(occupancy: OccupancyMap, hidden: Iterable[str], path: Path) -> 
         "scene": {"backgroundColor": "#ffffff"},
         "topics": {
             MAP: {"visible": True, "colorMode": "map"},
-            MARKERS: {"visible": True, "namespaces": {name: {"visible": False} for name in hidden}},
+            MARKERS: {"visible": True, "namespaces": {name: {"visible": False} for name in sorted(hidden)}},
         },
     }
     layout = {
