@@ -125,6 +125,11 @@ def test_a_record_interval_that_is_no_multiple_of_the_step_is_refused():
         social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "record_s": 0.32}})
 
 
+def test_a_step_too_long_for_the_forces_is_refused():
+    with pytest.raises(ConfigError, match=r"step_s' = 0.15: it must lie in \(0, 0.1\] s"):
+        social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "step_s": 0.15}})
+
+
 def test_an_unknown_force_setting_is_named():
     with pytest.raises(ConfigError, match=r"social_force.forces.*magic"):
         social_force_settings({**SOCIAL_FORCE, "forces": {**SOCIAL_FORCE["forces"], "magic": 1.0}})

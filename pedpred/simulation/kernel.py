@@ -1,8 +1,10 @@
 """The simulator's inner loop, compiled: a whole crowd, step by step.
 
-The forces are those of `forces.py`, pair by pair (a test holds the two together). Everything that
-the machine code depends on arrives as an argument or lives in this file, so that numba's cache in
-`__pycache__` (ignored by git and DVC) cannot go stale.
+The forces are those of `forces.py` (a test holds the two together), but for pushes too weak to
+matter: who is beyond `interaction_range_m` is not looked at, and people are sorted into square cells of that side, so
+that a step costs O(N) at constant density. Everything that the machine code depends on arrives as an
+argument or lives in this file, so that numba's cache in `__pycache__` (ignored by git and DVC) cannot
+go stale.
 """
 
 from __future__ import annotations
@@ -13,6 +15,9 @@ import numpy as np
 from numba import njit
 
 _SMALLEST_AXIS_M = 1e-3  # as in forces.py
+WEAKEST_PUSH_MPS2 = (
+    1e-3  # V0 / sigma exp(-b / sigma) below this is neglected; the noise is 300 times as strong
+)
 
 
 @njit(cache=True, nogil=True)
@@ -65,39 +70,84 @@ def way(x, y, goal, routes):
 
 
 @njit(cache=True, nogil=True)
-def _pedestrians(n, position, stride, direction, forces):
-    """Sum of the pushes of all others on pedestrian n, weighted by sight."""
+def interaction_range_m(stride_m, forces):
+    """Distance beyond which nobody's push counts, when nobody's stride s is longer than `stride_m`.
+
+    From |r| + |r - y| >= 2 |r| - s follows b >= sqrt(|r| (|r| - s)), so this is where that bound on b
+    reaches the axis of the weakest push.
+    """
+    strength = max(forces.pedestrian_strength / forces.pedestrian_range_m, WEAKEST_PUSH_MPS2)
+    axis = forces.pedestrian_range_m * math.log(strength / WEAKEST_PUSH_MPS2)
+    return 0.5 * stride_m + math.sqrt(axis * axis + 0.25 * stride_m * stride_m) + _SMALLEST_AXIS_M
+
+
+@njit(cache=True, nogil=True)
+def _cells(position, side):
+    """Square cells around the crowd: lower corner, side, first person of each, next one in the same.
+
+    Sides grow where people are few and far between, so that there are not many more cells than people.
+    """
+    low_x, low_y = position[:, 0].min(), position[:, 1].min()
+    width, depth = position[:, 0].max() - low_x, position[:, 1].max() - low_y
+    side = max(side, max(width, depth) / (math.sqrt(len(position)) + 1.0))
+    first = np.full((int(width / side) + 1, int(depth / side) + 1), -1)
+    following = np.empty(len(position), dtype=np.int64)
+    for n in range(len(position) - 1, -1, -1):
+        i, j = int((position[n, 0] - low_x) / side), int((position[n, 1] - low_y) / side)
+        following[n], first[i, j] = first[i, j], n
+    return low_x, low_y, side, first, following
+
+
+@njit(cache=True, nogil=True)
+def _push(r_x, r_y, y_x, y_y, e_x, e_y, forces):
+    """`forces.pedestrian_repulsion` times `forces.sight_weight` for one pair."""
+    a_x, a_y = r_x - y_x, r_y - y_y
+    here, there = math.sqrt(r_x * r_x + r_y * r_y), math.sqrt(a_x * a_x + a_y * a_y)
+    square = (here + there) ** 2 - (y_x * y_x + y_y * y_y)
+    axis = 0.5 * math.sqrt(max(square, 4.0 * _SMALLEST_AXIS_M**2))
+    push = forces.pedestrian_strength / forces.pedestrian_range_m
+    push *= math.exp(-axis / forces.pedestrian_range_m) * (here + there) / (4.0 * axis)
+    here, there = max(here, _SMALLEST_AXIS_M), max(there, _SMALLEST_AXIS_M)
+    f_x, f_y = push * (r_x / here + a_x / there), push * (r_y / here + a_y / there)
+    if -(e_x * f_x + e_y * f_y) < math.sqrt(f_x * f_x + f_y * f_y) * forces.sight_cosine:
+        return f_x * forces.unseen_weight, f_y * forces.unseen_weight
+    return f_x, f_y
+
+
+@njit(cache=True, nogil=True)
+def _pedestrians(n, position, stride, direction, range_m, cells, forces):
+    """Sum of the pushes on pedestrian n of everybody within a range."""
+    low_x, low_y, side, first, following = cells
     total_x, total_y = 0.0, 0.0
-    for m in range(len(position)):
-        if m == n:
-            continue
-        r_x, r_y = position[n, 0] - position[m, 0], position[n, 1] - position[m, 1]
-        a_x, a_y = r_x - stride[m, 0], r_y - stride[m, 1]
-        here, there = math.sqrt(r_x * r_x + r_y * r_y), math.sqrt(a_x * a_x + a_y * a_y)
-        square = (here + there) ** 2 - (stride[m, 0] ** 2 + stride[m, 1] ** 2)
-        axis = 0.5 * math.sqrt(max(square, 4.0 * _SMALLEST_AXIS_M**2))
-        push = forces.pedestrian_strength / forces.pedestrian_range_m
-        push *= math.exp(-axis / forces.pedestrian_range_m) * (here + there) / (4.0 * axis)
-        here, there = max(here, _SMALLEST_AXIS_M), max(there, _SMALLEST_AXIS_M)
-        f_x, f_y = push * (r_x / here + a_x / there), push * (r_y / here + a_y / there)
-        seen = -(direction[n, 0] * f_x + direction[n, 1] * f_y)
-        if seen < math.sqrt(f_x * f_x + f_y * f_y) * forces.sight_cosine:
-            f_x, f_y = f_x * forces.unseen_weight, f_y * forces.unseen_weight
-        total_x, total_y = total_x + f_x, total_y + f_y
+    i, j = int((position[n, 0] - low_x) / side), int((position[n, 1] - low_y) / side)
+    for k in range(max(i - 1, 0), min(i + 2, first.shape[0])):
+        for l in range(max(j - 1, 0), min(j + 2, first.shape[1])):
+            m = first[k, l]
+            while m >= 0:
+                r_x, r_y = position[n, 0] - position[m, 0], position[n, 1] - position[m, 1]
+                if m != n and r_x * r_x + r_y * r_y <= range_m * range_m:
+                    f_x, f_y = _push(
+                        r_x, r_y, stride[m, 0], stride[m, 1], direction[n, 0], direction[n, 1], forces
+                    )
+                    total_x, total_y = total_x + f_x, total_y + f_y
+                m = following[m]
     return total_x, total_y
 
 
 @njit(cache=True, nogil=True)
 def accelerations(position, velocity, direction, desired_speed, ground, forces, out):
-    """`forces.social_acceleration` of a crowd on some ground, written to `out`. [N, 2] m/s^2."""
-    stride = np.empty_like(position)
+    """`forces.social_acceleration` of a crowd (N > 0) on some ground, to `out`. [N, 2] m/s^2."""
+    stride, longest = np.empty_like(position), 0.0
     for n in range(len(position)):
         length = math.sqrt(velocity[n, 0] ** 2 + velocity[n, 1] ** 2) * forces.anticipation_s
         stride[n, 0], stride[n, 1] = length * direction[n, 0], length * direction[n, 1]
+        longest = max(longest, length)
+    range_m = interaction_range_m(longest, forces)
+    cells = _cells(position, range_m)
     for n in range(len(position)):
         distance, away_x, away_y = border(position[n, 0], position[n, 1], ground)
         wall = forces.border_strength / forces.border_range_m * math.exp(-distance / forces.border_range_m)
-        f_x, f_y = _pedestrians(n, position, stride, direction, forces)
+        f_x, f_y = _pedestrians(n, position, stride, direction, range_m, cells, forces)
         drive_x = (desired_speed[n] * direction[n, 0] - velocity[n, 0]) / forces.relaxation_time_s
         drive_y = (desired_speed[n] * direction[n, 1] - velocity[n, 1]) / forces.relaxation_time_s
         out[n, 0] = drive_x + wall * away_x + f_x

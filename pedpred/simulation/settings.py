@@ -11,6 +11,8 @@ from pedpred.errors import ConfigError
 from pedpred.simulation.forces import ForceSettings
 from pedpred.simulation.routing import RoutingSettings
 
+LARGEST_STEP_S = 0.1  # beyond it the border force (R = 0.2 m) is stepped over
+
 
 @dataclass(frozen=True)
 class CrowdSettings:
@@ -44,7 +46,7 @@ class ClockSettings:
     """Time steps.
 
     Attributes:
-        step_s: integration step.
+        step_s: integration step, at most 0.1; a test bounds what halving it changes.
         record_s: time between two recorded states.
         warm_up_s: discarded at the start.
         noise_mps2: sigma of the random acceleration.
@@ -58,9 +60,13 @@ class ClockSettings:
     noise_hold_s: float
 
     def __post_init__(self) -> None:
+        if not 0 < self.step_s <= LARGEST_STEP_S:
+            raise ConfigError(
+                "social_force.clock.step_s", self.step_s, f"it must lie in (0, {LARGEST_STEP_S}] s"
+            )
         for name in ("record_s", "noise_hold_s"):
             value = getattr(self, name)
-            if not self.step_s > 0 or abs(value / self.step_s - round(value / self.step_s)) > 1e-6:
+            if abs(value / self.step_s - round(value / self.step_s)) > 1e-6:
                 raise ConfigError(
                     f"social_force.clock.{name}", value, f"make it a multiple of step_s = {self.step_s}"
                 )
