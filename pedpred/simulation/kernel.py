@@ -1,10 +1,10 @@
 """The simulator's inner loop, compiled: a whole crowd, step by step.
 
 The forces are those of `forces.py` (a test holds the two together), but for pushes too weak to
-matter: who is beyond `interaction_range_m` is not looked at, and people are sorted into square cells of that side, so
-that a step costs O(N) at constant density. Everything that the machine code depends on arrives as an
-argument or lives in this file, so that numba's cache in `__pycache__` (ignored by git and DVC) cannot
-go stale.
+matter: who is beyond `interaction_range_m` is not looked at, and people are sorted into square cells of
+that side, so that a step costs O(N) at constant density. Everything that the machine code depends on
+arrives as an argument or lives in this file, so that numba's cache in `__pycache__` (ignored by git and
+DVC) cannot go stale.
 """
 
 from __future__ import annotations
@@ -120,9 +120,9 @@ def _pedestrians(n, position, stride, direction, range_m, cells, forces):
     low_x, low_y, side, first, following = cells
     total_x, total_y = 0.0, 0.0
     i, j = int((position[n, 0] - low_x) / side), int((position[n, 1] - low_y) / side)
-    for k in range(max(i - 1, 0), min(i + 2, first.shape[0])):
-        for l in range(max(j - 1, 0), min(j + 2, first.shape[1])):
-            m = first[k, l]
+    for g in range(max(i - 1, 0), min(i + 2, first.shape[0])):
+        for h in range(max(j - 1, 0), min(j + 2, first.shape[1])):
+            m = first[g, h]
             while m >= 0:
                 r_x, r_y = position[n, 0] - position[m, 0], position[n, 1] - position[m, 1]
                 if m != n and r_x * r_x + r_y * r_y <= range_m * range_m:
