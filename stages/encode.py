@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import torch
-from joblib import Parallel, delayed
 from omegaconf import DictConfig
-from tqdm import tqdm
 
 from pedpred.config import stage, stage_key
 from pedpred.features.table import FeatureSettings
@@ -16,6 +13,7 @@ from pedpred.models import GridAutoencoder
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.storage.shards import read_crops, read_manifest, write_codes
 from pedpred.training.autoencoder import encode
+from pedpred.workers import in_parallel
 
 
 def codes_into(
@@ -29,18 +27,15 @@ def codes_into(
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/features/<name> and models/autoencoder, write data/codes/<name> ($PEDPRED_JOBS workers)."""
+    """Read data/features/<name> and models/autoencoder, write data/codes/<name>, several scenes at once."""
     name = stage_key(cfg)
     weights, about = read_checkpoint(Path("models/autoencoder"))
     network = GridAutoencoder(about["settings"]["latent"])
     load_weights(network, weights, Path("models/autoencoder"))
     features, out = Path("data/features") / name, Path(cfg.get("out", f"data/codes/{name}"))
     settings, shards = read_manifest(features)
-    jobs = int(os.environ.get("PEDPRED_JOBS", os.cpu_count() or 1))
-    workers = Parallel(n_jobs=jobs, return_as="generator_unordered")
-    done = workers(delayed(codes_into)(out, features, shard, settings, network) for shard in shards)
-    for _ in tqdm(done, total=len(shards), desc=f"codes of {name}", unit="scene"):
-        pass
+    tasks = [(out, features, shard, settings, network) for shard in shards]
+    in_parallel(codes_into, tasks, f"codes of {name}", "scene")
 
 
 if __name__ == "__main__":

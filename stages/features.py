@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import zlib
 from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
 from omegaconf import DictConfig
-from tqdm import tqdm
 
 from pedpred.config import plain, stage, stage_key
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import write_manifest, write_shard
 from pedpred.tracking import KalmanSettings, SensorSettings, follow, resampled, sensed
+from pedpred.workers import in_parallel
 
 
 def features_into(
@@ -37,7 +35,7 @@ def features_into(
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/scenes/<key>, write data/features/<key>; $PEDPRED_JOBS workers (all cores by default)."""
+    """Read data/scenes/<key>, write data/features/<key>, several scenes at once."""
     key = stage_key(cfg)
     out = Path(cfg.get("out", f"data/features/{key}"))
     groups = plain(cfg)
@@ -46,13 +44,8 @@ def main(cfg: DictConfig) -> None:
     clocks = 1 if groups["protocol"]["leaks"] else source["clocks"]  # resampled tracks have one clock
     settings = FeatureSettings(**groups["protocol"], **groups["features"], clocks=clocks)
     folders = scene_folders(Path("data/scenes") / key)
-    jobs = int(os.environ.get("PEDPRED_JOBS", os.cpu_count() or 1))
-    workers = Parallel(n_jobs=jobs, return_as="generator_unordered")  # it gives each one its share of threads
-    done = workers(
-        delayed(features_into)(out, folder, settings, source, standstill_mps) for folder in folders
-    )
-    for _ in tqdm(done, total=len(folders), desc=f"features of {key}", unit="scene"):
-        pass
+    tasks = [(out, folder, settings, source, standstill_mps) for folder in folders]
+    in_parallel(features_into, tasks, f"features of {key}", "scene")
     write_manifest(out, settings, {folder.name: folder for folder in folders})
 
 

@@ -20,7 +20,8 @@ PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
 DEFAULTS = yaml.safe_load((ROOT / "conf" / "config.yaml").read_text())["defaults"]
 SCRIPTS = sorted(path for path in (ROOT / "stages").glob("*.py") if path.name != "__init__.py")
 SOURCES = [*sorted((ROOT / "pedpred").rglob("*.py")), *SCRIPTS]
-NO_RESULT_DEPENDS_ON = {"pedpred/config.py", "pedpred/errors.py"}  # what they decide is checked or only said
+# what these decide is checked, only said, or where the work is done
+NO_RESULT_DEPENDS_ON = {"pedpred/config.py", "pedpred/errors.py", "pedpred/workers.py"}
 
 
 def named(path):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from joblib import Parallel, delayed
 
 from pedpred.errors import ConfigError
 from pedpred.simulation.crowd import Clock, crowd_of
@@ -56,13 +55,6 @@ def test_the_same_seed_gives_the_same_walk_and_another_seed_another():
     first, again, other = (scene_of(short(6.0, seed=seed)[0]) for seed in (7, 7, 8))
     assert tables_equal(first, again)
     assert not tables_equal(first, other)
-
-
-def test_results_do_not_depend_on_the_number_of_workers():
-    todo = short(6.0, generated=1)
-    alone = [scene_of(arrangement) for arrangement in reversed(todo)][::-1]
-    shared = Parallel(n_jobs=2, backend="threading")(delayed(scene_of)(arrangement) for arrangement in todo)
-    assert all(tables_equal(a, b) for a, b in zip(alone, shared, strict=True))
 
 
 def test_halving_the_step_hardly_changes_a_noise_free_path():

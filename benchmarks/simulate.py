@@ -1,0 +1,153 @@
+"""Walking crowds: ours beside JuPedSim and PySocialForce, in one run, one thread.
+
+`python -m benchmarks.simulate [--json FILE] [--no-peers] [--main-set]`. The ground is tiles of 20 m x 20 m
+with eight blocks and twenty people each, so density stays the same from 20 to 1000. Compared is wall time
+per simulated second, each simulator at its own step: stepping alone, without set-up (routing of ours stands
+beside). With `--main-set` the whole set `main` is simulated and written as the pipeline does it, by two workers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from omegaconf import OmegaConf
+
+from benchmarks.simulation_peers import PEERS, Corners, Step
+from benchmarks.timing import keep, run_measured, tell
+from pedpred.simulation.crowd import Clock, crowd_of
+from pedpred.simulation.ground import ground_of
+from pedpred.simulation.kernel import advance
+from pedpred.simulation.layouts import Layout
+from pedpred.simulation.places import TargetPool, open_cells, scattered
+from pedpred.simulation.routing import routes_to
+from pedpred.simulation.settings import SocialForceSettings, social_force_settings
+from pedpred.simulation.simulator import desired_speeds, visiting_plans
+
+TILE_M = 20.0
+BLOCKS = [(3.5, 3.5), (8, 3), (13, 4), (17, 8), (4, 9), (10, 10), (5, 15), (15, 15.5)]
+BLOCK_M = (1.6, 1.2)
+CROWDS = {"20 in the room": (20, (1, 1)), "200": (200, (5, 2)), "1000": (1000, (10, 5))}
+TARGETS = 32
+BUDGET_S = 2.0
+CHUNK_S = 3.0  # simulated by one call of ours
+
+
+def blocks(tiles: tuple[int, int]) -> np.ndarray:
+    """Centres of all blocks, m. [B, 2]."""
+    corner = TILE_M * np.stack(np.meshgrid(*map(np.arange, tiles), indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    return (corner + np.array(BLOCKS)).reshape(-1, 2)
+
+
+def world(tiles: tuple[int, int]) -> tuple[Layout, Corners]:
+    """The same ground for us and for the peers."""
+    size = TILE_M * np.array(tiles)
+    shapes = tuple({"rectangle": {"center": c.tolist(), "size_m": list(BLOCK_M)}} for c in blocks(tiles))
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    rings = [square * size] + [c + (square - 0.5) * BLOCK_M for c in blocks(tiles)]
+    return Layout(tuple(size.tolist()), shapes), rings
+
+
+def measured_ms(step: Step, simulated_s: float) -> float:
+    """Median wall time per simulated second, ms, after one step to warm up; one step at least is measured."""
+    step()
+    took: list[float] = []
+    while not took or sum(took) < BUDGET_S:
+        began = time.perf_counter()
+        step()
+        took.append(time.perf_counter() - began)
+    return float(np.median(took)) / simulated_s * 1e3
+
+
+def compare(label: str, settings: SocialForceSettings, peers: bool, rng: np.random.Generator) -> list[dict]:
+    """One crowd in all simulators."""
+    people, tiles = CROWDS[label]
+    layout, rings = world(tiles)
+    ground = ground_of(layout.occupancy())
+    cells = open_cells(ground, settings.crowd.clearance_m)
+    targets = scattered(cells, TARGETS, settings.crowd.target_spacing_m, rng)
+    start = scattered(cells, people, settings.crowd.spacing_m, rng)
+    speed = desired_speeds(people, settings.crowd, rng)
+    began = time.perf_counter()
+    routes = routes_to(targets, ground, settings.routing)
+    routing_s = time.perf_counter() - began
+    pool = TargetPool(routes.target, np.arange(len(targets)))
+    plan = visiting_plans(pool, people, 400, settings.crowd.least_leg_m, rng)
+    crowd = crowd_of(start, np.zeros((people, 2)), speed, plan)
+    step_s = settings.clock.step_s
+    steps, hold = round(CHUNK_S / step_s), round(settings.clock.noise_hold_s / step_s)
+    every = round(settings.clock.record_s / step_s)
+
+    def walk() -> None:
+        noise = rng.normal(0.0, settings.clock.noise_mps2, (-(-steps // hold), people, 2))
+        clock = Clock(step_s, steps, every, hold)
+        advance(crowd, noise, clock, ground, routes, settings.forces, settings.crowd.reach_m)
+
+    walk()  # compiles, and lets everybody pick up speed
+    walkers: dict[str, tuple[Step, float, float]] = {"ours": (walk, CHUNK_S, step_s)}
+    for name, peer in PEERS.items() if peers else ():
+        one_step, dt_s = peer(rings, start, targets, speed)
+        walkers[name] = one_step, dt_s, dt_s
+    took = {name: measured_ms(step, simulated) for name, (step, simulated, _) in walkers.items()}
+    return [
+        {
+            "crowd": label,
+            "simulator": name,
+            "step_s": dt_s,
+            "ms/simulated_s": took[name],
+            "pedestrian_steps/s": people / dt_s / took[name] * 1e3,
+            "ns/pedestrian_step": took[name] * dt_s / people * 1e6,
+            "times_ours": took[name] / took["ours"],
+            "routing_s": routing_s if name == "ours" else float("nan"),
+        }
+        for name, (_, _, dt_s) in walkers.items()
+    ]
+
+
+def main_set() -> list[dict]:
+    """The 5 h set simulated and written, as the pipeline does it."""
+    with tempfile.TemporaryDirectory() as out:
+        command = [sys.executable, "-m", "stages.simulate", "+name=main", f"+out={out}"]
+        seconds, peak_mib = run_measured(command, {"PEDPRED_JOBS": "2"})
+    return [
+        {"seconds": seconds, "largest_process_mib": peak_mib, "three_processes_at_most_mib": 3 * peak_mib}
+    ]
+
+
+def main() -> None:
+    """Measure, print, and keep the figures when asked to."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", type=Path, help="write the figures there")
+    parser.add_argument("--no-peers", action="store_true", help="ours alone")
+    parser.add_argument("--main-set", action="store_true", help="also the 5 h set: time and memory")
+    options = parser.parse_args()
+    missing = [name for name in PEERS if importlib.util.find_spec(name.lower()) is None]
+    if missing and not options.no_peers:
+        parser.error(
+            f"{' and '.join(missing)} not installed: pip install 'pedpred[bench]', or add --no-peers"
+        )
+    conf = OmegaConf.load(Path(__file__).parents[1] / "conf/social_force/helbing1995.yaml")
+    settings = social_force_settings(OmegaConf.to_container(conf))
+    rows = [
+        row
+        for label in CROWDS
+        for row in compare(label, settings, not options.no_peers, np.random.default_rng(0))
+    ]
+    tell("Walking crowds, one thread", rows)
+    cost = {row["crowd"]: row["ns/pedestrian_step"] for row in rows if row["simulator"] == "ours"}
+    growth = cost["1000"] / cost["20 in the room"]
+    figures = {"crowds": rows, "cost_1000_over_20": growth}
+    tell("Cost of our pedestrian-step", [{"1000 / 20": growth}])
+    if options.main_set:
+        figures["main_set"] = main_set()
+        tell("The set main, two workers", figures["main_set"])
+    keep(figures, options.json)
+
+
+if __name__ == "__main__":
+    main()

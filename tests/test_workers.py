@@ -1,0 +1,55 @@
+"""Wherever the work is done, the results are the same bytes."""
+
+import hashlib
+
+import dask
+import pytest
+from distributed import LocalCluster
+from joblib import parallel_config
+
+from pedpred.errors import ConfigError
+from pedpred.workers import in_parallel
+from stages.simulate import simulate_into
+from tests.simulated import SETTINGS, short
+
+
+def contents(folder):
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {str(f.relative_to(folder)): hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
+
+
+def simulated_into(out):
+    tasks = [(out, arrangement, SETTINGS) for arrangement in short(6.0, generated=2)]
+    in_parallel(simulate_into, tasks, "simulate", "room")
+    return contents(out)
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    with parallel_config(backend="sequential"):
+        return simulated_into(tmp_path_factory.mktemp("alone"))
+
+
+def test_two_processes_give_the_same_bytes(alone, tmp_path, monkeypatch):
+    monkeypatch.setenv("PEDPRED_JOBS", "2")
+    assert len(alone) == 12  # three scenes of four files
+    assert simulated_into(tmp_path) == alone
+
+
+@pytest.fixture
+def cluster():
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as running:
+        yield running
+
+
+def test_a_dask_cluster_gives_the_same_bytes(alone, cluster, tmp_path, monkeypatch):
+    monkeypatch.setenv("PEDPRED_BACKEND", "dask")
+    with dask.config.set({"scheduler-address": cluster.scheduler_address}):  # as $DASK_SCHEDULER_ADDRESS does
+        assert simulated_into(tmp_path) == alone
+    assert sum(worker.state.executed_count for worker in cluster.workers.values()) >= 3
+
+
+def test_a_backend_that_does_not_exist_is_named(monkeypatch):
+    monkeypatch.setenv("PEDPRED_BACKEND", "abacus")
+    with pytest.raises(ConfigError, match=r"PEDPRED_BACKEND' = 'abacus': leave it away, or set it to dask"):
+        in_parallel(print, [()], "nothing", "task")
