@@ -3,7 +3,8 @@
 `python -m benchmarks.simulate [--json FILE] [--no-peers] [--main-set]`. The ground is tiles of 20 m x 20 m
 with eight blocks and twenty people each, so density stays the same from 20 to 1000. Compared is wall time
 per simulated second, each simulator at its own step: stepping alone, without set-up (routing of ours stands
-beside). With `--main-set` the whole set `main` is simulated and written as the pipeline does it, by two workers.
+beside). With `--main-set` the whole set `main` is simulated and written as the pipeline does it, by two
+workers.
 """
 
 from __future__ import annotations
