@@ -1,4 +1,4 @@
-"""Join the pages on simulated and on real people into `reports/report.md`."""
+"""Join the pages on simulated forecasts, real ones and the simulation itself into `reports/report.md`."""
 
 from pathlib import Path
 
@@ -10,8 +10,8 @@ from pedpred.report.pages import joined
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read both pages, write one; links to pictures stay relative to `reports/`."""
-    pages = [Path("reports", f"{key}.md").read_text() for key in ("sim", "real")]
+    """Read the pages, write one; links to pictures stay relative to `reports/`."""
+    pages = [Path("reports", f"{key}.md").read_text() for key in ("sim", "real", "simulation")]
     Path(cfg.get("out", "reports/report.md")).write_text(joined(pages))
 
 

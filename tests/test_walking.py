@@ -1,0 +1,116 @@
+"""What is measured of simulated people, on cases small enough to count by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pedpred.errors import ValueRuleError
+from pedpred.evaluation.crowd_flow import FlowSettings, corridor_flow, lane_order, weidmann_speed_mps
+from pedpred.evaluation.walking import Walking, walking
+from pedpred.report.canvas import png_bytes
+from pedpred.report.crowd import crowd_page, flow_figure, lanes_figure, walking_findings
+from pedpred.scenes import Recording, Scene
+from tests.simulated import EMPTY_ROOM, SETTINGS, read, scene_of, short
+
+FLOW = FlowSettings(**read("validation/corridor_flow"))
+
+
+def walked(paths, goals, dt_s=0.3):
+    """A scene of people who are all there all the time; velocities are those of the last interval."""
+    position, goal = (np.swapaxes(np.array(a, dtype=float), 0, 1) for a in (paths, goals))
+    velocity = np.diff(position, axis=0, prepend=2 * position[:1] - position[1:2]) / dt_s
+    instants, people, _ = position.shape
+    recording = Recording(
+        np.repeat(np.arange(instants) * dt_s, people),
+        np.tile(np.arange(people), instants),
+        position.reshape(-1, 2),
+        velocity.reshape(-1, 2),
+        goal=goal.reshape(-1, 2),
+        desired_speed_mps=np.ones(instants * people),
+    )
+    return Scene("walked", recording, EMPTY_ROOM.occupancy(), dt_s)
+
+
+def line(start, step, count):
+    return np.array(start) + np.arange(count)[:, None] * np.array(step)
+
+
+def test_a_steady_walker_reaches_targets_in_time():
+    there = [[3.5, 4.0]] * 5 + [[9.5, 4.0]] * 20 + [[2.0, 4.0]] * 5
+    found = walking([walked([line((2.0, 4.0), (0.3, 0.0), 30)], [there])], SETTINGS)
+    assert (found.states, found.in_obstacle, found.above_cap, found.slow, found.close) == (30, 0, 0, 0, 0)
+    assert (found.targets, found.reached) == (1, 1)  # the first began before, the last is not over yet
+    assert found.speed_sum == pytest.approx(30.0)
+
+
+def test_a_target_reached_too_late_counts():
+    goals = [[3.0, 4.0]] + [[4.0, 4.0]] * 40 + [[3.0, 4.0]]
+    found = walking([walked([line((3.0, 4.0), (0.02, 0.0), 42)], [goals])], SETTINGS)  # 1 m in 12 s
+    assert (found.targets, found.reached) == (1, 0)
+
+
+def test_standing_behind_somebody_is_a_queue_and_standing_alone_is_not():
+    goals = [[[11.0, 4.0]] * 8] * 2
+    front, behind = line((5.0, 4.0), (0.0, 0.0), 8), line((4.4, 4.0), (0.0, 0.0), 8)
+    found = walking([walked([front, behind], goals)], SETTINGS)
+    assert (found.slow, found.slow_outside_queues, found.close) == (16, 8, 0)
+
+
+def test_walls_caps_and_closeness_are_counted():
+    runner, walker = line((2.0, 0.1), (0.9, 0.0), 5), line((2.0, -0.1), (0.9, 0.0), 5)
+    found = walking([walked([runner, walker], [[[11.0, 4.0]] * 5] * 2)], SETTINGS)
+    assert (found.in_obstacle, found.above_cap, found.close) == (5, 10, 10)
+
+
+def test_counts_of_scenes_add_up():
+    scene = scene_of(short(6.0)[0])
+    once, twice = walking([scene], SETTINGS), walking([scene, scene], SETTINGS)
+    assert twice == once + once
+    assert twice.shares()["slow_share"] == once.shares()["slow_share"]
+
+
+def test_people_without_known_goals_are_refused():
+    scene = walked([line((2.0, 4.0), (0.3, 0.0), 3)], [[[9.0, 4.0]] * 3])
+    with pytest.raises(ValueRuleError, match="only simulated scenes"):
+        walking([replace(scene, recording=replace(scene.recording, goal=None))], SETTINGS)
+
+
+def test_separate_lanes_are_perfect_order():
+    forward = np.array([True, True, False, False])
+    assert lane_order(np.array([1.0, 1.1, 3.0, 3.1]), forward, 0.4) == 1.0
+    assert lane_order(np.array([1.0, 1.1, 1.0, 1.1]), forward, 0.4) == pytest.approx(1 / 9)
+    assert np.isnan(lane_order(np.array([0.0, 2.0, 4.0, 6.0]), forward, 0.4))
+
+
+@given(st.integers(0, 1000))
+def test_lane_order_does_not_depend_on_order_or_side(seed):
+    rng = np.random.default_rng(seed)
+    y, forward, turn = rng.uniform(0.0, 2.0, 20), rng.random(20) < 0.5, rng.permutation(20)
+    assert lane_order(y[turn], ~forward[turn], 0.4) == pytest.approx(lane_order(y, forward, 0.4))
+
+
+def test_weidmann_walks_freely_alone_and_stands_at_jam_density():
+    assert weidmann_speed_mps(np.array([1e-3, 5.4])) == pytest.approx([1.34, 0.0])
+
+
+def test_a_small_experiment_becomes_a_page():
+    small = replace(FLOW, people=(6, 50), settle_s=6.0, seconds=3.0)
+    rows, clearest = corridor_flow(small, SETTINGS)
+    assert [row["people"] for row in rows] == [6, 50]
+    assert 0.2 < rows[1]["density_per_m2"] < 0.8
+    assert rows[1]["speed_mps"] < 1.8
+    assert len(np.unique(clearest.recording.track_id)) == 50
+    assert corridor_flow(small, SETTINGS)[0] == rows or np.isnan(rows[0]["lane_order"])
+    assert png_bytes(flow_figure(rows)).startswith(b"\x89PNG")
+    assert png_bytes(lanes_figure(clearest)).startswith(b"\x89PNG")
+    page = crowd_page({"main": Walking(10, slow=1, targets=4, reached=4).shares()}, rows, "simulation")
+    assert "| main | nobody in an obstacle | 0.00% | met |" in page
+
+
+def test_a_set_that_breaks_a_rule_says_so():
+    found = Walking(1000, in_obstacle=1, slow_outside_queues=10, targets=1000, reached=994)
+    verdicts = [finding.verdict for finding in walking_findings(found.shares())]
+    assert verdicts == ["missed", "met", "missed", "missed"]
