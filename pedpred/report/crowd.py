@@ -121,7 +121,7 @@ def crowd_page(
         "## Density, speed and lanes",
         "Two opposite streams in a corridor, measured in its middle with PedPy; the curve is Weidmann's "
         "(1993) fit to observations, to which nothing was fitted here. Lane order is that of Rex and Löwen "
-        "(2007), 1 for perfect lanes; beside it its value when directions are shuffled among the same people.",
+        "(2007), 1 for perfect lanes; beside it that of shuffled directions.",
         f"![Speed over density, lane order over density]({folder}/flow.png)",
         markdown_table(list(_FLOW_COLUMNS), runs, texts=0),
         "The run whose lanes stand out most, its last instant:",
