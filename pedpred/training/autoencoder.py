@@ -60,7 +60,8 @@ def train_autoencoder(
     rng = np.random.default_rng(settings.seed)
     network = GridAutoencoder(settings.latent)
     optimizer = torch.optim.Adam(network.parameters(), lr=settings.lr)
-    curve: list[dict[str, float]] = []
+    untrained = {"epoch": 0, "step": 0, "train_loss": float("nan")}
+    curve: list[dict[str, float]] = [untrained | validate(network, validation, cells)]
     losses: list[float] = []
     for step in tqdm(range(settings.steps), desc="auto-encoder", unit="step"):
         rows = np.sort(rng.integers(0, len(training), settings.batch))
@@ -75,7 +76,7 @@ def train_autoencoder(
         optimizer.step()
         losses.append(loss.item())
         if (step + 1) % settings.validate_every == 0 or step + 1 == settings.steps:
-            row = {"epoch": len(curve) + 1, "step": step + 1, "train_loss": float(np.mean(losses))}
+            row = {"epoch": len(curve), "step": step + 1, "train_loss": float(np.mean(losses))}
             curve.append(row | validate(network, validation, cells))
             losses = []
     return network, curve

@@ -1,0 +1,116 @@
+"""Ablations: what a configuration under `conf/ablations` asks for, and its points as picture and table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from matplotlib.figure import Figure
+
+from pedpred.errors import ConfigError
+from pedpred.report.canvas import blank, styled
+from pedpred.report.methods import colours, label
+from pedpred.report.tables import interval, markdown_table
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """Experiments that differ in one respect.
+
+    Attributes:
+        title: what is asked.
+        axis: what the names of the points count; empty when they are no numbers.
+        target: the pipeline's stage that is reproduced.
+        metrics: file that the stage writes.
+        entry: its entry, such as a test set.
+        methods: compared in every point.
+        references: methods that no point changes, shown for scale.
+        always: overrides of every point.
+        points: further overrides by the name of the point.
+    """
+
+    title: str
+    axis: str
+    target: str
+    metrics: str
+    entry: str
+    methods: Sequence[str]
+    references: Sequence[str]
+    always: Sequence[str]
+    points: Mapping[str, Sequence[str]]
+
+
+def read_ablation(path: Path) -> Ablation:
+    """Read `conf/ablations/<name>.yaml`.
+
+    Raises:
+        ConfigError: there is no such file, or a key is missing or unknown.
+    """
+    if not path.is_file():
+        known = sorted(other.stem for other in path.parent.glob("*.yaml"))
+        raise ConfigError("ablation", path.stem, f"there are {known}")
+    plain = yaml.safe_load(path.read_text())
+    try:
+        points = {str(name): overrides for name, overrides in plain.pop("points").items()}
+        return Ablation(**plain, points=points)
+    except (AttributeError, KeyError, TypeError) as cause:
+        raise ConfigError(str(path), plain, str(cause)) from cause
+
+
+def point_rows(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """One row per point and method: its error and the interval.
+
+    Args:
+        ablation: what was asked.
+        measured: point -> method -> measures of the ablation's entry.
+    """
+    return [
+        {
+            "point": name,
+            "overrides": [*ablation.always, *ablation.points[name]],
+            "method": method,
+            "ade_m": methods[method]["ade_m"],
+            "ade_ci95_m": methods[method]["ade_ci95_m"],
+        }
+        for name, methods in measured.items()
+        for method in (*ablation.references, *ablation.methods)
+    ]
+
+
+@styled
+def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Error of every method over the points, with its 95 % interval."""
+    figure = blank(6.0, 3.4)
+    axes = figure.subplots()
+    tone = colours([*ablation.references, *ablation.methods])
+    places = {name: float(name) if ablation.axis else k for k, name in enumerate(ablation.points)}
+    for method in (*ablation.references, *ablation.methods):
+        mine = [row for row in rows if row["method"] == method]
+        x, y = [places[row["point"]] for row in mine], [row["ade_m"] for row in mine]
+        spread = [
+            [value - row["ade_ci95_m"][0] for value, row in zip(y, mine, strict=True)],
+            [row["ade_ci95_m"][1] - value for value, row in zip(y, mine, strict=True)],
+        ]
+        axes.errorbar(x, y, yerr=spread, fmt="o-", color=tone[method], label=label(method), capsize=2)
+    if ablation.axis:
+        axes.set_xscale("log")
+    axes.set_xticks(list(places.values()), list(places), minor=False)
+    axes.set_xticks([], minor=True)
+    axes.set(
+        xlabel=ablation.axis, ylabel=f"ADE in {ablation.entry} [m]", title=ablation.title, ylim=(0, None)
+    )
+    axes.legend()
+    return figure
+
+
+def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Markdown table, a row per point."""
+    shown = (*ablation.references, *ablation.methods)
+    cells = {
+        (row["point"], row["method"]): f"{row['ade_m']:.3f} ({interval(row['ade_ci95_m'])})" for row in rows
+    }
+    body = [[name, *(cells[name, method] for method in shown)] for name in ablation.points]
+    return markdown_table([ablation.axis or "point", *map(label, shown)], body)
