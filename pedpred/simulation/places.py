@@ -11,7 +11,6 @@ from pedpred.errors import ConfigError
 from pedpred.simulation.ground import Ground
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.settings import CrowdSettings
-from pedpred.simulation.shapes import inside
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ def drawn_targets(
         ConfigError: the layout or one of its target regions has no walkable ground.
     """
     cells = open_cells(ground, settings.clearance_m)
-    regions = [inside(cells, r, f"target_regions[{n}]") for n, r in enumerate(layout.target_regions)]
+    regions = [region.covers(cells) for region in layout.target_regions]
     drawn = []
     for index, mask in enumerate(regions or [np.ones(len(cells), dtype=bool)]):
         count = -(-settings.targets // max(len(regions), 1))
