@@ -357,14 +357,16 @@ def galleries(folder):
     matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
     picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
     seen = wall_scene(camera=Camera(Homography(matrix), picture))
-    simulated = simulation_gallery(metrics, {"hall": scene}, windows, curve_tables())
-    real = real_gallery(metrics, {"hall": seen}, windows, {})
+    simulated = simulation_gallery(
+        metrics, {"sim_test": [scene], "main": [scene] * 3}, windows, curve_tables()
+    )
+    real = real_gallery(metrics, {"hall": [seen]}, windows, {})
     return [picture for section in [*simulated, *real] for picture in section.pictures]
 
 
 def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
     first, second = galleries(tmp_path), galleries(tmp_path)
-    assert len(first) == 9
+    assert len(first) == 10
     for one, two in zip(first, second, strict=True):
         file = png_bytes(one.figure)
         assert file == png_bytes(two.figure), one.name
@@ -377,7 +379,7 @@ def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
 def test_forecasts_of_an_unknown_scene_are_refused(tmp_path):
     windows = {"attic": windows_of(tmp_path, wall_scene("attic"))}
     with pytest.raises(ValueRuleError, match="attic"):
-        simulation_gallery({"sim_test": metrics_of(MEETING)}, {"hall": wall_scene()}, windows, {})
+        simulation_gallery({"sim_test": metrics_of(MEETING)}, {"sim_test": [wall_scene()]}, windows, {})
 
 
 def test_a_method_far_beyond_the_others_does_not_set_the_scale():

@@ -10,7 +10,7 @@ from scipy import ndimage
 from pedpred.errors import ConfigError
 from pedpred.simulation.ground import Ground, ground_of
 from pedpred.simulation.layouts import Layout
-from pedpred.simulation.places import drawn_targets, open_cells, scattered, walkable
+from pedpred.simulation.places import drawn_targets, largest_part, open_cells, scattered, walkable
 from pedpred.simulation.routing import RoutingSettings, clearance_grid
 from pedpred.simulation.settings import CrowdSettings, SocialForceSettings
 from pedpred.simulation.shapes import kind_of
@@ -91,7 +91,7 @@ def sealed_part(ground: Ground, settings: RoutingSettings) -> tuple[float, np.nd
         return 0.0, ground.origin
     reach = settings.narrow_m / settings.resolution_m  # who stands on a cell covers what is around it
     ours, theirs = (ndimage.distance_transform_edt(~cells) <= reach for cells in (lost, reached))
-    part = np.argwhere(walkable(np.where(ours & ~theirs & (clearance > 0), 1.0, 0.0), 0.5))
+    part = np.argwhere(largest_part(ours & ~theirs & (clearance > 0)))
     center = part.mean(axis=0) + 0.5 if len(part) else np.zeros(2)
     return len(part) * settings.resolution_m**2, ground.origin + center * settings.resolution_m
 

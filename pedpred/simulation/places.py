@@ -28,9 +28,14 @@ class TargetPool:
 
 def walkable(distance: np.ndarray, clearance_m: float) -> np.ndarray:
     """The largest connected part of the cells with some clearance. [X, Y] bool."""
-    labels, count = ndimage.label(distance >= clearance_m)
+    return largest_part(distance >= clearance_m)
+
+
+def largest_part(cells: np.ndarray) -> np.ndarray:
+    """The largest connected part of some cells ([X, Y] bool); none of none. [X, Y] bool."""
+    labels, count = ndimage.label(cells)
     if count == 0:
-        return np.zeros(distance.shape, dtype=bool)
+        return np.zeros(cells.shape, dtype=bool)
     sizes = np.bincount(labels.ravel())
     return labels == 1 + int(np.argmax(sizes[1:]))
 
