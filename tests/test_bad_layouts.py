@@ -148,7 +148,7 @@ def test_the_wall_that_seals_a_room_is_named_among_the_furniture():
     assert "layouts.den.shapes'" in asked_for(double)  # no wall alone is to blame
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(0.2, 2.5))
 def test_what_is_admitted_is_reached_by_routes(width_m):
     room = Layout((8.0, 6.0), [Wall([4.0, 0.0], [4.0, 6.0], 0.3, [Door(3.03, width_m)])])

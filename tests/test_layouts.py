@@ -1,16 +1,24 @@
 """Layouts from dictionaries, and the rooms of the clutter generator."""
 
+import re
+import shlex
+import shutil
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pedpred.config import composed
+from pedpred.simulation.arrangements import arrangements
 from pedpred.simulation.clutter import clutter_settings, cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.places import connected_parts, drawn_targets
 from pedpred.simulation.shapes import Circle, Door, Polygon, Rectangle, Wall, shape_from
-from tests.simulated import CLUTTER, DRAWN, SETTINGS, drawn, short
+from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, drawn, scene_of, short
 
 SHAPE_EXAMPLES = {
     "rectangle": lambda angle: Rectangle([1.0, -1.0], [3.0, 0.5], angle),
@@ -110,6 +118,25 @@ def test_generated_rooms_are_connected_and_differ():
 def test_a_room_depends_on_its_generator_state_only():
     first, again = room_maps([3]), room_maps([3])
     np.testing.assert_array_equal(first[0].occupied, again[0].occupied)
+
+
+def test_a_layout_of_ones_own_is_a_file_a_line_and_a_command(tmp_path):
+    page = (CONF.parent / "README.md").read_text().partition("## Your own layout")[2].partition("\n## ")[0]
+    layout, line, commands = re.findall(r"```(?:yaml|sh)\n(.*?)```", page, re.DOTALL)
+    shutil.copytree(CONF, tmp_path / "conf")
+    (tmp_path / "conf/layouts/kitchen.yaml").write_text(layout)
+    defaults = tmp_path / "conf/config.yaml"
+    beside = "  - layouts@layouts.office: office\n"
+    assert beside in defaults.read_text()
+    defaults.write_text(defaults.read_text().replace(beside, beside + line))
+    simulate, info = (shlex.split(command) for command in commands.splitlines())
+    cfg = yaml.safe_load(composed(tmp_path / "conf", simulate[3:]))
+    (todo,) = arrangements(cfg["scenes"][cfg["name"]], cfg["layouts"], cfg["clutter"], SETTINGS)
+    assert f"{cfg['out']}/{todo.name}" == info[-1]
+    scene = scene_of(replace(todo, duration_s=6.0))
+    assert len(scene.recording) == 20 * 20
+    assert scene.occupancy.is_occupied([[6.0, 1.0], [2.5, 6.0], [13.8, 8.8]]).all()
+    assert not scene.occupancy.is_occupied([6.0, 3.0])
 
 
 def test_arrangements_share_the_hours():

@@ -103,7 +103,9 @@ def contact_sheet(scenes: Sequence[Scene], shown_s: float, columns: int) -> Figu
         image = scene.occupancy.occupied.T
         axes.imshow(image, extent=(left, right, low, top), interpolation="antialiased", **_OBSTACLES)
         paths = first_paths(scene.recording, shown_s)
-        draw_tracks(axes, [path - scene.occupancy.origin + corner for path in paths], width=3.0 / max(columns, 3))
+        draw_tracks(
+            axes, [path - scene.occupancy.origin + corner for path in paths], width=3.0 / max(columns, 3)
+        )
     width, height = pitch * [columns, rows] - _GAP_M
     axes.set(xlim=(0.0, width), ylim=(0.0, height), aspect="equal")
     axes.set_axis_off()
