@@ -176,6 +176,10 @@ def test_more_people_than_fit_are_refused_before_any_room_is_simulated(name):
     assert "pedestrians' = 900: only" in message
 
 
+def test_a_room_with_one_place_to_walk_to_is_refused():
+    assert "size_m' = [1.6, 1.6]: room 'den' is too small" in asked_for(den(size_m=[1.6, 1.6]), pedestrians=1)
+
+
 def test_as_many_people_as_find_room_are_admitted_and_start():
     most = int(asked_for(den(), drawn=["columns"], pedestrians=900).split("only ")[1].split()[0])
     at_once = social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "warm_up_s": 0.0}})

@@ -22,7 +22,7 @@ from pedpred.report.instants import choose
 from pedpred.report.methods import colours, ordered
 from pedpred.report.metrics import read_metrics
 from pedpred.report.pages import Picture, Section, answer, joined, real_page, simulation_page
-from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
+from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
 from pedpred.report.tables import methods_table
 from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 from pedpred.storage.columns import write_columns
@@ -374,6 +374,16 @@ def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
         if "camera" not in one.name:  # its background is noise here, the worst case for a PNG
             assert len(file) < 300_000, one.name
         assert min(Image.open(io.BytesIO(file)).size) > 200
+
+
+def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
+    axes = contact_sheet([wall_scene(name) for name in ("a", "b", "c")], 6.0, columns=2).axes[0]
+    corners = [np.reshape(image.get_extent(), (2, 2)).T for image in axes.images]
+    assert [tuple(low) for low, _ in corners] == [(0.0, 21.0), (21.0, 21.0), (0.0, 0.0)]
+    for (low, high), tracks in zip(corners, axes.collections, strict=True):
+        assert len(tracks.get_segments()) == 6
+        points = np.concatenate(tracks.get_segments())
+        np.testing.assert_allclose([points.min(axis=0) - low, high - points.max(axis=0)], [[2, 3], [11.5, 7]])
 
 
 def test_forecasts_of_an_unknown_scene_are_refused(tmp_path):

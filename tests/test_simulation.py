@@ -35,7 +35,7 @@ def test_a_lone_slow_pedestrian_reaches_every_target(name):
 
 
 def test_people_at_random_rooms_walk_and_enter_no_obstacle():
-    for arrangement in short(30.0, drawn=["doorways"], generated=2):
+    for arrangement in short(30.0, drawn=["doorways", "plaza", "bottleneck"], generated=2):
         scene = scene_of(arrangement)
         assert not scene.occupancy.is_occupied(scene.recording.position).any()
         speed = np.linalg.norm(scene.recording.velocity, axis=-1)

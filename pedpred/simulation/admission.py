@@ -57,7 +57,7 @@ def check_crowd(
     settings: CrowdSettings,
     rng: np.random.Generator,
 ) -> None:
-    """Refuse more people than find room, by the draws that a simulation with this `rng` begins with.
+    """Refuse more people than find room, or nowhere to walk to, by the draws that a simulation begins with.
 
     Args:
         name: of the room, for the error.
@@ -68,9 +68,12 @@ def check_crowd(
         rng: in the state in which the simulation will begin.
 
     Raises:
-        ConfigError: fewer find room.
+        ConfigError: fewer find room, or there is one target only.
     """
-    drawn_targets(layout, ground, settings, rng)
+    pool = drawn_targets(layout, ground, settings, rng)
+    if len(np.unique(pool.region)) < 2:
+        remedy = f"room '{name}' is too small for two targets {settings.target_spacing_m} m apart"
+        raise ConfigError("size_m", layout.size_m, remedy)
     cells = open_cells(ground, settings.clearance_m)
     fit = len(scattered(cells, pedestrians, settings.spacing_m, rng))
     if fit < pedestrians:
