@@ -28,6 +28,7 @@ from pedpred.simulation.layouts import Layout
 from pedpred.simulation.places import TargetPool, open_cells, scattered
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
+from pedpred.simulation.shapes import Rectangle
 from pedpred.simulation.simulator import desired_speeds, visiting_plans
 
 TILE_M = 20.0
@@ -48,7 +49,7 @@ def blocks(tiles: tuple[int, int]) -> np.ndarray:
 def world(tiles: tuple[int, int]) -> tuple[Layout, Corners]:
     """The same ground for us and for the peers."""
     size = TILE_M * np.array(tiles)
-    shapes = tuple({"rectangle": {"center": c.tolist(), "size_m": list(BLOCK_M)}} for c in blocks(tiles))
+    shapes = [Rectangle(center, BLOCK_M) for center in blocks(tiles)]
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     rings = [square * size] + [c + (square - 0.5) * BLOCK_M for c in blocks(tiles)]
     return Layout(tuple(size.tolist()), shapes), rings

@@ -27,6 +27,7 @@ class ValueRuleError(PedpredError):
 
     def __init__(self, field: str, value: object, rule: str):
         super().__init__(f"{field} = {value!r}, but {rule}")
+        self.field, self.value, self.rule = field, value, rule
 
 
 class ConfigError(PedpredError):

@@ -14,6 +14,8 @@ from pedpred.storage.scenes import read_scenes
 from pedpred.storage.windows import read_windows
 
 PAGES = {"sim": (simulation_gallery, simulation_page), "real": (real_gallery, real_page)}
+TRAINED_IN = {"sim": ["corridor", "main"], "real": []}
+"""Scene sets that no forecast is about, shown nevertheless."""
 
 
 @stage
@@ -24,8 +26,8 @@ def main(cfg: DictConfig) -> None:
     out = Path(cfg.get("out", "reports"))
     metrics = read_metrics(Path("reports/metrics") / f"{key}.json")
     windows = {p.stem: read_windows(p) for p in sorted(Path("data/forecasts", key).glob("*.parquet"))}
-    folders = [folder for name in metrics if (folder := Path("data/scenes", name)).is_dir()]
-    scenes = {scene.name: scene for folder in folders for scene in read_scenes(folder)}
+    tested = [name for name in metrics if Path("data/scenes", name).is_dir()]
+    scenes = {name: list(read_scenes(Path("data/scenes", name))) for name in [*tested, *TRAINED_IN[key]]}
     curves = {table.stem: read_curve(table) for table in sorted(Path("reports/curves", key).glob("*.tsv"))}
     sections = gallery(metrics, scenes, windows, curves)
     (out / key).mkdir(parents=True, exist_ok=True)

@@ -24,8 +24,8 @@ def main(cfg: DictConfig) -> None:
     key = stage_key(cfg)
     out = Path(cfg.get("out") or f"data/scenes/{key}")
     groups = plain(cfg)
-    todo = arrangements(groups["scenes"][key], groups["layouts"], groups["clutter"])
     settings = social_force_settings(groups["social_force"])
+    todo = arrangements(groups["scenes"][key], groups["layouts"], groups["clutter"], settings)
     tasks = [(out, arrangement, settings) for arrangement in todo]
     in_parallel(simulate_into, tasks, f"simulate {key}", "room")
 

@@ -33,7 +33,7 @@ def short(seconds, pedestrians=20, **changes):
     scene = {"source": "simulation", "drawn": ["columns"], "generated": 0, "seed": 7}
     scene.update(changes, pedestrians=pedestrians)
     rooms = len(scene["drawn"]) + scene["generated"]
-    return arrangements({**scene, "hours": rooms * seconds / 3600.0}, DRAWN, CLUTTER)
+    return arrangements({**scene, "hours": rooms * seconds / 3600.0}, DRAWN, CLUTTER, SETTINGS)
 
 
 def scene_of(arrangement, settings=SETTINGS):

@@ -1,15 +1,31 @@
 """Layouts from dictionaries, and the rooms of the clutter generator."""
 
+import re
+import shlex
+import shutil
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
-from pedpred.errors import ConfigError
+from pedpred.config import composed
 from pedpred.simulation.arrangements import arrangements
 from pedpred.simulation.clutter import clutter_settings, cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
-from pedpred.simulation.layouts import Layout, layout_from
+from pedpred.simulation.layouts import Layout
 from pedpred.simulation.places import connected_parts, drawn_targets
-from tests.simulated import CLUTTER, DRAWN, SETTINGS, drawn, read, short
+from pedpred.simulation.shapes import Circle, Door, Polygon, Rectangle, Wall, shape_from
+from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, drawn, scene_of, short
+
+SHAPE_EXAMPLES = {
+    "rectangle": lambda angle: Rectangle([1.0, -1.0], [3.0, 0.5], angle),
+    "circle": lambda angle: Circle([np.cos(angle), np.sin(angle)], 1.2),
+    "wall": lambda angle: Wall([0.0, 0.0], [4 * np.cos(angle), 4 * np.sin(angle)], 0.4, [Door(2.0, 1.0)]),
+    "polygon": lambda angle: Polygon([[-3.0, -3.0], [3.0, np.sin(angle)], [-1.0, 3.0]]),
+}
 
 
 def room_maps(seeds):
@@ -24,10 +40,21 @@ def room_maps(seeds):
         ({"circle": {"center": [5, 4], "radius_m": 1.5}}, np.pi * 1.5**2),
         ({"polygon": {"corners": [[2, 2], [8, 2], [5, 6]]}}, 12.0),
         ({"wall": {"start": [2, 2], "end": [6, 2], "thickness_m": 0.4}}, 4 * 0.4 + np.pi * 0.2**2),
+        (
+            {
+                "wall": {
+                    "start": [2, 2],
+                    "end": [8, 6],
+                    "thickness_m": 0.4,
+                    "doors": [{"at_m": 2, "width_m": 1}],
+                }
+            },
+            (np.hypot(6, 4) - 1) * 0.4 + np.pi * 0.2**2,
+        ),
     ],
 )
 def test_a_shape_covers_its_area(shape, area_m2):
-    empty, filled = (Layout((10, 8), shapes).occupancy() for shapes in ((), (shape,)))
+    empty, filled = (Layout((10, 8), shapes).occupancy() for shapes in ((), (shape_from(shape, "shape"),)))
     assert 0.01 * (filled.occupied.sum() - empty.occupied.sum()) == pytest.approx(area_m2, rel=0.04)
 
 
@@ -42,6 +69,29 @@ def test_shipped_layouts_are_closed_and_connected(name):
     ):
         assert edge.all()
     assert connected_parts(signed_distance(occupancy.occupied, 0.1), SETTINGS.crowd.clearance_m) == 1
+
+
+@given(st.floats(0.0, 360.0), st.floats(0.5, 5.5), st.floats(0.3, 1.0))
+def test_a_door_opens_its_width_and_leaves_the_rest_of_the_wall(angle_deg, at_m, width_m):
+    along = np.array([np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))])
+    start = np.array([1.0, -2.0])
+    wall = Wall(start, start + 6.0 * along, 0.3, [Door(at_m, width_m)])
+    places = np.linspace(0.0, 6.0, 241)
+    opened = ~wall.covers(start + places[:, None] * along)
+    expected = np.abs(places - at_m) < 0.5 * width_m
+    undecided = np.abs(np.abs(places - at_m) - 0.5 * width_m) < 1e-6
+    np.testing.assert_array_equal(opened[~undecided], expected[~undecided])
+
+
+@given(st.sampled_from(sorted(SHAPE_EXAMPLES)), st.floats(-180.0, 180.0))
+def test_nothing_of_a_shape_lies_outside_its_bounds(kind, angle_deg):
+    shape = SHAPE_EXAMPLES[kind](angle_deg)
+    low, high = shape.bounds()
+    points = np.stack(np.meshgrid(np.linspace(-6, 6, 61), np.linspace(-6, 6, 61)), axis=-1)
+    outside = ((points < low - 1e-9) | (points > high + 1e-9)).any(axis=-1)
+    covered = shape.covers(points)
+    assert covered.any()
+    assert not (covered & outside).any()
 
 
 def test_the_world_origin_is_the_lower_left_corner_of_the_free_room():
@@ -70,40 +120,26 @@ def test_a_room_depends_on_its_generator_state_only():
     np.testing.assert_array_equal(first[0].occupied, again[0].occupied)
 
 
-def test_no_test_room_is_a_training_room():
-    settings, rooms = clutter_settings(CLUTTER), {}
-    for key in ("main", "sim_test"):
-        scene = {**read(f"scenes/{key}"), "generated": 6}
-        todo = arrangements(scene, DRAWN, CLUTTER)
-        layouts = [a.layout or cluttered_room(settings, a.rng()) for a in todo]
-        rooms[key] = {layout.occupancy().occupied.tobytes() for layout in layouts}
-    assert not rooms["main"] & rooms["sim_test"]
+def test_a_layout_of_ones_own_is_a_file_a_line_and_a_command(tmp_path):
+    page = (CONF.parent / "README.md").read_text().partition("## Your own layout")[2].partition("\n## ")[0]
+    layout, line, commands = re.findall(r"```(?:yaml|sh)\n(.*?)```", page, re.DOTALL)
+    shutil.copytree(CONF, tmp_path / "conf")
+    (tmp_path / "conf/layouts/kitchen.yaml").write_text(layout)
+    defaults = tmp_path / "conf/config.yaml"
+    beside = "  - layouts@layouts.office: office\n"
+    assert beside in defaults.read_text()
+    defaults.write_text(defaults.read_text().replace(beside, beside + line))
+    simulate, info = (shlex.split(command) for command in commands.splitlines())
+    cfg = yaml.safe_load(composed(tmp_path / "conf", simulate[3:]))
+    (todo,) = arrangements(cfg["scenes"][cfg["name"]], cfg["layouts"], cfg["clutter"], SETTINGS)
+    assert f"{cfg['out']}/{todo.name}" == info[-1]
+    scene = scene_of(replace(todo, duration_s=6.0))
+    assert len(scene.recording) == 20 * 20
+    assert scene.occupancy.is_occupied([[6.0, 1.0], [2.5, 6.0], [13.8, 8.8]]).all()
+    assert not scene.occupancy.is_occupied([6.0, 3.0])
 
 
 def test_arrangements_share_the_hours():
     todo = short(60.0, generated=3)
     assert [a.name for a in todo] == ["columns", "room000", "room001", "room002"]
     assert {round(a.duration_s, 6) for a in todo} == {60.0}
-
-
-@pytest.mark.parametrize(
-    ("plain", "message"),
-    [
-        ({"size_m": [10, 8], "shape": []}, "layouts.den.shape"),
-        ({"shapes": []}, "layouts.den.size_m"),
-        ({"size_m": [10, -8]}, "size_m"),
-        ({"size_m": [10, 8], "shapes": [{"hexagon": {}}]}, r"shapes\[0\].*hexagon"),
-        ({"size_m": [10, 8], "shapes": [{"circle": {"center": [1, 1]}}]}, r"shapes\[0\].circle.*radius_m"),
-        ({"size_m": [10, 8], "shapes": [{"circle": {"center": [5, 4], "radius_m": 50}}]}, "no free ground"),
-    ],
-)
-def test_a_bad_layout_is_named(plain, message):
-    with pytest.raises(ConfigError, match=message):
-        layout_from(plain, "layouts.den")
-
-
-def test_an_unknown_layout_and_source_are_named():
-    with pytest.raises(ConfigError, match="drawn' = 'den'"):
-        short(3.0, drawn=["den"])
-    with pytest.raises(ConfigError, match="source' = 'ewap'"):
-        short(3.0, source="ewap")

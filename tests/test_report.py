@@ -22,7 +22,7 @@ from pedpred.report.instants import choose
 from pedpred.report.methods import colours, ordered
 from pedpred.report.metrics import read_metrics
 from pedpred.report.pages import Picture, Section, answer, joined, real_page, simulation_page
-from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
+from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
 from pedpred.report.tables import methods_table
 from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 from pedpred.storage.columns import write_columns
@@ -357,14 +357,16 @@ def galleries(folder):
     matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
     picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
     seen = wall_scene(camera=Camera(Homography(matrix), picture))
-    simulated = simulation_gallery(metrics, {"hall": scene}, windows, curve_tables())
-    real = real_gallery(metrics, {"hall": seen}, windows, {})
+    simulated = simulation_gallery(
+        metrics, {"sim_test": [scene], "main": [scene] * 3}, windows, curve_tables()
+    )
+    real = real_gallery(metrics, {"hall": [seen]}, windows, {})
     return [picture for section in [*simulated, *real] for picture in section.pictures]
 
 
 def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
     first, second = galleries(tmp_path), galleries(tmp_path)
-    assert len(first) == 9
+    assert len(first) == 10
     for one, two in zip(first, second, strict=True):
         file = png_bytes(one.figure)
         assert file == png_bytes(two.figure), one.name
@@ -374,10 +376,20 @@ def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
         assert min(Image.open(io.BytesIO(file)).size) > 200
 
 
+def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
+    axes = contact_sheet([wall_scene(name) for name in ("a", "b", "c")], 6.0, columns=2).axes[0]
+    corners = [np.reshape(image.get_extent(), (2, 2)).T for image in axes.images]
+    assert [tuple(low) for low, _ in corners] == [(0.0, 21.0), (21.0, 21.0), (0.0, 0.0)]
+    for (low, high), tracks in zip(corners, axes.collections, strict=True):
+        assert len(tracks.get_segments()) == 6
+        points = np.concatenate(tracks.get_segments())
+        np.testing.assert_allclose([points.min(axis=0) - low, high - points.max(axis=0)], [[2, 3], [11.5, 7]])
+
+
 def test_forecasts_of_an_unknown_scene_are_refused(tmp_path):
     windows = {"attic": windows_of(tmp_path, wall_scene("attic"))}
     with pytest.raises(ValueRuleError, match="attic"):
-        simulation_gallery({"sim_test": metrics_of(MEETING)}, {"hall": wall_scene()}, windows, {})
+        simulation_gallery({"sim_test": metrics_of(MEETING)}, {"sim_test": [wall_scene()]}, windows, {})
 
 
 def test_a_method_far_beyond_the_others_does_not_set_the_scale():

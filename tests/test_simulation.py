@@ -36,9 +36,9 @@ def test_a_lone_slow_pedestrian_reaches_every_target(name):
 
 
 def test_people_in_random_rooms_walk_as_people_do():
-    scenes = [scene_of(arrangement) for arrangement in short(40.0, drawn=["doorways"], generated=2)]
-    found = walking(scenes, SETTINGS)
-    assert found.targets > 50
+    rooms = short(40.0, drawn=["doorways", "plaza", "bottleneck"], generated=2)
+    found = walking([scene_of(room) for room in rooms], SETTINGS)
+    assert found.targets > 100
     assert [finding for finding in walking_findings(found.shares()) if finding.verdict != "met"] == []
 
 

@@ -17,6 +17,7 @@ from pedpred.simulation.ground import ground_of
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.places import drawn_targets
 from pedpred.simulation.settings import SocialForceSettings
+from pedpred.simulation.shapes import Rectangle
 from pedpred.simulation.simulator import simulate
 
 
@@ -99,10 +100,10 @@ _CROWD = 40  # fewer people are in lanes by chance, and a picture of them shows 
 def _walked(people: int, settings: FlowSettings, model: SocialForceSettings) -> Scene:
     length, width = settings.size_m
     ends = [
-        {"rectangle": {"center": [x, 0.5 * width], "size_m": [settings.end_m, width]}}
+        Rectangle((x, 0.5 * width), (settings.end_m, width))
         for x in (0.5 * settings.end_m, length - 0.5 * settings.end_m)
     ]
-    layout = Layout((length, width), (), tuple(ends))
+    layout = Layout((length, width), (), ends)
     crowd = replace(model.crowd, spacing_m=0.35, target_spacing_m=0.5, clearance_m=0.3)  # room for all
     model = replace(model, crowd=crowd, clock=replace(model.clock, warm_up_s=settings.settle_s))
     rng = np.random.default_rng([settings.seed, people])

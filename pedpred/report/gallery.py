@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
@@ -12,7 +12,7 @@ from pedpred.report.horizon import horizon_figure
 from pedpred.report.instants import choose
 from pedpred.report.metrics import MethodMetrics
 from pedpred.report.pages import POOLED, Picture, Section
-from pedpred.report.plan import arrangement_figure
+from pedpred.report.plan import arrangement_figure, contact_sheet
 from pedpred.report.situation import ARROW_S
 from pedpred.report.snapshots import camera_figure, inputs_figure
 from pedpred.scenes import Scene
@@ -22,6 +22,8 @@ CROWD = {"sim": 8, "real": 4}
 """How many moving people an instant needs to be shown."""
 SHOWN_S = {"sim": 60.0, "real": float("inf")}
 """How much of a recording the pictures of arrangements show, s."""
+SHEET_S, SHEET_COLUMNS = 30.0, 10
+"""The same for rooms that share a picture, and how many of them stand side by side, s."""
 
 _LEGEND = (
     "Circles: people, filled the one who gains or loses most; arrows: where the present velocity leads "
@@ -36,11 +38,12 @@ _STILL = (
 
 def simulation_gallery(
     metrics: Mapping[str, MethodMetrics],
-    scenes: Mapping[str, Scene],
+    data_sets: Mapping[str, Sequence[Scene]],
     windows: Mapping[str, Windows],
     curves: Mapping[str, pd.DataFrame],
 ) -> list[Section]:
-    """Pictures of the page on simulation; scenes and windows by the scene's name."""
+    """Pictures of the page on simulation; windows by the scene's name, training's data sets included."""
+    scenes = _by_name(data_sets[POOLED])
     _check(windows, scenes)
     snapshots = []
     for name, least in (("snapshot_gain", False), ("snapshot_loss", True)):
@@ -52,17 +55,19 @@ def simulation_gallery(
         Section("Error over the horizon", [horizon]),
         Section("Best and worst instant", snapshots, text=_LEGEND),
         _arrangements(scenes, f"and the tracks of the first {SHOWN_S['sim']:.0f} s", SHOWN_S["sim"]),
+        *_trained_in({name: rooms for name, rooms in data_sets.items() if name != POOLED}),
         *_training(curves),
     ]
 
 
 def real_gallery(
     metrics: Mapping[str, MethodMetrics],
-    scenes: Mapping[str, Scene],
+    data_sets: Mapping[str, Sequence[Scene]],
     windows: Mapping[str, Windows],
     curves: Mapping[str, pd.DataFrame],
 ) -> list[Section]:
-    """Pictures of the page on real people; scenes and windows by the scene's name."""
+    """Pictures of the page on real people; windows by the scene's name."""
+    scenes = _by_name([scene for data_set in data_sets.values() for scene in data_set])
     _check(windows, scenes)
     _check(windows, metrics)
     horizons = [_horizon(f"horizon_{name}", metrics[name], f"tested at {name}") for name in windows]
@@ -92,9 +97,25 @@ def _horizon(name: str, methods: MethodMetrics, title: str) -> Picture:
     return Picture(name, caption, horizon_figure(methods, title))
 
 
+def _by_name(scenes: Sequence[Scene]) -> dict[str, Scene]:
+    return {scene.name: scene for scene in scenes}
+
+
 def _arrangements(scenes: Mapping[str, Scene], what: str, shown_s: float) -> Section:
     pictures = [Picture(f"tracks_{n}", n, arrangement_figure(s, shown_s)) for n, s in sorted(scenes.items())]
-    return Section(f"Places: obstacles {what}", pictures, columns=min(4, len(pictures)))
+    rows = -(-len(pictures) // 5)
+    return Section(f"Places: obstacles {what}", pictures, columns=-(-len(pictures) // rows))
+
+
+def _trained_in(data_sets: Mapping[str, Sequence[Scene]]) -> list[Section]:
+    """The rooms of every other simulated data set, on one sheet each."""
+    pictures = []
+    for name, scenes in data_sets.items():
+        columns = min(SHEET_COLUMNS, len(scenes))
+        which = f"{scenes[0].name} to {scenes[-1].name}, row by row" if len(scenes) > 1 else scenes[0].name
+        caption = f"{name}: {which}; tracks of the first {SHEET_S:.0f} s."
+        pictures.append(Picture(f"rooms_{name}", caption, contact_sheet(scenes, SHEET_S, columns)))
+    return [Section("Rooms that the networks were trained in", pictures)] if pictures else []
 
 
 def _training(curves: Mapping[str, pd.DataFrame]) -> list[Section]:

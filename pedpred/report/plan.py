@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,14 @@ from pedpred.geometry import rotate
 from pedpred.report.canvas import FAINT, INK, OBSTACLE, blank, styled
 from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 
+_SHEET_IN, _GAP_M = 11.0, 1.0  # width of a contact sheet, ground between its rooms
 _TRACK_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F")
-_BLACK_ON_CLEAR = ListedColormap([(0.0, 0.0, 0.0, 0.0), to_rgba(OBSTACLE)])
+_OBSTACLES: dict[str, Any] = {
+    "cmap": ListedColormap([(0.0, 0.0, 0.0, 0.0), to_rgba(OBSTACLE)]),
+    "vmin": 0,
+    "vmax": 1,
+    "origin": "lower",
+}
 
 
 def turned(points: np.ndarray, quarter_turns: int) -> np.ndarray:
@@ -46,8 +53,7 @@ def obstacle_image(
 def draw_ground(axes: Axes, occupancy: OccupancyMap, quarter_turns: int) -> None:
     """Obstacle cells in black, a frame around the map, and a bar of two metres instead of axes."""
     image, extent = obstacle_image(occupancy, quarter_turns)
-    style: dict[str, Any] = {"cmap": _BLACK_ON_CLEAR, "vmin": 0, "vmax": 1, "interpolation": "nearest"}
-    axes.imshow(image, extent=extent, origin="lower", **style)
+    axes.imshow(image, extent=extent, interpolation="nearest", **_OBSTACLES)
     axes.set(xticks=[], yticks=[], aspect="equal", xlim=extent[:2], ylim=extent[2:])
     axes.spines[:].set(visible=True, color=FAINT)
     below = extent[2] - 0.035 * (extent[3] - extent[2])
@@ -55,13 +61,19 @@ def draw_ground(axes: Axes, occupancy: OccupancyMap, quarter_turns: int) -> None
     axes.text(extent[0] + 2.3, below, "2 m", va="center", fontsize=8)
 
 
-def draw_tracks(axes: Axes, recording: Recording, quarter_turns: int, width: float = 0.7) -> None:
-    """One thin line per track; colours only tell neighbours apart."""
-    order = np.lexsort((recording.time_s, recording.track_id))
-    starts = np.flatnonzero(np.diff(recording.track_id[order])) + 1
-    lines = np.split(turned(recording.position[order], quarter_turns), starts)
-    colour = [_TRACK_COLOURS[k % len(_TRACK_COLOURS)] for k in range(len(lines))]
-    axes.add_collection(LineCollection(lines, colors=colour, linewidths=width, alpha=0.6))
+def draw_tracks(axes: Axes, paths: Sequence[np.ndarray], width: float = 0.7) -> None:
+    """One thin line per path ([M, 2], m); colours only tell neighbours apart."""
+    colour = [_TRACK_COLOURS[k % len(_TRACK_COLOURS)] for k in range(len(paths))]
+    axes.add_collection(LineCollection(paths, colors=colour, linewidths=width, alpha=0.6))
+
+
+def first_paths(recording: Recording, shown_s: float) -> list[np.ndarray]:
+    """Each track's positions in the first `shown_s` seconds, in order of time, world frame, m. [M, 2]."""
+    if not len(recording):
+        return []
+    shown = recording.select(recording.time_s <= recording.time_s.min() + shown_s)
+    order = np.lexsort((shown.time_s, shown.track_id))
+    return np.split(shown.position[order], np.flatnonzero(np.diff(shown.track_id[order])) + 1)
 
 
 @styled
@@ -73,7 +85,28 @@ def arrangement_figure(scene: Scene, shown_s: float) -> Figure:
     figure = blank(width, 0.35 + width * (top - bottom) / (right - left))
     axes = figure.subplots()
     draw_ground(axes, scene.occupancy, turns)
-    time_s = scene.recording.time_s
-    if len(time_s):
-        draw_tracks(axes, scene.recording.select(time_s <= time_s.min() + shown_s), turns)
+    draw_tracks(axes, [turned(path, turns) for path in first_paths(scene.recording, shown_s)])
+    return figure
+
+
+@styled
+def contact_sheet(scenes: Sequence[Scene], shown_s: float, columns: int) -> Figure:
+    """Many scenes row by row at one scale, each with the tracks of its first `shown_s` seconds."""
+    pitch = np.max([scene.occupancy.extent_m for scene in scenes], axis=0) + _GAP_M
+    rows = -(-len(scenes) // columns)
+    figure = blank(_SHEET_IN, _SHEET_IN * rows * pitch[1] / (columns * pitch[0]))
+    axes = figure.subplots()
+    for index, scene in enumerate(scenes):
+        corner = pitch * [index % columns, rows - 1 - index // columns]
+        left, low = corner
+        right, top = corner + scene.occupancy.extent_m
+        image = scene.occupancy.occupied.T
+        axes.imshow(image, extent=(left, right, low, top), interpolation="antialiased", **_OBSTACLES)
+        paths = first_paths(scene.recording, shown_s)
+        draw_tracks(
+            axes, [path - scene.occupancy.origin + corner for path in paths], width=3.0 / max(columns, 3)
+        )
+    width, height = pitch * [columns, rows] - _GAP_M
+    axes.set(xlim=(0.0, width), ylim=(0.0, height), aspect="equal")
+    axes.set_axis_off()
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +12,8 @@ import numpy as np
 
 from pedpred.errors import ConfigError
 from pedpred.scenes import Scene
-from pedpred.simulation.clutter import ClutterSettings, clutter_settings, cluttered_room
+from pedpred.simulation.admission import check_crowd, check_room
+from pedpred.simulation.clutter import clutter_settings, cluttered_room
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.layouts import Layout, layout_from
 from pedpred.simulation.places import drawn_targets
@@ -25,56 +27,108 @@ class Arrangement:
 
     Attributes:
         name: unique within its data set; also the folder's name.
-        layout: a drawn room; None = the generator makes one from the seed.
-        clutter: what the generator draws from.
-        seed: of the data set. Together with the name it fixes every random number.
+        layout: the room.
+        chance: what is left to chance is drawn from a copy of it, see `rng`.
         pedestrians: how many walk there.
         duration_s: recorded time.
     """
 
     name: str
-    layout: Layout | None
-    clutter: ClutterSettings
-    seed: int
+    layout: Layout
+    chance: np.random.Generator
     pedestrians: int
     duration_s: float
 
+    def __post_init__(self) -> None:
+        if not self.pedestrians >= 1:
+            raise ConfigError("pedestrians", self.pedestrians, "one at least must walk")
+        if not self.duration_s > 0:
+            raise ConfigError("hours", self.duration_s / 3600.0, "it must be positive")
+
     def rng(self) -> np.random.Generator:
-        """The same numbers wherever and in whichever order arrangements are simulated."""
-        return np.random.default_rng([self.seed, zlib.crc32(self.name.encode())])
+        """The same numbers wherever, how often and in whichever order arrangements are simulated."""
+        return copy.deepcopy(self.chance)
 
 
 def arrangements(
-    scene: Mapping[str, Any], layouts: Mapping[str, Any], clutter: Mapping[str, Any]
+    scene: Mapping[str, Any],
+    layouts: Mapping[str, Any],
+    clutter: Mapping[str, Any],
+    settings: SocialForceSettings,
 ) -> list[Arrangement]:
     """What a configuration `scenes.<key>` of source `simulation` asks for; all share its hours equally.
 
+    Every room is made and checked here, so whatever is wrong with one is said before any is simulated.
+
+    Args:
+        scene: `source`, `pedestrians`, `hours`, and what `rooms` reads.
+        layouts: drawn rooms by name, see `layout_from`.
+        clutter: what the generator draws from.
+        settings: how much space people and their routes need.
+
     Raises:
-        ConfigError: another source, an unknown layout, nothing to simulate.
+        ConfigError: another source, nothing to simulate, a room that is not understood or in which so
+            many people cannot walk.
     """
     if scene["source"] != "simulation":
         raise ConfigError("source", scene["source"], "only scenes of source 'simulation' can be simulated")
-    unknown = set(scene["drawn"]) - set(layouts)
-    if unknown:
-        raise ConfigError("drawn", min(unknown), f"no such layout; there are {sorted(layouts)}")
-    rooms: dict[str, Layout | None] = {
-        name: layout_from(layouts[name], f"layouts.{name}") for name in scene["drawn"]
-    }
-    rooms.update({f"room{index:03d}": None for index in range(scene["generated"])})
-    if not rooms:
+    made, found = rooms(scene, layouts, clutter, settings), []
+    for name, (layout, chance) in made.items():
+        duration_s = 3600.0 * scene["hours"] / len(made)
+        arrangement = Arrangement(name, layout, chance, scene["pedestrians"], duration_s)
+        ground = ground_of(layout.occupancy())
+        check_crowd(name, layout, ground, scene["pedestrians"], settings.crowd, arrangement.rng())
+        found.append(arrangement)
+    return found
+
+
+def rooms(
+    scene: Mapping[str, Any],
+    layouts: Mapping[str, Any],
+    clutter: Mapping[str, Any],
+    settings: SocialForceSettings,
+) -> dict[str, tuple[Layout, np.random.Generator]]:
+    """The rooms of a data set by name, and the source of all further randomness in each.
+
+    Name and `seed` of the data set fix every random number of a room.
+
+    Args:
+        scene: names of `drawn` layouts, number of `generated` ones, `seed`.
+        layouts: drawn rooms by name, see `layout_from`.
+        clutter: what the generator draws from.
+        settings: how much space people and their routes need.
+
+    Raises:
+        ConfigError: no room, one name twice, or a drawn room that is unknown or in which people cannot walk.
+    """
+    generated = [f"room{index:03d}" for index in range(scene["generated"])]
+    names, generator = [*scene["drawn"], *generated], clutter_settings(clutter)
+    if not names:
         raise ConfigError("drawn", scene["drawn"], "name a layout here or set 'generated' above 0")
-    duration_s, settings = 3600.0 * scene["hours"] / len(rooms), clutter_settings(clutter)
-    return [
-        Arrangement(name, room, settings, scene["seed"], scene["pedestrians"], duration_s)
-        for name, room in rooms.items()
-    ]
+    if len(set(names)) < len(names):
+        raise ConfigError("drawn", scene["drawn"], "a name stands there twice or is that of a generated room")
+    found = {}
+    for name in names:
+        chance = np.random.default_rng([scene["seed"], zlib.crc32(name.encode())])
+        if name in scene["drawn"]:
+            found[name] = (_drawn(name, layouts, settings), chance)
+        else:
+            found[name] = (cluttered_room(generator, chance), chance)
+    return found
+
+
+def _drawn(name: str, layouts: Mapping[str, Any], settings: SocialForceSettings) -> Layout:
+    """A layout of the configuration, checked."""
+    if name not in layouts:
+        raise ConfigError("drawn", name, f"no such layout; there are {sorted(layouts)}")
+    layout = layout_from(layouts[name], f"layouts.{name}")
+    check_room(layout, ground_of(layout.occupancy()), settings, f"layouts.{name}")
+    return layout
 
 
 def simulated(arrangement: Arrangement, settings: SocialForceSettings) -> Scene:
-    """Build the room, draw targets, let people walk."""
-    rng = arrangement.rng()
-    layout = arrangement.layout or cluttered_room(arrangement.clutter, rng)
-    occupancy = layout.occupancy()
-    targets = drawn_targets(layout, ground_of(occupancy), settings.crowd, rng)
+    """Draw targets, let people walk."""
+    rng, occupancy = arrangement.rng(), arrangement.layout.occupancy()
+    targets = drawn_targets(arrangement.layout, ground_of(occupancy), settings.crowd, rng)
     people, duration_s = arrangement.pedestrians, arrangement.duration_s
     return simulate(arrangement.name, occupancy, targets, settings, people, duration_s, rng)

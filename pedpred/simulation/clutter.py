@@ -10,9 +10,9 @@ import numpy as np
 from scipy import ndimage
 
 from pedpred.errors import ConfigError
-from pedpred.simulation.furniture import KINDS, Shape, columns, furniture, split_walls
-from pedpred.simulation.layouts import RESOLUTION_M, WALL_CELLS, Layout
-from pedpred.simulation.shapes import inside
+from pedpred.simulation.furniture import KINDS, columns, furniture, split_walls
+from pedpred.simulation.layouts import RESOLUTION_M, WALL_CELLS, Layout, covered
+from pedpred.simulation.shapes import Shape
 
 Range = tuple[float, float]
 
@@ -108,43 +108,39 @@ class _Room:
     """Obstacles placed so far, as shapes and as cells."""
 
     def __init__(self, size_m: Range, clearance_m: float):
-        empty = Layout(size_m).occupancy()
+        self._empty = empty = Layout(size_m).empty()
         self.shapes: list[Shape] = []
         self.furnished = 0.0  # share of the ground that furniture covers
         self._reach = clearance_m / RESOLUTION_M + 0.5  # of an obstacle's cell centres, in cells
         self._occupied = empty.occupied
         self._near = self._grown(empty.occupied)
-        self._points = empty.center_of(np.moveaxis(np.indices(empty.occupied.shape), 0, -1))
         self._ground = int((~empty.occupied).sum())
 
     def add(self, shapes: list[Shape]) -> bool:
         """Place some shapes if they leave the ground connected; say whether they stand."""
-        covered = np.zeros_like(self._occupied)
-        for shape in shapes:
-            covered |= inside(self._points, shape, "clutter")
-        return self._place(shapes, covered)
+        return self._place(shapes, np.logical_or.reduce([covered(shape, self._empty) for shape in shapes]))
 
     def furnish(self, shape: Shape) -> None:
         """Place one piece where nothing but an outer wall stands yet."""
-        covered = inside(self._points, shape, "clutter")
-        taken = (covered & self._occupied)[WALL_CELLS:-WALL_CELLS, WALL_CELLS:-WALL_CELLS]
-        if not taken.any() and self._place([shape], covered):
-            self.furnished += covered.sum() / self._ground
+        cells = covered(shape, self._empty)
+        taken = (cells & self._occupied)[WALL_CELLS:-WALL_CELLS, WALL_CELLS:-WALL_CELLS]
+        if not taken.any() and self._place([shape], cells):
+            self.furnished += cells.sum() / self._ground
 
-    def _place(self, shapes: list[Shape], covered: np.ndarray) -> bool:
-        near = self._near | self._grown(covered)
+    def _place(self, shapes: list[Shape], cells: np.ndarray) -> bool:
+        near = self._near | self._grown(cells)
         if ndimage.label(~near)[1] != 1:
             return False
-        self._near, self._occupied = near, self._occupied | covered
+        self._near, self._occupied = near, self._occupied | cells
         self.shapes.extend(shapes)
         return True
 
-    def _grown(self, covered: np.ndarray) -> np.ndarray:
+    def _grown(self, cells: np.ndarray) -> np.ndarray:
         """Cells where a walker would be too close to covered ones; looks only around those."""
-        near = np.zeros_like(covered)
-        rows, columns = np.nonzero(covered.any(axis=1))[0], np.nonzero(covered.any(axis=0))[0]
+        near = np.zeros_like(cells)
+        rows, columns = np.nonzero(cells.any(axis=1))[0], np.nonzero(cells.any(axis=0))[0]
         if len(rows):
             margin = int(np.ceil(self._reach))
             window = tuple(slice(max(at[0] - margin, 0), at[-1] + margin + 1) for at in (rows, columns))
-            near[window] = ndimage.distance_transform_edt(~covered[window]) < self._reach - 1e-9
+            near[window] = ndimage.distance_transform_edt(~cells[window]) < self._reach - 1e-9
         return near

@@ -1,14 +1,14 @@
-"""Random obstacles for the clutter generator, as shape dictionaries (see `shapes.SHAPES`)."""
+"""Random obstacles for the clutter generator."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from pedpred.simulation.shapes import Circle, Polygon, Rectangle, Shape
+
 Rng = np.random.Generator
-Shape = Mapping[str, Any]
 Part = tuple[float, float, float, float]  # x0, y0, x1, y1 of an upright part of the room, m
 
 _DOOR_MARGIN_M = 0.4  # wall left between a door and the wall's end
@@ -65,7 +65,7 @@ def columns(size_m: Sequence[float], radius_m: float, spacing_m: float, rng: Rng
         axes.append(margin + spacing_m * np.arange(count))
     places = [[float(x), float(y)] for x in axes[0] for y in axes[1]]
     if rng.random() < 0.5:
-        return [{"circle": {"center": place, "radius_m": float(radius_m)}} for place in places]
+        return [Circle(place, float(radius_m)) for place in places]
     angle = float(rng.choice([0.0, 45.0]))
     return [_rectangle(place, [1.8 * radius_m] * 2, angle) for place in places]
 
@@ -94,8 +94,7 @@ def furniture(
 
 
 def _rectangle(center: Sequence[float], size: Sequence[float] | np.ndarray, angle_deg: float) -> Shape:
-    fields = {"center": [float(c) for c in center], "size_m": [float(s) for s in size]}
-    return {"rectangle": {**fields, "angle_deg": angle_deg}}
+    return Rectangle([float(c) for c in center], [float(s) for s in size], angle_deg)
 
 
 def _table(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
@@ -115,7 +114,7 @@ def _screen(center: list[float], angle: float, scale: float, _room: Sequence[flo
 
 
 def _round_table(center: list[float], _angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
-    return {"circle": {"center": center, "radius_m": float(scale * rng.uniform(0.35, 0.9))}}
+    return Circle(center, float(scale * rng.uniform(0.35, 0.9)))
 
 
 def _island(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
@@ -123,7 +122,7 @@ def _island(center: list[float], angle: float, scale: float, _room: Sequence[flo
     turns = np.deg2rad(angle) + 2 * np.pi * (np.arange(6) + rng.uniform(-0.3, 0.3, 6)) / 6
     radii = scale * rng.uniform(0.5, 1.4, 6)
     corners = np.array(center) + radii[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
-    return {"polygon": {"corners": corners.tolist()}}
+    return Polygon(corners.tolist())
 
 
 def _cabinet(center: list[float], _angle: float, scale: float, room: Sequence[float], rng: Rng) -> Shape:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from pedpred.errors import ConfigError
+from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.scenes import OccupancyMap
-from pedpred.simulation.shapes import inside
+from pedpred.simulation.fields import built, positive
+from pedpred.simulation.shapes import Shape, kind_of, shape_from
 
 RESOLUTION_M = 0.1
 WALL_CELLS = 3  # thickness of the outer walls
@@ -23,36 +24,45 @@ class Layout:
 
     Attributes:
         size_m: free width and depth between the outer walls; (0, 0) is the room's lower left corner. [2]
-        shapes: obstacles, each `{kind: {field: value}}`, see `shapes.SHAPES`.
+        shapes: obstacles.
         target_regions: shapes that people walk between; empty = anywhere.
     """
 
-    size_m: tuple[float, float]
-    shapes: tuple[Mapping[str, Any], ...] = ()
-    target_regions: tuple[Mapping[str, Any], ...] = ()
+    size_m: Sequence[float]
+    shapes: Sequence[Shape] = field(default=(), metadata={"each": shape_from})
+    target_regions: Sequence[Shape] = field(default=(), metadata={"each": shape_from})
 
     def __post_init__(self) -> None:
-        if len(self.size_m) != 2 or not all(0 < side <= _LARGEST_SIDE_M for side in self.size_m):
-            raise ConfigError("size_m", self.size_m, f"two sides in (0, {_LARGEST_SIDE_M}] m are needed")
+        sides = positive("size_m", self.size_m, (2,))
+        if not (sides >= RESOLUTION_M).all() or not (sides <= _LARGEST_SIDE_M).all():
+            rule = f"each side must have {RESOLUTION_M} to {_LARGEST_SIDE_M} m"
+            raise ValueRuleError("size_m", self.size_m, rule)
 
     def occupancy(self) -> OccupancyMap:
-        """The map: outer walls all round, then every cell whose centre lies inside a shape.
+        """The map: outer walls all round, then every cell whose centre lies inside a shape."""
+        room = self.empty()
+        occupied = room.occupied.copy()
+        for shape in self.shapes:
+            occupied |= covered(shape, room)
+        return OccupancyMap(occupied, room.origin, room.resolution_m)
 
-        Raises:
-            ConfigError: a shape is not understood, or no ground is left.
-        """
+    def empty(self) -> OccupancyMap:
+        """The map of the outer walls alone."""
         cells = np.round(np.array(self.size_m) / RESOLUTION_M).astype(int)
-        occupied = np.pad(np.zeros(cells, dtype=bool), WALL_CELLS, constant_values=True)
-        free = OccupancyMap(occupied, np.full(2, -WALL_CELLS * RESOLUTION_M), RESOLUTION_M)
-        points = free.center_of(np.moveaxis(np.indices(occupied.shape), 0, -1))
-        for index, shape in enumerate(self.shapes):
-            occupied |= inside(points, shape, f"shapes[{index}]")
-        if occupied.all():
-            raise ConfigError("shapes", len(self.shapes), "they leave no free ground")
-        return OccupancyMap(occupied, free.origin, RESOLUTION_M)
+        walls = np.pad(np.zeros(cells, dtype=bool), WALL_CELLS, constant_values=True)
+        return OccupancyMap(walls, np.full(2, -WALL_CELLS * RESOLUTION_M), RESOLUTION_M)
 
 
-def layout_from(plain: Mapping[str, Any], key: str) -> Layout:
+def covered(shape: Shape, room: OccupancyMap) -> np.ndarray:
+    """Cells of a map whose centres lie inside a shape; only those around it are looked at. [X, Y] bool."""
+    cells = np.zeros(room.occupied.shape, dtype=bool)
+    (left, low), (right, high) = room.cell_of(shape.bounds()).clip(0, np.array(cells.shape) - 1)
+    around = np.mgrid[left : right + 1, low : high + 1]
+    cells[left : right + 1, low : high + 1] = shape.covers(room.center_of(np.moveaxis(around, 0, -1)))
+    return cells
+
+
+def layout_from(plain: Any, key: str) -> Layout:
     """A layout from plain dictionaries, as in `conf/layouts`.
 
     Args:
@@ -60,18 +70,13 @@ def layout_from(plain: Mapping[str, Any], key: str) -> Layout:
         key: where it stands in the configuration, for the errors.
 
     Raises:
-        ConfigError: a key is unknown or missing, or a shape is not understood.
+        ConfigError: a field is unknown, missing or breaks its rule, or a shape covers nothing of the room.
     """
-    unknown = set(plain) - {"size_m", "shapes", "target_regions"}
-    if unknown:
-        raise ConfigError(f"{key}.{min(unknown)}", plain[min(unknown)], "a layout has no such key")
-    if "size_m" not in plain:
-        raise ConfigError(f"{key}.size_m", None, "it is missing")
-    try:
-        layout = Layout(
-            tuple(plain["size_m"]), tuple(plain.get("shapes", ())), tuple(plain.get("target_regions", ()))
-        )
-        layout.occupancy()
-    except (ConfigError, TypeError) as cause:
-        raise ConfigError(key, dict(plain), str(cause)) from cause
+    layout: Layout = built(Layout, plain, key)
+    room = layout.empty()
+    for name in ("shapes", "target_regions"):
+        for n, shape in enumerate(getattr(layout, name)):
+            if not (covered(shape, room) & ~room.occupied).any():
+                rule = f"it covers no {RESOLUTION_M} m cell between (0, 0) and {tuple(layout.size_m)}"
+                raise ConfigError(f"{key}.{name}[{n}].{kind_of(shape)}", shape, rule)
     return layout

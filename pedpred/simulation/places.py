@@ -11,7 +11,6 @@ from pedpred.errors import ConfigError
 from pedpred.simulation.ground import Ground
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.settings import CrowdSettings
-from pedpred.simulation.shapes import inside
 
 
 @dataclass(frozen=True)
@@ -29,9 +28,14 @@ class TargetPool:
 
 def walkable(distance: np.ndarray, clearance_m: float) -> np.ndarray:
     """The largest connected part of the cells with some clearance. [X, Y] bool."""
-    labels, count = ndimage.label(distance >= clearance_m)
+    return largest_part(distance >= clearance_m)
+
+
+def largest_part(cells: np.ndarray) -> np.ndarray:
+    """The largest connected part of some cells ([X, Y] bool); none of none. [X, Y] bool."""
+    labels, count = ndimage.label(cells)
     if count == 0:
-        return np.zeros(distance.shape, dtype=bool)
+        return np.zeros(cells.shape, dtype=bool)
     sizes = np.bincount(labels.ravel())
     return labels == 1 + int(np.argmax(sizes[1:]))
 
@@ -67,7 +71,7 @@ def drawn_targets(
         ConfigError: the layout or one of its target regions has no walkable ground.
     """
     cells = open_cells(ground, settings.clearance_m)
-    regions = [inside(cells, r, f"target_regions[{n}]") for n, r in enumerate(layout.target_regions)]
+    regions = [region.covers(cells) for region in layout.target_regions]
     drawn = []
     for index, mask in enumerate(regions or [np.ones(len(cells), dtype=bool)]):
         count = -(-settings.targets // max(len(regions), 1))

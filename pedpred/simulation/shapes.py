@@ -2,74 +2,207 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 
-from pedpred.errors import ConfigError
+from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.geometry import rotate
+from pedpred.simulation.fields import built, finite, positive
 
 Point = Sequence[float]
 
 
-def rectangle(points: np.ndarray, center: Point, size_m: Point, angle_deg: float = 0.0) -> np.ndarray:
-    """Points (m, [..., 2]) inside a rectangle turned counter-clockwise about its centre. [...]."""
-    local = np.abs(rotate(points - np.asarray(center), -np.deg2rad(angle_deg)))
-    width, depth = size_m
-    return (local[..., 0] <= 0.5 * width) & (local[..., 1] <= 0.5 * depth)
+class Shape(Protocol):
+    """What every shape can tell."""
+
+    def covers(self, points: np.ndarray) -> np.ndarray:
+        """Points (m, [..., 2]) inside the shape. [...] bool."""
+        ...
+
+    def bounds(self) -> np.ndarray:
+        """Lower left and upper right corner of an upright box that holds the shape, m. [2, 2]."""
+        ...
 
 
-def circle(points: np.ndarray, center: Point, radius_m: float) -> np.ndarray:
-    """Points (m, [..., 2]) inside a circle. [...]."""
-    return np.linalg.norm(points - np.asarray(center), axis=-1) <= radius_m
+@dataclass(frozen=True)
+class Rectangle:
+    """A rectangle turned counter-clockwise about its centre."""
+
+    center: Point
+    size_m: Point
+    angle_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        finite("center", self.center, (2,))
+        positive("size_m", self.size_m, (2,))
+        finite("angle_deg", self.angle_deg)
+
+    def covers(self, points: np.ndarray) -> np.ndarray:
+        """See `Shape`."""
+        local = np.abs(rotate(points - np.asarray(self.center), -np.deg2rad(self.angle_deg)))
+        width, depth = self.size_m
+        return (local[..., 0] <= 0.5 * width) & (local[..., 1] <= 0.5 * depth)
+
+    def bounds(self) -> np.ndarray:
+        """See `Shape`."""
+        width, depth = self.size_m
+        return _box([self.center], 0.5 * float(np.hypot(width, depth)))
 
 
-def polygon(points: np.ndarray, corners: Sequence[Point]) -> np.ndarray:
-    """Points (m, [..., 2]) inside a simple polygon, even-odd rule. [...]."""
-    inside = np.zeros(points.shape[:-1], dtype=bool)
-    ends = np.asarray(corners, dtype=np.float64)
-    for (x1, y1), (x2, y2) in zip(ends, np.roll(ends, -1, axis=0), strict=True):
-        if y1 == y2:
-            continue
-        crosses = (points[..., 1] >= min(y1, y2)) & (points[..., 1] < max(y1, y2))
-        edge_x = x1 + (points[..., 1] - y1) * (x2 - x1) / (y2 - y1)
-        inside ^= crosses & (points[..., 0] < edge_x)
-    return inside
+@dataclass(frozen=True)
+class Circle:
+    """A disc."""
+
+    center: Point
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        finite("center", self.center, (2,))
+        positive("radius_m", self.radius_m)
+
+    def covers(self, points: np.ndarray) -> np.ndarray:
+        """See `Shape`."""
+        return np.linalg.norm(points - np.asarray(self.center), axis=-1) <= self.radius_m
+
+    def bounds(self) -> np.ndarray:
+        """See `Shape`."""
+        return _box([self.center], self.radius_m)
 
 
-def wall(points: np.ndarray, start: Point, end: Point, thickness_m: float) -> np.ndarray:
-    """Points (m, [..., 2]) within half a thickness of the segment from `start` to `end`. [...]."""
-    first = np.asarray(start, dtype=np.float64)
-    along = np.asarray(end, dtype=np.float64) - first
-    share = ((points - first) @ along / max(float(along @ along), 1e-12)).clip(0.0, 1.0)
-    nearest = first + share[..., None] * along
-    return np.linalg.norm(points - nearest, axis=-1) <= 0.5 * thickness_m
+@dataclass(frozen=True)
+class Polygon:
+    """What a closed line encloses that does not cross itself; its corners in order, [K, 2]."""
+
+    corners: Sequence[Point]
+
+    def __post_init__(self) -> None:
+        corners = finite("corners", self.corners, (None, 2))
+        if len(corners) < 3:
+            raise ValueRuleError("corners", self.corners, "three at least are needed")
+        if _crosses_itself(corners):
+            raise ValueRuleError("corners", self.corners, "its edges must not cross or touch each other")
+
+    def covers(self, points: np.ndarray) -> np.ndarray:
+        """See `Shape`; even-odd rule."""
+        inside = np.zeros(points.shape[:-1], dtype=bool)
+        ends = np.asarray(self.corners, dtype=np.float64)
+        for (x1, y1), (x2, y2) in zip(ends, np.roll(ends, -1, axis=0), strict=True):
+            if y1 == y2:
+                continue
+            crosses = (points[..., 1] >= min(y1, y2)) & (points[..., 1] < max(y1, y2))
+            edge_x = x1 + (points[..., 1] - y1) * (x2 - x1) / (y2 - y1)
+            inside ^= crosses & (points[..., 0] < edge_x)
+        return inside
+
+    def bounds(self) -> np.ndarray:
+        """See `Shape`."""
+        return _box(self.corners, 0.0)
 
 
-SHAPES: dict[str, Callable[..., np.ndarray]] = {
-    "rectangle": rectangle,
-    "circle": circle,
-    "polygon": polygon,
-    "wall": wall,
-}
+@dataclass(frozen=True)
+class Door:
+    """An opening in a wall: its centre's distance from the wall's start, and its width."""
+
+    at_m: float
+    width_m: float
+
+    def __post_init__(self) -> None:
+        finite("at_m", self.at_m)
+        positive("width_m", self.width_m)
+
+    @property
+    def sides_m(self) -> tuple[float, float]:
+        """Where it begins and ends, counted from the wall's start."""
+        return self.at_m - 0.5 * self.width_m, self.at_m + 0.5 * self.width_m
 
 
-def inside(points: np.ndarray, shape: Mapping[str, Any], key: str) -> np.ndarray:
-    """Points inside a shape written as `{kind: {field: value, ...}}`.
+@dataclass(frozen=True)
+class Wall:
+    """All within half a thickness of the segment from `start` to `end`, except where doors are."""
+
+    start: Point
+    end: Point
+    thickness_m: float
+    doors: Sequence[Door] = field(default=(), metadata={"each": partial(built, Door)})
+
+    def __post_init__(self) -> None:
+        finite("start", self.start, (2,))
+        finite("end", self.end, (2,))
+        positive("thickness_m", self.thickness_m)
+        length = float(np.linalg.norm(np.subtract(self.end, self.start)))
+        if not length > 0:
+            raise ValueRuleError("end", self.end, "it must not be where the wall starts")
+        before = 0.0
+        for n, door in sorted(enumerate(self.doors), key=lambda numbered: numbered[1].at_m):
+            left, right = door.sides_m
+            if left < -1e-9 or right > length + 1e-9:
+                raise ValueRuleError(f"doors[{n}]", door, f"it must lie within the wall's {length:.2f} m")
+            if left < before - 1e-9:
+                raise ValueRuleError(f"doors[{n}]", door, "it must not overlap another door")
+            before = right
+
+    def covers(self, points: np.ndarray) -> np.ndarray:
+        """See `Shape`; the wall's ends are round, its doors are cut straight."""
+        first = np.asarray(self.start, dtype=np.float64)
+        along = np.asarray(self.end, dtype=np.float64) - first
+        share = ((points - first) @ along) / float(along @ along)
+        nearest = first + share.clip(0.0, 1.0)[..., None] * along
+        solid = np.linalg.norm(points - nearest, axis=-1) <= 0.5 * self.thickness_m
+        for door in self.doors:
+            left, right = np.array(door.sides_m) / np.linalg.norm(along)
+            solid &= (share <= left) | (share >= right)
+        return solid
+
+    def bounds(self) -> np.ndarray:
+        """See `Shape`."""
+        return _box([self.start, self.end], 0.5 * self.thickness_m)
+
+
+SHAPES: dict[str, type] = {"rectangle": Rectangle, "circle": Circle, "polygon": Polygon, "wall": Wall}
+
+
+def shape_from(plain: Any, key: str) -> Shape:
+    """A shape written as `{kind: {field: value, ...}}`.
 
     Args:
-        points: world frame, m. [..., 2]
-        shape: one kind of `SHAPES` and its fields.
+        plain: one kind of `SHAPES` and its fields.
         key: where the shape stands in the configuration, for the error.
 
     Raises:
-        ConfigError: unknown kind, unknown or missing field, value of the wrong type.
+        ConfigError: unknown kind, unknown or missing field, value that breaks its rule.
     """
-    if len(shape) != 1 or next(iter(shape)) not in SHAPES:
-        raise ConfigError(key, dict(shape), f"write one of {sorted(SHAPES)} with its fields")
-    kind, fields = next(iter(shape.items()))
-    try:
-        return SHAPES[kind](points, **fields)
-    except (TypeError, ValueError) as cause:
-        raise ConfigError(f"{key}.{kind}", fields, str(cause)) from cause
+    kinds = list(plain) if isinstance(plain, Mapping) else []
+    if len(kinds) != 1 or kinds[0] not in SHAPES:
+        raise ConfigError(key, plain, f"write one of {', '.join(SHAPES)} with its fields")
+    return built(SHAPES[kinds[0]], plain[kinds[0]], f"{key}.{kinds[0]}")
+
+
+def kind_of(shape: Shape) -> str:
+    """The name under which `SHAPES` has it."""
+    return next(kind for kind, known in SHAPES.items() if type(shape) is known)
+
+
+def _box(points: Sequence[Point], margin_m: float) -> np.ndarray:
+    """An upright box around points, with a margin. [2, 2]."""
+    ends = np.asarray(points, dtype=np.float64)
+    return np.stack([ends.min(axis=0) - margin_m, ends.max(axis=0) + margin_m])
+
+
+def _crosses_itself(corners: np.ndarray) -> bool:
+    """Whether two edges of a polygon (corners [K, 2]) meet that are no neighbours."""
+    after = np.roll(corners, -1, axis=0)
+    a, b, c, d = corners[:, None], after[:, None], corners[None], after[None]
+
+    def side(start: np.ndarray, end: np.ndarray, point: np.ndarray) -> np.ndarray:
+        along, to = end - start, point - start
+        return np.sign(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
+
+    apart = (side(a, b, c) * side(a, b, d) > 0) | (side(c, d, a) * side(c, d, b) > 0)
+    apart |= (np.maximum(a, b) < np.minimum(c, d)).any(axis=-1)  # edges along one line
+    apart |= (np.minimum(a, b) > np.maximum(c, d)).any(axis=-1)
+    steps = np.abs(np.subtract.outer(np.arange(len(corners)), np.arange(len(corners))))
+    return bool((~apart & (steps > 1) & (steps < len(corners) - 1)).any())
