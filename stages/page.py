@@ -34,9 +34,18 @@ def main(cfg: DictConfig) -> None:
         for name in cfg.page.replays[key]:
             replays[name] = replay(scenes[name], windows[name], cfg.page.duration_s)
     shown = [replays[name] for names in cfg.page.replays.values() for name in names]
-    latency = Path("reports/metrics/latency.json")
-    updates = json.loads(latency.read_text())["updates"] if latency.exists() else []
-    text = page(Contents(metrics["sim"], metrics["real"], sections, curves, shown, updates))
+    others = {path.stem: json.loads(path.read_text()) for path in Path("reports/metrics").glob("*.json")}
+    text = page(
+        Contents(
+            metrics["sim"],
+            metrics["real"],
+            sections,
+            curves,
+            shown,
+            others.get("literature", {}),
+            others.get("latency", {}).get("updates", []),
+        )
+    )
     Path(cfg.get("out", "reports/index.html")).write_text(text)
 
 

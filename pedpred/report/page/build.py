@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any
 
@@ -31,6 +31,7 @@ from pedpred.report.pages import (
     answer,
     tested_at,
 )
+from pedpred.report.published import PUBLISHED
 
 _SCRIPTS = ("replay.js", "inputs.js", "player.js", "page.js")
 _DRAWN_AS_PLOTS = ("horizon", "training")
@@ -66,6 +67,7 @@ class Contents:
         sections: the galleries' pictures, by a title: simulated people, real people.
         curves: training curves by name.
         replays: stretches for the player, the first one is shown first.
+        literature: figures under the protocol of the literature, {place: {method: measures}}.
         latency: the figures of `benchmarks.online`, one row per crowd, or nothing.
     """
 
@@ -74,6 +76,7 @@ class Contents:
     sections: Mapping[str, Sequence[Section]]
     curves: Mapping[str, pd.DataFrame]
     replays: Sequence[Replay]
+    literature: Mapping[str, MethodMetrics] = field(default_factory=dict)
     latency: Sequence[Mapping[str, float]] = ()
 
 
@@ -89,6 +92,7 @@ def page(contents: Contents) -> str:
     )
     environment.filters |= {"bold": _bold, "picture": _picture}
     environment.globals |= {"label": label, "ordered": ordered, "whiskers": whiskers}
+    environment.globals |= {"model": MODEL, "yardstick": YARDSTICK}
     return environment.get_template("page.html").render(_values(contents))
 
 
@@ -122,12 +126,12 @@ def _values(contents: Contents) -> dict[str, Any]:
         "reading": READING,
         "irreproducible": IRREPRODUCIBLE,
         "paper_ade_m": PAPER_ADE_M,
-        "model": MODEL,
-        "yardstick": YARDSTICK,
         "methods": _methods(names),
         "arrangements": _arrangements(simulated),
         "box_plots": [box_plot(a.methods, a.title) for a in shown],
         "training": training_plots(contents.curves),
+        "literature": contents.literature,
+        "published": PUBLISHED,
         "latency": contents.latency,
         "latency_plot": _latency_plot(contents.latency),
         "galleries": {title: _pictures(sections) for title, sections in contents.sections.items()},

@@ -128,8 +128,9 @@ def training_plots(curves: Mapping[str, pd.DataFrame]) -> list[LinePlot]:
     plots = []
     for stage, by_model in stages.items():
         measure = next(m for m in _VALIDATION if m in next(iter(by_model.values())))
-        series = {m: (c["step"].fillna(0).to_numpy(), c[measure].to_numpy()) for m, c in by_model.items()}
-        plots.append(line_plot(stage, series, "training step", _VALIDATION[measure]))
+        along = "step" if all("step" in curve for curve in by_model.values()) else "epoch"
+        series = {m: (c[along].fillna(0).to_numpy(), c[measure].to_numpy()) for m, c in by_model.items()}
+        plots.append(line_plot(stage, series, along, _VALIDATION[measure]))
     return plots
 
 
@@ -138,8 +139,8 @@ def line_plot(
 ) -> LinePlot:
     """Lines of (x, y) from the origin up; a series without a method's name is drawn in ink."""
     width, height = _LINES
-    right = max(float(x.max()) for x, _ in series.values())
-    top = 1.05 * max(float(y.max()) for _, y in series.values())
+    right = max(float(x.max()) for x, _ in series.values()) or 1.0
+    top = 1.05 * max(float(y.max()) for _, y in series.values()) or 1.0
     x_ticks = [(round(width * t / right, 1), f"{t:g}") for t in _TICKS.tick_values(0.0, right) if t <= right]
     lines = []
     for name, (x, y) in series.items():

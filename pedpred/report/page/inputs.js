@@ -27,11 +27,8 @@ function drawGrid(canvas, replay, row) {
   brush.strokeStyle = ink("rule");
   brush.strokeRect(0.5, 0.5, width - 1, width - 1);
   if (row === undefined) return;
-  brush.fillStyle = ink("obstacle");
-  for (const [ahead, left, side] of replay.blockedCells(row)) {
-    const cell = width / side;
-    brush.fillRect((side - 1 - left) * cell, (side - 1 - ahead) * cell, cell + 0.3, cell + 0.3);
-  }
+  brush.imageSmoothingEnabled = false;
+  brush.drawImage(replay.gridPicture(row, ink("obstacle")), 0, 0, width, width);
   drawPerson(brush, width / 2, width / 2, 4);
 }
 

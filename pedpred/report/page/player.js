@@ -28,7 +28,10 @@ class Player {
 
   async open(name) {
     this.play(false);
-    this.replay = await Replay.read(this.payloads.get(name));
+    this.asked = name;
+    const replay = await Replay.read(this.payloads.get(name));
+    if (this.asked !== name) return; // another scene was asked for meanwhile
+    this.replay = replay;
     const { header } = this.replay;
     this.plan.style.aspectRatio = `${header.size_m[0]} / ${header.size_m[1]}`;
     this.parts.scrub.max = header.duration_s;
@@ -60,7 +63,8 @@ class Player {
     this.draw();
   }
 
-  play(on) {
+  play(asked) {
+    const on = asked && Boolean(this.replay);
     this.playing = on;
     this.parts.play.textContent = on ? "❚❚" : "▶";
     this.parts.play.setAttribute("aria-label", on ? "Pause" : "Play");
@@ -178,6 +182,8 @@ class Player {
   }
 
   drawBar(brush, height) {
+    brush.fillStyle = ink("paper");
+    brush.fillRect(4, height - 24, 2 * this.scale + 40, 20);
     brush.fillStyle = ink("soft");
     brush.fillRect(10, height - 12, 2 * this.scale, 2);
     brush.font = "12px system-ui, sans-serif";

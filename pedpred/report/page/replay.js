@@ -7,6 +7,18 @@ async function inflated(base64) {
   return new Response(plain).arrayBuffer();
 }
 
+const bit = (bytes, k) => (bytes[k >> 3] >> (k & 7)) & 1;
+
+function bitPicture(columns, lines, colour, isSet) {
+  const picture = Object.assign(document.createElement("canvas"), { width: columns, height: lines });
+  const brush = picture.getContext("2d");
+  brush.fillStyle = colour;
+  for (let line = 0; line < lines; line++) {
+    for (let column = 0; column < columns; column++) if (isSet(column, line)) brush.fillRect(column, line, 1, 1);
+  }
+  return picture;
+}
+
 class Replay {
   static async read({ header, data }) {
     return new Replay(header, await inflated(data));
@@ -103,12 +115,11 @@ class Replay {
     return { mean: off.reduce((sum, e) => sum + e, 0) / off.length, last: off[off.length - 1] };
   }
 
-  // Cells of the obstacle grid that are occupied: (ahead, left) counted from the rear right corner.
-  *blockedCells(row) {
+  // The obstacle grid of a row as a picture of one pixel per cell, heading up.
+  gridPicture(row, colour) {
     const width = this.widths.grid, side = Math.floor(Math.sqrt(8 * width));
-    for (let k = 0; k < side * side; k++) {
-      if ((this.columns.grid[row * width + (k >> 3)] >> (k & 7)) & 1) yield [Math.floor(k / side), k % side, side];
-    }
+    const bits = this.columns.grid.subarray(row * width, (row + 1) * width);
+    return bitPicture(side, side, colour, (column, line) => bit(bits, (side - 1 - line) * side + side - 1 - column));
   }
 
   // Distance of the nearest person in each cone, m, counter-clockwise from the heading.
@@ -119,16 +130,8 @@ class Replay {
 
   // The map as a picture of one pixel per cell, the largest y on top.
   mapPicture(colour) {
-    const wide = this.widths.obstacles, columns = this.header.map_columns;
-    const rows = this.columns.obstacles.length / wide;
-    const picture = Object.assign(document.createElement("canvas"), { width: columns, height: rows });
-    const brush = picture.getContext("2d");
-    brush.fillStyle = colour;
-    for (let row = 0; row < rows; row++) {
-      for (let k = 0; k < columns; k++) {
-        if ((this.columns.obstacles[row * wide + (k >> 3)] >> (k & 7)) & 1) brush.fillRect(k, rows - 1 - row, 1, 1);
-      }
-    }
-    return picture;
+    const wide = 8 * this.widths.obstacles, bits = this.columns.obstacles;
+    const lines = (8 * bits.length) / wide;
+    return bitPicture(this.header.map_columns, lines, colour, (column, line) => bit(bits, (lines - 1 - line) * wide + column));
   }
 }

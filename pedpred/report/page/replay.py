@@ -52,13 +52,14 @@ def replay(scene: Scene, windows: Windows, duration_s: float, step_s: float = 0.
     Args:
         scene: people and obstacles.
         windows: forecasts in this scene.
-        duration_s: how long the stretch is.
+        duration_s: how long the stretch is at most.
         step_s: between two points of a forecast.
 
     Raises:
         ValueRuleError: there are no forecasts, or a value has no place in 16 bits.
     """
     start_s = busiest_start(windows.time_s, duration_s)
+    duration_s = round(min(duration_s, float(windows.time_s.max()) - start_s), 2)
     turns = quarter_turns_of(scene.camera)
     image, (left, right, bottom, top) = obstacle_image(scene.occupancy, turns)
     corner = np.array([left, bottom])
