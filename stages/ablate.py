@@ -16,6 +16,7 @@ from pathlib import Path
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
+from pedpred.files import write_json, write_text
 from pedpred.report.ablation import Ablation, ablation_figure, ablation_table, point_rows, read_ablation
 from pedpred.report.canvas import write_png
 
@@ -53,9 +54,8 @@ def main() -> None:
     done = workers(delayed(reproduced)(ablation, options.name, point) for point in ablation.points)
     measured = dict(zip(ablation.points, tqdm(done, total=len(ablation.points), unit="point"), strict=True))
     rows = point_rows(ablation, measured)
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / f"{options.name}.json").write_text(json.dumps(rows, indent=1) + "\n")
-    (options.out / f"{options.name}.md").write_text(f"{ablation_table(ablation, rows)}\n")
+    write_json(options.out / f"{options.name}.json", rows)
+    write_text(options.out / f"{options.name}.md", f"{ablation_table(ablation, rows)}\n")
     write_png(ablation_figure(ablation, rows), options.out / f"{options.name}.png")
     logging.getLogger(__name__).info("\n%s", ablation_table(ablation, rows))
 

@@ -7,6 +7,7 @@ from omegaconf import DictConfig
 from pandas import DataFrame
 
 from pedpred.config import stage
+from pedpred.files import write_text
 from pedpred.report.curves import read_curve
 from pedpred.report.gallery import real_gallery, simulation_gallery
 from pedpred.report.metrics import read_metrics
@@ -46,7 +47,7 @@ def main(cfg: DictConfig) -> None:
             others.get("latency", {}).get("updates", []),
         )
     )
-    Path(cfg.get("out", "reports/index.html")).write_text(text)
+    write_text(Path(cfg.get("out", "reports/index.html")), text)
 
 
 if __name__ == "__main__":

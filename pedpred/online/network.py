@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import onnxruntime
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings
+from pedpred.files import decoding, read_bytes, read_json, write_json
 from pedpred.tracking import KalmanSettings
 
 MODEL_SCHEMA = 1
@@ -53,7 +54,7 @@ def write_description(folder: Path, description: ModelDescription, origin: Mappi
         **asdict(description),
         "origin": dict(origin),
     }
-    (folder / _ABOUT).write_text(json.dumps(about, indent=1) + "\n")
+    write_json(folder / _ABOUT, about)
 
 
 def read_description(folder: Path) -> ModelDescription:
@@ -63,8 +64,9 @@ def read_description(folder: Path) -> ModelDescription:
         StorageError: a file is missing, altered, or of another schema version; it names file and field.
     """
     path = folder / _ABOUT
-    try:
-        about = json.loads(path.read_text())
+    wording = partial(StorageError, path, "description", remedy=_REMEDY)
+    about = read_json(path, wording)
+    with decoding(wording):
         if about["schema"] != MODEL_SCHEMA:
             raise StorageError(path, "schema", f"{about['schema']!r}, expected {MODEL_SCHEMA}", _REMEDY)
         if about["network_sha256"] != _digest(folder / _GRAPH):
@@ -76,8 +78,6 @@ def read_description(folder: Path) -> ModelDescription:
             KalmanSettings(**about["tracker"]),
             float(about["standstill_mps"]),
         )
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, ValueRuleError) as cause:
-        raise StorageError(path, "description", f"{type(cause).__name__}: {cause}", _REMEDY) from cause
 
 
 class ExportedNetwork:
@@ -87,12 +87,10 @@ class ExportedNetwork:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         path = folder / _GRAPH
-        try:
+        with decoding(partial(StorageError, path, "graph", remedy=_REMEDY)):
             self._session = onnxruntime.InferenceSession(
                 str(path), options, providers=["CPUExecutionProvider"]
             )
-        except Exception as cause:  # onnxruntime's errors share no base class
-            raise StorageError(path, "graph", str(cause).splitlines()[0], _REMEDY) from cause
         self._memory = list(memory)
 
     def step(
@@ -112,4 +110,4 @@ class ExportedNetwork:
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(read_bytes(path)).hexdigest()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pedpred.errors import StorageError
+from pedpred.files import decoding
 from pedpred.geometry import rotate
 from pedpred.storage.columns import read_columns
 
@@ -75,10 +77,8 @@ def read_windows(path: Path) -> Windows:
     Raises:
         StorageError: the file cannot be read, or a column is missing or has another type; it is named.
     """
-    try:
+    with decoding(partial(StorageError, path, "file", remedy=_REMEDY)):
         types = {field.name: field.type for field in pq.read_schema(path)}
-    except (OSError, pa.ArrowException) as cause:
-        raise StorageError(path, "file", str(cause).splitlines()[0], _REMEDY) from cause
     shapes: dict[str, tuple[int, ...]] = {name: () for name in _PLAIN}
     shapes |= {name: (_width(types, name),) for name in ("grid", "angular_grid")}
     forecasts = [name for name in types if name.startswith(_PATH)]
