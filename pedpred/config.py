@@ -77,8 +77,9 @@ def read_params(root: Path) -> DictConfig:
     Raises:
         ConfigError: the file is missing or damaged.
     """
+    params = _read_yaml(root / "params.yaml")
     with decoding(partial(ConfigError, "params", str(root / "params.yaml"))):
-        return OmegaConf.create(_read_yaml(root / "params.yaml"))
+        return OmegaConf.create(params)
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
@@ -134,7 +135,8 @@ def only(cfg: DictConfig, keys: Iterable[str]) -> DictConfig:
     kept = OmegaConf.create()
     missing = object()
     for key in keys:
-        value = OmegaConf.select(cfg, key, default=missing)
+        with decoding(partial(ConfigError, key, "params.yaml")):
+            value = OmegaConf.select(cfg, key, default=missing)
         if value is missing:
             raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
         OmegaConf.update(kept, key, value, force_add=True)

@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from pedpred.errors import ConfigError, FileError, PedpredError, ShapeError
+from pedpred.errors import FileError, PedpredError, ShapeError
 
 MOST_PIXELS = 2**26
 """Of a picture or a map: 400 m x 400 m in cells of 5 cm."""
@@ -38,14 +38,14 @@ def decoding(wording: Wording) -> Iterator[None]:
     """Say whatever goes wrong inside as an error that names the file; the cause is chained.
 
     Decoders of foreign bytes document no complete list of what they raise, so that any `Exception` counts;
-    an error that names a file or a key already passes.
+    an error that names a file already passes.
 
     Args:
         wording: such as `partial(StorageError, path, "file", remedy=...)`.
     """
     try:
         yield
-    except (ConfigError, FileError):
+    except FileError:
         raise
     except Exception as cause:
         raise wording(" ".join(_problem(cause).split())[:_LONGEST_PROBLEM]) from cause

@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
-from pedpred.errors import StorageError
+from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
 from pedpred.files import decoding, read_bytes, read_json, write_json
 from pedpred.tracking import KalmanSettings
 
 MODEL_SCHEMA = 1
+_MOST_UNITS = 10_000
 _GRAPH, _ABOUT = "network.onnx", "model.json"
 _REMEDY = "Export the model again (dvc repro export) or fetch the folder anew"
 
@@ -38,6 +39,27 @@ class ModelDescription:
     features: FeatureSettings
     tracker: KalmanSettings
     standstill_mps: float
+
+    def __post_init__(self) -> None:
+        strangers = set(self.inputs) - {"state", "crop", "angular"}
+        if strangers or not self.inputs:
+            raise ValueRuleError("inputs", self.inputs, "known inputs are state, crop and angular")
+        for name, units in self.memory.items():
+            if not 0 < units <= _MOST_UNITS:
+                raise ValueRuleError(f"memory.{name}", units, f"it must be between 1 and {_MOST_UNITS}")
+        if not 0 <= self.standstill_mps < np.inf:
+            raise ValueRuleError("standstill_mps", self.standstill_mps, "it must not be negative")
+
+    def ends(self) -> tuple[dict[str, tuple[int, ...]], list[tuple[int, ...]]]:
+        """Sizes per person of the graph's inputs, by name, and of its outputs, in order."""
+        sizes = self.features
+        crop = (sizes.grid_cells, sizes.grid_cells)
+        known = {"state": (2,), "crop": crop, "angular": (sizes.angular_cells,)}
+        memory = {name: (units,) for name, units in self.memory.items()}
+        return {name: known[name] for name in self.inputs} | memory, [
+            (sizes.horizon_steps, 2),
+            *memory.values(),
+        ]
 
 
 def write_description(folder: Path, description: ModelDescription, origin: Mapping[str, object]) -> None:
@@ -83,7 +105,12 @@ def read_description(folder: Path) -> ModelDescription:
 class ExportedNetwork:
     """The network of a model folder; one thread, no state of its own."""
 
-    def __init__(self, folder: Path, memory: Mapping[str, int]):
+    def __init__(self, folder: Path, description: ModelDescription):
+        """Load the graph.
+
+        Raises:
+            StorageError: it is missing or damaged, or its inputs and outputs are not those described.
+        """
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         path = folder / _GRAPH
@@ -91,7 +118,11 @@ class ExportedNetwork:
             self._session = onnxruntime.InferenceSession(
                 str(path), options, providers=["CPUExecutionProvider"]
             )
-        self._memory = list(memory)
+        self._memory = list(description.memory)
+        ends = {end.name: tuple(end.shape[1:]) for end in self._session.get_inputs()}
+        sizes = [tuple(end.shape[1:]) for end in self._session.get_outputs()]
+        if (ends, sizes) != description.ends():
+            raise StorageError(path, "graph", f"it has {ends} -> {sizes}, not {_ABOUT}'s", _REMEDY)
 
     def step(
         self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]
