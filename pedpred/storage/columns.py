@@ -16,6 +16,7 @@ from pedpred.files import aside, decoding
 
 _VERSION_KEY = b"pedpred.schema"
 _REMEDY = "Rebuild it with dvc repro"
+_NUMBERS = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
 
 
 def write_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
@@ -135,7 +136,7 @@ def _from_arrow(column: pa.Array, shape: tuple[int, ...]) -> np.ndarray:
         is_list = pa.types.is_fixed_size_list(kind)
         width = kind.list_size if is_list else 1
         values = column.flatten() if is_list else column
-        if not pa.types.is_primitive(values.type):
+        if not any(known(values.type) for known in _NUMBERS):
             raise ValueError(values.type)
         flat = values.to_numpy(zero_copy_only=False)
     return flat.reshape(rows, *((width,) if shape == (-1,) else shape))

@@ -170,5 +170,9 @@ def write_codes(blocks: Iterable[np.ndarray], folder: Path, name: str) -> None:
 
 
 def read_codes(folder: Path, name: str) -> np.ndarray:
-    """Read the encoder's outputs of one scene. [M, C] float16."""
-    return read_columns(folder / f"{name}.parquet", {"code": (-1,)})["code"]
+    """Read the encoder's outputs of one scene. [M, C] float16; errors of `read_columns`."""
+    path = folder / f"{name}.parquet"
+    codes = read_columns(path, {"code": (-1,)})["code"]
+    if codes.dtype != np.float16:
+        raise StorageError(path, "column code", f"it is {codes.dtype}, expected float16", _REMEDY)
+    return codes

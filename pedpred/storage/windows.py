@@ -79,10 +79,10 @@ def read_windows(path: Path) -> Windows:
     """
     with decoding(partial(StorageError, path, "file", remedy=_REMEDY)):
         types = {field.name: field.type for field in pq.read_schema(path)}
-    shapes: dict[str, tuple[int, ...]] = {name: () for name in _PLAIN}
-    shapes |= {name: (_width(types, name),) for name in ("grid", "angular_grid")}
-    forecasts = [name for name in types if name.startswith(_PATH)]
-    shapes |= {name: (_width(types, name) // 2, 2) for name in ("truth", *forecasts)}
+        shapes: dict[str, tuple[int, ...]] = {name: () for name in _PLAIN}
+        shapes |= {name: (_width(types, name),) for name in ("grid", "angular_grid")}
+        forecasts = [name for name in types if name.startswith(_PATH)]
+        shapes |= {name: (_width(types, name) // 2, 2) for name in ("truth", *forecasts)}
     columns = read_columns(path, shapes)
     return Windows(
         track_id=columns["track_id"],
@@ -99,5 +99,7 @@ def read_windows(path: Path) -> Windows:
 
 def _width(types: dict[str, pa.DataType], name: str) -> int:
     """Values or bytes per row of a column of fixed width; 0 if it is missing or something else."""
-    kind = types.get(name)
-    return getattr(kind, "list_size", None) or getattr(kind, "byte_width", 0) or 0
+    kind = types.get(name, pa.null())
+    if pa.types.is_fixed_size_list(kind):
+        return kind.list_size
+    return kind.byte_width if pa.types.is_fixed_size_binary(kind) else 0

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import yaml
 
 NUMBERS = (
@@ -16,7 +19,19 @@ NUMBERS = (
 )
 VALUES: tuple[Any, ...] = (
     *(None, True, False, 0, -1, 1, 10**9, 10**400, -(10**18), 0.5, -0.0, 1e308, float("nan"), float("inf")),
-    *("", "a", "../../secret", "/dev/zero", "\0", "9" * 10_000, [], [[]], {}, [1] * 1000, {"a": {"b": [None]}}),
+    *(
+        "",
+        "a",
+        "../../secret",
+        "/dev/zero",
+        "\0",
+        "9" * 10_000,
+        [],
+        [[]],
+        {},
+        [1] * 1000,
+        {"a": {"b": [None]}},
+    ),
 )
 _EDGES = (0x00, 0x01, 0x7F, 0x80, 0xFE, 0xFF)
 _NUMBER = re.compile(rb"-?\d[\d.eE+-]*")
@@ -118,9 +133,58 @@ def yaml_field(raw: bytes, rng: np.random.Generator) -> bytes:
     return yaml.safe_dump(field(yaml.safe_load(raw), rng)).encode()
 
 
+def safetensors_field(raw: bytes, rng: np.random.Generator) -> bytes:
+    """`field` of the header of a safetensors file, which says where each tensor lies."""
+    size = int.from_bytes(raw[:8], "little")
+    header = json_field(raw[8 : 8 + size], rng)
+    return len(header).to_bytes(8, "little") + header + raw[8 + size :]
+
+
+def parquet_column(raw: bytes, rng: np.random.Generator) -> bytes:
+    """One column of a table is gone, has another name, type or values, or lacks some."""
+    table = pq.read_table(io.BytesIO(raw))
+    index, rows = int(rng.integers(table.num_columns)), len(table)
+    name = table.column_names[index]
+    strange: tuple[Callable[[], pa.Array], ...] = (
+        lambda: pa.array([None] * rows, pa.float64()),
+        lambda: pa.array(["a"] * rows),
+        lambda: pa.array([b"abc"] * rows, pa.binary(3)),
+        lambda: pa.array([[1.0, 2.0]] * rows),
+        lambda: pa.array([1e308, -1e308, np.nan, np.inf][: max(rows, 0)] * rows)[:rows],
+        lambda: pa.array(rng.integers(-(2**62), 2**62, rows)),
+        lambda: pa.array([2**64 - 1] * rows, pa.uint64()),
+        lambda: pa.array([0] * rows, pa.timestamp("ns")),
+        lambda: pa.array([True] * rows),
+        lambda: pa.nulls(rows),
+    )
+    what = int(rng.integers(len(strange) + 3))
+    if what == len(strange):
+        table = table.drop_columns([name])
+    elif what == len(strange) + 1:
+        names = list(table.column_names)
+        names[index] = str(rng.choice([names[0], f"{name}x", ""]))
+        table = table.rename_columns(names)
+    elif what == len(strange) + 2:
+        table = table.slice(0, int(rng.integers(rows)))
+    else:
+        table = table.set_column(index, name, strange[what]())
+    out = io.BytesIO()
+    pq.write_table(table, out)
+    return out.getvalue()
+
+
+STRUCTURED: dict[str, Callable[[bytes, np.random.Generator], bytes]] = {
+    "json": json_field,
+    "yaml": yaml_field,
+    "safetensors": safetensors_field,
+    "parquet": parquet_column,
+}
+"""What can happen to a file that is well-formed all the same, by its ending."""
+
+
 def mutate(raw: bytes, name: str, rng: np.random.Generator) -> bytes:
     """Damage a file by chance: its fields where the file has any, else or also its bytes."""
-    structured = {"json": json_field, "yaml": yaml_field}.get(name.rpartition(".")[2])
+    structured = STRUCTURED.get(name.rpartition(".")[2])
     if structured and rng.random() < 0.5:
         return structured(raw, rng)
     for _ in range(int(rng.choice([1, 1, 1, 2, 4]))):

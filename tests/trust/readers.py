@@ -1,6 +1,6 @@
 """Every reader of pedpred with a small intact example of what it reads.
 
-A reader is added by one line of `READERS`: `make` writes the files into a folder, `read` reads them from there.
+A reader is added by one line of `READERS`: `make` writes the files into a folder, `read` reads them.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 import torch
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 from omegaconf import OmegaConf
 from PIL import Image
 
@@ -158,6 +160,24 @@ def read_model(folder: Path) -> object:
     return network.step({n: np.zeros(shapes[n], np.float32) for n in about.inputs}, memory)
 
 
+def make_open_recording(folder: Path) -> None:
+    """Neither compressed nor in chunks nor with checksums, so that damage reaches the messages."""
+    write_recording(place(), folder / "closed.mcap")
+    with (folder / "closed.mcap").open("rb") as source, (folder / "place.mcap").open("wb") as target:
+        writer = Writer(target, use_chunking=False, enable_crcs=False, compression=CompressionType.NONE)
+        writer.start("ros2")
+        reader, channels = make_reader(source), {}
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in channels:
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", known)
+            number = channels[channel.id]
+            writer.add_message(number, message.log_time, message.data, message.publish_time)
+        writer.finish()
+
+
 def make_archive(folder: Path) -> None:
     """The files of a data set as a tar archive, and their sums."""
     with tarfile.open(folder / "mirror.tar", "w") as archive:
@@ -229,6 +249,11 @@ READERS = {
     "model": Reader(export, ("model.json", "network.onnx"), read_model),
     "recording": Reader(
         lambda folder: write_recording(place(), folder / "place.mcap"),
+        ("place.mcap",),
+        lambda folder: read_recording(folder / "place.mcap"),
+    ),
+    "open recording": Reader(
+        make_open_recording,
         ("place.mcap",),
         lambda folder: read_recording(folder / "place.mcap"),
     ),

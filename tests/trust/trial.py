@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from pedpred.errors import PedpredError
 from tests.trust.mutations import mutate
@@ -57,6 +58,7 @@ def judged(reader: Reader, folder: Path) -> tuple[str, str]:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
             warnings.filterwarnings("ignore", category=UserWarning)
+            warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
             reader.read(folder)
         outcome, why = READ, ""
     except PedpredError as error:
