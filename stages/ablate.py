@@ -1,8 +1,8 @@
 """Run an ablation of conf/ablations as DVC experiments: `python -m stages.ablate layouts [--jobs 2]`.
 
-By hand, after `dvc repro`; the figures go to reports/ablations/<name>.{json,md,png}. Points are queued and run
-in copies of their own; what has been computed before comes from DVC's cache, so an interrupted ablation goes
-on where it was.
+By hand, after `dvc repro`; the figures go to reports/ablations/<name>.{json,md,png}. Points are queued and
+run in copies of their own; what has been computed before comes from DVC's cache, so an interrupted ablation
+goes on where it was.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) ->
     for point, name in experiments.items():
         overrides = [f"--set-param={o}" for o in (*ablation.always, *ablation.points[point])]
         said_by("dvc", "exp", "run", "--queue", "--name", name, *overrides, ablation.target)
-    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}  # its workers would keep pipes open
-    subprocess.run(["dvc", "queue", "start", "--jobs", str(jobs)], check=True, **silent)
+    start, quiet = ["dvc", "queue", "start", "--jobs", str(jobs)], subprocess.DEVNULL
+    subprocess.run(start, check=True, stdout=quiet, stderr=quiet)  # its workers would keep pipes open
     with tqdm(total=len(experiments), unit="point") as bar:
         while bar.n < len(experiments):
             time.sleep(PATIENCE_S)
