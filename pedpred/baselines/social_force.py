@@ -12,17 +12,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pedpred.baselines.together import SAME_TIME_S, rolled_out
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap, Recording, Scene
 from pedpred.simulation.crowd import Crowd
 from pedpred.simulation.ground import Ground, ground_of
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
-from pedpred.simulation.simulator import rollout
 
 GOALS_AHEAD = 4  # nobody reaches more within a horizon of some seconds
 _FREE_MARGIN_M = 3.0  # ground around the map where people may walk; no border is felt farther away
-_SAME_TIME_S = 1e-6
 
 
 class Intentions(NamedTuple):
@@ -71,20 +70,14 @@ def social_force_paths(
     """
     model = social_force_settings(settings)
     position, velocity = np.asarray(position, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
-    paths = np.empty((len(position), horizon_steps, 2))
-    if not len(paths):
-        return paths
+    if not len(position):
+        return np.empty((0, horizon_steps, 2))
     wanted = intentions(scene.recording, np.asarray(track_id), np.asarray(time_s), velocity)
     ground = _surroundings(scene.occupancy, np.vstack([position, wanted.goals]), model.routing.resolution_m)
     routes = routes_to(wanted.goals, ground, model.routing)
-    order = np.argsort(time_s, kind="stable")
-    instants = np.flatnonzero(np.diff(np.asarray(time_s)[order]) > _SAME_TIME_S) + 1
-    legs = np.zeros(len(paths), dtype=np.int64)
-    everyone = Crowd(position, velocity, wanted.desired_speed, wanted.plan, legs)
-    for rows in np.split(order, instants):
-        crowd = Crowd(*(values[rows] for values in everyone))
-        paths[rows] = rollout(crowd, ground, routes, model, horizon_steps, dt_s)
-    return paths
+    legs = np.zeros(len(position), dtype=np.int64)
+    crowd = Crowd(position, velocity, wanted.desired_speed, wanted.plan, legs)
+    return rolled_out(crowd, np.asarray(time_s), ground, routes, model, horizon_steps, dt_s)
 
 
 def intentions(
@@ -137,7 +130,7 @@ def _latest_rows(
         if first == last:
             raise ValueRuleError("track_id", int(asked), "the recording has no such track")
         mask = track_id == asked
-        found = np.searchsorted(times_s[first:last], time_s[mask] + _SAME_TIME_S, side="right") - 1
+        found = np.searchsorted(times_s[first:last], time_s[mask] + SAME_TIME_S, side="right") - 1
         rows[mask] = first + np.maximum(found, 0)
     return rows
 

@@ -101,7 +101,7 @@ def sight_weight(force: np.ndarray, direction: np.ndarray, settings: ForceSettin
     Returns:
         Weight. [...]
     """
-    seen = -(direction * force).sum(axis=-1) >= np.linalg.norm(force, axis=-1) * settings.sight_cosine
+    seen = -np.vecdot(direction, force) >= np.linalg.norm(force, axis=-1) * settings.sight_cosine
     return np.where(seen, 1.0, settings.unseen_weight)
 
 
