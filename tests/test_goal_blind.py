@@ -79,9 +79,11 @@ def test_a_scene_without_goals_is_refused(walked):
 
 def test_weighing_is_bayes_rule_for_a_linear_gaussian_model():
     rng = np.random.default_rng(1)
-    prior = Belief(np.array([[0.2, 0.5, 0.3]]), rng.uniform(1.0, 1.5, (1, 3)), rng.uniform(0.01, 0.1, (1, 3)))
-    direction = np.stack([np.cos([0.0, 0.3, -0.2]), np.sin([0.0, 0.3, -0.2])], axis=-1)[None]
-    acting = Influences(direction, rng.normal(0, 0.1, (1, 3, 2)))
+    prior = Belief(
+        np.array([[0.2, 0.5, 0.3]]), rng.uniform(1.15, 1.25, (1, 3)), rng.uniform(0.01, 0.1, (1, 3))
+    )
+    direction = np.stack([np.cos([0.0, 0.06, -0.04]), np.sin([0.0, 0.06, -0.04])], axis=-1)[None]
+    acting = Influences(direction, rng.normal(0, 0.02, (1, 3, 2)))
     start = Observations(np.zeros((1, 2)), np.array([[1.2, 0.0]]))
     end = Observations(np.zeros((1, 2)), np.array([[1.22, 0.05]]))
     found = weighed(prior, start, end, acting, np.zeros((1, 3)), MOVING)

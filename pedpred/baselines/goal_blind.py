@@ -20,7 +20,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable
 from pedpred.geometry import rotate
 from pedpred.scenes import Scene
-from pedpred.simulation.crowd import Crowd
+from pedpred.simulation.crowd import crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
@@ -74,7 +74,7 @@ def goal_blind_paths(
     for draw, plan in enumerate(drawn_plans(belief.probability, moving.following, draws, rng)):
         speed = np.take_along_axis(belief.speed_mps, plan[:, :1], axis=1)[:, 0]
         speed = np.clip(speed, *model.crowd.speed_range_mps)
-        crowd = Crowd(here.position, here.velocity, speed, plan, np.zeros(len(rows), dtype=np.int64))
+        crowd = crowd_of(here.position, here.velocity, speed, plan)
         futures[draw] = rolled_out(crowd, time_s, ground, routes, model, horizon_steps, dt_s)
     return geometric_median(futures)
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from pedpred.baselines.goal_blind import goal_blind_paths
 from pedpred.baselines.kinematic import constant_acceleration, constant_velocity, kalman_velocity
-from pedpred.baselines.social_force import social_force_paths
+from pedpred.baselines.social_force import outset_of
 from pedpred.errors import ConfigError
 from pedpred.features import FeatureTable
-from pedpred.geometry import rotate
 from pedpred.scenes import Scene
+from pedpred.simulation.settings import social_force_settings
 
 Baseline = Callable[[Scene, FeatureTable, np.ndarray, np.ndarray, Mapping[str, Any]], np.ndarray]
 """(scene, its whole feature table, rows [R] of everybody at some instants, times ahead [P] s,
@@ -24,17 +24,8 @@ social-force settings) -> paths [R, P, 2], world, m"""
 def _social_force(
     scene: Scene, table: FeatureTable, rows: np.ndarray, ahead_s: np.ndarray, settings: Mapping[str, Any]
 ) -> np.ndarray:
-    asked = table.select(rows)
-    return social_force_paths(
-        scene,
-        asked.track_id,
-        asked.time_s,
-        asked.position,
-        rotate(asked.velocity, asked.heading_rad),
-        settings,
-        len(ahead_s),
-        float(ahead_s[0]),
-    )
+    model = social_force_settings(settings)
+    return outset_of(scene, table.select(rows), model.routing).paths(model, len(ahead_s), float(ahead_s[0]))
 
 
 def _goal_blind(

@@ -95,7 +95,7 @@ def rollout(
     """
     every = int(np.ceil(dt_s / settings.clock.step_s - 1e-6))
     clock = Clock(dt_s / every, horizon_steps * every, every, 1)
-    moving = crowd_of(crowd.position, crowd.velocity, crowd.desired_speed, crowd.plan)
+    moving = crowd_of(crowd.position, crowd.velocity, crowd.desired_speed, crowd.plan, crowd.group)
     path, _, _ = advance(moving, _NO_NOISE, clock, ground, routes, settings.forces, settings.crowd.reach_m)
     return path.swapaxes(0, 1)
 
