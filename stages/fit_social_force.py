@@ -1,7 +1,8 @@
 """Fit the social forces to one place: `python -m stages.fit_social_force +name=eth`.
 
 By hand, after `dvc repro features@<name>`: the result is configuration,
-conf/social_force/fitted_on_<name>.yaml, which the *other* places are forecast with. Run `make params` afterwards.
+conf/social_force/fitted_on_<name>.yaml, which the *other* places are forecast with. Run `make
+params` afterwards.
 """
 
 import logging
