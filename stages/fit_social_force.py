@@ -20,7 +20,7 @@ from pedpred.simulation.settings import social_force_settings
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest, read_shard
 
-_TRIALS = 400  # a few minutes on one core; the last 100 gain less than 0.1 mm
+_TRIALS = 300  # one to two minutes on one core
 _PAGE = """\
 # Least average displacement error on {name}: {reached_m:.4f} m ({start_m:.4f} m before the fit); written by
 # python -m stages.fit_social_force +name={name}

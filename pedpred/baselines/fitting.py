@@ -23,8 +23,8 @@ FITTED = (
 )
 """What differs between simulated people and those of a place; all positive."""
 
-_WIDEST = (0.02, 20.0)  # times the start value
-_LEAST_STEPS = 3.0  # tau in integration steps; a faster relaxation would not be integrated
+_SPAN = 4.0  # no value leaves [start / 4, start * 4]: far beyond, the terms would mean something else ...
+_GROUP_LEAST = 0.02  # ... but the group terms, which not everybody follows, may fade to this share
 
 
 @dataclass(frozen=True)
@@ -75,13 +75,12 @@ def fitted(
         paths = start.paths(tried, truth.shape[1], dt_s)[asked]
         return float(np.linalg.norm(paths - truth, axis=-1).mean())
 
-    low, high = (np.log(first * factor) for factor in _WIDEST)
-    low[FITTED.index("relaxation_time_s")] = np.log(_LEAST_STEPS * model.clock.step_s)
+    low = np.where([name.startswith("group_") for name in FITTED], _GROUP_LEAST, 1.0 / _SPAN)
     found = minimize(
         error_m,
         np.log(first),
         method="Nelder-Mead",
-        bounds=np.stack([low, high], axis=1),
+        bounds=np.log(np.stack([first * low, first * _SPAN], axis=1)),
         options={
             "maxfev": most_trials,
             "xatol": 1e-2,
