@@ -64,11 +64,11 @@ def read_bytes(path: Path, largest: int = _LARGEST_BYTES) -> bytes:
         OSError: the file cannot be read.
         ShapeError: it is larger.
     """
+    size = path.stat().st_size
+    if size > largest:
+        raise ShapeError("file", (size,), f"at most {largest} bytes")
     with path.open("rb") as file:
-        raw = file.read(largest + 1)
-    if len(raw) > largest:
-        raise ShapeError("file", (path.stat().st_size,), f"at most {largest} bytes")
-    return raw
+        return file.read(size)
 
 
 def read_json(path: Path, wording: Wording) -> dict[str, Any]:

@@ -21,10 +21,10 @@ def main(cfg: DictConfig) -> None:
     name, options = stage_key(cfg), cfg.evaluation
     torch.set_num_threads(options.threads)
     out = Path(cfg.get("out", f"data/forecasts/{name}"))
-    social_force = plain(cfg.social_force)
     metrics: dict = {}
     for test, phase in options[name].items():
         networks = {model: load_motion_lstm(Path("models") / phase / model) for model in options.models}
+        baselines, social_force = list(options.baselines[name]), plain(cfg.scenes[test].social_force)
         settings, _ = read_manifest(Path("data/features") / test)
         scores = {}
         for folder in tqdm(scene_folders(Path("data/scenes") / test), desc=f"evaluate {test}"):
@@ -32,7 +32,7 @@ def main(cfg: DictConfig) -> None:
             table = read_shard(Path("data/features") / test, scene.name, settings)
             codes = read_codes(Path("data/codes") / test, scene.name)
             columns, scores[scene.name] = compare(
-                scene, table, codes, settings, networks, options, social_force
+                scene, table, codes, settings, networks, baselines, options, social_force
             )
             write_columns(columns, out / f"{scene.name}.parquet")
         metrics |= figures(test, scores, options.bootstrap, options.seed, settings.leaks)

@@ -8,34 +8,32 @@ from pandas import DataFrame
 
 from pedpred.config import stage
 from pedpred.files import write_text
-from pedpred.report.curves import read_curve
+from pedpred.report.ablation import ablation_sections
+from pedpred.report.crowd import flow_section
 from pedpred.report.gallery import real_gallery, simulation_gallery
-from pedpred.report.metrics import read_metrics
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.replay import replay
-from pedpred.storage.scenes import read_scenes
-from pedpred.storage.windows import read_windows
+from stages.report import gathered
 
 GALLERIES = {"sim": ("Simulated people", simulation_gallery), "real": ("Real people", real_gallery)}
 
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read metrics, forecasts, scenes and training curves; write the page to `out`."""
+    """Gather what the other stages wrote; write the page to `out`."""
     metrics, sections, replays = {}, {}, {}
     curves: dict[str, DataFrame] = {}
+    others = {path.stem: json.loads(path.read_text()) for path in Path("reports/metrics").glob("*.json")}
     for key, (title, gallery) in GALLERIES.items():
-        metrics[key] = read_metrics(Path("reports/metrics") / f"{key}.json")
-        windows = {p.stem: read_windows(p) for p in sorted(Path("data/forecasts", key).glob("*.parquet"))}
-        folders = [folder for name in metrics[key] if (folder := Path("data/scenes", name)).is_dir()]
-        scenes = {scene.name: scene for folder in folders for scene in read_scenes(folder)}
-        own = {table.stem: read_curve(table) for table in sorted(Path("reports/curves", key).glob("*.tsv"))}
+        metrics[key], scenes, windows, own = gathered(key)
         sections[title] = gallery(metrics[key], scenes, windows, own)
         curves |= own
+        place = {scene.name: scene for data_set in scenes.values() for scene in data_set}
         for name in cfg.page.replays[key]:
-            replays[name] = replay(scenes[name], windows[name], cfg.page.duration_s)
+            replays[name] = replay(place[name], windows[name], cfg.page.duration_s)
+    sections["Ablations"] = ablation_sections(Path("conf/ablations"), Path("reports/ablations"))
+    sections["The walking itself"] = [flow_section(others["walking"]["corridor_flow"])]
     shown = [replays[name] for names in cfg.page.replays.values() for name in names]
-    others = {path.stem: json.loads(path.read_text()) for path in Path("reports/metrics").glob("*.json")}
     text = page(
         Contents(
             metrics["sim"],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ def compare(
     codes: np.ndarray,
     settings: FeatureSettings,
     networks: Mapping[str, MotionLstm],
+    baselines: Sequence[str],
     options: Mapping[str, Any],
     social_force: Mapping[str, Any],
 ) -> tuple[dict[str, np.ndarray], dict[str, Scores]]:
@@ -38,8 +39,9 @@ def compare(
         codes: the frozen encoder's outputs of all rows. [M, C]
         settings: sizes of the features.
         networks: trained networks by method name.
-        options: `evaluation` configuration: baselines, moving_mps, collision_m.
-        social_force: settings of the social-force model.
+        baselines: names of the untrained methods.
+        options: `evaluation` configuration: moving_mps, collision_m.
+        social_force: settings of the social-force model at this place.
 
     Returns:
         Columns of the forecast file (one row per window), and the scores of each method.
@@ -49,8 +51,8 @@ def compare(
     windows = table.select(window)
     paths = {}
     together = seen_together(table)
-    for name in options["baselines"]:
-        everybody = baseline(name)(scene, table.select(together), ahead_s, social_force)
+    for name in baselines:
+        everybody = baseline(name)(scene, table, together, ahead_s, social_force)
         paths[name] = everybody[np.searchsorted(together, window)]
     for name, network in networks.items():
         velocities = forecast_velocities(network, table, codes, settings)

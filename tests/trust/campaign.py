@@ -26,6 +26,7 @@ KEPT = Path("build/trust")
 _PATIENCE_S = 60.0  # of the campaign with a child: starting, then one trial
 _ROOM_BYTES = 6 * 2**30  # of addresses, beyond what the libraries have taken
 _RESTARTS = 50
+_MOST_KEPT = 20  # lost cases of a reader
 
 
 def attempt(pipe: Connection, name: str, first: int, count: int) -> None:
@@ -82,8 +83,9 @@ def campaign(names: Sequence[str], count: int, jobs: int) -> dict[str, Counter[s
         for seed, outcome, why in outcomes(name, count):
             found[name][outcome] += 1
             if outcome == LOST:
-                keep(name, seed, why)
-                bar.write(f"{name} {seed}: {why[:200]}")
+                if found[name][LOST] <= _MOST_KEPT:
+                    keep(name, seed, why)
+                    bar.write(f"{name} {seed}: {why[:200]}")
             bar.update()
 
     with (
