@@ -82,10 +82,9 @@ def campaign(names: Sequence[str], count: int, jobs: int) -> dict[str, Counter[s
     def one(name: str, bar: tqdm) -> None:
         for seed, outcome, why in outcomes(name, count):
             found[name][outcome] += 1
-            if outcome == LOST:
-                if found[name][LOST] <= _MOST_KEPT:
-                    keep(name, seed, why)
-                    bar.write(f"{name} {seed}: {why[:200]}")
+            if outcome == LOST and found[name][LOST] <= _MOST_KEPT:
+                keep(name, seed, why)
+                bar.write(f"{name} {seed}: {why[:200]}")
             bar.update()
 
     with (
