@@ -37,6 +37,12 @@ class OnlineSettings:
     clocks: int = 1
     clock_offset_s: float = 0.0
 
+    @classmethod
+    def as_offline(cls, features: FeatureSettings, detection_dt_s: float) -> OnlineSettings:
+        """What makes a replay take the steps of a feature table, for detections `detection_dt_s` apart."""
+        age_s = features.max_age_intervals * detection_dt_s
+        return cls(age_s, TIME_TOLERANCE_S, features.clocks, detection_dt_s)
+
 
 class OnlinePredictor:
     """Follows everybody and predicts their next seconds, with memory per track.

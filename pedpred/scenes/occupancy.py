@@ -37,6 +37,20 @@ class OccupancyMap:
         object.__setattr__(self, "occupied", occupied)
         object.__setattr__(self, "origin", origin)
 
+    @classmethod
+    def free_around(cls, points: np.ndarray, margin_m: float = 1.0, resolution_m: float = 0.1) -> OccupancyMap:
+        """A map without obstacles for a place whose obstacles nobody knows.
+
+        Args:
+            points: lie inside, world frame, m. [M, 2]
+            margin_m: ground around them, m.
+            resolution_m: side of a cell; cells lie at whole multiples of it, m.
+        """
+        ends = points if len(points) else np.zeros((1, 2))
+        first = np.floor((ends.min(axis=0) - margin_m) / resolution_m)
+        last = np.ceil((ends.max(axis=0) + margin_m) / resolution_m)
+        return cls(np.zeros((last - first).astype(int), bool), first * resolution_m, resolution_m)
+
     @property
     def extent_m(self) -> np.ndarray:
         """Size along x and y, m, [2]."""
