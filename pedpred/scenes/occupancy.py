@@ -9,6 +9,10 @@ import numpy as np
 from pedpred.errors import ShapeError, ValueRuleError
 
 
+_FREE_CELLS = 1000
+"""Per side of a map without obstacles, at most: one stray position must not cost gigabytes."""
+
+
 @dataclass(frozen=True)
 class OccupancyMap:
     """Which cells of the ground are blocked. Outside the map everything is free.
@@ -38,18 +42,18 @@ class OccupancyMap:
         object.__setattr__(self, "origin", origin)
 
     @classmethod
-    def free_around(cls, points: np.ndarray, margin_m: float = 1.0, resolution_m: float = 0.1) -> OccupancyMap:
-        """A map without obstacles for a place whose obstacles nobody knows.
+    def free_around(cls, points: np.ndarray, margin_m: float = 1.0) -> OccupancyMap:
+        """A map without obstacles for a place whose obstacles nobody knows; its cells are 0.1 m or more.
 
         Args:
             points: lie inside, world frame, m. [M, 2]
             margin_m: ground around them, m.
-            resolution_m: side of a cell; cells lie at whole multiples of it, m.
         """
         ends = points if len(points) else np.zeros((1, 2))
-        first = np.floor((ends.min(axis=0) - margin_m) / resolution_m)
-        last = np.ceil((ends.max(axis=0) + margin_m) / resolution_m)
-        return cls(np.zeros((last - first).astype(int), bool), first * resolution_m, resolution_m)
+        low, high = ends.min(axis=0) - margin_m, ends.max(axis=0) + margin_m
+        resolution_m = max(0.1, float((high - low).max()) / _FREE_CELLS)
+        shape = np.ceil((high - low) / resolution_m).astype(np.int64)
+        return cls(np.zeros(shape, bool), low, resolution_m)
 
     @property
     def extent_m(self) -> np.ndarray:
