@@ -8,7 +8,6 @@ import numpy as np
 
 from pedpred.errors import ShapeError, ValueRuleError
 
-
 _FREE_CELLS = 1000
 """Per side of a map without obstacles, at most: one stray position must not cost gigabytes."""
 

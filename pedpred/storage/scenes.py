@@ -168,7 +168,7 @@ def read_tracks_csv(path: Path) -> Recording:
         StorageError: the file is no table, or a column is missing or holds no numbers; it is named.
     """
     try:
-        table = pd.read_csv(path, skipinitialspace=True, float_precision="round_trip")
+        table = pd.read_csv(path, skipinitialspace=True)
     except (OSError, ValueError) as cause:
         raise StorageError(path, "file", str(cause), _REMEDY) from cause
     table = table.astype(np.float64) if table.empty else table  # no rows, no types
