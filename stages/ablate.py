@@ -1,8 +1,8 @@
 """Run an ablation of conf/ablations as DVC experiments: `python -m stages.ablate layouts [--jobs 2]`.
 
-By hand, after `dvc repro`; the figures go to reports/ablations/<name>.{json,md,png}. Points run beside each
-other in copies of their own; what has been computed before comes from DVC's cache, so an interrupted ablation
-continues.
+By hand, after `dvc repro`; the figures go to reports/ablations/<name>.{json,md,png}. Points are queued and
+run in copies of their own; what has been computed before comes from DVC's cache, so an interrupted ablation
+goes on where it was.
 """
 
 from __future__ import annotations
@@ -11,34 +11,55 @@ import argparse
 import json
 import logging
 import subprocess
+import time
+from collections.abc import Mapping
 from pathlib import Path
 
-from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from pedpred.report.ablation import Ablation, ablation_figure, ablation_table, point_rows, read_ablation
 from pedpred.report.canvas import write_png
 
+PATIENCE_S = 2.0  # between two looks at the queue
 
-def reproduced(ablation: Ablation, name: str, point: str) -> dict:
-    """Run one point as a DVC experiment; the measures of every method."""
-    experiment = f"{name}-{point.replace(' ', '-')}"
-    overrides = [f"--set-param={o}" for o in (*ablation.always, *ablation.points[point])]
-    command = ["dvc", "exp", "run", "--temp", "--force", "--name", experiment, *overrides, ablation.target]
+
+def said_by(*command: str) -> str:
+    """Output of a command.
+
+    Raises:
+        SystemExit: it failed; with what it said.
+    """
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise SystemExit(f"{experiment}: {done.stdout}\n{done.stderr}")
-    pattern = f"refs/exps/*/*/{experiment}"
-    found = subprocess.run(
-        ["git", "for-each-ref", "--sort=-committerdate", "--format=%(refname)", pattern],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.split()
-    text = subprocess.run(
-        ["git", "show", f"{found[0]}:{ablation.metrics}"], capture_output=True, text=True, check=True
-    )
-    return json.loads(text.stdout)[ablation.entry]
+        raise SystemExit(f"{' '.join(command)}\n{done.stdout}\n{done.stderr}")
+    return done.stdout
+
+
+def finished() -> dict[str, str]:
+    """Git references of all finished experiments by name; `failed` is there once one has failed."""
+    references = said_by("git", "for-each-ref", "--format=%(refname)", "refs/exps").split()
+    return {reference.rpartition("/")[2]: reference for reference in references}
+
+
+def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) -> dict[str, dict]:
+    """Run every point as a queued DVC experiment; the measures of all methods by point."""
+    said_by("dvc", "queue", "remove", "--failed")
+    if stale := sorted(set(experiments.values()) & set(finished())):
+        said_by("dvc", "exp", "remove", *stale)
+    for point, name in experiments.items():
+        overrides = [f"--set-param={o}" for o in (*ablation.always, *ablation.points[point])]
+        said_by("dvc", "exp", "run", "--queue", "--name", name, *overrides, ablation.target)
+    start, quiet = ["dvc", "queue", "start", "--jobs", str(jobs)], subprocess.DEVNULL
+    subprocess.run(start, check=True, stdout=quiet, stderr=quiet)  # its workers would keep pipes open
+    with tqdm(total=len(experiments), unit="point") as bar:
+        while bar.n < len(experiments):
+            time.sleep(PATIENCE_S)
+            done = finished()
+            if "failed" in done:
+                raise SystemExit("A point failed: `dvc queue status` says which, `dvc queue logs <name>` why")
+            bar.update(len(set(experiments.values()) & set(done)) - bar.n)
+    shown = {p: said_by("git", "show", f"{done[name]}:{ablation.metrics}") for p, name in experiments.items()}
+    return {point: json.loads(text)[ablation.entry] for point, text in shown.items()}
 
 
 def main() -> None:
@@ -49,10 +70,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("reports/ablations"))
     options = parser.parse_args()
     ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
-    workers = Parallel(n_jobs=options.jobs, backend="threading", return_as="generator")
-    done = workers(delayed(reproduced)(ablation, options.name, point) for point in ablation.points)
-    measured = dict(zip(ablation.points, tqdm(done, total=len(ablation.points), unit="point"), strict=True))
-    rows = point_rows(ablation, measured)
+    experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
+    rows = point_rows(ablation, reproduced(ablation, experiments, options.jobs))
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / f"{options.name}.json").write_text(json.dumps(rows, indent=1) + "\n")
     (options.out / f"{options.name}.md").write_text(f"{ablation_table(ablation, rows)}\n")

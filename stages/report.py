@@ -18,17 +18,23 @@ TRAINED_IN = {"sim": ["corridor", "main"], "real": []}
 """Scene sets that no forecast is about, shown nevertheless."""
 
 
+def gathered(key: str) -> tuple:
+    """Metrics, scenes by data set, forecasts and training curves of the simulated or the real people."""
+    metrics = read_metrics(Path("reports/metrics") / f"{key}.json")
+    tested = [name for name in metrics if Path("data/scenes", name).is_dir()]
+    scenes = {name: list(read_scenes(Path("data/scenes", name))) for name in [*tested, *TRAINED_IN[key]]}
+    windows = {p.stem: read_windows(p) for p in sorted(Path("data/forecasts", key).glob("*.parquet"))}
+    curves = {table.stem: read_curve(table) for table in sorted(Path("reports/curves", key).glob("*.tsv"))}
+    return metrics, scenes, windows, curves
+
+
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read metrics, forecasts, scenes and training curves; write one page."""
+    """Write one page and its pictures."""
     key = stage_key(cfg)
     gallery, page = PAGES[key]
     out = Path(cfg.get("out", "reports"))
-    metrics = read_metrics(Path("reports/metrics") / f"{key}.json")
-    windows = {p.stem: read_windows(p) for p in sorted(Path("data/forecasts", key).glob("*.parquet"))}
-    tested = [name for name in metrics if Path("data/scenes", name).is_dir()]
-    scenes = {name: list(read_scenes(Path("data/scenes", name))) for name in [*tested, *TRAINED_IN[key]]}
-    curves = {table.stem: read_curve(table) for table in sorted(Path("reports/curves", key).glob("*.tsv"))}
+    metrics, scenes, windows, curves = gathered(key)
     sections = gallery(metrics, scenes, windows, curves)
     (out / key).mkdir(parents=True, exist_ok=True)
     for picture in (picture for section in sections for picture in section.pictures):

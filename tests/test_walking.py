@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation.crowd_flow import FlowSettings, corridor_flow, lane_order, weidmann_speed_mps
+from pedpred.evaluation.crowd_flow import FlowSettings, corridor_flow, lane_order
 from pedpred.evaluation.walking import Walking, walking
 from pedpred.report.canvas import png_bytes
-from pedpred.report.crowd import crowd_page, flow_figure, lanes_figure, walking_findings
+from pedpred.report.crowd import crowd_page, flow_figure, lanes_figure, walking_findings, weidmann_speed_mps
 from pedpred.scenes import Recording, Scene
 from tests.simulated import EMPTY_ROOM, SETTINGS, read, scene_of, short
 

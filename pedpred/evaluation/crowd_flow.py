@@ -46,15 +46,6 @@ class FlowSettings:
     seed: int
 
 
-def weidmann_speed_mps(density_per_m2: np.ndarray) -> np.ndarray:
-    """Observed speeds, v = 1.34 (1 - exp(-1.913 (1/rho - 1/5.4))) m/s. Weidmann 1993 (Kladek's form).
-
-    Args:
-        density_per_m2: rho > 0. [...]
-    """
-    return 1.34 * (1.0 - np.exp(-1.913 * (1.0 / np.asarray(density_per_m2) - 1.0 / 5.4)))
-
-
 def lane_order(lateral_m: np.ndarray, forward: np.ndarray, lane_m: float) -> float:
     """Mean of phi_n = ((N_same - N_opposite) / (N_same + N_opposite))^2. Rex & Loewen 2007.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from matplotlib.figure import Figure
 from pedpred.errors import ConfigError
 from pedpred.report.canvas import blank, styled
 from pedpred.report.methods import colours, label
+from pedpred.report.pages import Picture, Section
 from pedpred.report.tables import interval, markdown_table
 
 
@@ -58,6 +60,17 @@ def read_ablation(path: Path) -> Ablation:
         return Ablation(**plain, points=points)
     except (AttributeError, KeyError, TypeError) as cause:
         raise ConfigError(str(path), plain, str(cause)) from cause
+
+
+def ablation_sections(asked: Path, found: Path) -> list[Section]:
+    """A picture per ablation that was run: `asked`/<name>.yaml and the rows in `found`/<name>.json."""
+    sections = []
+    for path in sorted(found.glob("*.json")):
+        ablation = read_ablation(asked / f"{path.stem}.yaml")
+        figure = ablation_figure(ablation, json.loads(path.read_text()))
+        caption = f"`python -m stages.ablate {path.stem}`; bars: 95 % intervals over tracks."
+        sections.append(Section(ablation.title, [Picture(path.stem, caption, figure)]))
+    return sections
 
 
 def point_rows(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:

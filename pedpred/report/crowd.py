@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pedpred.evaluation.crowd_flow import weidmann_speed_mps
 from pedpred.report.canvas import FAINT, INK, blank, styled
 from pedpred.report.findings import Finding
+from pedpred.report.pages import Picture, Section
 from pedpred.report.plan import draw_ground
 from pedpred.report.tables import findings_table, markdown_table
 from pedpred.scenes import Scene
@@ -40,6 +40,15 @@ def walking_findings(shares: Mapping[str, Any]) -> list[Finding]:
     return [Finding(claim, f"{shares[key]:.2%}", "met" if holds else "missed") for claim, key, holds in rules]
 
 
+def weidmann_speed_mps(density_per_m2: np.ndarray) -> np.ndarray:
+    """Observed speeds, v = 1.34 (1 - exp(-1.913 (1/rho - 1/5.4))) m/s. Weidmann 1993 (Kladek's form).
+
+    Args:
+        density_per_m2: rho > 0. [...]
+    """
+    return 1.34 * (1.0 - np.exp(-1.913 * (1.0 / np.asarray(density_per_m2) - 1.0 / 5.4)))
+
+
 @styled
 def flow_figure(rows: Sequence[Mapping[str, float]]) -> Figure:
     """Speed over density beside Weidmann's observations, and lane order beside that of chance."""
@@ -57,6 +66,15 @@ def flow_figure(rows: Sequence[Mapping[str, float]]) -> Figure:
     for axes in (speed, lanes):
         axes.legend()
     return figure
+
+
+def flow_section(rows: Sequence[Mapping[str, float]]) -> Section:
+    """The experiment in a corridor, for the page."""
+    caption = (
+        "Two opposite streams in a corridor, nothing fitted. Lane order of Rex and Löwen (2007): "
+        "1 for perfect lanes."
+    )
+    return Section("Speed, density and lanes", [Picture("flow", caption, flow_figure(rows))])
 
 
 @styled

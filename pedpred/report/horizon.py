@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -32,7 +34,7 @@ def horizon_figure(methods: MethodMetrics, title: str, step_s: float = 0.3) -> F
     for rank, name in enumerate(names):
         _draw_method(axes, methods[name], (rank - (len(names) - 1) / 2) * width, width, step_s, colour[name])
     steps = len(methods[names[0]]["per_step_m"])
-    top, cut = _scale(methods)
+    top, cut = scale_of(ends_of(methods))
     axes.set(
         xticks=np.arange(1, steps + 1) * step_s,
         xlabel="prediction horizon [s]",
@@ -59,10 +61,14 @@ def _entry(name: str, found: dict, cut: bool) -> str:
     return f"{label(name)}, {found['ade_m']:.3f} m{beyond}"
 
 
-def _scale(methods: MethodMetrics) -> tuple[float, str | None]:
-    """Upper end of the axis, and the method that exceeds it, if one is far beyond all others."""
-    tops = {name: max(m["per_step_q75_m"][-1], m["per_step_m"][-1]) for name, m in methods.items()}
-    by_size = sorted(tops, key=tops.__getitem__)
-    if len(by_size) > 1 and tops[by_size[-1]] > _OUTLIER * tops[by_size[-2]]:
-        return 1.15 * tops[by_size[-2]], by_size[-1]
-    return 1.08 * tops[by_size[-1]], None
+def ends_of(methods: MethodMetrics) -> dict[str, float]:
+    """How high the last box or mean of each method reaches, m."""
+    return {name: max(m["per_step_q75_m"][-1], m["per_step_m"][-1]) for name, m in methods.items()}
+
+
+def scale_of(ends: Mapping[str, float]) -> tuple[float, str | None]:
+    """Upper end of an axis for these ends, and the method that is far beyond all others, if there is one."""
+    by_size = sorted(ends, key=ends.__getitem__)
+    if len(by_size) > 1 and ends[by_size[-1]] > _OUTLIER * ends[by_size[-2]]:
+        return 1.15 * ends[by_size[-2]], by_size[-1]
+    return 1.08 * ends[by_size[-1]], None

@@ -99,7 +99,7 @@ def simulation_page(scenes: Mapping[str, MethodMetrics], sections: Sequence[Sect
 def real_page(scenes: Mapping[str, MethodMetrics], sections: Sequence[Section], folder: str) -> str:
     """Markdown page on real locations, each tested by networks tuned at the other one."""
     honest = {name: methods for name, methods in scenes.items() if not name.startswith(LEAKY)}
-    place = {name: _tested_at(name, list(honest)) for name in honest}
+    place = {name: tested_at(name, list(honest)) for name in honest}
     answers = [answer(methods, f"At {place[name]}") for name, methods in honest.items()]
     findings = [(name, f) for name, methods in honest.items() for f in real_findings(methods)]
     parts = ["# Real pedestrians: tested where no network was tuned"]
@@ -138,7 +138,7 @@ def answer(methods: MethodMetrics, where: str) -> str:
     return f"{text}, {gain} than {reference}{_gap(found, ' (', ')')}."
 
 
-def _tested_at(name: str, places: Sequence[str]) -> str:
+def tested_at(name: str, places: Sequence[str]) -> str:
     """A place, and where the networks were tuned if there is just one other."""
     others = [other for other in places if other != name]
     return f"{name} (tuned on {others[0]})" if len(others) == 1 else name

@@ -1,0 +1,31 @@
+"""Forecasters under the protocol of the literature, on the native annotations of the real places."""
+
+import json
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from pedpred.config import stage
+from pedpred.evaluation.literature import measures, methods, stretches
+from pedpred.storage.scenes import read_scene
+from pedpred.tracking import KalmanSettings
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Read data/scenes/<place>, write reports/metrics/literature.json (or `metrics`)."""
+    options, figures = cfg.literature, {}
+    for place in options.places:
+        tracker = {k: v for k, v in cfg.scenes[place].tracker.items() if k != "kind"}
+        recording = read_scene(Path("data/scenes") / place).recording
+        found = stretches(recording, options.observed_steps, options.predicted_steps, options.step_s)
+        figures[place] = {
+            name: measures(found, forecast(found), options.bootstrap, options.seed)
+            for name, forecast in methods(KalmanSettings(**tracker)).items()
+        }
+    path = Path(cfg.get("metrics", "reports/metrics/literature.json"))
+    path.write_text(json.dumps(figures, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""The literature's protocol: its windows, its errors by hand, and by a few independent lines on real data."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from pedpred.errors import ValueRuleError
+from pedpred.evaluation.literature import filtered, last_bend, last_step, measures, methods, stretches
+from pedpred.scenes import Recording
+from pedpred.sources import SOURCES
+from pedpred.tracking import KalmanSettings
+
+CONF = Path(__file__).resolve().parents[1] / "conf"
+SETTINGS = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initial_speed_mps=1.0)
+
+
+def walk(positions, step_s=0.4, track=7, start_s=0.0):
+    positions = np.asarray(positions, float)
+    return Recording(start_s + step_s * np.arange(len(positions)), np.full(len(positions), track), positions)
+
+
+def joined(*recordings):
+    return Recording(
+        *(np.concatenate([vars(r)[n] for r in recordings]) for n in ("time_s", "track_id", "position"))
+    )
+
+
+def test_errors_by_hand():
+    """Seen 0, 1 m; forecast 2, 3 m; true 2, 5 m: off by 0 and 2 m."""
+    found = stretches(walk([[0, 0], [1, 0], [2, 0], [5, 0]]), 2, 2, 0.4)
+    np.testing.assert_allclose(last_step(found), [[[2, 0], [3, 0]]])
+    figures = measures(found, last_step(found), 10, 0)
+    assert (figures["ade_m"], figures["fde_m"], figures["windows"], figures["tracks"]) == (1.0, 2.0, 1, 1)
+
+
+def test_a_constant_acceleration_is_continued():
+    """x = 0, 1, 4: the last velocity is 3 per step, the acceleration 2 per step^2; on to x = 4 + 3 + 1."""
+    found = stretches(walk([[0, 0], [1, 0], [4, 0], [9, 0]]), 3, 1, 0.4)
+    np.testing.assert_allclose(last_bend(found), [[[8, 0]]])
+
+
+def test_a_window_is_full_or_is_none():
+    line = np.column_stack([np.arange(9.0), np.zeros(9)])
+    gap = joined(walk(line[:4]), walk(line[4:], start_s=2.0))
+    other = walk(line[:3], track=8)
+    found = stretches(joined(gap, other), 2, 1, 0.4)
+    assert found.track.tolist() == [7] * 5 + [8]
+    assert np.ptp(np.diff(np.concatenate([found.seen, found.truth], axis=1), axis=1)[..., 0]) == 0
+    assert len(stretches(walk(line[:2]), 2, 1, 0.4).track) == 0
+    with pytest.raises(ValueRuleError, match="windows"):
+        measures(stretches(walk(line[:2]), 2, 1, 0.4), np.zeros((0, 1, 2)), 10, 0)
+
+
+def test_on_a_straight_walk_everybody_is_right():
+    found = stretches(walk(np.outer(np.arange(30), [0.5, 0.2])), 8, 12, 0.4)
+    assert len(found.track) == 11
+    for name, forecast in methods(SETTINGS).items():
+        tolerance_m = 0.05 if name == "kalman_cv" else 1e-9  # which begins by believing that people stand
+        np.testing.assert_allclose(forecast(found), found.truth, atol=tolerance_m)
+
+
+def test_forecasts_see_the_window_alone():
+    path = np.random.default_rng(3).normal(0, 0.4, (40, 2)).cumsum(axis=0)
+    whole, part = stretches(walk(path), 8, 12, 0.4), stretches(walk(path[11:31]), 8, 12, 0.4)
+    for forecast in methods(SETTINGS).values():
+        np.testing.assert_allclose(forecast(whole)[11], forecast(part)[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("place", "ade_m", "fde_m"), [("eth", 0.678, 1.344), ("hotel", 0.344, 0.657)])
+def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_m, fde_m):
+    settings = yaml.safe_load((CONF / "scenes" / f"{place}.yaml").read_text())
+    recording = SOURCES[settings["source"]](ewap_folder / settings["sequence"], place, settings).recording
+    errors = []
+    for track in np.unique(recording.track_id):
+        path = recording.position[recording.track_id == track]  # in time's order, and without holes
+        for k in range(len(path) - 19):
+            going = path[k + 7] + np.outer(np.arange(1, 13), path[k + 7] - path[k + 6])
+            errors.append(np.hypot(*(going - path[k + 8 : k + 20]).T))
+    found = stretches(recording, 8, 12, 0.4)
+    figures = measures(found, last_step(found), 10, 0)
+    assert figures["windows"] == len(errors)
+    assert figures["ade_m"] == pytest.approx(np.mean(errors), abs=1e-5) == pytest.approx(ade_m, abs=5e-4)
+    assert figures["fde_m"] == pytest.approx(np.mean(errors, axis=0)[-1], abs=1e-5)
+    assert figures["fde_m"] == pytest.approx(fde_m, abs=5e-4)
+    tracked = measures(found, filtered(found, SETTINGS), 10, 0)
+    assert tracked["ade_m"] < figures["ade_m"]

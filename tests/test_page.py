@@ -1,0 +1,335 @@
+"""The page stands alone, its figures are the metrics' and its player shows what was forecast."""
+
+import dataclasses
+import json
+import os
+import re
+import shutil
+import zlib
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import sync_playwright
+
+from pedpred.errors import ValueRuleError
+from pedpred.report.gallery import simulation_gallery
+from pedpred.report.page.build import Contents, page
+from pedpred.report.page.charts import box_plot, line_plot, whiskers
+from pedpred.report.page.replay import ANGULAR_LEVELS, replay
+from pedpred.storage.windows import RANGE_M
+from tests.test_report import MEETING, curve_tables, metrics_of, wall_scene, windows_of
+
+REPORTS = Path(__file__).resolve().parents[1] / "reports"
+LATENCY = [{"pedestrians": n, "median_ms": 0.5 * n, "p99_ms": 0.7 * n} for n in (1, 20, 200)]
+
+
+@pytest.fixture(scope="module")
+def hall(tmp_path_factory):
+    """A scene of walkers beside a block, and forecasts in it."""
+    scene = wall_scene()
+    return scene, windows_of(tmp_path_factory.mktemp("hall"), scene, planted_s=0.6)
+
+
+def contents_of(scene, windows):
+    metrics = {"sim_test": metrics_of(MEETING), "sim_test_hall": metrics_of(MEETING)}
+    real = {"eth": metrics_of(MEETING | {"lstm": 0.65, "cacc": 9.0}), "hotel": metrics_of(MEETING)}
+    gallery = simulation_gallery(metrics, {"sim_test": [scene]}, {"hall": windows}, {})
+    few = {name: real["eth"][name] | {"fde_ci95_m": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
+    literature = {"eth": few, "hotel": few}
+    shown = [replay(scene, windows, 2.1), replay(wall_scene("attic"), windows, 1.2)]
+    return Contents(metrics, real, {"Simulated people": gallery}, curve_tables(), shown, literature, LATENCY)
+
+
+@pytest.fixture(scope="module")
+def contents(hall):
+    return contents_of(*hall)
+
+
+@pytest.fixture(scope="module")
+def text(contents):
+    return page(contents)
+
+
+# What the player gets
+
+
+def unpacked(found):
+    raw, columns = zlib.decompress(found.data), {}
+    for name, kind, shape in found.header["columns"]:
+        values = np.frombuffer(raw[: int(np.prod(shape)) * np.dtype(kind).itemsize], kind)
+        raw, columns[name] = raw[values.nbytes :], values.reshape(shape)
+    assert raw == b""
+    return columns
+
+
+def test_a_replay_holds_the_forecasts_to_half_a_centimetre(hall):
+    scene, windows = hall
+    found = replay(scene, windows, 60.0)
+    columns = unpacked(found)
+    assert found.header["duration_s"] == pytest.approx(np.ptp(windows.time_s))
+    np.testing.assert_array_equal(columns["track"], windows.track_id)
+    np.testing.assert_allclose(columns["at"] / 100, windows.position, atol=0.00501)
+    for name, path in {"truth": windows.truth, "path_lstm": windows.paths["lstm"]}.items():
+        points = columns["at"][:, None] + np.cumsum(columns[name], axis=1)
+        np.testing.assert_allclose(points / 100, path, atol=0.00501)
+    np.testing.assert_array_equal(columns["grid"], windows.packed_grid)
+    np.testing.assert_allclose(columns["angular"] * RANGE_M / ANGULAR_LEVELS, windows.angular_grid_m)
+    obstacles = np.unpackbits(columns["obstacles"], axis=1, bitorder="little")[:, :200]
+    np.testing.assert_array_equal(obstacles, scene.occupancy.occupied.T)
+
+
+def test_a_replay_keeps_its_stretch_and_no_more(hall):
+    scene, windows = hall
+    found = replay(scene, windows, 0.9)
+    columns = unpacked(found)
+    assert np.unique(columns["time"]).tolist() == [0, 30, 60, 90]
+    assert columns["seen_time"].max() <= 90
+    assert found.data == replay(scene, windows, 0.9).data
+
+
+def test_what_does_not_fit_a_replay_is_refused(hall):
+    scene, windows = hall
+    slow = dataclasses.replace(windows, time_s=windows.time_s * 400.0)
+    with pytest.raises(ValueRuleError, match="time_s"):
+        replay(scene, slow, 1e6)
+
+
+# Where the marks lie
+
+
+def test_boxes_and_whiskers_lie_at_their_values():
+    methods = metrics_of(MEETING | {"cacc": 9.0})
+    plot = box_plot(methods, "here")
+    zero, tick = plot.frame.y_ticks[0], plot.frame.y_ticks[1]
+    height = {value: zero[0] + (tick[0] - zero[0]) * value / float(tick[1]) for value in (0.0, 1.0)}
+    box, found = plot.boxes["lstm"][6], methods["lstm"]
+    for where, field in (("mean", "per_step_m"), ("bottom", "per_step_q25_m"), ("median", "per_step_q50_m")):
+        expected = height[0.0] + (height[1.0] - height[0.0]) * found[field][6]
+        assert getattr(box, where) == pytest.approx(expected, abs=0.06)
+    assert plot.beyond == "cacc"
+    marks = whiskers(methods)
+    assert marks["cacc"].beyond
+    assert marks["lstm"].middle / marks["cv"].middle == pytest.approx(0.4 / 0.7)
+    assert not any(mark.beyond for name, mark in marks.items() if name != "cacc")
+
+
+def test_a_line_ends_where_its_series_ends():
+    plot = line_plot("x", {"lstm": (np.array([0.0, 4.0]), np.array([2.0, 1.0]))}, "step", "m")
+    (_, points, end), frame = plot.lines[0], plot.frame
+    assert end == "1.000"
+    assert float(points.split()[-1].split(",")[0]) == frame.width
+    assert float(points.split()[-1].split(",")[1]) == pytest.approx(frame.height * (1 - 1 / 2.1), abs=0.05)
+
+
+def test_a_series_of_zeros_lies_on_the_axis():
+    plot = line_plot("x", {"lstm": (np.zeros(1), np.zeros(1))}, "step", "IoU")
+    assert plot.lines[0][1] == f"0.0,{plot.frame.height:.1f}"
+
+
+# What stands on the page
+
+
+class Figures(HTMLParser):
+    """Collects the text of every element that names its place in the metrics, and all addresses."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found, self.addresses, self._place = [], [], None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        self._place = attrs.get("data-metric")
+        self.addresses += [
+            value for name, value in attrs.items() if name in ("src", "href", "srcset", "action")
+        ]
+
+    def handle_data(self, data):
+        if self._place:
+            self.found.append((self._place, data.strip()))
+            self._place = None
+
+
+def measured(metrics, place):
+    for part in place.split("."):
+        metrics = metrics[int(part) if isinstance(metrics, list) else part]
+    return metrics
+
+
+def assert_figures_are_metrics(text, metrics):
+    figures = Figures(text).found
+    for place, shown in figures:
+        value, number = measured(metrics, place), float(shown.removesuffix("%"))
+        digits = len(shown.removesuffix("%").strip().partition(".")[2])
+        scale = 100 if shown.endswith("%") else 1
+        assert number == pytest.approx(scale * value, abs=0.5001 * 10**-digits), place
+    return figures
+
+
+def test_every_figure_of_the_page_is_in_the_metrics(contents, text):
+    metrics = {**contents.simulated, **contents.real, "literature": contents.literature}
+    metrics["latency"] = {"updates": LATENCY}
+    figures = assert_figures_are_metrics(text, metrics)
+    assert {
+        "sim_test.lstm.ade_m",
+        "eth.cv.fde_m",
+        "literature.eth.cv.fde_m",
+        "latency.updates.1.median_ms",
+    } <= {p for p, _ in figures}
+
+
+def test_every_figure_of_the_committed_page_is_in_the_committed_metrics():
+    metrics = {}
+    for path in sorted((REPORTS / "metrics").glob("*.json")):
+        found = json.loads(path.read_text())
+        metrics |= found if path.stem in ("sim", "real") else {path.stem: found}
+    text = (REPORTS / "index.html").read_text()
+    assert len(assert_figures_are_metrics(text, metrics)) > 100
+    assert len(text) < 15e6
+
+
+def test_a_page_is_the_same_twice_and_needs_nothing_else(hall, text):
+    assert text == page(contents_of(*hall))
+    assert text.startswith("<!doctype html>")
+    assert [a for a in Figures(text).addresses if not a.startswith(("data:", "#"))] == []
+    assert not re.search(r"url\(|@import|\bfetch\(|XMLHttpRequest", text)
+
+
+def test_the_page_says_what_was_missed(text):
+    assert "<strong>1 of 8 expectations is missed</strong>" in text
+    assert "could not be reproduced" in text
+
+
+# In a browser
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A headless Chromium of this machine."""
+    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if path is None and os.environ.get("PEDPRED_REQUIRE_CHROMIUM"):
+        pytest.fail("Chromium is required here, but it is not installed")
+    if path is None:
+        pytest.skip("the page is tried out in Chromium, which is not installed")
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def file(text, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "index.html"
+    path.write_text(text)
+    return path
+
+
+class Visit:
+    """The page in a window without network; whatever goes wrong is collected."""
+
+    def __init__(self, browser, file, width, scheme):
+        size = {"width": width, "height": 900}
+        self.context = browser.new_context(viewport=size, color_scheme=scheme, offline=True)
+        self.page, self.problems = self.context.new_page(), []
+        self.page.on("console", lambda said: self.problems.append(said.text))
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.page.on(
+            "request", lambda asked: self.problems.append(asked.url) if self.strange(asked.url) else None
+        )
+        self.page.goto(file.as_uri())
+        self.page.wait_for_selector("#player[data-time]")
+
+    @staticmethod
+    def strange(url):
+        return not url.startswith(("file:", "data:", "blob:"))
+
+    def state(self, name):
+        return self.page.locator("#player").get_attribute(f"data-{name}")
+
+    def scrub(self, time_s):
+        self.page.locator(".scrub").evaluate(
+            "(bar, t) => { bar.value = t; bar.dispatchEvent(new Event('input')); }", time_s
+        )
+
+    def place_of(self, position):
+        """Where a point (m) of the hall of 20 m x 20 m lies in the plan, px."""
+        box = self.page.locator(".plan").bounding_box()
+        scale = min(box["width"], box["height"]) / 20
+        left, bottom = (box["width"] - 20 * scale) / 2, (box["height"] + 20 * scale) / 2
+        return {"x": left + scale * position[0], "y": bottom - scale * position[1]}
+
+
+@pytest.fixture
+def visit_at(browser, file):
+    """Opens the page at a width and in a colour scheme."""
+    opened = []
+
+    def visit(width=1280, scheme="light"):
+        opened.append(Visit(browser, file, width, scheme))
+        return opened[-1]
+
+    yield visit
+    for visited in opened:
+        visited.context.close()
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
+def test_the_page_loads_alone_and_fits(visit_at, width, scheme):
+    visit = visit_at(width, scheme)
+    over = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert visit.page.evaluate(over) <= 0
+    assert visit.problems == []
+    assert visit.state("scene") == "hall"
+    colours = "[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]"
+    paper, ink = (sum(map(int, re.findall(r"\d+", c)[:3])) for c in visit.page.evaluate(colours))
+    assert (paper > ink) == (scheme == "light")
+
+
+def test_the_player_plays_scrubs_and_changes_scene(visit_at):
+    visit = visit_at()
+    visit.scrub(0.3)
+    assert visit.state("time") == "0.30"
+    visit.page.click(".play")
+    visit.page.wait_for_function("Number(document.getElementById('player').dataset.time) > 0.5")
+    visit.page.click(".play")
+    stopped = visit.state("time")
+    assert visit.state("playing") == "false"
+    visit.page.locator(".plan").focus()
+    visit.page.keyboard.press("ArrowLeft")
+    assert float(visit.state("time")) < float(stopped)
+    visit.page.keyboard.press("Space")
+    assert visit.state("playing") == "true"
+    visit.page.click("text=attic")
+    visit.page.wait_for_selector("#player[data-scene=attic][data-playing=false]")
+    assert visit.problems == []
+
+
+def test_a_click_picks_the_person_there_and_tells_its_errors(visit_at, hall):
+    _, windows = hall
+    row = int(np.flatnonzero((windows.track_id == 3) & np.isclose(windows.time_s, 0.9))[0])
+    visit = visit_at()
+    visit.scrub(0.9)
+    visit.page.locator(".plan").focus()
+    visit.page.keyboard.press("Escape")
+    assert visit.state("picked") == ""
+    visit.page.click(".plan", position=visit.place_of(windows.position[row]))
+    assert visit.state("picked") == "3"
+    assert "Person 3" in visit.page.inner_text(".panel")
+    told = dict(re.findall(r"(Kalman CV|LSTM)\t([\d.]+)", visit.page.inner_text(".errors")))
+    for name, method in (("Kalman CV", "kalman_cv"), ("LSTM", "lstm")):
+        assert float(told[name]) == pytest.approx(windows.ade_m(method)[row], abs=0.011)
+    visit.page.click(".plan", position=visit.place_of((19.0, 1.0)))
+    assert visit.state("picked") == ""
+    assert visit.problems == []
+
+
+def test_a_figure_tells_its_interval_and_a_method_can_be_taken_out(visit_at):
+    visit = visit_at(390)
+    visit.page.locator('[data-metric="eth.lstm.ade_m"]').first.click()
+    assert "0.630 to 0.680 m" in visit.page.inner_text("#tip")
+    shown = visit.page.locator('.boxes [data-method="cacc"]').first
+    assert shown.is_visible()
+    visit.page.locator('.legend input[value="cacc"]').evaluate("box => box.click()")
+    assert not shown.is_visible()
