@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.baselines.kinematic import constant_acceleration, constant_velocity, kalman_velocity
+from pedpred.baselines.kinematic import KINEMATIC
 from pedpred.baselines.social_force import social_force_paths
 from pedpred.errors import ConfigError
 from pedpred.features import FeatureTable
@@ -33,10 +33,12 @@ def _social_force(
     )
 
 
+def _from_present_motion(forecast: Callable[[FeatureTable, np.ndarray], np.ndarray]) -> Baseline:
+    return lambda scene, table, ahead_s, settings: forecast(table, ahead_s)
+
+
 BASELINES: dict[str, Baseline] = {
-    "cv": lambda scene, table, ahead_s, settings: constant_velocity(table, ahead_s),
-    "cacc": lambda scene, table, ahead_s, settings: constant_acceleration(table, ahead_s),
-    "kalman_cv": lambda scene, table, ahead_s, settings: kalman_velocity(table, ahead_s),
+    **{name: _from_present_motion(forecast) for name, forecast in KINEMATIC.items()},
     "social_force": _social_force,
 }
 

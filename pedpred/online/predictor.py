@@ -12,7 +12,7 @@ from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings, Pedestrians, unpack_crops
 from pedpred.features.observe import Crowd, observe
 from pedpred.geometry import rotate
-from pedpred.online.network import ExportedNetwork, read_description
+from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.people import People, detected, next_ticks_s
 from pedpred.scenes import Forecast, OccupancyMap
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -68,6 +68,11 @@ class OnlinePredictor:
             StorageError: a file is missing, altered or of another version.
         """
         return cls(Path(folder), settings)
+
+    @property
+    def description(self) -> ModelDescription:
+        """What the model folder says about its network."""
+        return self._about
 
     @property
     def features(self) -> FeatureSettings:
