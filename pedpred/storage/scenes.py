@@ -1,5 +1,7 @@
 """Scenes on disk: one folder with `tracks.parquet`, `map.yaml` + `map.pgm`, `scene.json`.
 
+What pedpred writes has all of them. Somebody's own folder may have `tracks.csv` instead, and no map.
+
 A scene *set* is a folder of such folders (many arrangements of one simulated data set).
 """
 
@@ -22,6 +24,8 @@ from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 
 SCENE_SCHEMA = 1
 _PAIRS = {"position": ("x_m", "y_m"), "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
+_SHORT_NAMES = {"time": "time_s", "id": "track_id", "x": "x_m", "y": "y_m"}
+"""What may head a column of a CSV file; seconds and metres all the same."""
 _OCCUPIED, _FREE = 0, 254
 _REMEDY = "Write the scene again (dvc repro) or correct the file"
 
@@ -51,6 +55,9 @@ def read_scene(folder: Path) -> Scene:
     """
     about = _read_json(folder / "scene.json")
     try:
+        recording = _read_tracks(folder)
+        free = not (folder / "map.yaml").exists()
+        occupancy = OccupancyMap.free_around(recording.position) if free else read_map(folder)
         camera = None
         if "homography" in about and (folder / "reference.png").exists():
             homography = Homography(np.array(about["homography"]), about["first_pixel"])
@@ -58,8 +65,8 @@ def read_scene(folder: Path) -> Scene:
                 camera = Camera(homography, np.asarray(picture.convert("RGB")))
         return Scene(
             about["name"],
-            _read_tracks(folder / "tracks.parquet"),
-            read_map(folder),
+            recording,
+            occupancy,
             about["detection_dt_s"],
             camera,
         )
@@ -154,7 +161,24 @@ def read_map(folder: Path) -> OccupancyMap:
     return OccupancyMap((probability > threshold)[::-1].T, np.array([x, y]), resolution)
 
 
-def _read_tracks(path: Path) -> Recording:
+def read_tracks_csv(path: Path) -> Recording:
+    """Detections from CSV with a header: `time`, `id`, `x`, `y` or the names of tracks.parquet, in any order.
+
+    Raises:
+        StorageError: the file is no table, or a column is missing or holds no numbers; it is named.
+    """
+    try:
+        table = pd.read_csv(path, skipinitialspace=True)
+    except (OSError, ValueError) as cause:
+        raise StorageError(path, "file", str(cause), _REMEDY) from cause
+    table = table.astype(np.float64) if table.empty else table  # no rows, no types
+    return tracks_of(table.rename(columns=_SHORT_NAMES), path)
+
+
+def _read_tracks(folder: Path) -> Recording:
+    path = folder / "tracks.parquet"
+    if not path.exists() and (folder / "tracks.csv").exists():
+        return read_tracks_csv(folder / "tracks.csv")
     try:
         table = pd.read_parquet(path)
     except (OSError, pa.ArrowInvalid) as cause:
