@@ -1,6 +1,5 @@
 """evaluate_sim, evaluate_real: every forecaster in every window of the test scenes."""
 
-import json
 from pathlib import Path
 
 import torch
@@ -10,6 +9,7 @@ from tqdm import tqdm
 from pedpred.config import plain, stage, stage_key
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.summary import figures
+from pedpred.files import write_json
 from pedpred.models.forecasting import forecast_velocities, load_motion_lstm
 from pedpred.storage.columns import write_columns
 from pedpred.storage.scenes import read_scene, scene_folders
@@ -38,9 +38,7 @@ def main(cfg: DictConfig) -> None:
             )
             write_columns(columns, out / f"{scene.name}.parquet")
         metrics |= figures(test, scores, options.bootstrap, options.seed, settings.leaks)
-    path = Path(cfg.get("metrics", f"reports/metrics/{name}.json"))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(metrics, indent=1) + "\n")
+    write_json(Path(cfg.get("metrics", f"reports/metrics/{name}.json")), metrics)
 
 
 if __name__ == "__main__":

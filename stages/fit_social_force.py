@@ -48,7 +48,7 @@ def main(cfg: DictConfig) -> None:
     page += "".join(f"  {key}: {value:.4g}\n" for key, value in fit.forces.items())
     out = Path(cfg.get("out", "conf/social_force")) / f"fitted_on_{name}.yaml"
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(page)
+    write_text(out, page)
     logging.getLogger(__name__).info("%s\n%s", out, page)
 
 
