@@ -16,6 +16,7 @@ from pedpred.baselines.social_force import outset_of
 from pedpred.config import plain, stage, stage_key
 from pedpred.evaluation.compare import seen_together
 from pedpred.evaluation.scores import true_paths
+from pedpred.files import write_text
 from pedpred.simulation.settings import social_force_settings
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest, read_shard
