@@ -5,6 +5,8 @@ new detection of everybody, 0.3 s apart, so that each frame takes a remembered s
 network's multiply-adds at the matrix rate that numpy reaches here; the convolutions are two thirds of them.
 Beside it: the same network in torch, eager, without features, and the paper's 51 ms for 20 pedestrians on an
 i7-4810MQ.
+
+`python -m benchmarks.online --replay` compares forecasts instead of times, see `benchmarks.replay`.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import numpy as np
 import torch
 
 from benchmarks.features import room
+from benchmarks.replay import differences
 from benchmarks.timing import keep, median_ms, tell
 from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
 from pedpred.online import OnlinePredictor
@@ -86,7 +89,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--model", type=Path, default=Path("models/online/finetune_eth"))
     parser.add_argument("--json", type=Path, help="write the figures there")
+    parser.add_argument("--replay", action="store_true", help="online beside offline forecasts, no times")
     options = parser.parse_args()
+    if options.replay:
+        rows = list(differences(options.model.parent))
+        tell("Online and offline forecasts of the same windows, largest distance at any step", rows)
+        keep({"replay": rows}, options.json)
+        return
     torch.set_num_threads(1)
     settings = MotionSettings.parse(
         json.loads((options.model / "model.json").read_text())["origin"]["network"]

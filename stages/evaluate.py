@@ -7,9 +7,10 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from pedpred.config import plain, stage, stage_key
-from pedpred.evaluation.compare import compare, figures
+from pedpred.evaluation.compare import compare
+from pedpred.evaluation.summary import figures
 from pedpred.files import write_json
-from pedpred.models.forecasting import load_motion_lstm
+from pedpred.models.forecasting import forecast_velocities, load_motion_lstm
 from pedpred.storage.columns import write_columns
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import read_codes, read_manifest, read_shard
@@ -31,8 +32,9 @@ def main(cfg: DictConfig) -> None:
             scene = read_scene(folder)
             table = read_shard(Path("data/features") / test, scene.name, settings)
             codes = read_codes(Path("data/codes") / test, scene.name)
+            velocities = {m: forecast_velocities(n, table, codes, settings) for m, n in networks.items()}
             columns, scores[scene.name] = compare(
-                scene, table, codes, settings, networks, baselines, options, social_force
+                scene, table, settings, velocities, baselines, options, social_force
             )
             write_columns(columns, out / f"{scene.name}.parquet")
         metrics |= figures(test, scores, options.bootstrap, options.seed, settings.leaks)

@@ -25,7 +25,7 @@ def main(cfg: DictConfig) -> None:
     network = load_motion_lstm(Path("models", phase, "lstm"))
     features, _ = read_manifest(Path("data/features/main"))
     names = export_onnx(network, autoencoder.encoder, features.grid_cells, out / "network.onnx")
-    tracker = KalmanSettings(**{k: v for k, v in options["tracker"].items() if k != "kind"})
+    tracker = KalmanSettings(**{k: v for k, v in options[phase]["tracker"].items() if k != "kind"})
     description = ModelDescription(
         **names, features=features, tracker=tracker, standstill_mps=options["standstill_mps"]
     )

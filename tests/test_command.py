@@ -1,16 +1,19 @@
 """The command line: scenes in, recordings and folders out, errors as sentences."""
 
 import dataclasses
+import json
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from pedpred.command import main
+from pedpred.command.evaluation import COLLISION_M, MOVING_MPS
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.worlds import walled_scene
@@ -95,3 +98,49 @@ def test_help_is_there_and_needs_no_torch():
     )
     assert done.returncode == 0, done.stderr
     assert "predict" in done.stdout
+
+
+def test_own_tracks_in_a_table_are_measured(tmp_path, model, capsys):
+    """Two people who walk straight on, at 5 Hz: all that go on for three seconds are windows, and known."""
+    rows = [f"{0.2 * k},{who},{0.24 * k * way},{who}.5" for k in range(30) for who, way in ((1, 1), (2, -1))]
+    (tmp_path / "hall.csv").write_text("\n".join(["time,id,x,y", *rows]))
+    main(
+        ["evaluate", str(tmp_path / "hall.csv"), "--model", str(model[0]), "--json", str(tmp_path / "e.json")]
+    )
+    figures = json.loads((tmp_path / "e.json").read_text())["hall"]
+    assert set(figures) == {"cv", "cacc", "kalman_cv", "network"}
+    last = int((29 * 0.2 - 3.0) / 0.2)
+    assert {own["windows"] for own in figures.values()} == {2 * (last + 1 - 3)}
+    assert figures["cv"]["ade_m"] == pytest.approx(0.0, abs=1e-4)
+    robot = OnlinePredictor.load(model[0])
+    errors = []
+    for k in range(last + 1):
+        forecast = robot.update(0.2 * k, [1, 2], [[0.24 * k, 1.5], [-0.24 * k, 2.5]])
+        ahead = 1.2 * (0.2 * k + 0.3 * np.arange(1, 11))
+        truth = np.stack([np.stack([s * ahead, np.full(10, y)], axis=-1) for s, y in ((1, 1.5), (-1, 2.5))])
+        errors += [] if k < 3 else [np.linalg.norm(forecast.position - truth, axis=-1).mean()]
+    assert figures["network"]["ade_m"] == pytest.approx(np.mean(errors), abs=1e-4)
+    assert "hall: 24 windows of 2 tracks" in capsys.readouterr().out
+
+
+def test_several_scenes_are_pooled(tmp_path, model):
+    world = walled_scene(np.random.default_rng(2), 0.4, detections=35, tracks=2)
+    folders, out = [tmp_path / "walled", tmp_path / "other"], tmp_path / "e.json"
+    for folder in folders:
+        write_scene(dataclasses.replace(world, name=folder.name), folder)
+    main(["evaluate", *map(str, folders), "--model", str(model[0]), "--json", str(out)])
+    figures = json.loads(out.read_text())
+    one, both = figures["walled"]["network"], figures["all"]["network"]
+    assert both["ade_m"] == pytest.approx(one["ade_m"])
+    assert (both["windows"], both["tracks"]) == (2 * one["windows"], 2 * one["tracks"])
+
+
+def test_a_scene_that_is_too_short_to_measure_says_so(tmp_path, model):
+    (tmp_path / "hall.csv").write_text("time,id,x,y\n0,1,0,0\n0.4,1,0.4,0\n")
+    with pytest.raises(SystemExit, match="nobody in hall is detected 4 times"):
+        main(["evaluate", str(tmp_path / "hall.csv"), "--model", str(model[0])])
+
+
+def test_what_counts_is_what_the_published_metrics_count():
+    options = yaml.safe_load((Path(__file__).parents[1] / "conf/evaluation/paper.yaml").read_text())
+    assert (options["moving_mps"], options["collision_m"]) == (MOVING_MPS, COLLISION_M)

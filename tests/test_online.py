@@ -9,61 +9,9 @@ import numpy as np
 import pytest
 
 from pedpred.errors import ShapeError, StorageError, ValueRuleError
-from pedpred.features import FeatureSettings, extract
-from pedpred.geometry import rotate
-from pedpred.models import GridAutoencoder
-from pedpred.models.forecasting import forecast_velocities
-from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.features import FeatureSettings
+from pedpred.online import OnlinePredictor
 from pedpred.scenes import OccupancyMap
-from pedpred.tracking import follow
-from pedpred.training.autoencoder import encode
-from tests.exported import TRACKER
-from tests.worlds import walled_scene
-
-
-def offline_paths(scene, kind, clocks, model):
-    """Every row's forecast path, computed from the whole table. World frame."""
-    _, network, encoder = model
-    tracks = follow(scene.recording, kind, TRACKER if kind == "kalman" else None, 0.2)
-    settings = FeatureSettings(clocks=clocks)
-    table = extract(scene, tracks, settings)
-    whole = GridAutoencoder(64)
-    whole.encoder.load_state_dict(encoder.state_dict())
-    codes = encode(whole, table.occupancy, 60)
-    velocities = forecast_velocities(network, table, codes, settings)
-    walked = np.cumsum(velocities.astype(float) * 0.3, axis=1)
-    return table, table.position[:, None] + rotate(walked, table.heading_rad[:, None])
-
-
-def frames(scene):
-    """The detections of each instant."""
-    recording = scene.recording
-    for now in np.unique(recording.time_s):
-        here = recording.time_s == now
-        velocity = None if recording.velocity is None else recording.velocity[here]
-        yield float(now), recording.track_id[here], recording.position[here], velocity
-
-
-@pytest.mark.parametrize(
-    ("kind", "dt_s", "clocks"), [("kalman", 0.4, 3), ("kalman", 0.1, 1), ("truth", 0.3, 1)]
-)
-def test_a_replay_gives_the_offline_forecasts(model, kind, dt_s, clocks):
-    """At every step that coincides with a detection: annotations, a fast tracker, a simulation."""
-    scene = walled_scene(np.random.default_rng(1), dt_s, kind == "truth", detections=int(10 / dt_s))
-    table, paths = offline_paths(scene, kind, clocks, model)
-    options = OnlineSettings(1.25 * dt_s, snap_s=1e-6, clocks=clocks, clock_offset_s=dt_s)
-    robot = OnlinePredictor.load(model[0], options)
-    robot.set_map(scene.occupancy)
-    compared = 0
-    for now, track_id, position, velocity in frames(scene):
-        forecast = robot.update(now, track_id, position, velocity)
-        rows = np.flatnonzero((np.abs(table.time_s - now) < 2e-6) & np.isin(table.track_id, track_id))
-        at = np.searchsorted(forecast.track_id, table.track_id[rows])
-        np.testing.assert_array_equal(forecast.track_id[at], table.track_id[rows])
-        np.testing.assert_allclose(forecast.position[at], paths[rows], atol=1e-4)
-        compared += len(rows)
-    on_time = np.abs(table.time_s / dt_s - np.round(table.time_s / dt_s)) < 1e-4
-    assert compared == on_time.sum() > 20
 
 
 def test_the_frame_rate_is_free(model):

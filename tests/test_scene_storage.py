@@ -13,7 +13,16 @@ from hypothesis.extra.numpy import arrays
 from pedpred.errors import StorageError
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
-from pedpred.storage.scenes import read_map, read_scene, read_scenes, scene_folders, write_map, write_scene
+from pedpred.storage.scenes import (
+    read_map,
+    read_scene,
+    read_scenes,
+    read_tracks_csv,
+    scene_folders,
+    tracks_table,
+    write_map,
+    write_scene,
+)
 
 number = st.floats(-1e6, 1e6)
 
@@ -132,3 +141,36 @@ def test_damage_is_named(folder, damage, named):
     with pytest.raises(StorageError, match=named) as error:
         read_scene(folder)
     assert str(folder) in str(error.value)
+
+
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(scenes())
+def test_tracks_may_be_a_csv_table_and_the_map_missing(tmp_path, scene):
+    """Then the same people walk on free ground that holds them all."""
+    write_scene(scene, tmp_path / "place")
+    for name in ("tracks.parquet", "map.yaml", "map.pgm"):
+        (tmp_path / "place" / name).unlink()
+    tracks_table(scene.recording).to_csv(tmp_path / "place/tracks.csv", index=False)
+    own = read_scene(tmp_path / "place")
+    assert_same(own.recording, scene.recording)
+    assert not own.occupancy.occupied.any()
+    inside = own.occupancy.cell_of(own.recording.position)
+    assert ((inside >= 0) & (inside < own.occupancy.occupied.shape)).all()
+
+
+def test_a_csv_table_may_have_short_names_in_any_order(tmp_path):
+    (tmp_path / "tracks.csv").write_text("y, x, id, time\n2.0, 1.0, 7, 0.5\n2.5, 1.5, 7, 0.0\n")
+    recording = read_tracks_csv(tmp_path / "tracks.csv")
+    np.testing.assert_array_equal(recording.time_s, [0.0, 0.5])
+    np.testing.assert_array_equal(recording.position, [[1.5, 2.5], [1.0, 2.0]])
+    assert recording.usual_interval_s() == 0.5
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [("", "tracks.csv"), ("time,id,x\n0,1,2\n", "column y_m"), ("time,id,x,y\n0,1,2,left\n", "column y_m")],
+)
+def test_a_csv_file_that_is_no_table_of_tracks_is_named(tmp_path, text, named):
+    (tmp_path / "tracks.csv").write_text(text)
+    with pytest.raises(StorageError, match=named):
+        read_tracks_csv(tmp_path / "tracks.csv")

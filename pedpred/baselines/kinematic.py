@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from pedpred.features import FeatureTable
@@ -23,3 +25,11 @@ def kalman_velocity(table: FeatureTable, ahead_s: np.ndarray) -> np.ndarray:
     """Tracked position and tracked velocity, p + v t. [M, P, 2] m, world."""
     velocity = rotate(table.velocity, table.heading_rad)
     return table.position[:, None] + velocity[:, None] * ahead_s[:, None]
+
+
+KINEMATIC: dict[str, Callable[[FeatureTable, np.ndarray], np.ndarray]] = {
+    "cv": constant_velocity,
+    "cacc": constant_acceleration,
+    "kalman_cv": kalman_velocity,
+}
+"""(feature table, times ahead [P] s) -> paths [M, P, 2], world, m"""

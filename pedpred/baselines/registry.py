@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.baselines.goal_blind import goal_blind_paths
-from pedpred.baselines.kinematic import constant_acceleration, constant_velocity, kalman_velocity
+from pedpred.baselines.kinematic import KINEMATIC
 from pedpred.baselines.social_force import outset_of
 from pedpred.errors import ConfigError
 from pedpred.features import FeatureTable
@@ -35,10 +35,12 @@ def _goal_blind(
     return goal_blind_paths(scene, table, rows, settings, len(ahead_s), float(ahead_s[0]), rng)
 
 
+def _from_present_motion(forecast: Callable[[FeatureTable, np.ndarray], np.ndarray]) -> Baseline:
+    return lambda scene, table, rows, ahead_s, settings: forecast(table.select(rows), ahead_s)
+
+
 BASELINES: dict[str, Baseline] = {
-    "cv": lambda scene, table, rows, ahead_s, _: constant_velocity(table.select(rows), ahead_s),
-    "cacc": lambda scene, table, rows, ahead_s, _: constant_acceleration(table.select(rows), ahead_s),
-    "kalman_cv": lambda scene, table, rows, ahead_s, _: kalman_velocity(table.select(rows), ahead_s),
+    **{name: _from_present_motion(forecast) for name, forecast in KINEMATIC.items()},
     "social_force": _social_force,
     "goal_blind": _goal_blind,
 }

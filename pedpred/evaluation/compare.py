@@ -8,15 +8,9 @@ from typing import Any
 import numpy as np
 
 from pedpred.baselines.registry import baseline
-from pedpred.evaluation.scores import Scores, pooled, score, true_paths, world_paths
-from pedpred.evaluation.summary import summary
+from pedpred.evaluation.scores import Scores, score, true_paths, world_paths
 from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.models.forecasting import forecast_velocities
-from pedpred.models.motion import MotionLstm
 from pedpred.scenes import Scene
-
-REFERENCE = "kalman_cv"
-"""The strongest simple method, which every other is compared with window by window."""
 
 _SAME_INSTANT_S = 1e-4
 
@@ -24,9 +18,8 @@ _SAME_INSTANT_S = 1e-4
 def compare(
     scene: Scene,
     table: FeatureTable,
-    codes: np.ndarray,
     settings: FeatureSettings,
-    networks: Mapping[str, MotionLstm],
+    velocities: Mapping[str, np.ndarray],
     baselines: Sequence[str],
     options: Mapping[str, Any],
     social_force: Mapping[str, Any],
@@ -36,9 +29,8 @@ def compare(
     Args:
         scene: the test scene.
         table: its features, all rows.
-        codes: the frozen encoder's outputs of all rows. [M, C]
         settings: sizes of the features.
-        networks: trained networks by method name.
+        velocities: what each network forecasts at every row, agent frames, m/s. {method: [M, P, 2]}
         baselines: names of the untrained methods.
         options: `evaluation` configuration: moving_mps, collision_m.
         social_force: settings of the social-force model at this place.
@@ -54,9 +46,8 @@ def compare(
     for name in baselines:
         everybody = baseline(name)(scene, table, together, ahead_s, social_force)
         paths[name] = everybody[np.searchsorted(together, window)]
-    for name, network in networks.items():
-        velocities = forecast_velocities(network, table, codes, settings)
-        paths[name] = world_paths(windows, velocities[window], settings.dt_s)
+    for name, forecast in velocities.items():
+        paths[name] = world_paths(windows, forecast[window], settings.dt_s)
     truth = true_paths(windows, settings.dt_s)
     scores = {
         name: score(windows, truth, path, scene.occupancy, options["moving_mps"], options["collision_m"])
@@ -93,26 +84,3 @@ def forecast_columns(
         "truth": truth.astype(np.float32),
     }
     return columns | {f"path_{name}": path.astype(np.float32) for name, path in paths.items()}
-
-
-def figures(
-    test: str, scores: Mapping[str, Mapping[str, Scores]], samples: int, seed: int, leaks: bool
-) -> dict[str, dict[str, Any]]:
-    """Metric entries of a test set: all its scenes pooled, and each one when there are several.
-
-    Args:
-        test: name of the test set.
-        scores: scene name -> method -> scores.
-        samples: bootstrap replicates.
-        seed: of the bootstrap.
-        leaks: the inputs knew the future; every entry says so.
-    """
-    methods = next(iter(scores.values()))
-    pools = {test: {m: pooled([s[m] for s in scores.values()]) for m in methods}}
-    if len(scores) > 1:
-        pools |= {f"{test}_{name}": dict(own) for name, own in scores.items()}
-    mark = {"leaks": True} if leaks else {}
-    return {
-        entry: {m: mark | summary(s, pool[REFERENCE], samples, seed) for m, s in pool.items()}
-        for entry, pool in pools.items()
-    }

@@ -2,14 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from pedpred.evaluation.metrics import bootstrap_interval
-from pedpred.evaluation.scores import Scores
+from pedpred.evaluation.scores import Scores, pooled
+
+REFERENCE = "kalman_cv"
+"""The strongest simple method, which every other is compared with window by window."""
 
 _DIGITS = 5
+
+
+def figures(
+    test: str, scores: Mapping[str, Mapping[str, Scores]], samples: int, seed: int, leaks: bool
+) -> dict[str, dict[str, Any]]:
+    """Metric entries of a test set: all its scenes pooled, and each one when there are several.
+
+    Args:
+        test: name of the test set.
+        scores: scene name -> method -> scores.
+        samples: bootstrap replicates.
+        seed: of the bootstrap.
+        leaks: the inputs knew the future; every entry says so.
+    """
+    methods = next(iter(scores.values()))
+    pools = {test: {m: pooled([s[m] for s in scores.values()]) for m in methods}}
+    if len(scores) > 1:
+        pools |= {f"{test}_{name}": dict(own) for name, own in scores.items()}
+    mark = {"leaks": True} if leaks else {}
+    return {
+        entry: {m: mark | summary(s, pool[REFERENCE], samples, seed) for m, s in pool.items()}
+        for entry, pool in pools.items()
+    }
 
 
 def summary(scores: Scores, reference: Scores, samples: int, seed: int) -> dict[str, Any]:

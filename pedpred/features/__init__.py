@@ -3,7 +3,7 @@
 from pedpred.features.angular import angular_grids
 from pedpred.features.bits import unpack_crops
 from pedpred.features.crop import occupancy_crops
-from pedpred.features.extract import extract, extract_blocks
+from pedpred.features.extract import extract, extract_at_detections, extract_blocks
 from pedpred.features.observe import Observation, Pedestrians, observe_frame
 from pedpred.features.presence import frame_at
 from pedpred.features.table import FeatureSettings, FeatureTable
@@ -15,6 +15,7 @@ __all__ = [
     "Pedestrians",
     "angular_grids",
     "extract",
+    "extract_at_detections",
     "extract_blocks",
     "frame_at",
     "observe_frame",

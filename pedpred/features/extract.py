@@ -75,6 +75,19 @@ def extract_blocks(
         yield _features(scene, tracks, settings, steps.select(block), seen, futures)
 
 
+def extract_at_detections(scene: Scene, tracks: Tracks, settings: FeatureSettings) -> FeatureTable:
+    """The table with a row per detection instead of per step: `step` counts a life's detections.
+
+    For forecasters that any frame may ask, at any rate; arguments of `extract`.
+    """
+    rows = np.arange(len(tracks.time_s))
+    clock, step = np.zeros(len(rows), np.int8), tracks.age.astype(np.int32)
+    steps = Steps(tracks.track_id, clock, step, tracks.time_s, rows)
+    crowd = crowd_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
+    futures = Futures.of(scene.recording, settings.lost_after_s)
+    return _features(scene, tracks, settings, steps, crowd, futures)
+
+
 def track_blocks(track_id: np.ndarray, rows: int) -> Iterator[slice]:
     """Divide rows that are grouped by track into blocks of at most `rows`, which never split a track."""
     bounds = [0, *(np.flatnonzero(np.diff(track_id)) + 1).tolist(), len(track_id)]

@@ -12,7 +12,7 @@ from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings, Pedestrians, unpack_crops
 from pedpred.features.observe import Crowd, observe
 from pedpred.geometry import rotate
-from pedpred.online.network import ExportedNetwork, read_description
+from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.people import People, detected, next_ticks_s
 from pedpred.scenes import Forecast, OccupancyMap
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -36,6 +36,12 @@ class OnlineSettings:
     snap_s: float = 0.05
     clocks: int = 1
     clock_offset_s: float = 0.0
+
+    @classmethod
+    def as_offline(cls, features: FeatureSettings, detection_dt_s: float) -> OnlineSettings:
+        """What makes a replay take the steps of a feature table, for detections `detection_dt_s` apart."""
+        age_s = features.max_age_intervals * detection_dt_s
+        return cls(age_s, TIME_TOLERANCE_S, features.clocks, detection_dt_s)
 
 
 class OnlinePredictor:
@@ -62,6 +68,11 @@ class OnlinePredictor:
             StorageError: a file is missing, altered or of another version.
         """
         return cls(Path(folder), settings)
+
+    @property
+    def description(self) -> ModelDescription:
+        """What the model folder says about its network."""
+        return self._about
 
     @property
     def features(self) -> FeatureSettings:

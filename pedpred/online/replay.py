@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -10,16 +10,49 @@ from pedpred.features.targets import Futures
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.scenes import Forecast, Scene
 from pedpred.storage.windows import Windows
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 
-def replayed(scene: Scene, predictor: OnlinePredictor) -> Iterable[Forecast]:
-    """A forecast after every frame of a scene's detections; velocities that it may know are not used."""
+def replayed(scene: Scene, predictor: OnlinePredictor, true_velocities: bool = False) -> Iterator[Forecast]:
+    """A forecast after every frame of a scene's detections.
+
+    Args:
+        scene: a recorded place.
+        predictor: forgets whatever it knew.
+        true_velocities: use the velocities that a simulation knows instead of filtering positions.
+    """
     predictor.reset()
     predictor.set_map(scene.occupancy)
     recording = scene.recording
     instants, first = np.unique(recording.time_s, return_index=True)
     for now, rows in zip(instants, np.split(np.arange(len(recording)), first[1:]), strict=True):
-        yield predictor.update(float(now), recording.track_id[rows], recording.position[rows])
+        velocity = recording.velocity[rows] if true_velocities and recording.velocity is not None else None
+        yield predictor.update(float(now), recording.track_id[rows], recording.position[rows], velocity)
+
+
+def paths_at(
+    forecasts: Iterable[Forecast], track_id: np.ndarray, time_s: np.ndarray, horizon_steps: int
+) -> np.ndarray:
+    """The paths that a replay forecasts for some people at some instants; NaN where it has none.
+
+    Args:
+        forecasts: in the order of time.
+        track_id: whose. [W]
+        time_s: when, s. [W]
+        horizon_steps: P.
+
+    Returns:
+        World frame, m. [W, P, 2]
+    """
+    order = np.argsort(time_s, kind="stable")
+    sorted_s = time_s[order]
+    paths = np.full((len(order), horizon_steps, 2), np.nan)
+    for forecast in forecasts:
+        span = forecast.time_s - TIME_TOLERANCE_S, forecast.time_s + TIME_TOLERANCE_S
+        rows = order[slice(*np.searchsorted(sorted_s, span))]
+        rows = rows[np.isin(track_id[rows], forecast.track_id)]
+        paths[rows] = forecast.position[np.searchsorted(forecast.track_id, track_id[rows])]
+    return paths
 
 
 def as_windows(scene: Scene, forecasts: Iterable[Forecast], method: str, lost_after_s: float) -> Windows:

@@ -64,7 +64,7 @@ def read_recording(path: Path) -> Scene:
             about.get("name", path.stem),
             recording,
             _occupancy(found[MAP], about.get("resolution_m")),
-            float(about.get("detection_dt_s") or _usual_interval_s(recording.time_s)),
+            float(about.get("detection_dt_s") or recording.usual_interval_s()),
         )
 
 
@@ -155,13 +155,6 @@ def _rows(message: Any, path: Path) -> list[dict[str, Any]]:
         tags = zip(person.tagnames, person.tags, strict=True)
         rows.append(row | {name: float(text) for name, text in tags if name in TAGS})
     return rows
-
-
-def _usual_interval_s(time_s: np.ndarray) -> float:
-    instants = np.unique(time_s)
-    if len(instants) < 2:
-        raise ValueRuleError("time_s", instants.tolist(), "two instants are needed to know the interval")
-    return float(np.median(np.diff(instants)))
 
 
 def _occupancy(message: Any, resolution_m: str | None) -> OccupancyMap:

@@ -8,6 +8,9 @@ import numpy as np
 
 from pedpred.errors import ShapeError, ValueRuleError
 
+_FREE_CELLS = 1000
+"""Per side of a map without obstacles, at most: one stray position must not cost gigabytes."""
+
 
 @dataclass(frozen=True)
 class OccupancyMap:
@@ -36,6 +39,20 @@ class OccupancyMap:
             raise ValueRuleError("resolution_m", self.resolution_m, "it must be positive")
         object.__setattr__(self, "occupied", occupied)
         object.__setattr__(self, "origin", origin)
+
+    @classmethod
+    def free_around(cls, points: np.ndarray, margin_m: float = 1.0) -> OccupancyMap:
+        """A map without obstacles for a place whose obstacles nobody knows; its cells are 0.1 m or more.
+
+        Args:
+            points: lie inside, world frame, m. [M, 2]
+            margin_m: ground around them, m.
+        """
+        ends = points if len(points) else np.zeros((1, 2))
+        low, high = ends.min(axis=0) - margin_m, ends.max(axis=0) + margin_m
+        resolution_m = max(0.1, float((high - low).max()) / _FREE_CELLS)
+        shape = np.ceil((high - low) / resolution_m).astype(np.int64)
+        return cls(np.zeros(shape, bool), low, resolution_m)
 
     @property
     def extent_m(self) -> np.ndarray:

@@ -74,6 +74,18 @@ class Recording:
     def __len__(self) -> int:
         return len(self.time_s)
 
+    def usual_interval_s(self) -> float:
+        """Median time between two detections of a track, s.
+
+        Raises:
+            ValueRuleError: nobody was detected twice.
+        """
+        order = np.lexsort((self.time_s, self.track_id))
+        same = np.diff(self.track_id[order]) == 0
+        if not same.any():
+            raise ValueRuleError("track_id", len(self), "nobody was detected twice, so no interval is known")
+        return float(np.median(np.diff(self.time_s[order])[same]))
+
     def select(self, rows: np.ndarray) -> Recording:
         """The recording of some rows (mask or indices)."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}

@@ -1,5 +1,7 @@
 """Scenes on disk: one folder with `tracks.parquet`, `map.yaml` + `map.pgm`, `scene.json`.
 
+What pedpred writes has all of them. Somebody's own folder may have `tracks.csv` instead, and no map.
+
 A scene *set* is a folder of such folders (many arrangements of one simulated data set).
 """
 
@@ -31,6 +33,8 @@ from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 
 SCENE_SCHEMA = 1
 _PAIRS = {"position": ("x_m", "y_m"), "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
+_SHORT_NAMES = {"time": "time_s", "id": "track_id", "x": "x_m", "y": "y_m"}
+"""What may head a column of a CSV file; seconds and metres all the same."""
 _OCCUPIED, _FREE = 0, 254
 _REMEDY = "Write the scene again (dvc repro) or correct the file"
 
@@ -62,7 +66,9 @@ def read_scene(folder: Path) -> Scene:
     about = read_json(path, _wording(path, "file"))
     if about.get("schema") != SCENE_SCHEMA:
         raise StorageError(path, "schema", f"{about.get('schema')!r}, expected {SCENE_SCHEMA}", _REMEDY)
-    recording, occupancy = _read_tracks(folder / "tracks.parquet"), read_map(folder)
+    recording = _read_tracks(folder)
+    free = not (folder / "map.yaml").exists()
+    occupancy = OccupancyMap.free_around(recording.position) if free else read_map(folder)
     with decoding(_wording(path, "scene")):
         camera, view = None, folder / "reference.png"
         if "homography" in about and view.exists():
@@ -157,7 +163,22 @@ def read_map(folder: Path) -> OccupancyMap:
         return OccupancyMap(occupied[::-1].T, np.array([x, y]), float(about["resolution"]))
 
 
-def _read_tracks(path: Path) -> Recording:
+def read_tracks_csv(path: Path) -> Recording:
+    """Detections from CSV with a header: `time`, `id`, `x`, `y` or the names of tracks.parquet, in any order.
+
+    Raises:
+        StorageError: the file is no table, or a column is missing or holds no numbers; it is named.
+    """
+    with decoding(_wording(path, "file")):
+        table = pd.read_csv(path, skipinitialspace=True)
+        table = table.astype(np.float64) if table.empty else table  # no rows, no types
+        return tracks_of(table.rename(columns=_SHORT_NAMES), path)
+
+
+def _read_tracks(folder: Path) -> Recording:
+    path = folder / "tracks.parquet"
+    if not path.exists() and (folder / "tracks.csv").exists():
+        return read_tracks_csv(folder / "tracks.csv")
     with decoding(_wording(path, "file")):
         return tracks_of(pd.read_parquet(path), path)
 

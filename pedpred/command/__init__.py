@@ -1,0 +1,56 @@
+"""The command `pedpred`: look at scenes and recordings, convert them, predict and measure in them."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from pathlib import Path
+
+from pedpred.command.evaluation import COLLISION_M, MOVING_MPS, evaluate
+from pedpred.command.prediction import predict
+from pedpred.command.scenes import convert, info
+from pedpred.errors import PedpredError
+
+_SCENE = "a scene folder, an MCAP recording or a CSV file with time, id, x, y"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Arguments of all subcommands."""
+    top = argparse.ArgumentParser(prog="pedpred", description=__doc__)
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+    for action in (info, convert, predict, evaluate):
+        command = commands.add_parser(action.__name__, help=action.__doc__, description=action.__doc__)
+        command.set_defaults(action=action)
+        many = action is evaluate
+        command.add_argument("scene", type=Path, nargs="+" if many else None, help=_SCENE)
+        if action in (convert, predict):
+            what = "an MCAP file" if action is predict else "an MCAP file (.mcap) or a new scene folder"
+            command.add_argument("-o", "--output", type=Path, required=True, help=what)
+            command.add_argument("--force", action="store_true", help="replace what is there")
+        if action in (predict, evaluate):
+            folder = "a model folder, e.g. models/online/main"
+            command.add_argument("--model", type=Path, required=True, help=folder)
+        if many:
+            _measures(command)
+    return top
+
+
+def _measures(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--json", type=Path, help="write all figures there")
+    slow = f"slower pedestrians count as standing, m/s (default {MOVING_MPS:g})"
+    command.add_argument("--moving-mps", type=float, default=MOVING_MPS, help=slow)
+    near = f"forecast paths nearer than this collide, m (default {COLLISION_M:g})"
+    command.add_argument("--collision-m", type=float, default=COLLISION_M, help=near)
+    command.add_argument("--samples", type=int, default=1000, help="bootstrap replicates (default 1000)")
+    command.add_argument("--seed", type=int, default=0, help="of the bootstrap (default 0)")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run a command; an error that a user can repair ends it with its message alone."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    given = parser().parse_args(arguments)
+    try:
+        given.action(given)
+    except PedpredError as error:
+        sys.exit(f"{type(error).__name__}: {error}")

@@ -1,0 +1,5 @@
+"""`python -m pedpred.command` is the command `pedpred`."""
+
+from pedpred.command import main
+
+main()

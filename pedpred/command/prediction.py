@@ -1,0 +1,41 @@
+"""A scene replayed through the online predictor, as a recording to look at."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from pedpred.command.scenes import read_any, refuse_overwriting
+from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.replay import as_windows, replayed
+from pedpred.recording import write_recording
+from pedpred.recording.foxglove import write_layout
+from pedpred.scenes import Forecast, Scene
+
+_METHOD = "pedpred"
+_COLOUR = (0.84, 0.37, 0.0)
+
+
+def predict(given: argparse.Namespace) -> None:
+    """Replay a scene through the online predictor and write it with the forecasts as MCAP."""
+    refuse_overwriting(given.output, given.force)
+    scene = read_any(given.scene)
+    predictor = robot_for(scene, given.model)
+    windows = as_windows(scene, with_progress(scene, predictor), _METHOD, predictor.features.lost_after_s)
+    write_recording(scene, given.output, windows, {_METHOD: _COLOUR})
+    write_layout(scene.occupancy, set(), given.output.with_suffix(".foxglove.json"))
+
+
+def robot_for(scene: Scene, model: Path) -> OnlinePredictor:
+    """A predictor that does not lose people between two detections of this scene."""
+    return OnlinePredictor.load(model, OnlineSettings(max_age_s=max(0.5, 1.25 * scene.detection_dt_s)))
+
+
+def with_progress(scene: Scene, predictor: OnlinePredictor) -> Iterator[Forecast]:
+    """The forecasts of a replay, under a progress bar."""
+    frames = len(np.unique(scene.recording.time_s))
+    yield from tqdm(replayed(scene, predictor), total=frames, desc=f"replay {scene.name}", unit="frame")

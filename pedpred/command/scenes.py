@@ -1,0 +1,72 @@
+"""Scenes in whatever form they come: looked at, and turned into another one."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.errors import StorageError, ValueRuleError
+from pedpred.recording import read_recording, write_recording
+from pedpred.recording.foxglove import write_layout
+from pedpred.scenes import OccupancyMap, Scene
+from pedpred.storage.scenes import read_scene, read_tracks_csv, write_scene
+
+
+def read_any(path: Path) -> Scene:
+    """A scene folder, a CSV file of tracks (then on free ground) or an MCAP recording.
+
+    Raises:
+        StorageError, SourceError: it cannot be understood.
+    """
+    if path.is_dir():
+        return read_scene(path)
+    if path.suffix != ".csv":
+        return read_recording(path)
+    recording = read_tracks_csv(path)
+    try:
+        dt_s = recording.usual_interval_s()
+    except ValueRuleError as cause:
+        raise StorageError(path, "table", str(cause), "A track needs several detections") from cause
+    return Scene(path.stem, recording, OccupancyMap.free_around(recording.position), dt_s)
+
+
+def info(given: argparse.Namespace) -> None:
+    """Say what a scene holds."""
+    scene = read_any(given.scene)
+    recording, occupancy = scene.recording, scene.occupancy
+    tracks, instants = (len(np.unique(values)) for values in (recording.track_id, recording.time_s))
+    span_s = float(np.ptp(recording.time_s)) if len(recording) else 0.0
+    known = [
+        n for n in ("velocity", "goal", "desired_speed_mps", "group_id") if getattr(recording, n) is not None
+    ]
+    width, height = occupancy.extent_m
+    lines = {
+        "name": scene.name,
+        "detections": f"{len(recording)} of {tracks} tracks, {instants} instants",
+        "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:g} s between two detections",
+        "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
+        f"{100 * occupancy.occupied.mean():.1f} % occupied",
+        "also known": ", ".join(known) or "nothing",
+        "camera": "yes" if scene.camera else "no",
+    }
+    sys.stdout.writelines(f"{key:>12}  {value}\n" for key, value in lines.items())
+
+
+def convert(given: argparse.Namespace) -> None:
+    """Write a scene as MCAP (a name that ends in .mcap) or as a scene folder."""
+    refuse_overwriting(given.output, given.force)
+    scene = read_any(given.scene)
+    if given.output.suffix == ".mcap":
+        write_recording(scene, given.output)
+        write_layout(scene.occupancy, set(), given.output.with_suffix(".foxglove.json"))
+    else:
+        write_scene(scene, given.output)
+
+
+def refuse_overwriting(path: Path, force: bool) -> None:
+    """End the command if `path` is there and nobody said that it may be replaced."""
+    if path.exists() and not force:
+        sys.exit(f"{path} is there already; --force replaces it")

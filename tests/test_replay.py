@@ -1,0 +1,61 @@
+"""Recorded people, replayed online frame by frame, get the forecasts that the offline pipeline makes."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import yaml
+
+from pedpred.evaluation.scores import world_paths
+from pedpred.features import FeatureSettings, extract
+from pedpred.models import GridAutoencoder
+from pedpred.models.forecasting import forecast_velocities
+from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.replay import paths_at, replayed
+from pedpred.sources import SOURCES
+from pedpred.tracking import follow
+from pedpred.training.autoencoder import encode
+from tests.conftest import ROOT
+from tests.exported import TRACKER
+from tests.worlds import walled_scene
+
+
+def offline_and_online(scene, kind, clocks, model):
+    """The feature table, each row's path from the whole table, and from a replay (NaN between frames)."""
+    folder, network, encoder = model
+    settings = FeatureSettings(clocks=clocks)
+    tracks = follow(scene.recording, kind, TRACKER if kind == "kalman" else None, 0.2)
+    table = extract(scene, tracks, settings)
+    whole = GridAutoencoder(64)
+    whole.encoder.load_state_dict(encoder.state_dict())
+    velocities = forecast_velocities(network, table, encode(whole, table.occupancy, 60), settings)
+    robot = OnlinePredictor.load(folder, OnlineSettings.as_offline(settings, scene.detection_dt_s))
+    online = paths_at(replayed(scene, robot, kind == "truth"), table.track_id, table.time_s, 10)
+    return table, world_paths(table, velocities, settings.dt_s), online
+
+
+@pytest.mark.parametrize(
+    ("kind", "dt_s", "clocks"), [("kalman", 0.4, 3), ("kalman", 0.1, 1), ("truth", 0.3, 1)]
+)
+def test_a_replay_gives_the_offline_forecasts(model, kind, dt_s, clocks):
+    """At every step that coincides with a detection: annotations, a fast tracker, a simulation."""
+    scene = walled_scene(np.random.default_rng(1), dt_s, kind == "truth", detections=int(10 / dt_s))
+    table, offline, online = offline_and_online(scene, kind, clocks, model)
+    instants = np.unique(scene.recording.time_s)
+    detected = np.abs(table.time_s[:, None] - instants).min(axis=1) < 1e-6
+    assert detected.sum() > 20
+    np.testing.assert_allclose(online[detected], offline[detected], atol=1e-4)
+    assert np.isnan(online[~detected]).all()
+
+
+@pytest.mark.parametrize("place", ["eth", "hotel"])
+def test_real_recordings_give_the_offline_forecasts(place, ewap_folder, model):
+    """Every evaluation window of the first 40 seconds, on three clocks that are one detection apart."""
+    about = yaml.safe_load((ROOT / f"conf/scenes/{place}.yaml").read_text())
+    scene = SOURCES[about["source"]](ewap_folder / about["sequence"], place, about)
+    early = scene.recording.time_s < scene.recording.time_s[0] + 40.0
+    scene = dataclasses.replace(scene, recording=scene.recording.select(early))
+    table, offline, online = offline_and_online(scene, "kalman", about["clocks"], model)
+    assert table.window.sum() > 100
+    assert set(table.clock[table.window]) == set(range(about["clocks"]))
+    np.testing.assert_allclose(online[table.window], offline[table.window], atol=1e-4)
