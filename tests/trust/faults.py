@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import hashlib
 import os
-import resource
 import shutil
 import signal
 import subprocess
@@ -16,7 +15,6 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +29,6 @@ STAGES = (
 """One stage of each kind of script that needs no raw data."""
 
 _SILENT = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-_LARGEST_OUTPUT_BYTES = 2_000  # of a disk that is "full"
 
 
 @dataclass(frozen=True)
@@ -64,10 +61,6 @@ def environment() -> dict[str, str]:
     tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     roles = ("AUTHOR", "COMMITTER")
     who = {f"GIT_{role}_{key}": "trust@localhost" for role in roles for key in ("NAME", "EMAIL")}
-        f"GIT_{role}_{key}": "trust@localhost"
-        for role in ("AUTHOR", "COMMITTER")
-        for key in ("NAME", "EMAIL")
-    }
     return outer | who | {"PATH": tools, "PEDPRED_JOBS": "2", "DVC_ROOT": str(ROOT)}
 
 
@@ -146,23 +139,33 @@ def without_a_worker(project: Project, stage: str, rng: np.random.Generator) -> 
 
 
 def on_a_full_disk(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """No file may grow beyond a few kB, as on a disk that is full."""
-    limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (_LARGEST_OUTPUT_BYTES,) * 2)
-    command = [sys.executable, "-m", "stages.simulate", "+name=corridor", "+out=build/full"]
+    """A few kB are all that is left."""
+    return _mounted(project, "size=8k")
+
+
+def in_a_locked_folder(project: Project, stage: str, rng: np.random.Generator) -> str:
+    """Nothing may be written where the result belongs."""
+    return _mounted(project, "ro")
+
+
+def _mounted(project: Project, options: str) -> str:
+    """Simulate into a file system of its own; the stage must fail and say in words what to do."""
+    (project.folder / "build/mounted").mkdir(parents=True, exist_ok=True)
+    simulate = f"{sys.executable} -m stages.simulate +name=corridor +out=build/mounted/corridor"
+    script = f"mount -t tmpfs -o {options} tmpfs build/mounted && {simulate}"
+    command = ["unshare", "--mount", "sh", "-c", script]
     run = subprocess.run(
-        command,
-        cwd=project.folder,
-        env=environment(),
-        preexec_fn=limit,
-        capture_output=True,
-        text=True,
-        check=False,
+        command, cwd=project.folder, env=environment(), capture_output=True, text=True, check=False
     )
-    left = [path for path in (project.folder / "build/full").rglob("*.parquet")]
-    shutil.rmtree(project.folder / "build/full", ignore_errors=True)
-    if not run.returncode or left:
-        raise AssertionError(f"exit code {run.returncode}, {left} were left")
-    return f"said: {run.stderr.strip().splitlines()[-1][:120]}"
+    if not run.returncode or "run dvc repro again" not in run.stderr:
+        raise AssertionError(f"exit code {run.returncode}: {run.stderr[-500:]}")
+    return f"said: {run.stderr.strip().splitlines()[-1]}"
+
+
+def may_mount() -> bool:
+    """Whether file systems can be mounted here, which takes rights that not everybody has."""
+    command = ["unshare", "--mount", "true"]
+    return bool(shutil.which("unshare")) and subprocess.run(command, check=False, **_SILENT).returncode == 0
 
 
 def raced(project: Project, stage: str, rng: np.random.Generator) -> str:
@@ -190,14 +193,14 @@ PARALLEL = ("simulate@corridor", "features@corridor", "encode@corridor")
 Fault = Callable[[Project, str, np.random.Generator], str]
 
 
-def plan(stages: list[str], kills: int) -> list[tuple[Fault, str]]:
+def plan(stages: list[str], kills: int, mounts: bool) -> list[tuple[Fault, str]]:
     """Every fault with the stage that it befalls."""
     parallel = [stage for stage in stages if stage in PARALLEL]
     return [
         *((killed, stage) for stage in stages for _ in range(kills)),
         *((without_a_worker, stage) for stage in parallel),
         *((raced, stage) for stage in parallel[:1]),
-        *((on_a_full_disk, stage) for stage in stages if stage == "simulate@corridor"),
+        *((fault, parallel[0]) for fault in (on_a_full_disk, in_a_locked_folder) if parallel and mounts),
         *((elsewhere, stage) for stage in stages),
     ]
 
@@ -212,7 +215,10 @@ def main() -> None:
     project = undisturbed(ROOT / "build/trust/project", given.stages)
     rng = np.random.default_rng(given.seed)
     counts: dict[str, list[int]] = {}
-    for fault, stage in tqdm(plan(given.stages, given.kills), desc="faults", unit="fault"):
+    mounts = may_mount()
+    if not mounts:
+        tqdm.write("a full disk and a locked folder are not tried: mounting is not permitted here")
+    for fault, stage in tqdm(plan(given.stages, given.kills, mounts), desc="faults", unit="fault"):
         did = fault(project, stage, rng)
         problem = project.mended(stage)
         attempts = counts.setdefault(f"{stage} {fault.__name__.replace('_', ' ')}", [0, 0])
