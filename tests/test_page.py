@@ -33,7 +33,7 @@ def hall(tmp_path_factory):
 
 
 def contents_of(scene, windows):
-    metrics = {"sim_test": metrics_of(MEETING), "sim_test_hall": metrics_of(MEETING)}
+    metrics = {"sim_test": metrics_of(IN_SIMULATION), "sim_test_hall": metrics_of(IN_SIMULATION)}
     real = {"eth": metrics_of(MEETING | {"lstm": 0.65, "cacc": 9.0}), "hotel": metrics_of(MEETING)}
     gallery = simulation_gallery(metrics, {"sim_test": [scene]}, {"hall": windows}, {})
     few = {name: real["eth"][name] | {"fde_ci95_m": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
