@@ -19,7 +19,7 @@ from pedpred.report.page.build import Contents, page
 from pedpred.report.page.charts import box_plot, line_plot, whiskers
 from pedpred.report.page.replay import ANGULAR_LEVELS, replay
 from pedpred.storage.windows import RANGE_M
-from tests.test_report import MEETING, curve_tables, metrics_of, wall_scene, windows_of
+from tests.test_report import IN_SIMULATION, MEETING, curve_tables, metrics_of, wall_scene, windows_of
 
 REPORTS = Path(__file__).resolve().parents[1] / "reports"
 LATENCY = [{"pedestrians": n, "median_ms": 0.5 * n, "p99_ms": 0.7 * n} for n in (1, 20, 200)]
