@@ -7,7 +7,8 @@ export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
 
 .DEFAULT_GOAL := help
-.PHONY: help setup params reproduce smoke test check
+PLACES := eth hotel
+.PHONY: help setup params tune reproduce smoke test check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -20,6 +21,14 @@ $(VENV)/.installed: pyproject.toml $(CONSTRAINTS)
 	@touch $@
 
 params: setup ## write params.yaml from conf/
+	python -m pedpred.config
+
+tune: setup ## fit tracker and social forces to each real place again (writes conf/, about ten minutes)
+	dvc repro $(PLACES:%=ingest@%)
+	for place in $(PLACES); do python -m stages.tune_tracker +name=$$place || exit; done
+	python -m pedpred.config
+	dvc repro $(PLACES:%=features@%)
+	for place in $(PLACES); do python -m stages.fit_social_force +name=$$place || exit; done
 	python -m pedpred.config
 
 reproduce: setup ## raw data -> networks -> reports/; does only what is out of date

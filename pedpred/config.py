@@ -17,16 +17,18 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
 import hydra
 import yaml
-from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from pedpred.errors import ConfigError, PedpredError
+from pedpred.files import decoding, read_yaml, write_text
 
 
 def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
@@ -45,20 +47,43 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
 
         def run(cfg: DictConfig) -> None:
             logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-            try:
+            with _explained(address):
                 main(_frozen(declared(cfg, root, address, sys.argv[1:]) if address else cfg))
-            except (ConfigAttributeError, ConfigKeyError) as error:
-                raise SystemExit(f"\n{_undeclared(error, address)}\n") from error
-            except (PedpredError, OmegaConfBaseException) as error:
-                raise SystemExit(f"\n{type(error).__name__}: {error}\n") from error
 
         if address:
-            params: dict[str, Any] = yaml.safe_load((root / "params.yaml").read_text())
-            run(OmegaConf.create(params))
+            with _explained(address):
+                params = read_params(root)
+            run(params)
         else:
             hydra.main(version_base="1.3", config_path=str(root / "conf"), config_name="config")(run)()
 
     return entry
+
+
+@contextmanager
+def _explained(address: str | None) -> Iterator[None]:
+    """End the process with the message alone where a person can repair what is wrong."""
+    try:
+        yield
+    except (ConfigAttributeError, ConfigKeyError) as error:
+        raise SystemExit(f"\n{_undeclared(error, address)}\n") from error
+    except (PedpredError, OmegaConfBaseException) as error:
+        raise SystemExit(f"\n{type(error).__name__}: {error}\n") from error
+
+
+def read_params(root: Path) -> DictConfig:
+    """The configuration that a project's params.yaml holds.
+
+    Raises:
+        ConfigError: the file is missing or damaged.
+    """
+    params = _read_yaml(root / "params.yaml")
+    with decoding(partial(ConfigError, "params", str(root / "params.yaml"))):
+        return OmegaConf.create(params)
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    return read_yaml(path, partial(ConfigError, path.stem, str(path)))
 
 
 def _frozen(cfg: DictConfig) -> DictConfig:
@@ -110,7 +135,8 @@ def only(cfg: DictConfig, keys: Iterable[str]) -> DictConfig:
     kept = OmegaConf.create()
     missing = object()
     for key in keys:
-        value = OmegaConf.select(cfg, key, default=missing)
+        with decoding(partial(ConfigError, key, "params.yaml")):
+            value = OmegaConf.select(cfg, key, default=missing)
         if value is missing:
             raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
         OmegaConf.update(kept, key, value, force_add=True)
@@ -124,14 +150,14 @@ def declared_params(root: Path, address: str) -> list[str]:
         ConfigError: dvc.yaml has no such stage, or its template asks for a value that is not there.
     """
     name, _, key = address.rpartition("/")[2].rpartition(":")[2].partition("@")
-    pipeline = yaml.safe_load((root / "dvc.yaml").read_text())
-    entry = pipeline["stages"].get(name, {"foreach": []})
-    known_values = yaml.safe_load((root / "params.yaml").read_text())
-    for variables in pipeline.get("vars", []):
-        known_values |= variables
-    for known, values in _instances(entry, known_values):
-        if known == key:
-            return [_filled(text, values) for text in entry.get("do", entry).get("params", [])]
+    pipeline, known_values = _read_yaml(root / "dvc.yaml"), _read_yaml(root / "params.yaml")
+    with decoding(partial(ConfigError, address, str(root / "dvc.yaml"))):
+        entry = pipeline["stages"].get(name, {"foreach": []})
+        for variables in pipeline.get("vars", []):
+            known_values |= variables
+        for known, values in _instances(entry, known_values):
+            if known == key:
+                return [_filled(text, values) for text in entry.get("do", entry).get("params", [])]
     raise ConfigError("DVC_STAGE", address, "dvc.yaml has no such stage")
 
 
@@ -172,12 +198,11 @@ def composed(conf: Path, overrides: list[str]) -> str:
     Raises:
         ConfigError: conf/ or an override names a key or an option that does not exist.
     """
-    try:
-        with hydra.initialize_config_dir(str(conf.resolve()), version_base="1.3"):
-            cfg = hydra.compose("config", overrides=overrides)
-        return OmegaConf.to_yaml(cfg, resolve=True)
-    except (HydraException, OmegaConfBaseException) as cause:
-        raise ConfigError(" ".join(overrides) or "config", str(conf), str(cause)) from cause
+    with (
+        decoding(partial(ConfigError, " ".join(overrides) or "config", str(conf))),
+        hydra.initialize_config_dir(str(conf.resolve()), version_base="1.3"),
+    ):
+        return OmegaConf.to_yaml(hydra.compose("config", overrides=overrides), resolve=True)
 
 
 def difference(written: str, text: str) -> str:
@@ -203,14 +228,13 @@ def main(arguments: list[str] | None = None) -> None:
     except ConfigError as error:
         sys.exit(f"\n{type(error).__name__}: {error}\n")
     if not given.check:
-        params.write_text(text)
+        write_text(params, text)
         return
     changes = difference(params.read_text() if params.exists() else "", text)
     if changes and "DVC_EXP_NAME" not in os.environ:  # `dvc exp run` has just composed params.yaml itself
         sys.exit(f"{changes}\nparams.yaml is not what conf/ composes to: run `make params`")
     if given.stamp:
-        given.stamp.parent.mkdir(parents=True, exist_ok=True)
-        given.stamp.write_text("params.yaml is what conf/ composes to\n")
+        write_text(given.stamp, "params.yaml is what conf/ composes to\n")
 
 
 if __name__ == "__main__":

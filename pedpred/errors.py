@@ -37,7 +37,11 @@ class ConfigError(PedpredError):
         super().__init__(f"configuration key '{key}' = {value!r}: {remedy}")
 
 
-class SourceError(PedpredError):
+class FileError(PedpredError):
+    """A file cannot be understood; the message names it."""
+
+
+class SourceError(FileError):
     """A raw file cannot be understood."""
 
     def __init__(self, path: Path, line: int | None, problem: str, remedy: str = _REPAIR_SOURCE):
@@ -45,7 +49,7 @@ class SourceError(PedpredError):
         super().__init__(f"{where}: {problem}. {remedy}")
 
 
-class StorageError(PedpredError):
+class StorageError(FileError):
     """A file that pedpred wrote (scene, shard, checkpoint) cannot be read back."""
 
     def __init__(self, path: Path, field: str, problem: str, remedy: str):

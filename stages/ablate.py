@@ -17,6 +17,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from pedpred.files import write_json, write_text
 from pedpred.report.ablation import Ablation, ablation_figure, ablation_table, point_rows, read_ablation
 from pedpred.report.canvas import write_png
 
@@ -72,9 +73,8 @@ def main() -> None:
     ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
     rows = point_rows(ablation, reproduced(ablation, experiments, options.jobs))
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / f"{options.name}.json").write_text(json.dumps(rows, indent=1) + "\n")
-    (options.out / f"{options.name}.md").write_text(f"{ablation_table(ablation, rows)}\n")
+    write_json(options.out / f"{options.name}.json", rows)
+    write_text(options.out / f"{options.name}.md", f"{ablation_table(ablation, rows)}\n")
     write_png(ablation_figure(ablation, rows), options.out / f"{options.name}.png")
     logging.getLogger(__name__).info("\n%s", ablation_table(ablation, rows))
 

@@ -1,6 +1,5 @@
 """evaluate_sim, evaluate_real: every forecaster in every window of the test scenes."""
 
-import json
 from pathlib import Path
 
 import torch
@@ -10,6 +9,7 @@ from tqdm import tqdm
 from pedpred.config import plain, stage, stage_key
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.summary import figures
+from pedpred.files import write_json
 from pedpred.models.forecasting import forecast_velocities, load_motion_lstm
 from pedpred.storage.columns import write_columns
 from pedpred.storage.scenes import read_scene, scene_folders
@@ -22,10 +22,10 @@ def main(cfg: DictConfig) -> None:
     name, options = stage_key(cfg), cfg.evaluation
     torch.set_num_threads(options.threads)
     out = Path(cfg.get("out", f"data/forecasts/{name}"))
-    social_force = plain(cfg.social_force)
     metrics: dict = {}
     for test, phase in options[name].items():
         networks = {model: load_motion_lstm(Path("models") / phase / model) for model in options.models}
+        baselines, social_force = list(options.baselines[name]), plain(cfg.scenes[test].social_force)
         settings, _ = read_manifest(Path("data/features") / test)
         scores = {}
         for folder in tqdm(scene_folders(Path("data/scenes") / test), desc=f"evaluate {test}"):
@@ -33,12 +33,12 @@ def main(cfg: DictConfig) -> None:
             table = read_shard(Path("data/features") / test, scene.name, settings)
             codes = read_codes(Path("data/codes") / test, scene.name)
             velocities = {m: forecast_velocities(n, table, codes, settings) for m, n in networks.items()}
-            columns, scores[scene.name] = compare(scene, table, settings, velocities, options, social_force)
+            columns, scores[scene.name] = compare(
+                scene, table, settings, velocities, baselines, options, social_force
+            )
             write_columns(columns, out / f"{scene.name}.parquet")
         metrics |= figures(test, scores, options.bootstrap, options.seed, settings.leaks)
-    path = Path(cfg.get("metrics", f"reports/metrics/{name}.json"))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(metrics, indent=1) + "\n")
+    write_json(Path(cfg.get("metrics", f"reports/metrics/{name}.json")), metrics)
 
 
 if __name__ == "__main__":

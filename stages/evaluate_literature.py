@@ -1,12 +1,12 @@
 """Forecasters under the protocol of the literature, on the native annotations of the real places."""
 
-import json
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from pedpred.config import stage
 from pedpred.evaluation.literature import measures, methods, stretches
+from pedpred.files import write_json
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import KalmanSettings
 
@@ -23,8 +23,7 @@ def main(cfg: DictConfig) -> None:
             name: measures(found, forecast(found), options.bootstrap, options.seed)
             for name, forecast in methods(KalmanSettings(**tracker)).items()
         }
-    path = Path(cfg.get("metrics", "reports/metrics/literature.json"))
-    path.write_text(json.dumps(figures, indent=1) + "\n")
+    write_json(Path(cfg.get("metrics", "reports/metrics/literature.json")), figures)
 
 
 if __name__ == "__main__":

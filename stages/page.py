@@ -7,6 +7,7 @@ from omegaconf import DictConfig
 from pandas import DataFrame
 
 from pedpred.config import stage
+from pedpred.files import write_text
 from pedpred.report.ablation import ablation_sections
 from pedpred.report.crowd import flow_section
 from pedpred.report.gallery import real_gallery, simulation_gallery
@@ -44,7 +45,7 @@ def main(cfg: DictConfig) -> None:
             others.get("latency", {}).get("updates", []),
         )
     )
-    Path(cfg.get("out", "reports/index.html")).write_text(text)
+    write_text(Path(cfg.get("out", "reports/index.html")), text)
 
 
 if __name__ == "__main__":

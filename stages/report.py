@@ -5,6 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import stage, stage_key
+from pedpred.files import write_text
 from pedpred.report.canvas import write_png
 from pedpred.report.curves import read_curve
 from pedpred.report.gallery import real_gallery, simulation_gallery
@@ -36,10 +37,9 @@ def main(cfg: DictConfig) -> None:
     out = Path(cfg.get("out", "reports"))
     metrics, scenes, windows, curves = gathered(key)
     sections = gallery(metrics, scenes, windows, curves)
-    (out / key).mkdir(parents=True, exist_ok=True)
     for picture in (picture for section in sections for picture in section.pictures):
         write_png(picture.figure, out / key / f"{picture.name}.png")
-    (out / f"{key}.md").write_text(page(metrics, sections, key))
+    write_text(out / f"{key}.md", page(metrics, sections, key))
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import stage
+from pedpred.files import write_text
 from pedpred.report.pages import joined
 
 
@@ -12,7 +13,7 @@ from pedpred.report.pages import joined
 def main(cfg: DictConfig) -> None:
     """Read the pages, write one; links to pictures stay relative to `reports/`."""
     pages = [Path("reports", f"{key}.md").read_text() for key in ("sim", "real", "simulation")]
-    Path(cfg.get("out", "reports/report.md")).write_text(joined(pages))
+    write_text(Path(cfg.get("out", "reports/report.md")), joined(pages))
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import stage, stage_key
+from pedpred.files import write_text
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import log_likelihood, tuned
 
@@ -36,8 +37,7 @@ def main(cfg: DictConfig) -> None:
     fit = log_likelihood(recording, best, ahead)
     page = _PAGE.format(name=name, ahead=ahead, fit=fit, **vars(best))
     out = Path(cfg.get("out", "conf/tracker")) / f"tuned_on_{name}.yaml"
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(page)
+    write_text(out, page)
     logging.getLogger(__name__).info("%s\n%s", out, page)
 
 

@@ -1,6 +1,5 @@
 """Check the walking of all simulated sets, and two opposite streams in a corridor."""
 
-import json
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -9,6 +8,7 @@ from tqdm import tqdm
 from pedpred.config import plain, stage
 from pedpred.evaluation.crowd_flow import FlowSettings, corridor_flow
 from pedpred.evaluation.walking import walking
+from pedpred.files import write_json, write_text
 from pedpred.report.canvas import write_png
 from pedpred.report.crowd import crowd_page, flow_figure, lanes_figure
 from pedpred.simulation.settings import social_force_settings
@@ -28,12 +28,10 @@ def main(cfg: DictConfig) -> None:
         folders = tqdm(scene_folders(Path("data/scenes") / name), desc=f"walking in {name}", unit="scene")
         sets[name] = walking((read_scene(folder) for folder in folders), model).shares()
     flow, clearest = corridor_flow(FlowSettings(**groups["validation"]), model)
-    for folder in ("metrics", "simulation"):
-        (out / folder).mkdir(parents=True, exist_ok=True)
-    (out / "metrics/walking.json").write_text(json.dumps(sets | {"corridor_flow": flow}, indent=1) + "\n")
+    write_json(out / "metrics/walking.json", sets | {"corridor_flow": flow})
     write_png(flow_figure(flow), out / "simulation/flow.png")
     write_png(lanes_figure(clearest), out / "simulation/lanes.png")
-    (out / "simulation.md").write_text(crowd_page(sets, flow, "simulation"))
+    write_text(out / "simulation.md", crowd_page(sets, flow, "simulation"))
 
 
 if __name__ == "__main__":

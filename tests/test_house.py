@@ -20,8 +20,8 @@ PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
 DEFAULTS = yaml.safe_load((ROOT / "conf" / "config.yaml").read_text())["defaults"]
 SCRIPTS = sorted(path for path in (ROOT / "stages").glob("*.py") if path.name != "__init__.py")
 SOURCES = [*sorted((ROOT / "pedpred").rglob("*.py")), *SCRIPTS]
-# what these decide is checked, only said, or where the work is done
-NO_RESULT_DEPENDS_ON = {"pedpred/config.py", "pedpred/errors.py", "pedpred/workers.py"}
+# what these decide is checked, only said, where the work is done, or whether a file is read or written at all
+NO_RESULT_DEPENDS_ON = {"pedpred/config.py", "pedpred/errors.py", "pedpred/files.py", "pedpred/workers.py"}
 
 
 def named(path):

@@ -121,7 +121,7 @@ def change_map(folder, old, new):
     ("damage", "named"),
     [
         (lambda f: change_json(f, schema=99), "schema: 99, expected 1"),
-        (lambda f: change_json(f, name=None), "'name': the field is missing"),
+        (lambda f: change_json(f, name=None), "'name' is missing"),
         (lambda f: change_json(f, detection_dt_s=-1.0), "detection_dt_s = -1.0"),
         (lambda f: change_json(f, detection_dt_s="often"), "'str'"),
         (lambda f: (f / "scene.json").write_text("[]"), "list, expected an object"),
@@ -133,7 +133,7 @@ def change_map(folder, old, new):
         (lambda f: change_map(f, "0.1", "-0.1"), "resolution_m = -0.1"),
         (lambda f: change_map(f, "- 0.0\nnegate", "- 0.5\nnegate"), "yaw is 0.5 rad"),
         (lambda f: change_map(f, "resolution", "size"), "resolution"),
-        (lambda f: (f / "map.pgm").write_bytes(b"P5\n9 9\n255\n"), r"map\.yaml"),
+        (lambda f: (f / "map.pgm").write_bytes(b"P5\n9 9\n255\n"), r"map\.pgm"),
     ],
 )
 def test_damage_is_named(folder, damage, named):

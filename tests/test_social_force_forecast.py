@@ -3,18 +3,22 @@
 import numpy as np
 import pytest
 
-from pedpred.baselines.social_force import intentions, social_force_paths
+from pedpred.baselines.social_force import intentions, outset
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap, Recording, Scene
-from tests.simulated import QUIET, SETTINGS, SOCIAL_FORCE, scene_of, short
+from tests.simulated import QUIET, SETTINGS, scene_of, short
 
 HORIZON = 10
 
 
+def paths_of(scene, track_id, time_s, position, velocity, steps=5):
+    start = outset(scene, np.array(track_id), time_s, position, velocity, SETTINGS.routing)
+    return start.paths(SETTINGS, steps, 0.3)
+
+
 def forecast(scene, rows):
     r = scene.recording
-    states = (values[rows] for values in (r.track_id, r.time_s, r.position, r.velocity))
-    return social_force_paths(scene, *states, SOCIAL_FORCE, HORIZON, scene.detection_dt_s)
+    return paths_of(scene, r.track_id[rows], r.time_s[rows], r.position[rows], r.velocity[rows], HORIZON)
 
 
 def errors(scene, people):
@@ -67,7 +71,7 @@ def test_without_known_goals_the_end_of_the_track_is_the_goal():
     scene = pavement(velocity)
     r = scene.recording
     tracked = np.tile(velocity, (10, 1))
-    paths = social_force_paths(scene, r.track_id, r.time_s, r.position, tracked, SOCIAL_FORCE, 5, 0.3)
+    paths = paths_of(scene, r.track_id, r.time_s, r.position, tracked)
     assert np.isfinite(paths).all()
     ahead = r.position[:2, None] + velocity[:, None] * (0.3 * np.arange(1, 6))[:, None]
     np.testing.assert_allclose(paths[:2], ahead, atol=0.2)
@@ -77,14 +81,14 @@ def test_the_last_row_of_a_track_still_gets_a_path():
     velocity = np.array([[1.0, 0.0], [0.0, 0.0]])
     scene = pavement(velocity)
     here = scene.recording.position[-2:]
-    paths = social_force_paths(scene, [4, 9], [3.6, 3.6], here, velocity, SOCIAL_FORCE, 5, 0.3)
+    paths = paths_of(scene, [4, 9], [3.6, 3.6], here, velocity)
     assert np.linalg.norm(paths - here[:, None], axis=-1).max() < 1.0
 
 
 def test_a_goal_inside_an_obstacle_is_approached():
     scene = pavement(np.array([[0.0, -0.5], [1.0, 0.0]]))  # ends at y = 0.2 m, inside the wall
     assert scene.occupancy.is_occupied(scene.recording.position[-2])
-    paths = social_force_paths(scene, [4], [0.0], [[1.0, 2.0]], [[0.0, -1.0]], SOCIAL_FORCE, HORIZON, 0.3)
+    paths = paths_of(scene, [4], [0.0], [[1.0, 2.0]], [[0.0, -1.0]], HORIZON)
     assert np.isfinite(paths).all()
     assert not scene.occupancy.is_occupied(paths).any()
     assert 0.3 < paths[0, :, 1].min() < 1.5
@@ -108,6 +112,6 @@ def test_the_plan_is_the_recorded_sequence_of_goals():
 def test_no_rows_give_no_paths_and_an_unknown_track_is_named():
     scene = pavement(np.ones((2, 2)))
     none = np.empty((0, 2))
-    assert social_force_paths(scene, [], [], none, none, SOCIAL_FORCE, 5, 0.3).shape == (0, 5, 2)
+    assert paths_of(scene, [], [], none, none).shape == (0, 5, 2)
     with pytest.raises(ValueRuleError, match="track_id = 77"):
-        social_force_paths(scene, [77], [0.0], [[1.0, 1.0]], [[0.0, 0.0]], SOCIAL_FORCE, 5, 0.3)
+        paths_of(scene, [77], [0.0], [[1.0, 1.0]], [[0.0, 0.0]])

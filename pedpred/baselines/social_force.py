@@ -2,27 +2,28 @@
 
 All pedestrians of an instant are rolled out together, without noise, by the simulator's own kernel.
 In simulated scenes the recording knows the goals and desired speeds, so only the noise is left to
-be wrong about; in real ones the goal is the end of the track and the desired speed the tracked one.
+be wrong about; in real ones the goal is the end of the track, the desired speed the tracked one, and
+groups are those that somebody has annotated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from pedpred.baselines.together import SAME_TIME_S, rolled_out
 from pedpred.errors import ValueRuleError
+from pedpred.features import FeatureTable
+from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap, Recording, Scene
-from pedpred.simulation.crowd import Crowd
+from pedpred.simulation.crowd import Crowd, crowd_of
 from pedpred.simulation.ground import Ground, ground_of
-from pedpred.simulation.routing import routes_to
-from pedpred.simulation.settings import social_force_settings
-from pedpred.simulation.simulator import rollout
+from pedpred.simulation.routing import Routes, RoutingSettings, routes_to
+from pedpred.simulation.settings import SocialForceSettings
 
 GOALS_AHEAD = 4  # nobody reaches more within a horizon of some seconds
 _FREE_MARGIN_M = 3.0  # ground around the map where people may walk; no border is felt farther away
-_SAME_TIME_S = 1e-6
 
 
 class Intentions(NamedTuple):
@@ -32,65 +33,76 @@ class Intentions(NamedTuple):
         goals: all places that anybody wants to reach, world frame, m. [G, 2]
         plan: the next goals in order, indices into `goals`; -1 = none. [W, K]
         desired_speed: m/s. [W]
+        group: equal numbers walk together; -1 = alone. [W]
     """
 
     goals: np.ndarray
     plan: np.ndarray
     desired_speed: np.ndarray
+    group: np.ndarray
 
 
-def social_force_paths(
+class Outset(NamedTuple):
+    """Everything that futures begin from, whatever the forces.
+
+    Attributes:
+        crowd: everybody at every instant. [W]
+        time_s: the instant. [W]
+        ground: obstacles.
+        routes: ways to all goals.
+    """
+
+    crowd: Crowd
+    time_s: np.ndarray
+    ground: Ground
+    routes: Routes
+
+    def paths(self, model: SocialForceSettings, horizon_steps: int, dt_s: float) -> np.ndarray:
+        """World positions after 1 ... P steps of `dt_s` seconds, m. [W, P, 2]."""
+        return rolled_out(self.crowd, self.time_s, self.ground, self.routes, model, horizon_steps, dt_s)
+
+
+def outset_of(scene: Scene, table: FeatureTable, routing: RoutingSettings) -> Outset:
+    """`outset` of the rows of a feature table."""
+    velocity = rotate(table.velocity, table.heading_rad)
+    return outset(scene, table.track_id, table.time_s, table.position, velocity, routing)
+
+
+def outset(
     scene: Scene,
     track_id: np.ndarray,
     time_s: np.ndarray,
     position: np.ndarray,
     velocity: np.ndarray,
-    settings: Mapping[str, Any],
-    horizon_steps: int,
-    dt_s: float,
-) -> np.ndarray:
-    """Future paths of pedestrians who know where they are going.
+    routing: RoutingSettings,
+) -> Outset:
+    """Pedestrians who know where they are going, and the ways there.
 
     Rows of the same instant walk together, so give all who are present, not just those of interest.
 
     Args:
-        scene: recording (for the goals) and obstacles.
+        scene: recording (for goals and groups) and obstacles.
         track_id: whose row. [W]
         time_s: the instant. [W]
         position: tracked, world frame, m. [W, 2]
         velocity: tracked, m/s. [W, 2]
-        settings: configuration group `social_force`.
-        horizon_steps: P.
-        dt_s: time between two steps of the horizon, s.
-
-    Returns:
-        World positions at time_s + dt_s * (1 ... P), m. [W, P, 2]
+        routing: how people find their way.
 
     Raises:
         ValueRuleError: a row's track is not in the recording.
     """
-    model = social_force_settings(settings)
-    position, velocity = np.asarray(position, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
-    paths = np.empty((len(position), horizon_steps, 2))
-    if not len(paths):
-        return paths
-    wanted = intentions(scene.recording, np.asarray(track_id), np.asarray(time_s), velocity)
-    ground = _surroundings(scene.occupancy, np.vstack([position, wanted.goals]), model.routing.resolution_m)
-    routes = routes_to(wanted.goals, ground, model.routing)
-    order = np.argsort(time_s, kind="stable")
-    instants = np.flatnonzero(np.diff(np.asarray(time_s)[order]) > _SAME_TIME_S) + 1
-    legs = np.zeros(len(paths), dtype=np.int64)
-    everyone = Crowd(position, velocity, wanted.desired_speed, wanted.plan, legs)
-    for rows in np.split(order, instants):
-        crowd = Crowd(*(values[rows] for values in everyone))
-        paths[rows] = rollout(crowd, ground, routes, model, horizon_steps, dt_s)
-    return paths
+    position, velocity = (np.asarray(v, dtype=np.float64).reshape(-1, 2) for v in (position, velocity))
+    time_s = np.asarray(time_s, dtype=np.float64)
+    wanted = intentions(scene.recording, np.asarray(track_id), time_s, velocity)
+    ground = _surroundings(scene.occupancy, np.vstack([position, wanted.goals]), routing.resolution_m)
+    crowd = crowd_of(position, velocity, wanted.desired_speed, wanted.plan, wanted.group)
+    return Outset(crowd, time_s, ground, routes_to(wanted.goals, ground, routing))
 
 
 def intentions(
     recording: Recording, track_id: np.ndarray, time_s: np.ndarray, velocity: np.ndarray
 ) -> Intentions:
-    """True goals and desired speeds where the recording has them, else track ends and tracked speeds.
+    """True goals, speeds and groups where the recording has them, else track ends, tracked speeds, nobody.
 
     Args:
         recording: of the scene.
@@ -117,7 +129,8 @@ def intentions(
     speed = np.linalg.norm(velocity, axis=-1)
     if recording.desired_speed_mps is not None:
         speed = recording.desired_speed_mps[order][now]
-    return Intentions(goals, plan, speed)
+    group = np.full(len(now), -1) if recording.group_id is None else recording.group_id[order][now]
+    return Intentions(goals, plan, speed, group)
 
 
 def _latest_rows(
@@ -137,18 +150,14 @@ def _latest_rows(
         if first == last:
             raise ValueRuleError("track_id", int(asked), "the recording has no such track")
         mask = track_id == asked
-        found = np.searchsorted(times_s[first:last], time_s[mask] + _SAME_TIME_S, side="right") - 1
+        found = np.searchsorted(times_s[first:last], time_s[mask] + SAME_TIME_S, side="right") - 1
         rows[mask] = first + np.maximum(found, 0)
     return rows
 
 
 def _surroundings(occupancy: OccupancyMap, points: np.ndarray, routing_m: float) -> Ground:
     """The map with free ground around it that holds all points, in whole routing cells."""
-    beyond = max(
-        float((occupancy.origin - points).max()),
-        float((points - occupancy.origin - occupancy.extent_m).max()),
-        0.0,
-    )
+    beyond = np.maximum(occupancy.origin - points, points - occupancy.origin - occupancy.extent_m)
     cells = max(round(routing_m / occupancy.resolution_m), 1)
-    margin_m = beyond + _FREE_MARGIN_M
+    margin_m = float(beyond.max(initial=0.0)) + _FREE_MARGIN_M
     return ground_of(occupancy, cells * int(np.ceil(margin_m / (cells * occupancy.resolution_m))))

@@ -15,10 +15,12 @@ class LaneBatch:
     Attributes:
         rows: rows of the data set; -1 pads behind the end of a track. [B, L]
         starts: a track starts here, so the lane's memory is forgotten first. [B] bool
+        chance: two uniform numbers in [0, 1), drawn where a track starts and held along it. [B, 2] float32
     """
 
     rows: np.ndarray
     starts: np.ndarray
+    chance: np.ndarray
 
 
 def cut(sequences: np.ndarray, longest: int, rng: np.random.Generator) -> np.ndarray:
@@ -44,10 +46,11 @@ def stream_lanes(
         lanes: number of lanes B.
         length: steps of a sub-sequence L (the truncation depth).
         longest: a track is cut into pieces of at most this many steps.
-        rng: order of the tracks and phase of the cuts.
+        rng: order of the tracks, phase of the cuts, and chance.
     """
     queue: list[tuple[int, int]] = []
     position, end = np.zeros(lanes, dtype=np.int64), np.zeros(lanes, dtype=np.int64)
+    chance = np.zeros((lanes, 2), dtype=np.float32)
     while True:
         starts = position >= end
         for lane in np.flatnonzero(starts):
@@ -55,6 +58,7 @@ def stream_lanes(
                 pieces = cut(sequences, longest, rng)
                 queue = [(int(a), int(b)) for a, b in pieces[rng.permutation(len(pieces))]]
             position[lane], end[lane] = queue.pop()
+            chance[lane] = rng.random(2, dtype=np.float32)
         rows = position[:, None] + np.arange(length)
-        yield LaneBatch(np.where(rows < end[:, None], rows, -1), starts)
+        yield LaneBatch(np.where(rows < end[:, None], rows, -1), starts, chance.copy())
         position += length

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ def compare(
     table: FeatureTable,
     settings: FeatureSettings,
     velocities: Mapping[str, np.ndarray],
+    baselines: Sequence[str],
     options: Mapping[str, Any],
     social_force: Mapping[str, Any],
 ) -> tuple[dict[str, np.ndarray], dict[str, Scores]]:
@@ -30,8 +31,9 @@ def compare(
         table: its features, all rows.
         settings: sizes of the features.
         velocities: what each network forecasts at every row, agent frames, m/s. {method: [M, P, 2]}
-        options: `evaluation` configuration: baselines, moving_mps, collision_m.
-        social_force: settings of the social-force model.
+        baselines: names of the untrained methods.
+        options: `evaluation` configuration: moving_mps, collision_m.
+        social_force: settings of the social-force model at this place.
 
     Returns:
         Columns of the forecast file (one row per window), and the scores of each method.
@@ -41,8 +43,8 @@ def compare(
     windows = table.select(window)
     paths = {}
     together = seen_together(table)
-    for name in options["baselines"]:
-        everybody = baseline(name)(scene, table.select(together), ahead_s, social_force)
+    for name in baselines:
+        everybody = baseline(name)(scene, table, together, ahead_s, social_force)
         paths[name] = everybody[np.searchsorted(together, window)]
     for name, forecast in velocities.items():
         paths[name] = world_paths(windows, forecast[window], settings.dt_s)

@@ -6,7 +6,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from pedpred.errors import ShapeError
+from pedpred.errors import ShapeError, ValueRuleError
+
+_LARGEST_SETTING = 10_000
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,17 @@ class FeatureSettings:
     max_age_intervals: float = 1.25
     lost_after_s: float = 2.0
     leaks: bool = False
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value, kind = getattr(self, field.name), field.type
+            number = isinstance(value, int if kind == "int" else int | float) and not isinstance(value, bool)
+            if kind == "bool" and not isinstance(value, bool):
+                raise ValueRuleError(field.name, value, "it must be true or false")
+            if kind != "bool" and not (number and 0 < value < _LARGEST_SETTING):
+                raise ValueRuleError(
+                    field.name, value, f"it must be a positive {kind} below {_LARGEST_SETTING}"
+                )
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from onnx import TensorProto, helper, numpy_helper
 from onnxruntime.quantization import quantize_dynamic
 from torch import Tensor, nn
 
+from pedpred.files import aside
 from pedpred.models.autoencoder import GridEncoder
 from pedpred.models.motion import INPUT_WIDTHS, LEAK, MotionLstm
 
@@ -143,8 +144,8 @@ def _write(graph: _Graph, inputs: dict[str, list[int]], outputs: dict[str, list[
     model = helper.make_model(whole, opset_imports=[helper.make_opsetid("", _OPSET)], producer_name="pedpred")
     model.ir_version = _IR
     onnx.checker.check_model(model, full_check=True)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(model.SerializeToString(deterministic=True))
+    with aside(path) as new:
+        new.write_bytes(model.SerializeToString(deterministic=True))
 
 
 def _numbers(tensor: Tensor) -> np.ndarray:

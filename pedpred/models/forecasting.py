@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from pedpred.errors import StorageError
+from pedpred.files import decoding
 from pedpred.datasets.motion import MotionData, network_columns, sequences_of
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.models.motion import MotionLstm, MotionSettings
@@ -21,7 +24,11 @@ def load_motion_lstm(folder: Path) -> MotionLstm:
         StorageError: the checkpoint is missing or damaged.
     """
     weights, about = read_checkpoint(folder)
-    network = MotionLstm(MotionSettings.parse(about["network"]))
+    path = folder / "about.json"
+    with decoding(partial(StorageError, path, "network", remedy="Train it again (dvc repro)")):
+        settings = MotionSettings.parse(about["network"])
+        with torch.device("meta"):  # no memory until the weights are known to fit
+            network = MotionLstm(settings)
     load_weights(network, weights, folder)
     return network.eval()
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,11 @@ import onnxruntime
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
+from pedpred.files import decoding, read_bytes, read_json, write_json
 from pedpred.tracking import KalmanSettings
 
 MODEL_SCHEMA = 1
+_MOST_UNITS = 10_000
 _GRAPH, _ABOUT = "network.onnx", "model.json"
 _REMEDY = "Export the model again (dvc repro export) or fetch the folder anew"
 
@@ -38,6 +40,27 @@ class ModelDescription:
     tracker: KalmanSettings
     standstill_mps: float
 
+    def __post_init__(self) -> None:
+        strangers = set(self.inputs) - {"state", "crop", "angular"}
+        if strangers or not self.inputs:
+            raise ValueRuleError("inputs", self.inputs, "known inputs are state, crop and angular")
+        for name, units in self.memory.items():
+            if not 0 < units <= _MOST_UNITS:
+                raise ValueRuleError(f"memory.{name}", units, f"it must be between 1 and {_MOST_UNITS}")
+        if not 0 <= self.standstill_mps < np.inf:
+            raise ValueRuleError("standstill_mps", self.standstill_mps, "it must not be negative")
+
+    def ends(self) -> tuple[dict[str, tuple[int, ...]], list[tuple[int, ...]]]:
+        """Sizes per person of the graph's inputs, by name, and of its outputs, in order."""
+        sizes = self.features
+        crop = (sizes.grid_cells, sizes.grid_cells)
+        known = {"state": (2,), "crop": crop, "angular": (sizes.angular_cells,)}
+        memory = {name: (units,) for name, units in self.memory.items()}
+        return {name: known[name] for name in self.inputs} | memory, [
+            (sizes.horizon_steps, 2),
+            *memory.values(),
+        ]
+
 
 def write_description(folder: Path, description: ModelDescription, origin: Mapping[str, object]) -> None:
     """Describe `folder`'s network.onnx in model.json, with its checksum and where it comes from."""
@@ -53,7 +76,7 @@ def write_description(folder: Path, description: ModelDescription, origin: Mappi
         **asdict(description),
         "origin": dict(origin),
     }
-    (folder / _ABOUT).write_text(json.dumps(about, indent=1) + "\n")
+    write_json(folder / _ABOUT, about)
 
 
 def read_description(folder: Path) -> ModelDescription:
@@ -63,8 +86,9 @@ def read_description(folder: Path) -> ModelDescription:
         StorageError: a file is missing, altered, or of another schema version; it names file and field.
     """
     path = folder / _ABOUT
-    try:
-        about = json.loads(path.read_text())
+    wording = partial(StorageError, path, "description", remedy=_REMEDY)
+    about = read_json(path, wording)
+    with decoding(wording):
         if about["schema"] != MODEL_SCHEMA:
             raise StorageError(path, "schema", f"{about['schema']!r}, expected {MODEL_SCHEMA}", _REMEDY)
         if about["network_sha256"] != _digest(folder / _GRAPH):
@@ -76,24 +100,29 @@ def read_description(folder: Path) -> ModelDescription:
             KalmanSettings(**about["tracker"]),
             float(about["standstill_mps"]),
         )
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, ValueRuleError) as cause:
-        raise StorageError(path, "description", f"{type(cause).__name__}: {cause}", _REMEDY) from cause
 
 
 class ExportedNetwork:
     """The network of a model folder; one thread, no state of its own."""
 
-    def __init__(self, folder: Path, memory: Mapping[str, int]):
+    def __init__(self, folder: Path, description: ModelDescription):
+        """Load the graph.
+
+        Raises:
+            StorageError: it is missing or damaged, or its inputs and outputs are not those described.
+        """
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         path = folder / _GRAPH
-        try:
+        with decoding(partial(StorageError, path, "graph", remedy=_REMEDY)):
             self._session = onnxruntime.InferenceSession(
                 str(path), options, providers=["CPUExecutionProvider"]
             )
-        except Exception as cause:  # onnxruntime's errors share no base class
-            raise StorageError(path, "graph", str(cause).splitlines()[0], _REMEDY) from cause
-        self._memory = list(memory)
+        self._memory = list(description.memory)
+        ends = {end.name: tuple(end.shape[1:]) for end in self._session.get_inputs()}
+        sizes = [tuple(end.shape[1:]) for end in self._session.get_outputs()]
+        if (ends, sizes) != description.ends():
+            raise StorageError(path, "graph", f"it has {ends} -> {sizes}, not {_ABOUT}'s", _REMEDY)
 
     def step(
         self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]
@@ -112,4 +141,4 @@ class ExportedNetwork:
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(read_bytes(path)).hexdigest()

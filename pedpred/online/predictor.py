@@ -55,7 +55,7 @@ class OnlinePredictor:
 
     def __init__(self, folder: Path, settings: OnlineSettings | None = None):
         self._about = read_description(folder)
-        self._network = ExportedNetwork(folder, self._about.memory)
+        self._network = ExportedNetwork(folder, self._about)
         self._settings = settings or OnlineSettings()
         self._map = _NO_MAP
         self.reset()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
+from pedpred.files import write_json
 from pedpred.recording.interfaces import MAP, MARKERS, PEOPLE
 from pedpred.recording.messages import FRAME
 from pedpred.scenes import OccupancyMap
@@ -58,4 +58,4 @@ def write_layout(occupancy: OccupancyMap, hidden: Iterable[str], path: Path) -> 
             "splitPercentage": 75,
         },
     }
-    path.write_text(json.dumps(layout, indent=1) + "\n")
+    write_json(path, layout)

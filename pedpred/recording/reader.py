@@ -5,21 +5,23 @@ from __future__ import annotations
 import struct
 import warnings
 from collections.abc import Iterator
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from mcap.exceptions import EndOfFile
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from mcap_ros2.decoder import DecoderFactory
-from zstandard import ZstdError
+from zstandard import frame_content_size
 
-from pedpred.errors import ShapeError, SourceError, StorageError, ValueRuleError
-from pedpred.recording.interfaces import MAP, PEOPLE, TYPES
+from pedpred.errors import ShapeError, SourceError, ValueRuleError
+from pedpred.files import decoding, read_bytes
+from pedpred.recording.interfaces import MAP, PEOPLE, TYPES, definition
 from pedpred.recording.messages import OCCUPIED, TAGS
 from pedpred.recording.writer import SCENE_RECORD
 from pedpred.scenes import OccupancyMap, Scene
@@ -27,19 +29,11 @@ from pedpred.storage.scenes import tracks_of
 
 _RECORD_HEAD = struct.Struct("<BQ")
 """Kind and length of what follows."""
+_LARGEST_BYTES = 2**33
 _REMEDY = f"A recording is an MCAP file with {TYPES[MAP]} on {MAP} and {TYPES[PEOPLE]} on {PEOPLE}, in CDR"
 _NOBODY = {name: np.zeros(0) for name in ("time_s", "track_id", "x_m", "y_m")}
-_DAMAGE = (
-    McapError,
-    ZstdError,
-    struct.error,
-    LookupError,
-    MemoryError,
-    OverflowError,
-    RuntimeError,
-    ValueError,
-)
-"""What the MCAP reader and its decompressors raise on altered bytes."""
+_LARGEST_CHUNK_BYTES = 2**28
+"""Of what a chunk may claim to hold, uncompressed; writers make chunks of some MiB."""
 
 
 def read_recording(path: Path) -> Scene:
@@ -55,15 +49,16 @@ def read_recording(path: Path) -> Scene:
     """
     rows: list[dict[str, Any]] = []
     found: dict[str, Any] = {}
-    for topic, content in _contents(path):
-        found[topic] = content
-        if topic == PEOPLE:
-            rows += _rows(content, path)
+    with decoding(lambda problem: SourceError(path, None, f"damaged, {problem}", _REMEDY)):
+        for topic, content in _contents(path):
+            found[topic] = content
+            if topic == PEOPLE:
+                rows += _rows(content, path)
     for topic in (MAP, PEOPLE):
         if topic not in found:
             raise SourceError(path, None, f"nothing on {topic}, only on {sorted(found)}", _REMEDY)
     about = found.get(SCENE_RECORD, {})
-    try:
+    with decoding(partial(SourceError, path, None, remedy=_REMEDY)):
         recording = tracks_of(pd.DataFrame(rows or _NOBODY), path)
         return Scene(
             about.get("name", path.stem),
@@ -71,8 +66,6 @@ def read_recording(path: Path) -> Scene:
             _occupancy(found[MAP], about.get("resolution_m")),
             float(about.get("detection_dt_s") or recording.usual_interval_s()),
         )
-    except (ShapeError, StorageError, ValueRuleError, ValueError) as cause:
-        raise SourceError(path, None, str(cause), _REMEDY) from cause
 
 
 def _contents(path: Path) -> Iterator[tuple[str, Any]]:
@@ -80,36 +73,38 @@ def _contents(path: Path) -> Iterator[tuple[str, Any]]:
     channels: dict[int, Channel] = {}
     schemas: dict[int, Schema] = {}
     decoders = DecoderFactory()
-    try:
-        for record in _records(path):
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                channels[record.id] = record
-            elif isinstance(record, Metadata):
-                yield record.name, record.metadata
-            elif isinstance(record, Message):
-                channel = channels[record.channel_id]
-                if channel.topic in (MAP, PEOPLE):
-                    schema = schemas.get(channel.schema_id)
-                    decode = decoders.decoder_for(channel.message_encoding, schema)
-                    if schema is None or decode is None or schema.name != TYPES[channel.topic]:
-                        kind = f"{schema.name if schema else None} ({channel.message_encoding})"
-                        raise SourceError(path, None, f"{channel.topic} carries {kind}", _REMEDY)
-                    yield channel.topic, decode(record.data)
-                else:
-                    yield channel.topic, None
-    except _DAMAGE as cause:
-        problem = f"damaged, {type(cause).__name__}: {cause}"
-        raise SourceError(path, None, problem, _REMEDY) from cause
+    for record in _records(path):
+        if isinstance(record, Schema):
+            schemas[record.id] = _known(record)
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Metadata):
+            yield record.name, record.metadata
+        elif isinstance(record, Message):
+            channel = channels[record.channel_id]
+            if channel.topic in (MAP, PEOPLE):
+                schema = schemas.get(channel.schema_id)
+                decode = decoders.decoder_for(channel.message_encoding, schema)
+                if schema is None or decode is None or schema.name != TYPES[channel.topic]:
+                    kind = f"{schema.name if schema else None} ({channel.message_encoding})"
+                    raise SourceError(path, None, f"{channel.topic} carries {kind}", _REMEDY)
+                yield channel.topic, decode(record.data)
+            else:
+                yield channel.topic, None
+
+
+def _known(schema: Schema) -> Schema:
+    """The schema with the public definition of its type, where it is one of ours: a file cannot change it."""
+    if schema.name not in TYPES.values():
+        return schema
+    return Schema(
+        id=schema.id, name=schema.name, encoding=schema.encoding, data=definition(schema.name).encode()
+    )
 
 
 def _records(path: Path) -> Iterator[McapRecord]:
     """All records, or those before the cut."""
-    try:
-        raw = path.read_bytes()
-    except OSError as cause:
-        raise SourceError(path, None, str(cause), _REMEDY) from cause
+    raw = read_bytes(path, _LARGEST_BYTES)
     if not raw.startswith(MCAP0_MAGIC):
         raise SourceError(path, None, f"no MCAP file, it begins with {raw[:8]!r}", _REMEDY)
     cut = len(raw) == len(MCAP0_MAGIC) or not raw.endswith(MCAP0_MAGIC)
@@ -117,10 +112,19 @@ def _records(path: Path) -> Iterator[McapRecord]:
     if cut:
         warnings.warn(f"{path} is cut: read up to byte {end} of {len(raw)}", stacklevel=2)
     try:
-        yield from StreamReader(BytesIO(raw[:end]), validate_crcs=True).records
+        for record in StreamReader(BytesIO(raw[:end]), emit_chunks=True, validate_crcs=True).records:
+            yield from _unpacked(record) if isinstance(record, Chunk) else (record,)
     except EndOfFile:
         if not cut:
             raise
+
+
+def _unpacked(chunk: Chunk) -> list[McapRecord]:
+    """The records in a chunk, once it is known that they do not fill the memory."""
+    content = frame_content_size(chunk.data) if chunk.compression == "zstd" else len(chunk.data)
+    if max(chunk.uncompressed_size, content) > _LARGEST_CHUNK_BYTES:
+        raise ShapeError("chunk", (chunk.uncompressed_size, content), f"at most {_LARGEST_CHUNK_BYTES} bytes")
+    return breakup_chunk(chunk, validate_crc=True)
 
 
 def _last_whole_record(raw: bytes) -> int:

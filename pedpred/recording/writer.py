@@ -9,6 +9,7 @@ import numpy as np
 from mcap_ros2.writer import Writer
 
 from pedpred.errors import ValueRuleError
+from pedpred.files import aside
 from pedpred.recording.interfaces import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
 from pedpred.recording.messages import (
     Colour,
@@ -54,8 +55,7 @@ def write_recording(
     strangers = sorted(set(colours or ()) - set(windows.paths if windows else ()))
     if strangers:
         raise ValueRuleError("colours", strangers[0], f"scene {scene.name} has no forecasts of it")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("wb") as stream, Writer(stream, chunk_size=_CHUNK_BYTES) as writer:
+    with aside(path) as new, new.open("wb") as stream, Writer(stream, chunk_size=_CHUNK_BYTES) as writer:
         about = {"name": scene.name, "detection_dt_s": repr(float(scene.detection_dt_s))}
         about["resolution_m"] = repr(float(scene.occupancy.resolution_m))
         writer.add_metadata(SCENE_RECORD, about)

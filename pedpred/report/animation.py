@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from pedpred.errors import ValueRuleError
+from pedpred.files import aside
 from pedpred.report.canvas import FAINT, INK, OBSTACLE
 from pedpred.report.methods import colours, label
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
@@ -68,9 +69,9 @@ def write_animation(scene: Scene, windows: Windows, animation: Animation, path: 
     frames = list(_frames(scene, windows, animation))
     palette = frames[len(frames) // 2].quantize(_SHADES, dither=Image.Dither.NONE)
     first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    path.parent.mkdir(parents=True, exist_ok=True)
     duration_ms = round(1000 * animation.frame_s)
-    first.save(path, save_all=True, append_images=others, duration=duration_ms, loop=0, optimize=False)
+    with aside(path) as new:
+        first.save(new, save_all=True, append_images=others, duration=duration_ms, loop=0, optimize=False)
 
 
 def busiest_start(time_s: np.ndarray, duration_s: float) -> float:

@@ -11,6 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from pedpred.files import aside
+
 DPI = 110
 LARGEST_BYTES = 60_000
 """Pictures above this size are reduced to 256 colours."""
@@ -62,4 +64,5 @@ def png_bytes(figure: Figure) -> bytes:
 
 def write_png(figure: Figure, path: Path) -> None:
     """Write the figure as PNG."""
-    path.write_bytes(png_bytes(figure))
+    with aside(path) as new:
+        new.write_bytes(png_bytes(figure))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pedpred.errors import StorageError
+from pedpred.files import decoding
 from pedpred.report.canvas import INK, blank, styled
 from pedpred.report.methods import colours, label
 
@@ -29,10 +31,8 @@ def read_curve(path: Path) -> pd.DataFrame:
     Raises:
         StorageError: the file cannot be read or has no column `epoch`.
     """
-    try:
+    with decoding(partial(StorageError, path, "file", remedy="Train again (dvc repro)")):
         curve = pd.read_csv(path, sep="\t")
-    except (OSError, ValueError) as cause:
-        raise StorageError(path, "file", str(cause), "Train again (dvc repro)") from cause
     if "epoch" not in curve:
         raise StorageError(path, "column epoch", "it is missing", "Train again (dvc repro)")
     return curve

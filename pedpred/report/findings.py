@@ -35,7 +35,8 @@ class Finding:
 def simulation_findings(methods: MethodMetrics) -> list[Finding]:
     """Expectations in simulation: what knows more is closer, and the obstacle grid pays."""
     return [
-        below(methods, "social_force", MODEL),
+        below(methods, "social_force", "goal_blind"),
+        below(methods, "goal_blind", MODEL),
         below(methods, MODEL, "lstm_nogrid"),
         below(methods, "lstm_nogrid", YARDSTICK),
         ratio_at_least(methods, "lstm_nogrid", MODEL, GRID_GAIN),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 from pedpred.errors import StorageError
+from pedpred.files import decoding, read_json
 
 MethodMetrics = dict[str, dict]
 """The measures of each method in one scene, by the method's name."""
@@ -37,15 +38,14 @@ def read_metrics(path: Path) -> dict[str, MethodMetrics]:
     Raises:
         StorageError: it is no JSON, or a method of a scene lacks a measure; the error names it.
     """
-    try:
-        scenes = json.loads(path.read_text())
-    except (OSError, ValueError) as cause:
-        raise StorageError(path, "file", str(cause), _REMEDY) from cause
-    for scene, methods in scenes.items():
-        for method, measures in methods.items():
-            missing = [field for field in _FIELDS if field not in measures]
-            if missing:
-                raise StorageError(path, f"{scene}/{method}/{missing[0]}", "it is missing", _REMEDY)
+    wording = partial(StorageError, path, "file", remedy=_REMEDY)
+    scenes = read_json(path, wording)
+    with decoding(wording):
+        for scene, methods in scenes.items():
+            for method, measures in methods.items():
+                missing = [field for field in _FIELDS if field not in measures]
+                if missing:
+                    raise StorageError(path, f"{scene}/{method}/{missing[0]}", "it is missing", _REMEDY)
     return scenes
 
 

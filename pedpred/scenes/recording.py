@@ -8,6 +8,8 @@ import numpy as np
 
 from pedpred.errors import ShapeError, ValueRuleError
 
+_LARGEST_WHOLE = 2.0**63
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -45,7 +47,9 @@ class Recording:
             shape = (rows, 2) if field.name in wide else (rows,)
             if given.shape != shape:
                 raise ShapeError(field.name, given.shape, str(shape))
-            valid = np.isfinite(given) & (given == np.floor(given) if whole else True)
+            valid = np.isfinite(given)
+            if whole:
+                valid &= (given == np.floor(given)) & (given >= -_LARGEST_WHOLE) & (given < _LARGEST_WHOLE)
             if not valid.all():
                 row = int(np.argwhere(~valid)[0, 0])
                 rule = "it must be a whole number" if whole else "it must be finite"

@@ -48,7 +48,7 @@ class Scene:
     camera: Camera | None = None
 
     def __post_init__(self) -> None:
-        if not self.name or "/" in self.name:
+        if not self.name.isprintable() or self.name in ("", ".", "..") or "/" in self.name:
             raise ValueRuleError("name", self.name, "a scene needs a name that can be a folder's")
-        if not self.detection_dt_s > 0:
+        if not 0 < self.detection_dt_s < np.inf:
             raise ValueRuleError("detection_dt_s", self.detection_dt_s, "it must be positive")

@@ -17,6 +17,7 @@ class Crowd(NamedTuple):
         plan: targets to visit in order, indices into `Routes.target`; -1 fills up shorter
             plans, each of which has one target at least. [N, G] int64
         leg: which entry of its plan each one is walking to. [N] int64
+        group: equal numbers walk together; -1 = alone. [N] int64
     """
 
     position: np.ndarray
@@ -24,6 +25,7 @@ class Crowd(NamedTuple):
     desired_speed: np.ndarray
     plan: np.ndarray
     leg: np.ndarray
+    group: np.ndarray
 
 
 class Clock(NamedTuple):
@@ -43,9 +45,21 @@ class Clock(NamedTuple):
 
 
 def crowd_of(
-    position: np.ndarray, velocity: np.ndarray, desired_speed: np.ndarray, plan: np.ndarray
+    position: np.ndarray,
+    velocity: np.ndarray,
+    desired_speed: np.ndarray,
+    plan: np.ndarray,
+    group: np.ndarray | None = None,
 ) -> Crowd:
-    """A crowd at the start of its plans, on arrays of its own (the kernel changes them in place)."""
+    """A crowd at the start of its plans, on arrays of its own (the kernel changes them in place).
+
+    Args:
+        position: world frame, m. [N, 2]
+        velocity: m/s. [N, 2]
+        desired_speed: m/s. [N]
+        plan: see `Crowd`. [N, G]
+        group: see `Crowd`; None = everybody is alone. [N]
+    """
     plan = np.array(plan, dtype=np.int64)
     return Crowd(
         np.array(position, dtype=np.float64),
@@ -53,4 +67,5 @@ def crowd_of(
         np.array(desired_speed, dtype=np.float64),
         plan,
         np.zeros(len(plan), dtype=np.int64),
+        np.full(len(plan), -1) if group is None else np.array(group, dtype=np.int64),
     )

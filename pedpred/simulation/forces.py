@@ -26,6 +26,10 @@ class ForceSettings(NamedTuple):
         border_range_m: R.
         sight_cosine: cosine of the half angle of sight.
         unseen_weight: c, weight of a force from outside the field of sight.
+        group_gaze: beta_1 of Moussaid et al. 2010 (`groups.py`), 1/s per radian.
+        group_attraction: beta_2, m/s^2.
+        group_repulsion: beta_3, m/s^2.
+        group_distance_m: d0, members nearer than this push each other.
     """
 
     relaxation_time_s: float
@@ -37,6 +41,10 @@ class ForceSettings(NamedTuple):
     border_range_m: float
     sight_cosine: float
     unseen_weight: float
+    group_gaze: float
+    group_attraction: float
+    group_repulsion: float
+    group_distance_m: float
 
 
 def driving_acceleration(
@@ -101,7 +109,7 @@ def sight_weight(force: np.ndarray, direction: np.ndarray, settings: ForceSettin
     Returns:
         Weight. [...]
     """
-    seen = -(direction * force).sum(axis=-1) >= np.linalg.norm(force, axis=-1) * settings.sight_cosine
+    seen = -np.vecdot(direction, force) >= np.linalg.norm(force, axis=-1) * settings.sight_cosine
     return np.where(seen, 1.0, settings.unseen_weight)
 
 

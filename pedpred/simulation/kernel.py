@@ -1,7 +1,7 @@
 """The simulator's inner loop, compiled: a whole crowd, step by step.
 
-The forces are those of `forces.py` (a test holds the two together), but for pushes too weak to
-matter: who is beyond `interaction_range_m` is not looked at, and people are sorted into square cells of
+The forces are those of `forces.py` and `groups.py` (tests hold them together), but for pushes too weak
+to matter: who is beyond `interaction_range_m` is not looked at, and people are sorted into square cells of
 that side, so that a step costs O(N) at constant density. Everything that the machine code depends on
 arrives as an argument or lives in this file, so that numba's cache in `__pycache__` (ignored by git and
 DVC) cannot go stale.
@@ -155,6 +155,29 @@ def accelerations(position, velocity, direction, desired_speed, ground, forces, 
 
 
 @njit(cache=True, nogil=True)
+def accompany(n, position, velocity, direction, group, forces):
+    """`groups.group_acceleration` of pedestrian n, m/s^2."""
+    others, sum_x, sum_y, push_x, push_y = 0, 0.0, 0.0, 0.0, 0.0
+    for m in range(len(position)):
+        if m != n and group[m] == group[n]:
+            to_x, to_y = position[m, 0] - position[n, 0], position[m, 1] - position[n, 1]
+            others, sum_x, sum_y = others + 1, sum_x + to_x, sum_y + to_y
+            if math.sqrt(to_x * to_x + to_y * to_y) < forces.group_distance_m:
+                w_x, w_y = _unit(to_x, to_y)
+                push_x, push_y = push_x - w_x, push_y - w_y
+    if others == 0:
+        return 0.0, 0.0
+    u_x, u_y = _unit(sum_x, sum_y)
+    far = math.sqrt(sum_x * sum_x + sum_y * sum_y) / (others + 1) > 0.5 * others
+    pull = forces.group_attraction if far else 0.0
+    cosine = min(max(direction[n, 0] * u_x + direction[n, 1] * u_y, -1.0), 1.0)
+    slow = forces.group_gaze * max(math.acos(cosine) - 0.5 * math.pi, 0.0)
+    f_x = pull * u_x + forces.group_repulsion * push_x - slow * velocity[n, 0]
+    f_y = pull * u_y + forces.group_repulsion * push_y - slow * velocity[n, 1]
+    return f_x, f_y
+
+
+@njit(cache=True, nogil=True)
 def _blocked(x, y, ground):
     i = math.floor((x - ground.origin[0]) / ground.resolution_m)
     j = math.floor((y - ground.origin[1]) / ground.resolution_m)
@@ -218,6 +241,10 @@ def advance(crowd, noise, clock, ground, routes, forces, reach_m):
         for n in range(count):
             direction[n, 0], direction[n, 1] = _heading(n, crowd, routes, reach_m)
         accelerations(position, velocity, direction, crowd.desired_speed, ground, forces, acceleration)
+        for n in range(count):
+            if crowd.group[n] >= 0:
+                f_x, f_y = accompany(n, position, velocity, direction, crowd.group, forces)
+                acceleration[n, 0], acceleration[n, 1] = acceleration[n, 0] + f_x, acceleration[n, 1] + f_y
         if len(noise) > 0:
             acceleration += noise[step // clock.hold]
         for n in range(count):

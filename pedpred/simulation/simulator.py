@@ -95,7 +95,7 @@ def rollout(
     """
     every = int(np.ceil(dt_s / settings.clock.step_s - 1e-6))
     clock = Clock(dt_s / every, horizon_steps * every, every, 1)
-    moving = crowd_of(crowd.position, crowd.velocity, crowd.desired_speed, crowd.plan)
+    moving = crowd_of(crowd.position, crowd.velocity, crowd.desired_speed, crowd.plan, crowd.group)
     path, _, _ = advance(moving, _NO_NOISE, clock, ground, routes, settings.forces, settings.crowd.reach_m)
     return path.swapaxes(0, 1)
 
@@ -110,6 +110,28 @@ def desired_speeds(count: int, settings: CrowdSettings, rng: np.random.Generator
     return speeds[:count]
 
 
+def successors(position: np.ndarray, region: np.ndarray, least_leg_m: float) -> np.ndarray:
+    """Which target may follow which: of another region, and far enough (or the farthest there is).
+
+    Args:
+        position: of the targets, world frame, m. [G, 2]
+        region: of the targets. [G]
+        least_leg_m: least distance between a target and the next.
+
+    Returns:
+        True where the column's target may follow the row's. [G, G] bool
+
+    Raises:
+        ConfigError: a target has none to follow it, for all are of one region.
+    """
+    apart = np.linalg.norm(position[:, None] - position[None], axis=-1)
+    other = region[:, None] != region[None]
+    if not other.any(axis=1).all():
+        raise ConfigError("social_force.crowd.targets", len(region), "people need two regions to walk to")
+    apart = np.where(other, apart, 0.0)
+    return apart >= np.minimum(least_leg_m, apart.max(axis=1, keepdims=True))
+
+
 def visiting_plans(
     targets: TargetPool, count: int, legs: int, least_leg_m: float, rng: np.random.Generator
 ) -> np.ndarray:
@@ -121,14 +143,7 @@ def visiting_plans(
     Raises:
         ConfigError: all targets are of one region.
     """
-    apart = np.linalg.norm(targets.position[:, None] - targets.position[None], axis=-1)
-    other = targets.region[:, None] != targets.region[None]
-    if not other.any(axis=1).all():
-        raise ConfigError(
-            "social_force.crowd.targets", len(targets.region), "people need two regions to walk to"
-        )
-    apart = np.where(other, apart, 0.0)
-    allowed = apart >= np.minimum(least_leg_m, apart.max(axis=1, keepdims=True))
+    allowed = successors(targets.position, targets.region, least_leg_m)
     choices = [np.flatnonzero(row) for row in allowed]
     plans = np.empty((count, legs), dtype=np.int64)
     plans[:, 0] = rng.integers(len(choices), size=count)

@@ -15,13 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from pedpred.errors import ConfigError, SourceError, ValueRuleError
+from pedpred.files import decoding, read_picture
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 from pedpred.sources.obstacles import occupancy_from_image
@@ -114,10 +115,8 @@ def _read_homography(path: Path) -> Homography:
     rows = [numbers(path, line, fields, ("h_1", "h_2", "h_3")) for line, fields in text_rows(path)]
     if len(rows) != 3:
         raise SourceError(path, None, f"{len(rows)} rows, expected a 3 x 3 matrix")
-    try:
+    with decoding(partial(SourceError, path, None)):
         return Homography(np.array(rows), first_pixel=_FIRST_PIXEL)
-    except ValueRuleError as cause:
-        raise SourceError(path, None, str(cause)) from cause
 
 
 def _read_groups(path: Path, known: set[int]) -> dict[int, int]:
@@ -147,11 +146,9 @@ def _read_camera(folder: Path, homography: Homography, shape: tuple[int, ...]) -
 
 
 def _read_image(path: Path, mode: str) -> np.ndarray:
-    try:
-        with Image.open(path) as image:
-            return np.asarray(image.convert(mode))
-    except (OSError, SyntaxError) as cause:
-        raise SourceError(path, None, f"not a readable image ({cause})") from cause
+    return read_picture(
+        path, mode, lambda problem: SourceError(path, None, f"not a readable image ({problem})")
+    )
 
 
 def _check_in_picture(

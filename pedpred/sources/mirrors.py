@@ -31,7 +31,12 @@ _log = logging.getLogger(__name__)
 
 
 def fetch(
-    data_set: str, target: Path, folders: Iterable[str], archives: Iterable[str], timeout_s: float
+    data_set: str,
+    target: Path,
+    folders: Iterable[str],
+    archives: Iterable[str],
+    timeout_s: float,
+    sums: Mapping[str, str] | None = None,
 ) -> None:
     """Make `target` hold the raw files of a data set; nothing happens when it does already.
 
@@ -41,11 +46,12 @@ def fetch(
         folders: mirrors tried first.
         archives: mirrors tried afterwards, paths or addresses.
         timeout_s: how long a server may keep silent, s.
+        sums: SHA-256 sum of each file; the committed ones of the data set if none are given.
 
     Raises:
         FetchError: no mirror has all files; it says what each one lacks.
     """
-    sums = checksums(data_set)
+    sums = checksums(data_set) if sums is None else sums
     if lack(target, sums) is None:
         _log.info("%s is complete", target)
         return

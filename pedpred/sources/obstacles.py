@@ -8,7 +8,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.scenes import OccupancyMap
 
-_MOST_CELLS = 10_000_000
+_MOST_CELLS = 4_000_000
 
 
 def occupancy_from_image(
@@ -30,14 +30,15 @@ def occupancy_from_image(
         ValueRuleError: the map would be absurdly large.
     """
     covered = np.concatenate([points, homography.to_world(np.argwhere(blocked))])
-    first = np.floor((covered.min(axis=0) - margin_m) / resolution_m)
-    shape = np.ceil((covered.max(axis=0) + margin_m) / resolution_m) - first
-    if not shape.prod() <= _MOST_CELLS:
-        size = (shape * resolution_m).round(1).tolist()
+    with np.errstate(invalid="ignore", over="ignore"):  # what is infinitely far is refused below
+        first = np.floor((covered.min(axis=0) - margin_m) / resolution_m)
+        shape = np.ceil((covered.max(axis=0) + margin_m) / resolution_m) - first
+        cells, size = shape.prod(), (shape * resolution_m).round(1).tolist()
+    if not cells <= _MOST_CELLS:
         raise ValueRuleError("map size [m]", size, f"it may have at most {_MOST_CELLS} cells")
     occupancy = OccupancyMap(np.zeros(shape.astype(int), dtype=bool), first * resolution_m, resolution_m)
     centers = occupancy.center_of(np.moveaxis(np.indices(occupancy.occupied.shape), 0, -1))
-    pixels = np.rint(homography.to_image(centers)).astype(np.int64)
+    pixels = np.rint(homography.to_image(centers))
     inside = ((pixels >= 0) & (pixels < blocked.shape)).all(axis=-1)
-    rows, columns = np.where(inside[..., None], pixels, 0).transpose(2, 0, 1)
+    rows, columns = np.where(inside[..., None], pixels, 0).astype(np.int64).transpose(2, 0, 1)
     return OccupancyMap(inside & blocked[rows, columns], occupancy.origin, resolution_m)

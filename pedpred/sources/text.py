@@ -7,16 +7,17 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from pedpred.errors import SourceError
+from pedpred.files import decoding, read_bytes
+
+_LARGEST_WHOLE = 2**53
 
 
 def text_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line number (from 1) and blank-separated fields of each line that has any."""
-    try:
-        text = path.read_text(encoding="ascii")
-    except FileNotFoundError as cause:
-        raise SourceError(path, None, "the file is missing") from cause
-    except (OSError, UnicodeDecodeError) as cause:
-        raise SourceError(path, None, f"not a readable text file ({cause})") from cause
+    if not path.exists():
+        raise SourceError(path, None, "the file is missing")
+    with decoding(lambda problem: SourceError(path, None, f"not a readable text file ({problem})")):
+        text = read_bytes(path).decode("ascii")
     for line, content in enumerate(text.splitlines(), start=1):
         if fields := content.split():
             yield line, fields
@@ -45,6 +46,6 @@ def numbers(path: Path, line: int, fields: list[str], columns: tuple[str, ...]) 
 
 def whole_number(path: Path, line: int, column: str, values: Mapping[str, float]) -> int:
     """The value of a column that counts something."""
-    if not values[column].is_integer():
+    if not values[column].is_integer() or abs(values[column]) > _LARGEST_WHOLE:
         raise SourceError(path, line, f"{column} = {values[column]!r}, but it must be a whole number")
     return int(values[column])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +12,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pedpred.errors import StorageError
+from pedpred.files import aside, decoding
 
 _VERSION_KEY = b"pedpred.schema"
 _REMEDY = "Rebuild it with dvc repro"
+_NUMBERS = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
 
 
 def write_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
@@ -38,25 +42,23 @@ def write_blocks(
         version: of the columns' meaning, kept in the file.
         split: columns whose floats are stored byte-stream-split, which pays where values do not repeat.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     writer: pq.ParquetWriter | None = None
-    try:
+    with aside(path) as new, ExitStack() as open_files:
         for columns in blocks:
             table = pa.table({n: _to_arrow(np.ascontiguousarray(v)) for n, v in columns.items()})
             if version is not None:
                 table = table.replace_schema_metadata({_VERSION_KEY: str(version)})
-            writer = writer or pq.ParquetWriter(
-                path,
-                table.schema,
-                compression="zstd",
-                use_dictionary=False,
-                use_byte_stream_split=[_leaf(table.schema.field(name)) for name in split],
-                write_page_checksum=True,
+            writer = writer or open_files.enter_context(
+                pq.ParquetWriter(
+                    new,
+                    table.schema,
+                    compression="zstd",
+                    use_dictionary=False,
+                    use_byte_stream_split=[_leaf(table.schema.field(name)) for name in split],
+                    write_page_checksum=True,
+                )
             )
             writer.write_table(table, row_group_size=max(len(table), 1))
-    finally:
-        if writer is not None:
-            writer.close()
 
 
 def read_columns(
@@ -81,14 +83,14 @@ def read_blocks(
         StorageError: the file is damaged or of another version, or a column is missing, not of
             numbers or of another shape; it names file and field.
     """
-    try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            _check(path, file.schema_arrow, shapes, version)
-            for group in range(file.num_row_groups):
-                table = file.read_row_group(group, columns=list(shapes))
-                yield {name: _read_column(path, name, table, shape) for name, shape in shapes.items()}
-    except (OSError, pa.ArrowException) as cause:
-        raise StorageError(path, "file", str(cause).splitlines()[0], _REMEDY) from cause
+    with (
+        decoding(partial(StorageError, path, "file", remedy=_REMEDY)),
+        pq.ParquetFile(path, page_checksum_verification=True) as file,
+    ):
+        _check(path, file.schema_arrow, shapes, version)
+        for group in range(file.num_row_groups):
+            table = file.read_row_group(group, columns=list(shapes))
+            yield {name: _read_column(path, name, table, shape) for name, shape in shapes.items()}
 
 
 def _check(path: Path, schema: pa.Schema, names: Iterable[str], version: int | None) -> None:
@@ -134,7 +136,7 @@ def _from_arrow(column: pa.Array, shape: tuple[int, ...]) -> np.ndarray:
         is_list = pa.types.is_fixed_size_list(kind)
         width = kind.list_size if is_list else 1
         values = column.flatten() if is_list else column
-        if not pa.types.is_primitive(values.type):
+        if not any(known(values.type) for known in _NUMBERS):
             raise ValueError(values.type)
         flat = values.to_numpy(zero_copy_only=False)
     return flat.reshape(rows, *((width,) if shape == (-1,) else shape))

@@ -7,18 +7,27 @@ A scene *set* is a folder of such folders (many arrangements of one simulated da
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import yaml
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
-from pedpred.errors import ShapeError, StorageError, ValueRuleError
+from pedpred.errors import StorageError
+from pedpred.files import (
+    Wording,
+    aside,
+    decoding,
+    read_json,
+    read_picture,
+    read_yaml,
+    write_json,
+    write_text,
+)
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 
@@ -32,8 +41,8 @@ _REMEDY = "Write the scene again (dvc repro) or correct the file"
 
 def write_scene(scene: Scene, folder: Path) -> None:
     """Write a scene; `read_scene` returns an equal one."""
-    folder.mkdir(parents=True, exist_ok=True)
-    tracks_table(scene.recording).to_parquet(folder / "tracks.parquet", index=False, compression="zstd")
+    with aside(folder / "tracks.parquet") as new:
+        tracks_table(scene.recording).to_parquet(new, index=False, compression="zstd")
     write_map(scene.occupancy, folder)
     about: dict[str, object] = {
         "schema": SCENE_SCHEMA,
@@ -43,8 +52,8 @@ def write_scene(scene: Scene, folder: Path) -> None:
     if scene.camera is not None:
         about["homography"] = scene.camera.homography.matrix.tolist()
         about["first_pixel"] = scene.camera.homography.first_pixel
-        Image.fromarray(scene.camera.picture).save(folder / "reference.png")
-    (folder / "scene.json").write_text(json.dumps(about, indent=1) + "\n")
+        _write_picture(scene.camera.picture, folder / "reference.png")
+    write_json(folder / "scene.json", about)
 
 
 def read_scene(folder: Path) -> Scene:
@@ -53,27 +62,19 @@ def read_scene(folder: Path) -> Scene:
     Raises:
         StorageError: a file is missing or cannot be understood; it names file and field.
     """
-    about = _read_json(folder / "scene.json")
-    try:
-        recording = _read_tracks(folder)
-        free = not (folder / "map.yaml").exists()
-        occupancy = OccupancyMap.free_around(recording.position) if free else read_map(folder)
-        camera = None
-        if "homography" in about and (folder / "reference.png").exists():
-            homography = Homography(np.array(about["homography"]), about["first_pixel"])
-            with Image.open(folder / "reference.png") as picture:
-                camera = Camera(homography, np.asarray(picture.convert("RGB")))
-        return Scene(
-            about["name"],
-            recording,
-            occupancy,
-            about["detection_dt_s"],
-            camera,
-        )
-    except KeyError as cause:
-        raise StorageError(folder / "scene.json", str(cause), "the field is missing", _REMEDY) from cause
-    except (OSError, TypeError, ValueError, ShapeError, ValueRuleError) as cause:
-        raise StorageError(folder, "scene", str(cause), _REMEDY) from cause
+    path = folder / "scene.json"
+    about = read_json(path, _wording(path, "file"))
+    if about.get("schema") != SCENE_SCHEMA:
+        raise StorageError(path, "schema", f"{about.get('schema')!r}, expected {SCENE_SCHEMA}", _REMEDY)
+    recording = _read_tracks(folder)
+    free = not (folder / "map.yaml").exists()
+    occupancy = OccupancyMap.free_around(recording.position) if free else read_map(folder)
+    with decoding(_wording(path, "scene")):
+        camera, view = None, folder / "reference.png"
+        if "homography" in about and view.exists():
+            picture = read_picture(view, "RGB", _wording(view, "file"))
+            camera = Camera(Homography(np.array(about["homography"]), about["first_pixel"]), picture)
+        return Scene(about["name"], recording, occupancy, about["detection_dt_s"], camera)
 
 
 def scene_folders(folder: Path) -> list[Path]:
@@ -128,7 +129,7 @@ def tracks_of(table: pd.DataFrame, path: Path) -> Recording:
 def write_map(occupancy: OccupancyMap, folder: Path) -> None:
     """Write the ROS map_server pair `map.yaml` + `map.pgm` (row 0 is the largest y)."""
     grey = np.where(occupancy.occupied.T[::-1], _OCCUPIED, _FREE).astype(np.uint8)
-    Image.fromarray(grey).save(folder / "map.pgm")
+    _write_picture(grey, folder / "map.pgm")
     about = {
         "image": "map.pgm",
         "resolution": float(occupancy.resolution_m),
@@ -137,28 +138,29 @@ def write_map(occupancy: OccupancyMap, folder: Path) -> None:
         "occupied_thresh": 0.65,
         "free_thresh": 0.196,
     }
-    (folder / "map.yaml").write_text(yaml.safe_dump(about, sort_keys=False))
+    write_text(folder / "map.yaml", yaml.safe_dump(about, sort_keys=False))
 
 
 def read_map(folder: Path) -> OccupancyMap:
     """Read a ROS map_server pair; unknown cells count as free.
 
     Raises:
-        StorageError: a file is missing or damaged, a field is missing, or the map is rotated.
+        StorageError: a file is missing or damaged, a field is missing, the map is rotated, or its picture
+            is huge or lies elsewhere.
     """
     path = folder / "map.yaml"
-    try:
-        about = yaml.safe_load(path.read_text())
+    about = read_yaml(path, _wording(path, "map"))
+    with decoding(_wording(path, "map")):
         x, y, yaw = about["origin"]
-        with Image.open(folder / about["image"]) as image:
-            grey = np.asarray(image.convert("L"), dtype=np.float64) / 255.0
-        probability = grey if about["negate"] else 1.0 - grey
-        threshold, resolution = about["occupied_thresh"], about["resolution"]
-    except (OSError, UnidentifiedImageError, yaml.YAMLError, KeyError, TypeError, ValueError) as cause:
-        raise StorageError(path, "map", f"{type(cause).__name__}: {cause}", _REMEDY) from cause
-    if yaw:
-        raise StorageError(path, "origin", f"yaw is {yaw} rad", "Only maps with yaw 0 are understood")
-    return OccupancyMap((probability > threshold)[::-1].T, np.array([x, y]), resolution)
+        if yaw:
+            raise StorageError(path, "origin", f"yaw is {yaw} rad", "Only maps with yaw 0 are understood")
+        if Path(about["image"]).name != about["image"]:
+            raise StorageError(path, "image", f"{about['image']!r}", "Put the picture beside map.yaml")
+        grey = read_picture(folder / about["image"], "L", _wording(folder / about["image"], "file"))
+        shade = np.arange(256) / 255.0
+        probability = shade if about["negate"] else 1.0 - shade
+        occupied = (probability > float(about["occupied_thresh"]))[grey]
+        return OccupancyMap(occupied[::-1].T, np.array([x, y]), float(about["resolution"]))
 
 
 def read_tracks_csv(path: Path) -> Recording:
@@ -167,32 +169,24 @@ def read_tracks_csv(path: Path) -> Recording:
     Raises:
         StorageError: the file is no table, or a column is missing or holds no numbers; it is named.
     """
-    try:
+    with decoding(_wording(path, "file")):
         table = pd.read_csv(path, skipinitialspace=True)
-    except (OSError, ValueError) as cause:
-        raise StorageError(path, "file", str(cause), _REMEDY) from cause
-    table = table.astype(np.float64) if table.empty else table  # no rows, no types
-    return tracks_of(table.rename(columns=_SHORT_NAMES), path)
+        table = table.astype(np.float64) if table.empty else table  # no rows, no types
+        return tracks_of(table.rename(columns=_SHORT_NAMES), path)
 
 
 def _read_tracks(folder: Path) -> Recording:
     path = folder / "tracks.parquet"
     if not path.exists() and (folder / "tracks.csv").exists():
         return read_tracks_csv(folder / "tracks.csv")
-    try:
-        table = pd.read_parquet(path)
-    except (OSError, pa.ArrowInvalid) as cause:
-        raise StorageError(path, "file", str(cause), _REMEDY) from cause
-    return tracks_of(table, path)
+    with decoding(_wording(path, "file")):
+        return tracks_of(pd.read_parquet(path), path)
 
 
-def _read_json(path: Path) -> dict:
-    try:
-        about = json.loads(path.read_text())
-    except (OSError, ValueError) as cause:
-        raise StorageError(path, "file", str(cause), _REMEDY) from cause
-    if not isinstance(about, dict):
-        raise StorageError(path, "file", f"{type(about).__name__}, expected an object", _REMEDY)
-    if about.get("schema") != SCENE_SCHEMA:
-        raise StorageError(path, "schema", f"{about.get('schema')!r}, expected {SCENE_SCHEMA}", _REMEDY)
-    return about
+def _write_picture(picture: np.ndarray, path: Path) -> None:
+    with aside(path) as new:
+        Image.fromarray(picture).save(new)
+
+
+def _wording(path: Path, field: str) -> Wording:
+    return partial(StorageError, path, field, remedy=_REMEDY)

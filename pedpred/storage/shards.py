@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.files import decoding, read_json, write_json
 from pedpred.storage.columns import read_blocks, read_columns, write_blocks
 
 FEATURE_SCHEMA = 2
@@ -100,8 +100,7 @@ def write_manifest(folder: Path, settings: FeatureSettings, scenes: Mapping[str,
         "columns": {name: asdict(column) for name, column in columns_of(settings).items()},
         "shards": {name: {"scene_sha256": _digest(scene)} for name, scene in sorted(scenes.items())},
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "manifest.json").write_text(json.dumps(about, indent=1) + "\n")
+    write_json(folder / "manifest.json", about)
 
 
 def _digest(scene: Path) -> str:
@@ -119,13 +118,12 @@ def read_manifest(folder: Path) -> tuple[FeatureSettings, list[str]]:
         StorageError: the manifest is missing, damaged or of another schema version.
     """
     path = folder / "manifest.json"
-    try:
-        about: dict[str, Any] = json.loads(path.read_text())
+    wording = partial(StorageError, path, "manifest", remedy=_REMEDY)
+    about = read_json(path, wording)
+    with decoding(wording):
         if about["schema"] != FEATURE_SCHEMA:
             raise StorageError(path, "schema", f"{about['schema']!r}, expected {FEATURE_SCHEMA}", _REMEDY)
-        return FeatureSettings(**about["settings"]), list(about["shards"])
-    except (OSError, ValueError, TypeError, KeyError) as cause:
-        raise StorageError(path, "manifest", f"{type(cause).__name__}: {cause}", _REMEDY) from cause
+        return FeatureSettings(**about["settings"]), list(dict(about["shards"]))
 
 
 def read_shard(folder: Path, name: str, settings: FeatureSettings) -> FeatureTable:
@@ -171,5 +169,9 @@ def write_codes(blocks: Iterable[np.ndarray], folder: Path, name: str) -> None:
 
 
 def read_codes(folder: Path, name: str) -> np.ndarray:
-    """Read the encoder's outputs of one scene. [M, C] float16."""
-    return read_columns(folder / f"{name}.parquet", {"code": (-1,)})["code"]
+    """Read the encoder's outputs of one scene. [M, C] float16; errors of `read_columns`."""
+    path = folder / f"{name}.parquet"
+    codes = read_columns(path, {"code": (-1,)})["code"]
+    if codes.dtype != np.float16:
+        raise StorageError(path, "column code", f"it is {codes.dtype}, expected float16", _REMEDY)
+    return codes

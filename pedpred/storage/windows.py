@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pedpred.errors import StorageError
+from pedpred.files import decoding
 from pedpred.geometry import rotate
 from pedpred.storage.columns import read_columns
 
@@ -75,14 +77,12 @@ def read_windows(path: Path) -> Windows:
     Raises:
         StorageError: the file cannot be read, or a column is missing or has another type; it is named.
     """
-    try:
+    with decoding(partial(StorageError, path, "file", remedy=_REMEDY)):
         types = {field.name: field.type for field in pq.read_schema(path)}
-    except (OSError, pa.ArrowException) as cause:
-        raise StorageError(path, "file", str(cause).splitlines()[0], _REMEDY) from cause
-    shapes: dict[str, tuple[int, ...]] = {name: () for name in _PLAIN}
-    shapes |= {name: (_width(types, name),) for name in ("grid", "angular_grid")}
-    forecasts = [name for name in types if name.startswith(_PATH)]
-    shapes |= {name: (_width(types, name) // 2, 2) for name in ("truth", *forecasts)}
+        shapes: dict[str, tuple[int, ...]] = {name: () for name in _PLAIN}
+        shapes |= {name: (_width(types, name),) for name in ("grid", "angular_grid")}
+        forecasts = [name for name in types if name.startswith(_PATH)]
+        shapes |= {name: (_width(types, name) // 2, 2) for name in ("truth", *forecasts)}
     columns = read_columns(path, shapes)
     return Windows(
         track_id=columns["track_id"],
@@ -99,5 +99,7 @@ def read_windows(path: Path) -> Windows:
 
 def _width(types: dict[str, pa.DataType], name: str) -> int:
     """Values or bytes per row of a column of fixed width; 0 if it is missing or something else."""
-    kind = types.get(name)
-    return getattr(kind, "list_size", None) or getattr(kind, "byte_width", 0) or 0
+    kind = types.get(name, pa.null())
+    if pa.types.is_fixed_size_list(kind):
+        return kind.list_size
+    return kind.byte_width if pa.types.is_fixed_size_binary(kind) else 0

@@ -30,7 +30,7 @@ class KalmanSettings:
 
     def __post_init__(self) -> None:
         for field in ("acceleration_noise", "position_noise_m", "initial_speed_mps"):
-            if not getattr(self, field) > 0:
+            if not 0 < getattr(self, field) < np.inf:
                 raise ValueRuleError(field, getattr(self, field), "it must be positive")
 
 

@@ -14,6 +14,7 @@ import torch
 
 from pedpred.datasets.motion import load_motion_data
 from pedpred.datasets.split import split_sequences
+from pedpred.files import aside
 from pedpred.models import MotionLstm, MotionSettings
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.training.recurrent import TrainingSettings, train_motion
@@ -85,8 +86,8 @@ def write_phase(network: MotionLstm, about: dict, curve: pd.DataFrame, out: Path
 
 def write_curve(curve: pd.DataFrame, path: Path) -> None:
     """Write a training curve as TSV, one row per validation."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    curve.to_csv(path, sep="\t", index=False, float_format="%.5f")
+    with aside(path) as new:
+        curve.to_csv(new, sep="\t", index=False, float_format="%.5f")
 
 
 def _digest(network: MotionLstm, about: dict) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import torch
 from safetensors.torch import load_file, save_file
 
+from pedpred.files import aside
 from pedpred.models.motion import MotionLstm, MotionState
 
 
@@ -46,11 +47,9 @@ def save_progress(
         tensors |= {f"state.{name}.{i}": part for i, part in enumerate(pair)}
     for index, moments in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{k}": v for k, v in moments.items()}
-    folder.mkdir(parents=True, exist_ok=True)
     about = {"about": json.dumps({"step": progress.step, "curve": progress.curve})}
-    written = folder / "progress.new"
-    save_file({k: v.detach().clone().contiguous() for k, v in tensors.items()}, written, metadata=about)
-    written.replace(folder / "progress.safetensors")
+    with aside(folder / "progress.safetensors") as new:
+        save_file({k: v.detach().clone().contiguous() for k, v in tensors.items()}, new, metadata=about)
 
 
 def load_progress(folder: Path, network: MotionLstm, optimizer: torch.optim.Optimizer) -> Progress | None:

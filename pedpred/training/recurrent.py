@@ -19,6 +19,7 @@ from pedpred.models.rolling import displacement_errors, roll
 from pedpred.training.loss import velocity_loss
 from pedpred.training.progress import Progress, load_progress, save_progress
 from pedpred.training.schedule import learning_rate
+from pedpred.training.variation import varied
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,8 @@ class TrainingSettings:
         clip_norm: largest gradient norm.
         weight_decay: decoupled weight decay (the paper's lambda).
         seed: of the order of the tracks, the split and dropout.
-        wrong_map_share: share of the sub-sequences that are shown another lane's obstacles. A place has
-            one map; a network that may trust it blindly learns that map by heart.
+        strange_share: share of the tracks that are mirrored beside another lane's obstacles, see `varied`.
+        pace_range: factor on a track's velocities, (least, most), see `varied`.
     """
 
     steps: int
@@ -50,7 +51,8 @@ class TrainingSettings:
     clip_norm: float
     weight_decay: float
     seed: int
-    wrong_map_share: float = 0.0
+    strange_share: float = 0.0
+    pace_range: tuple[float, float] = (1.0, 1.0)
 
 
 def train_motion(
@@ -117,27 +119,24 @@ def _step(
     for group in optimizer.param_groups:
         group["lr"] = learning_rate(progress.step, settings.steps, settings.lr, settings.warmup_steps)
     rows = torch.from_numpy(batch.rows)
-    inputs = with_wrong_maps(data.inputs(rows), settings.wrong_map_share)
+    inputs, future = varied(
+        data.inputs(rows),
+        data.future[rows.clamp(min=0)],
+        torch.from_numpy(batch.chance),
+        settings.strange_share,
+        settings.pace_range,
+    )
     state = progress.state.reset(
         torch.from_numpy(batch.starts)
     ).detached()  # the memory stays, the gradient ends
     predicted, progress.state = network(inputs, state)
-    loss = velocity_loss(predicted, data.future[rows.clamp(min=0)], data.known(rows))
+    loss = velocity_loss(predicted, future, data.known(rows))
     optimizer.zero_grad(set_to_none=True)
     loss.backward()
     clip_grad_norm_(network.parameters(), settings.clip_norm)
     optimizer.step()
     progress.step += 1
     return loss.item()
-
-
-def with_wrong_maps(inputs: dict[str, torch.Tensor], share: float) -> dict[str, torch.Tensor]:
-    """Give some lanes the obstacle codes of their neighbour lane, channel -> [B, L, width]."""
-    if not share or "grid" not in inputs:
-        return inputs
-    grid = inputs["grid"]
-    wrong = torch.rand(len(grid), 1, 1) < share
-    return inputs | {"grid": torch.where(wrong, grid.roll(1, dims=0), grid)}
 
 
 def _validate(

@@ -1,0 +1,227 @@
+"""What can be believed about pedestrians' goals and desired speeds from their motion so far.
+
+A recursive Bayesian filter of the social-force model itself. Between two observations the model is
+linear in the velocity v and in the desired speed v0 (Helbing & Molnar 1995, eq. 2 and 9, integrated over
+an interval T with the desired direction e and all other forces f at their mean):
+
+    v(t + T) = a v(t) + (1 - a) (v0 e_g + tau f_g) + noise,   a = exp(-T / tau)
+
+So under each goal g the desired speed is a Gaussian that is updated as a Kalman filter's state is, and
+the density of the observed velocity is the likelihood of g. A goal that is reached is replaced by any
+of those that may follow it. Nothing later than t enters the belief of t.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.baselines.influences import Influences, Observations, influences_between
+from pedpred.baselines.together import instants
+from pedpred.errors import ShapeError
+from pedpred.simulation.forces import ForceSettings
+from pedpred.simulation.ground import Ground
+from pedpred.simulation.routing import Routes
+from pedpred.simulation.settings import SocialForceSettings
+
+_ARRIVING_MPS = 0.3  # deviation of the velocity after an interval in which the goal changes
+_BLUR_M = 0.05  # paths between observations are known this well
+_SURPRISE = 1e-3  # share of velocities that the model does not explain ...
+_SURPRISE_MPS = 0.5  # ... and how far off they are
+_LEAST_VARIANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Posterior over goals and, under each goal, over the desired speed.
+
+    Attributes:
+        probability: of each goal. [M, G]
+        speed_mps: mean of the desired speed. [M, G]
+        variance: of the desired speed, m^2/s^2. [M, G]
+    """
+
+    probability: np.ndarray
+    speed_mps: np.ndarray
+    variance: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("speed_mps", "variance"):
+            if getattr(self, name).shape != self.probability.shape:
+                raise ShapeError(name, getattr(self, name).shape, str(self.probability.shape))
+
+    def at(self, rows: np.ndarray) -> Belief:
+        """The belief of some rows."""
+        return Belief(self.probability[rows], self.speed_mps[rows], self.variance[rows])
+
+
+@dataclass(frozen=True)
+class Walking:
+    """How people are believed to walk.
+
+    Attributes:
+        dt_s: T, time between two observations, s.
+        keep: a, share of the velocity that is left after T.
+        noise_mps: standard deviation of each component of the velocity after T.
+        reach_m: a goal is reached at this distance.
+        speed_mps: mean of desired speeds before any observation.
+        speed_deviation_mps: their standard deviation.
+        following: probability of each goal to follow another. [G, G]
+        forces: constants of the model.
+    """
+
+    dt_s: float
+    keep: float
+    noise_mps: float
+    reach_m: float
+    speed_mps: float
+    speed_deviation_mps: float
+    following: np.ndarray
+    forces: ForceSettings
+
+
+def walking(dt_s: float, model: SocialForceSettings, allowed: np.ndarray) -> Walking:
+    """The simulator's constants as the filter needs them.
+
+    The acceleration noise is held for h and drawn anew, so the variance of the velocity after T is
+    the sum over the draws, (sigma tau (1 - exp(-h / tau)))^2 sum_k exp(-2 k h / tau).
+
+    Args:
+        dt_s: time between two observations, s.
+        model: that people walk by.
+        allowed: which goals may follow which. [G, G] bool
+    """
+    tau, hold, step_s = model.forces.relaxation_time_s, model.clock.noise_hold_s, model.clock.step_s
+    draws = np.arange(max(round(dt_s / hold), 1))
+    one = model.clock.noise_mps2 * tau * (1.0 - np.exp(-hold / tau))
+    return Walking(
+        dt_s,
+        (1.0 - step_s / tau) ** (dt_s / step_s),  # exp(-T / tau) as the simulator's Euler steps have it
+        float(one * np.sqrt(np.exp(-2.0 * draws * hold / tau).sum())),
+        model.crowd.reach_m,
+        model.crowd.mean_speed_mps,
+        model.crowd.speed_deviation_mps,
+        allowed / allowed.sum(axis=1, keepdims=True),
+        model.forces,
+    )
+
+
+def beliefs(
+    seen: Observations, step: np.ndarray, time_s: np.ndarray, ground: Ground, routes: Routes, model: Walking
+) -> Belief:
+    """Filter everybody together, instant by instant.
+
+    Args:
+        seen: observations, sorted by track and within a track by time. [M]
+        step: counted from the first of a row of uninterrupted observations of a track. [M]
+        time_s: of the observations. [M]
+        ground: obstacles.
+        routes: ways to the goals. [G]
+        model: how people walk.
+
+    Returns:
+        Row n knows the observations up to its instant. [M, G]
+    """
+    shape = (len(step), len(routes.target))
+    belief = Belief(
+        np.full(shape, 1.0 / shape[1]),
+        np.full(shape, model.speed_mps),
+        np.full(shape, model.speed_deviation_mps**2),
+    )
+    for rows in instants(time_s):
+        now = rows[step[rows] > 0]
+        if len(now):
+            prior, start, end = belief.at(now - 1), seen.at(now - 1), seen.at(now)
+            acting = influences_between(
+                start, end, model.dt_s, prior.probability, ground, routes, model.forces
+            )
+            arrived = arrival(start.position, end.position, routes.target, model.reach_m)
+            posterior = gone_on(weighed(prior, start, end, acting, arrived, model), arrived, model.following)
+            for name, values in vars(posterior).items():
+                getattr(belief, name)[now] = values
+    return belief
+
+
+def weighed(
+    prior: Belief,
+    start: Observations,
+    end: Observations,
+    acting: Influences,
+    arrived: np.ndarray,
+    model: Walking,
+) -> Belief:
+    """Bayes' rule for goals and desired speeds, given the velocity at the end of an interval.
+
+    With the gain k = (1 - a) e, the velocity is Gaussian about the foreseen one with the covariance
+    s^2 I + P k k^T, P being the desired speed's variance; a small share of velocities is not explained.
+
+    Args:
+        prior: belief at the start. [N, G]
+        start: of the interval. [N]
+        end: of the interval. [N]
+        acting: forces in between. [N, G]
+        arrived: probability to have reached a goal in between. [N, G]
+        model: how people walk.
+    """
+    noise = np.where(arrived > 0, _ARRIVING_MPS, model.noise_mps) ** 2
+    gain = (1.0 - model.keep) * acting.direction
+    foreseen = model.keep * start.velocity[:, None] + gain * prior.speed_mps[..., None]
+    foreseen += (1.0 - model.keep) * model.forces.relaxation_time_s * acting.push
+    miss = end.velocity[:, None] - foreseen
+    along, squared = (gain * miss).sum(axis=-1), (miss**2).sum(axis=-1)
+    spread = noise + prior.variance * (gain**2).sum(axis=-1)
+    chi2 = (squared - along**2 * prior.variance / spread) / noise
+    explained = (1.0 - _SURPRISE) * np.exp(-0.5 * chi2) / np.sqrt(noise * spread)
+    surprise = _SURPRISE * np.exp(-0.5 * squared / _SURPRISE_MPS**2) / _SURPRISE_MPS**2
+    weight = prior.probability * (explained + surprise)
+    trust = explained / (explained + surprise) * prior.variance / spread
+    return Belief(
+        weight / weight.sum(axis=1, keepdims=True),
+        prior.speed_mps + trust * along,
+        prior.variance * (1.0 - trust * (gain**2).sum(axis=-1)),
+    )
+
+
+def arrival(start: np.ndarray, end: np.ndarray, goals: np.ndarray, reach_m: float) -> np.ndarray:
+    """Probability that goals were reached on straight segments: 1 within reach, blurred at its edge.
+
+    Args:
+        start: of the segments, m. [N, 2]
+        end: of the segments, m. [N, 2]
+        goals: m. [G, 2]
+        reach_m: a goal is reached at this distance.
+
+    Returns:
+        [N, G]
+    """
+    along, to = (end - start)[:, None], goals[None] - start[:, None]
+    length = np.maximum((along**2).sum(axis=-1), 1e-12)
+    share = np.clip((to * along).sum(axis=-1) / length, 0.0, 1.0)
+    nearest = np.linalg.norm(to - share[..., None] * along, axis=-1)
+    return np.clip((reach_m - nearest) / _BLUR_M + 0.5, 0.0, 1.0)
+
+
+def gone_on(belief: Belief, arrived: np.ndarray, following: np.ndarray) -> Belief:
+    """Whoever has reached a goal has one of those that may follow; mixed Gaussians keep their moments.
+
+    Args:
+        belief: before arrival. [N, G]
+        arrived: probability to have reached each goal. [N, G]
+        following: probability of each goal to follow another. [G, G]
+    """
+    leaving, staying = belief.probability * arrived, belief.probability * (1.0 - arrived)
+
+    def mixed(values: np.ndarray) -> np.ndarray:
+        return staying * values + (leaving * values) @ following
+
+    mass = mixed(np.ones_like(staying))
+    known = mass > 0
+    share = np.where(known, mass, 1.0)
+    mean = mixed(belief.speed_mps) / share
+    variance = mixed(belief.variance + belief.speed_mps**2) / share - mean**2
+    return Belief(
+        mass,
+        np.where(known, mean, belief.speed_mps),
+        np.where(known, np.maximum(variance, _LEAST_VARIANCE), belief.variance),
+    )

@@ -1,0 +1,95 @@
+"""People who walk together: the group terms of Moussaid et al. 2010 (PLoS ONE 5(4), e10047).
+
+One pure function per term, accelerations in m/s^2, world frame. `kernel.py` holds the same formulas
+compiled; a test keeps the two equal.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pedpred.simulation.forces import ForceSettings
+
+HALF_VIEW_RAD = 0.5 * np.pi  # phi, how far to either side of the way one sees without turning the head
+_SMALLEST_M = 1e-9
+
+
+def gaze(
+    velocity: np.ndarray, direction: np.ndarray, to_others: np.ndarray, settings: ForceSettings
+) -> np.ndarray:
+    """Slow down for those behind, f = -beta_1 alpha v; alpha = angle to the others' centre beyond phi.
+
+    Args:
+        velocity: m/s. [N, 2]
+        direction: e, where one looks, unit vectors. [N, 2]
+        to_others: from oneself to the centre of the group's other members, m. [N, 2]
+        settings: beta_1.
+
+    Returns:
+        [N, 2]
+    """
+    cosine = (direction * _unit(to_others)).sum(axis=-1)
+    turn = np.maximum(np.arccos(np.clip(cosine, -1.0, 1.0)) - HALF_VIEW_RAD, 0.0)
+    return -settings.group_gaze * turn[:, None] * velocity
+
+
+def cohesion(to_centre: np.ndarray, size: np.ndarray, settings: ForceSettings) -> np.ndarray:
+    """Pull to the group's centre, f = beta_2 U, when it is farther than (size - 1) / 2 metres.
+
+    Args:
+        to_centre: from oneself to the centre of all members, m; U is its unit vector. [N, 2]
+        size: of the group. [N]
+        settings: beta_2.
+
+    Returns:
+        [N, 2]
+    """
+    apart = np.linalg.norm(to_centre, axis=-1) > 0.5 * (size - 1)
+    return settings.group_attraction * apart[:, None] * _unit(to_centre)
+
+
+def elbow_room(offset: np.ndarray, settings: ForceSettings) -> np.ndarray:
+    """Push of another member who is nearer than d0, f = beta_3 W.
+
+    Args:
+        offset: from the other member to oneself, m; W is its unit vector. [..., 2]
+        settings: beta_3 and d0.
+
+    Returns:
+        [..., 2]
+    """
+    near = np.linalg.norm(offset, axis=-1) < settings.group_distance_m
+    return settings.group_repulsion * near[..., None] * _unit(offset)
+
+
+def group_acceleration(
+    position: np.ndarray,
+    velocity: np.ndarray,
+    direction: np.ndarray,
+    group: np.ndarray,
+    settings: ForceSettings,
+) -> np.ndarray:
+    """Sum of the group terms; zero for who is alone or has lost its group.
+
+    Args:
+        position: world frame, m. [N, 2]
+        velocity: m/s. [N, 2]
+        direction: e, unit vector of the way to the goal. [N, 2]
+        group: equal numbers walk together, -1 = alone. [N]
+        settings: beta_1, beta_2, beta_3, d0.
+
+    Returns:
+        [N, 2]
+    """
+    together = (group[:, None] == group) & (group[:, None] >= 0) & ~np.eye(len(group), dtype=bool)
+    others = together.sum(axis=1)
+    offset = position[:, None] - position[None]
+    to_others = -(offset * together[..., None]).sum(axis=1) / np.maximum(others, 1)[:, None]
+    to_centre = to_others * (others / (others + 1))[:, None]
+    total = gaze(velocity, direction, to_others, settings) + cohesion(to_centre, others + 1, settings)
+    total += (elbow_room(offset, settings) * together[..., None]).sum(axis=1)
+    return total * (others > 0)[:, None]
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), _SMALLEST_M)

@@ -1,0 +1,1 @@
+"""What pedpred promises about foreign files, faults and leaks, tried out."""

@@ -1,0 +1,135 @@
+"""Foreign files are read right or refused by name; the short version of `make trust`."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pedpred.errors import StorageError
+from pedpred.files import MOST_PIXELS, aside, read_json, write_text
+from pedpred.storage.scenes import read_map, read_scene, write_scene
+from tests.trust import trial
+from tests.trust.mutations import BYTES, STRUCTURED, mutate
+from tests.trust.readers import READERS, Reader, place
+from tests.trust.trial import LOST, READ, REFUSED, Bench, judged
+
+FEW = {"conf": 6, "archive": 12}
+"""Of readers that take long; the others get `USUAL`."""
+USUAL = 25
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_damaged_file_is_read_right_or_refused_by_name(name, tmp_path):
+    bench = Bench(name, READERS[name], tmp_path)
+    outcomes = {seed: bench.trial(seed) for seed in range(FEW.get(name, USUAL))}
+    assert {seed: why for seed, (outcome, why) in outcomes.items() if outcome == LOST} == {}
+
+
+def test_damage_is_reproducible_and_of_every_kind():
+    raw = json.dumps({"a": [1, 2.5], "b": {"c": "x"}}).encode()
+    once, again = ([mutate(raw, "x.json", np.random.default_rng(seed)) for seed in range(200)] for _ in "ab")
+    assert once == again
+    assert len(set(once)) > 100
+    assert sum(mutated == raw for mutated in once) < 20
+    assert {kind.__name__ for kind in BYTES} >= {"flip", "truncate", "swap", "insert", "number"}
+    assert set(STRUCTURED) == {"json", "yaml", "safetensors", "parquet"}
+
+
+def raising(error):
+    def read(folder):
+        raise error
+
+    return Reader(lambda folder: None, ("a.txt",), read)
+
+
+@pytest.mark.parametrize(
+    ("reader", "expected"),
+    [
+        (Reader(lambda folder: None, ("a.txt",), lambda folder: None), READ),
+        (raising(StorageError("a.txt", "field", "wrong", "Repair it")), REFUSED),
+        (raising(StorageError("elsewhere", "field", "wrong", "Repair it")), LOST),
+        (raising(KeyError("field")), LOST),
+        (raising(MemoryError()), LOST),
+    ],
+    ids=["read", "refused", "nameless", "foreign", "memory"],
+)
+def test_the_judge_is_just(reader, expected, tmp_path):
+    assert judged(reader, tmp_path)[0] == expected
+
+
+def test_the_judge_has_a_clock(tmp_path, monkeypatch):
+    monkeypatch.setattr(trial, "SLOWEST_S", -1.0)
+    assert judged(READERS["map"], tmp_path)[0] == LOST
+
+
+# Bombs
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_scene(place(), tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "named"),
+    [
+        ("map.pgm", b"P5\n10000 8000\n255\n", f"at most {MOST_PIXELS} pixels"),
+        ("map.pgm", b"P5\n8000 8000\n255\n", "map.pgm"),  # allowed, but nothing follows
+        ("map.yaml", b"image: ../map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n", "beside map.yaml"),
+        ("map.yaml", b"image: !!python/object/apply:os.getcwd []\n", "map.yaml"),
+        ("map.yaml", b"[" * 5_000, "map.yaml"),
+        ("map.yaml", b"a: 1\n" * 100_000, "at most"),
+        ("scene.json", b'{"schema":' * 100_000, "scene.json"),
+        ("scene.json", b" " * 2**23, "at most"),
+        ("map.pgm", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "map.pgm"),  # for Ghostscript
+    ],
+)
+def test_a_bomb_is_refused_by_name(folder, file, content, named):
+    (folder / file).write_bytes(content)
+    outcome, why = judged(Reader(lambda folder: None, (file,), read_scene), folder)
+    assert outcome == REFUSED
+    assert named in why
+
+
+def test_a_map_far_beyond_the_largest_is_refused_before_its_pixels_are_decoded(folder, monkeypatch):
+    monkeypatch.setattr(Image.Image, "convert", lambda *_: pytest.fail("it was decoded"))
+    (folder / "map.pgm").write_bytes(b"P5\n40000 25000\n255\n")
+    with pytest.raises(StorageError, match="pixels"):
+        read_map(folder)
+
+
+# Whole or not at all
+
+
+def test_a_file_appears_when_all_of_it_is_there(tmp_path):
+    path = tmp_path / "new" / "page.md"
+    write_text(path, "old")
+    with aside(path) as new:
+        new.write_text("half")
+        assert path.read_text() == "old"
+        new.write_text("whole")
+    assert path.read_text() == "whole"
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "page.md"
+    write_text(path, "old")
+
+    def interrupted():
+        with aside(path) as new:
+            new.write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_json_must_be_an_object(tmp_path):
+    write_text(tmp_path / "a.json", "[1]")
+    with pytest.raises(StorageError, match="list, expected an object"):
+        read_json(tmp_path / "a.json", lambda problem: StorageError(tmp_path, "file", problem, "Repair it"))

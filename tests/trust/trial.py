@@ -1,0 +1,91 @@
+"""One trial: damage a file, read it, and judge what came of it."""
+
+from __future__ import annotations
+
+import resource
+import tempfile
+import time
+import warnings
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from pedpred.errors import PedpredError
+from tests.trust.mutations import mutate
+from tests.trust.readers import Reader
+
+READ, REFUSED, LOST = "read", "refused", "lost"
+SLOWEST_S = 5.0
+"""How long a reader may think about a damaged file of some kB."""
+MOST_MEMORY_BYTES = 2**30
+"""How much memory it may take meanwhile."""
+
+
+class Bench:
+    """A folder with an intact example, whose files are damaged one at a time and put right again."""
+
+    def __init__(self, name: str, reader: Reader, folder: Path):
+        self._name, self._reader, self._folder = name, reader, folder
+        reader.make(folder)
+        self._intact = {file: (folder / file).read_bytes() for file in reader.files}
+        outcome, why = judged(reader, folder)
+        if outcome != READ:
+            raise AssertionError(f"the intact example of {name}: {why}")
+
+    def damaged(self, seed: int) -> tuple[str, bytes]:
+        """The file that trial `seed` damages and its bytes then; the same each time."""
+        rng = np.random.default_rng([zlib.crc32(self._name.encode()), seed])
+        file = self._reader.files[int(rng.integers(len(self._reader.files)))]
+        return file, mutate(self._intact[file], file, rng)
+
+    def trial(self, seed: int) -> tuple[str, str]:
+        """What came of it (`READ`, `REFUSED` or `LOST`), and why."""
+        file, raw = self.damaged(seed)
+        (self._folder / file).write_bytes(raw)
+        try:
+            return judged(self._reader, self._folder)
+        finally:
+            (self._folder / file).write_bytes(self._intact[file])
+
+
+def judged(reader: Reader, folder: Path) -> tuple[str, str]:
+    """Read; only a result or a `PedpredError` that names the folder, in time and within bounds, will do."""
+    before_s, before_bytes = time.monotonic(), _peak_bytes()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            warnings.filterwarnings("ignore", category=UserWarning)
+            warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)
+            reader.read(folder)
+        outcome, why = READ, ""
+    except PedpredError as error:
+        outcome, why = REFUSED, str(error)
+        if not any(name in why for name in (str(folder), *reader.files)):
+            outcome, why = LOST, f"no file is named: {why}"
+        for cause in _causes(error):
+            if isinstance(cause, MemoryError | RuntimeWarning):
+                outcome, why = LOST, f"{type(cause).__name__}: {cause}"
+    except Exception as error:  # the point of it all
+        outcome, why = LOST, f"{type(error).__name__}: {error}"
+    if time.monotonic() - before_s > SLOWEST_S:
+        outcome, why = LOST, f"{time.monotonic() - before_s:.1f} s, {why}"
+    if _peak_bytes() - before_bytes > MOST_MEMORY_BYTES:
+        outcome, why = LOST, f"{(_peak_bytes() - before_bytes) / 2**20:.0f} MiB, {why}"
+    return outcome, why
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    while error := (error.__cause__ or error.__context__):
+        yield error
+
+
+def _peak_bytes() -> int:
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def bench(name: str, reader: Reader) -> Bench:
+    """A bench in a new temporary folder."""
+    return Bench(name, reader, Path(tempfile.mkdtemp(prefix=f"trust-{name}-")))
