@@ -130,8 +130,8 @@ def export_int8(source: Path, target: Path) -> None:
         source: the full graph's file.
         target: the file to write.
     """
-    target.parent.mkdir(parents=True, exist_ok=True)
-    quantize_dynamic(source, target, per_channel=True, op_types_to_quantize=["LSTM", "MatMul", "Gemm"])
+    with aside(target) as new:
+        quantize_dynamic(source, new, per_channel=True, op_types_to_quantize=["LSTM", "MatMul", "Gemm"])
 
 
 def _write(graph: _Graph, inputs: dict[str, list[int]], outputs: dict[str, list[int]], path: Path) -> None:
