@@ -48,7 +48,6 @@ def main(cfg: DictConfig) -> None:
     page = _PAGE.format(name=name, **vars(fit))
     page += "".join(f"  {key}: {value:.4g}\n" for key, value in fit.forces.items())
     out = Path(cfg.get("out", "conf/social_force")) / f"fitted_on_{name}.yaml"
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_text(out, page)
     logging.getLogger(__name__).info("%s\n%s", out, page)
 
