@@ -1,4 +1,4 @@
-"""export@phase: the LSTM of a training phase as a model folder for robots (ONNX and a description)."""
+"""export@phase: the LSTM of a training phase as model folders for robots (ONNX and a description)."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from omegaconf import DictConfig
 
 from pedpred.config import plain, stage, stage_key
 from pedpred.models import GridAutoencoder
-from pedpred.models.export import export_onnx
+from pedpred.models.export import export_int8, export_onnx
 from pedpred.models.forecasting import load_motion_lstm
 from pedpred.online.network import ModelDescription, write_description
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
@@ -16,7 +16,7 @@ from pedpred.tracking import KalmanSettings
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read models/<phase>/lstm and models/autoencoder, write models/online/<phase>."""
+    """Read models/<phase>/lstm and models/autoencoder, write models/online/<phase> and <phase>_int8."""
     phase, options = stage_key(cfg), plain(cfg.online)
     out = Path(cfg.get("out", f"models/online/{phase}"))
     weights, about = read_checkpoint(Path("models/autoencoder"))
@@ -29,7 +29,11 @@ def main(cfg: DictConfig) -> None:
     description = ModelDescription(
         **names, features=features, tracker=tracker, standstill_mps=options["standstill_mps"]
     )
-    write_description(out, description, {"phase": phase, "network": network.settings.plain()})
+    lean = out.with_name(f"{out.name}_int8")
+    export_int8(out / "network.onnx", lean / "network.onnx")
+    origin = {"phase": phase, "network": network.settings.plain()}
+    write_description(out, description, {**origin, "weights": "float32"})
+    write_description(lean, description, {**origin, "weights": "int8 in LSTMs and dense layers"})
 
 
 if __name__ == "__main__":

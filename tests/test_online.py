@@ -10,7 +10,9 @@ import pytest
 
 from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
+from pedpred.models.export import export_int8
 from pedpred.online import OnlinePredictor
+from pedpred.online.network import write_description
 from pedpred.scenes import OccupancyMap
 
 
@@ -130,6 +132,22 @@ def test_an_altered_model_folder_is_refused(model, tmp_path):
 
 def test_a_description_comes_back_as_it_was(model):
     assert OnlinePredictor.load(model[0]).features == dataclasses.replace(FeatureSettings())
+
+
+def test_eight_bits_are_nearly_as_good(model, tmp_path):
+    """Along a walk, so that errors could build up in the memory; the same bytes each time."""
+    for name in ("lean", "again"):
+        export_int8(model[0] / "network.onnx", tmp_path / name / "network.onnx")
+    graphs = [(tmp_path / name / "network.onnx").read_bytes() for name in ("lean", "again")]
+    assert graphs[0] == graphs[1]
+    assert len(graphs[0]) < (model[0] / "network.onnx").stat().st_size
+    write_description(tmp_path / "lean", OnlinePredictor.load(model[0]).description, {})
+    robots = [OnlinePredictor.load(folder) for folder in (model[0], tmp_path / "lean")]
+    for k in range(20):
+        now = 0.3 * k
+        full, lean = (robot.update(now, [4, 9], [[now, 0.0], [5.0 - now, 1.0]]) for robot in robots)
+    step_m = np.linalg.norm(np.diff(full.position, axis=1), axis=-1).mean()
+    assert 0.0 < np.linalg.norm(full.position - lean.position, axis=-1).mean() < 0.5 * step_m
 
 
 def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
+from onnxruntime.quantization import quantize_dynamic
 from torch import Tensor, nn
 
 from pedpred.files import aside
@@ -116,6 +117,21 @@ def export_onnx(network: MotionLstm, encoder: GridEncoder, cells: int, path: Pat
 
 
 _PARTS = ("hidden", "cell")
+
+
+def export_int8(source: Path, target: Path) -> None:
+    """Write a graph of `export_onnx` with 8-bit weights in its LSTMs and dense layers.
+
+    Weights are w = scale (q - zero), one scale per output; what they are multiplied with is quantised as it
+    comes ("dynamically", Jacob et al. 2018, eq. 1). A quarter of the bytes and of the memory traffic. The
+    convolutions stay float: in 8 bits they are several times slower on processors without such instructions.
+
+    Args:
+        source: the full graph's file.
+        target: the file to write.
+    """
+    with aside(target) as new:
+        quantize_dynamic(source, new, per_channel=True, op_types_to_quantize=["LSTM", "MatMul", "Gemm"])
 
 
 def _write(graph: _Graph, inputs: dict[str, list[int]], outputs: dict[str, list[int]], path: Path) -> None:

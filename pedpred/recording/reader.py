@@ -63,7 +63,7 @@ def read_recording(path: Path) -> Scene:
         return Scene(
             about.get("name", path.stem),
             recording,
-            _occupancy(found[MAP], about.get("resolution_m")),
+            occupancy_of(found[MAP], about.get("resolution_m")),
             float(about.get("detection_dt_s") or recording.usual_interval_s()),
         )
 
@@ -157,7 +157,7 @@ def _rows(message: Any, path: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def _occupancy(message: Any, resolution_m: str | None) -> OccupancyMap:
+def occupancy_of(message: Any, resolution_m: str | None) -> OccupancyMap:
     """The map of nav_msgs/OccupancyGrid; unknown cells (-1) are free."""
     info = message.info
     turn = info.origin.orientation
