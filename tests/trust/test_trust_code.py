@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import dependencies
+
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = sorted([*(ROOT / "pedpred").rglob("*.py"), *(ROOT / "stages").glob("*.py")])
 RUFF = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]
@@ -52,6 +54,17 @@ def test_the_linter_looks_for_security_and_every_exception_says_why():
     for files, rules in RUFF["per-file-ignores"].items():
         if any(rule.startswith("S") and rule[1:].isdigit() for rule in rules):
             assert re.search(rf'^"{re.escape(files)}" = \[.*\] # \S', text, re.MULTILINE), files
+
+
+def test_every_dependency_has_a_reason_and_a_use():
+    names = {need.name for needs in dependencies.declared().values() for need in needs}
+    assert names == set(dependencies.REASONS)
+    page = dependencies.PAGE.read_text()
+    assert all(f"| {name} |" in page for name in names)
+    used = {module for path in SOURCES for module in imports(ast.parse(path.read_text()))}
+    modules = {"hydra-core": "hydra", "mcap-ros2-support": "mcap_ros2", "pillow": "PIL", "pyyaml": "yaml"}
+    modules |= {"scikit-fmm": "skfmm"}
+    assert {name for name in names - {"dvc"} if modules.get(name, name) not in used} == set()
 
 
 def test_files_are_written_through_one_door():
