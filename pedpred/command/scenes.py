@@ -67,6 +67,8 @@ def convert(given: argparse.Namespace) -> None:
     """Write a scene as MCAP (a name that ends in .mcap) or as a scene folder."""
     refuse_overwriting(given.output, given.force)
     scene = read_any(given.scene, given.topic)
+    if given.scene.suffix == ".csv":  # a table has no name of its own
+        scene = replace(scene, name=given.output.stem)
     if given.map is not None:
         scene = replace(scene, occupancy=read_map(given.map))
     if given.output.suffix == ".mcap":
