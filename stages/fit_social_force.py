@@ -16,6 +16,7 @@ from pedpred.baselines.social_force import outset_of
 from pedpred.config import plain, stage, stage_key
 from pedpred.evaluation.compare import seen_together
 from pedpred.evaluation.scores import true_paths
+from pedpred.files import write_text
 from pedpred.simulation.settings import social_force_settings
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest, read_shard
@@ -47,7 +48,6 @@ def main(cfg: DictConfig) -> None:
     page = _PAGE.format(name=name, **vars(fit))
     page += "".join(f"  {key}: {value:.4g}\n" for key, value in fit.forces.items())
     out = Path(cfg.get("out", "conf/social_force")) / f"fitted_on_{name}.yaml"
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_text(out, page)
     logging.getLogger(__name__).info("%s\n%s", out, page)
 

@@ -19,7 +19,7 @@ from pedpred.report.page.build import Contents, page
 from pedpred.report.page.charts import box_plot, line_plot, whiskers
 from pedpred.report.page.replay import ANGULAR_LEVELS, replay
 from pedpred.storage.windows import RANGE_M
-from tests.test_report import MEETING, curve_tables, metrics_of, wall_scene, windows_of
+from tests.test_report import IN_SIMULATION, MEETING, curve_tables, metrics_of, wall_scene, windows_of
 
 REPORTS = Path(__file__).resolve().parents[1] / "reports"
 LATENCY = [{"pedestrians": n, "median_ms": 0.5 * n, "p99_ms": 0.7 * n} for n in (1, 20, 200)]
@@ -33,7 +33,7 @@ def hall(tmp_path_factory):
 
 
 def contents_of(scene, windows):
-    metrics = {"sim_test": metrics_of(MEETING), "sim_test_hall": metrics_of(MEETING)}
+    metrics = {"sim_test": metrics_of(IN_SIMULATION), "sim_test_hall": metrics_of(IN_SIMULATION)}
     real = {"eth": metrics_of(MEETING | {"lstm": 0.65, "cacc": 9.0}), "hotel": metrics_of(MEETING)}
     gallery = simulation_gallery(metrics, {"sim_test": [scene]}, {"hall": windows}, {})
     few = {name: real["eth"][name] | {"fde_ci95_m": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
@@ -198,7 +198,7 @@ def test_a_page_is_the_same_twice_and_needs_nothing_else(hall, text):
 
 
 def test_the_page_says_what_was_missed(text):
-    assert "<strong>1 of 8 expectations is missed</strong>" in text
+    assert "<strong>1 of 9 expectations is missed</strong>" in text
     assert "could not be reproduced" in text
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
 from matplotlib.figure import Figure
 
 from pedpred.errors import ConfigError
+from pedpred.files import decoding, read_yaml
 from pedpred.report.canvas import blank, styled
 from pedpred.report.methods import colours, label
 from pedpred.report.pages import Picture, Section
@@ -54,12 +55,11 @@ def read_ablation(path: Path) -> Ablation:
     if not path.is_file():
         known = sorted(other.stem for other in path.parent.glob("*.yaml"))
         raise ConfigError("ablation", path.stem, f"there are {known}")
-    plain = yaml.safe_load(path.read_text())
-    try:
+    wording = partial(ConfigError, "ablation", str(path))
+    plain = read_yaml(path, wording)
+    with decoding(wording):
         points = {str(name): overrides for name, overrides in plain.pop("points").items()}
         return Ablation(**plain, points=points)
-    except (AttributeError, KeyError, TypeError) as cause:
-        raise ConfigError(str(path), plain, str(cause)) from cause
 
 
 def ablation_sections(asked: Path, found: Path) -> list[Section]:

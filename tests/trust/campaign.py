@@ -23,7 +23,7 @@ from tests.trust.readers import READERS
 from tests.trust.trial import LOST, READ, REFUSED, bench
 
 KEPT = Path("build/trust")
-_PATIENCE_S = 60.0  # of the campaign with a child: starting, then one trial
+_PATIENCE_S = 120.0  # of the campaign with a child: starting, then one trial
 _ROOM_BYTES = 6 * 2**30  # of addresses, beyond what the libraries have taken
 _RESTARTS = 50
 _MOST_KEPT = 20  # lost cases of a reader
