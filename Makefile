@@ -45,6 +45,10 @@ smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
 test: setup ## run the tests
 	python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder
 
+trust: setup ## damaged files, killed stages: what is promised, tried at length (half an hour)
+	python -m tests.trust.campaign
+	python -m tests.trust.faults
+
 check: setup ## lint, format, types, import contracts, params.yaml
 	ruff check .
 	ruff format --check .

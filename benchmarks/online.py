@@ -3,8 +3,8 @@
 `python -m benchmarks.online [--model models/online/finetune_eth] [--json FILE]`. One thread, every frame a
 new detection of everybody, 0.3 s apart, so that each frame takes a remembered step. The bound is the
 network's multiply-adds at the matrix rate that numpy reaches here; the convolutions are two thirds of them.
-Beside it: the same network in torch, eager, without features, and the paper's 51 ms for 20 pedestrians on an
-i7-4810MQ.
+Beside it: the same network with 8-bit weights (<model>_int8), in torch, eager, without features, and the
+paper's 51 ms for 20 pedestrians on an i7-4810MQ. `--hour` shows that memory stays flat.
 
 `python -m benchmarks.online --replay` compares forecasts instead of times, see `benchmarks.replay`.
 """
@@ -17,7 +17,9 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 
 import argparse
 import json
+import resource
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +72,32 @@ def update_times_ms(folder: Path, count: int, frames: int) -> np.ndarray:
     return np.array(times[10:]) * 1e3
 
 
+def traffic_rows(folder: Path, minutes: int = 60, dt_s: float = 0.3) -> Iterator[dict[str, float]]:
+    """Memory of the process during an hour of people who come and go, a dozen at a time.
+
+    Somebody new comes every 2.1 s with an id never seen before and leaves after 25 s.
+    """
+    rng = np.random.default_rng(0)
+    robot = OnlinePredictor.load(folder)
+    robot.set_map(room(rng))
+    every, life = 7, round(25.0 / dt_s)
+    people = minutes * 60
+    start, velocity = rng.uniform(1.0, 19.0, (people, 2)), rng.uniform(-1.0, 1.0, (people, 2))
+    for k in range(round(minutes * 60 / dt_s) + 1):
+        ids = np.arange(max(0, (k - life) // every + 1), k // every + 1)
+        age_s = (k - ids * every)[:, None] * dt_s
+        forecast = robot.update(dt_s * k, ids, start[ids] + velocity[ids] * age_s)
+        if k * dt_s % 600 < dt_s / 2 and k:
+            pages = int(Path("/proc/self/statm").read_text().split()[1])
+            rss_mib = pages * resource.getpagesize() / 2**20
+            yield {
+                "minute": k * dt_s / 60,
+                "met": int(ids[-1]) + 1,
+                "there": len(forecast),
+                "rss_mib": rss_mib,
+            }
+
+
 def eager_ms(settings: MotionSettings, count: int) -> float:
     """The same network in torch, convolutions included, features not."""
     network, encoder = MotionLstm(settings).eval(), GridAutoencoder(64).encoder
@@ -89,6 +117,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--model", type=Path, default=Path("models/online/finetune_eth"))
     parser.add_argument("--json", type=Path, help="write the figures there")
+    parser.add_argument("--hour", action="store_true", help="also the memory during an hour (a minute)")
     parser.add_argument("--replay", action="store_true", help="online beside offline forecasts, no times")
     options = parser.parse_args()
     if options.replay:
@@ -100,7 +129,7 @@ def main() -> None:
     settings = MotionSettings.parse(
         json.loads((options.model / "model.json").read_text())["origin"]["network"]
     )
-    rate = matrix_rate()
+    rate, lean = matrix_rate(), options.model.with_name(f"{options.model.name}_int8")
     rows = []
     for count in CROWDS:
         times = update_times_ms(options.model, count, 1010 if count <= 20 else 110)
@@ -110,6 +139,8 @@ def main() -> None:
                 "pedestrians": count,
                 "median_ms": float(np.median(times)),
                 "p99_ms": float(np.percentile(times, 99)),
+                "p99/median": float(np.percentile(times, 99) / np.median(times)),
+                "int8_ms": float(np.median(update_times_ms(lean, count, 110))),
                 "bound_ms": bound,
                 "median/bound": float(np.median(times)) / bound,
                 "torch_eager_ms": eager_ms(settings, count),
@@ -117,7 +148,11 @@ def main() -> None:
             }
         )
     tell(f"An update, one thread ({2e-9 * rate:.0f} GFLOP/s in matrix products)", rows)
-    keep({"updates": rows, "multiply_adds_per_s": rate}, options.json)
+    figures = {"updates": rows, "multiply_adds_per_s": rate}
+    if options.hour:
+        figures["hour"] = list(traffic_rows(options.model))
+        tell("An hour of people who come and go", figures["hour"])
+    keep(figures, options.json)
 
 
 if __name__ == "__main__":

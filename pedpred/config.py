@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import errno
 import functools
 import inspect
 import itertools
@@ -29,6 +30,9 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 
 from pedpred.errors import ConfigError, PedpredError
 from pedpred.files import decoding, read_yaml, write_text
+
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
+_DISK_REMEDY = "make room on the disk or the folder writable, then run dvc repro again"
 
 
 def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
@@ -69,6 +73,10 @@ def _explained(address: str | None) -> Iterator[None]:
         raise SystemExit(f"\n{_undeclared(error, address)}\n") from error
     except (PedpredError, OmegaConfBaseException) as error:
         raise SystemExit(f"\n{type(error).__name__}: {error}\n") from error
+    except OSError as error:
+        if error.errno not in _DISK:
+            raise
+        raise SystemExit(f"\n{error}. Nothing half-written was kept; {_DISK_REMEDY}\n") from error
 
 
 def read_params(root: Path) -> DictConfig:

@@ -56,6 +56,16 @@ class StorageError(FileError):
         super().__init__(f"{path}, {field}: {problem}. {remedy}")
 
 
+class WorkerError(PedpredError):
+    """A worker process was killed from outside, by a person or for want of memory."""
+
+    def __init__(self, title: str):
+        super().__init__(
+            f"{title}: a worker process was killed, perhaps for want of memory. "
+            "Nothing half-finished was kept; run it again, with fewer workers: PEDPRED_JOBS=1 dvc repro"
+        )
+
+
 class FetchError(PedpredError):
     """Raw data could be obtained from none of the configured mirrors."""
 

@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
 from tqdm import tqdm
 
-from pedpred.errors import ConfigError
+from pedpred.errors import ConfigError, WorkerError
 
 
 def in_parallel(job: Callable[..., Any], tasks: Sequence[Iterable[Any]], title: str, unit: str) -> None:
@@ -35,12 +36,16 @@ def in_parallel(job: Callable[..., Any], tasks: Sequence[Iterable[Any]], title: 
 
     Raises:
         ConfigError: there is no such backend.
+        WorkerError: a worker process was killed.
     """
     with backend(os.environ.get("PEDPRED_BACKEND")):
         workers = Parallel(n_jobs=int(os.environ.get("PEDPRED_JOBS", -1)), return_as="generator_unordered")
         done = workers(delayed(job)(*task) for task in tasks)
-        for _ in tqdm(done, total=len(tasks), desc=title, unit=unit):
-            pass
+        try:
+            for _ in tqdm(done, total=len(tasks), desc=title, unit=unit):
+                pass
+        except BrokenProcessPool as cause:
+            raise WorkerError(title) from cause
 
 
 @contextmanager

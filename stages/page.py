@@ -1,13 +1,14 @@
 """Write the page: `reports/index.html`, one file with the answer, plots, pictures and replays."""
 
-import json
+from functools import partial
 from pathlib import Path
 
 from omegaconf import DictConfig
 from pandas import DataFrame
 
 from pedpred.config import stage
-from pedpred.files import write_text
+from pedpred.errors import StorageError
+from pedpred.files import read_json, write_text
 from pedpred.report.ablation import ablation_sections
 from pedpred.report.crowd import flow_section
 from pedpred.report.gallery import real_gallery, simulation_gallery
@@ -23,7 +24,10 @@ def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote; write the page to `out`."""
     metrics, sections, replays = {}, {}, {}
     curves: dict[str, DataFrame] = {}
-    others = {path.stem: json.loads(path.read_text()) for path in Path("reports/metrics").glob("*.json")}
+    others = {
+        path.stem: read_json(path, partial(StorageError, path, "file", remedy="Write it again (dvc repro)"))
+        for path in Path("reports/metrics").glob("*.json")
+    }
     for key, (title, gallery) in GALLERIES.items():
         metrics[key], scenes, windows, own = gathered(key)
         sections[title] = gallery(metrics[key], scenes, windows, own)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -144,3 +145,25 @@ def test_a_scene_that_is_too_short_to_measure_says_so(tmp_path, model):
 def test_what_counts_is_what_the_published_metrics_count():
     options = yaml.safe_load((Path(__file__).parents[1] / "conf/evaluation/paper.yaml").read_text())
     assert (options["moving_mps"], options["collision_m"]) == (MOVING_MPS, COLLISION_M)
+
+
+def test_the_walk_through_of_the_readme_runs(model, tmp_path, monkeypatch):
+    """With an untrained network in place of the trained one."""
+    root = Path(__file__).parents[1]
+    page = (root / "README.md").read_text().partition("## Your own recordings")[2]
+    lines = page.partition("```sh\n")[2].partition("```")[0].splitlines()
+    (tmp_path / "models/online").mkdir(parents=True)
+    (tmp_path / "models/online/main_int8").symlink_to(model[0])
+    (tmp_path / "examples").symlink_to(root / "examples")
+    monkeypatch.chdir(tmp_path)
+    for line in lines:
+        name, *arguments = shlex.split(line, comments=True)
+        assert name == "pedpred"
+        main(arguments)
+    figures = json.loads(Path("build/errors.json").read_text())
+    assert set(figures) == {"hall", "crossing", "all"}
+    for method in ("cv", "kalman_cv"):
+        assert 0.1 < figures["crossing"][method]["ade_m"] < 1.0
+        assert figures["hall"][method]["ade_m"] == figures["crossing"][method]["ade_m"]
+    assert figures["hall"]["network"]["ade_m"] != figures["crossing"]["network"]["ade_m"]
+    assert Path("build/hall.mcap").stat().st_size > 0

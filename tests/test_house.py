@@ -60,6 +60,20 @@ def test_what_may_run_on_the_robot_imports_without_torch():
     assert subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=False).returncode == 0
 
 
+def test_what_runs_on_a_robot_needs_the_light_install_alone():
+    """Every package that the command, the online predictor or a reader of bags imports is a dependency."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["ros"]]
+    called = {"PIL": "pillow", "yaml": "pyyaml", "mcap_ros2": "mcap-ros2-support"}
+    files = [
+        path for room in ("command", "online", "bags") for path in (ROOT / "pedpred" / room).glob("*.py")
+    ]
+    code = {ROOT / name for path in files for name in code_behind(path)}
+    outside = {module.partition(".")[0] for path in code for module, _ in imported(path)} - {"pedpred"}
+    needed = {called.get(name, name) for name in outside - sys.stdlib_module_names}
+    assert needed == {re.match(r"[\w-]+", requirement)[0] for requirement in wanted}
+
+
 # Stages depend on exactly the code that they import
 
 

@@ -12,7 +12,7 @@ from pedpred.command.prediction import predict
 from pedpred.command.scenes import convert, info
 from pedpred.errors import PedpredError
 
-_SCENE = "a scene folder, an MCAP recording or a CSV file with time, id, x, y"
+_SCENE = "a scene folder, an MCAP recording, a ROS bag, or a CSV file with time, id, x, y"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -28,6 +28,9 @@ def parser() -> argparse.ArgumentParser:
             what = "an MCAP file" if action is predict else "an MCAP file (.mcap) or a new scene folder"
             command.add_argument("-o", "--output", type=Path, required=True, help=what)
             command.add_argument("--force", action="store_true", help="replace what is there")
+        if action is convert:
+            command.add_argument("--topic", help="of a bag's people, where several topics carry some")
+            command.add_argument("--map", type=Path, help="a folder with map.yaml, which replaces the map")
         if action in (predict, evaluate):
             folder = "a model folder, e.g. models/online/main"
             command.add_argument("--model", type=Path, required=True, help=folder)

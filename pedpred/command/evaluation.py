@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,6 +12,7 @@ from pedpred.command.scenes import read_any
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import Scores, pooled, summary
 from pedpred.evaluation.summary import REFERENCE
+from pedpred.files import write_json
 from pedpred.online.assessment import assess
 
 MOVING_MPS, COLLISION_M = 0.3, 0.2
@@ -41,7 +41,7 @@ def evaluate(given: argparse.Namespace) -> None:
     for name, rows in figures.items():
         sys.stdout.write(_told(name, rows))
     if given.json is not None:
-        given.json.write_text(json.dumps(figures, indent=1) + "\n")
+        write_json(given.json, figures)
 
 
 def _told(name: str, rows: Mapping[str, Mapping[str, Any]]) -> str:

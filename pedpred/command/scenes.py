@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from pedpred.bags import is_bag, read_bag
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.recording import read_recording, write_recording
 from pedpred.recording.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene
-from pedpred.storage.scenes import read_scene, read_tracks_csv, write_scene
+from pedpred.storage.scenes import read_map, read_scene, read_tracks_csv, write_scene
 
 
-def read_any(path: Path) -> Scene:
-    """A scene folder, a CSV file of tracks (then on free ground) or an MCAP recording.
+def read_any(path: Path, topic: str | None = None) -> Scene:
+    """A scene folder, a CSV file of tracks (then on free ground), a recording of ours or a ROS bag.
+
+    Args:
+        path: which of them it is, its name tells.
+        topic: of a bag's people; an .mcap file is read as a bag if one is given.
 
     Raises:
         StorageError, SourceError: it cannot be understood.
     """
+    if is_bag(path) or (path.suffix == ".mcap" and topic is not None):
+        return read_bag(path, topic)
     if path.is_dir():
         return read_scene(path)
     if path.suffix != ".csv":
@@ -58,7 +66,11 @@ def info(given: argparse.Namespace) -> None:
 def convert(given: argparse.Namespace) -> None:
     """Write a scene as MCAP (a name that ends in .mcap) or as a scene folder."""
     refuse_overwriting(given.output, given.force)
-    scene = read_any(given.scene)
+    scene = read_any(given.scene, given.topic)
+    if given.scene.suffix == ".csv":  # a table has no name of its own
+        scene = replace(scene, name=given.output.stem)
+    if given.map is not None:
+        scene = replace(scene, occupancy=read_map(given.map))
     if given.output.suffix == ".mcap":
         write_recording(scene, given.output)
         write_layout(scene.occupancy, set(), given.output.with_suffix(".foxglove.json"))

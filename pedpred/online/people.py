@@ -110,9 +110,10 @@ def detected(
     moved["heading_rad"][rows] = _heading(again.velocity, people.heading_rad[rows], standstill_mps)
     for name, values in vars(again).items():
         moved[name][rows] = values
-    return replace(people, **moved).together(
-        _newborn(people, time_s, track_id[~known], first, standstill_mps)
-    )
+    followed = replace(people, **moved)
+    if known.all():
+        return followed
+    return followed.together(_newborn(people, time_s, track_id[~known], first, standstill_mps))
 
 
 def _newborn(

@@ -113,7 +113,7 @@ class OnlinePredictor:
             return self._last
         self._make_up(time_s - self._settings.snap_s)
         lost = time_s - self._people.seen_s > self.features.lost_after_s + TIME_TOLERANCE_S
-        known, about = self._people.select(~lost), self._about
+        known, about = self._people.select(~lost) if lost.any() else self._people, self._about
         self._people = detected(
             known, time_s, track_id, position, velocity, about.tracker, about.standstill_mps
         )

@@ -34,7 +34,7 @@ from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 from pedpred.sources import ewap, mirrors
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.columns import write_columns
-from pedpred.storage.scenes import read_map, read_scene, write_scene
+from pedpred.storage.scenes import read_map, read_scene, tracks_table, write_scene
 from pedpred.storage.shards import (
     feature_columns,
     read_codes,
@@ -88,6 +88,14 @@ def place() -> Scene:
     occupied[3:6, 2:4] = True
     camera = Camera(Homography(np.diag([0.1, 0.2, 1.0])), rng.integers(0, 255, (6, 8, 3), dtype=np.uint8))
     return Scene("place", recording, OccupancyMap(occupied, np.array([-1.0, -2.0]), 0.5), 0.4, camera)
+
+
+def make_table(folder: Path) -> None:
+    """Somebody's own folder: detections as CSV, and no map."""
+    write_scene(place(), folder)
+    for name in ("tracks.parquet", "map.yaml", "map.pgm"):
+        (folder / name).unlink()
+    tracks_table(place().recording).to_csv(folder / "tracks.csv", index=False, float_format="%.3f")
 
 
 def make_ewap(folder: Path) -> None:
@@ -231,6 +239,7 @@ READERS = {
         ("scene.json", "tracks.parquet", "reference.png"),
         read_scene,
     ),
+    "table": Reader(make_table, ("tracks.csv", "scene.json"), read_scene),
     "features": Reader(make_features, ("manifest.json", "place.parquet"), read_features),
     "codes": Reader(
         lambda folder: write_codes([np.ones((9, 32), np.float16)], folder, "place"),

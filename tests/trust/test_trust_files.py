@@ -1,6 +1,10 @@
 """Foreign files are read right or refused by name; the short version of `make trust`."""
 
 import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +18,7 @@ from tests.trust.mutations import BYTES, STRUCTURED, mutate
 from tests.trust.readers import READERS, Reader, place
 from tests.trust.trial import LOST, READ, REFUSED, Bench, judged
 
+ROOT = Path(__file__).resolve().parents[2]
 FEW = {"conf": 6, "archive": 12}
 """Of readers that take long; the others get `USUAL`."""
 USUAL = 25
@@ -127,6 +132,22 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
         interrupted()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_writer_killed_in_the_middle_leaves_the_old_file(tmp_path):
+    path = tmp_path / "page.md"
+    write_text(path, "old")
+    script = (
+        "import os, pathlib, signal, sys; from pedpred.files import aside\n"
+        "with aside(pathlib.Path(sys.argv[1])) as new:\n"
+        "    new.write_text('half')\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    done = subprocess.run([sys.executable, "-c", script, str(path)], cwd=ROOT, check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert path.read_text() == "old"
+    write_text(path, "new")
+    assert list(tmp_path.iterdir()) == [path], "the next writer cleans up"
 
 
 def test_json_must_be_an_object(tmp_path):

@@ -1,0 +1,126 @@
+"""What pedpred needs, why, under which licence, and how large it is: `python -m benchmarks.dependencies`.
+
+Sizes are those of the installed packages here; `--write` puts the table into docs/dependencies.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from collections.abc import Iterable
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "dependencies.md"
+REASONS = {
+    "mcap": "recordings that robotics viewers open",
+    "mcap-ros2-support": "ROS 2 messages in them, without ROS",
+    "numba": "compiled loops of the simulator, the crop and the angular grid",
+    "numpy": "arrays",
+    "onnxruntime": "the exported network on a robot, without torch",
+    "pandas": "tables of tracks and curves",
+    "pillow": "map images, reference pictures, animations",
+    "pyarrow": "Parquet: tracks, features, forecasts",
+    "pyyaml": "map.yaml, parameters",
+    "scipy": "interpolation, optimisation of the tracker and of the forces",
+    "tqdm": "progress bars",
+    "zstandard": "compressed chunks of recordings",
+    "rosbags": "bags of ROS 1 and ROS 2",
+    "dvc": "the pipeline: what is stale, cache, experiments",
+    "hydra-core": "composing conf/",
+    "jinja2": "the page's template",
+    "joblib": "workers on cores or a cluster",
+    "matplotlib": "figures",
+    "onnx": "writing the exported network",
+    "pedpy": "reference measures of crowds (density, flow)",
+    "safetensors": "weights without pickle",
+    "scikit-fmm": "distance to a goal around obstacles",
+    "torch": "training",
+}
+
+
+def declared() -> dict[str, list[Requirement]]:
+    """The direct dependencies in pyproject.toml that users install: light, then per extra."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    groups = {
+        "light": project["dependencies"],
+        "ros": extras.get("ros", []),
+        "train": extras.get("train", []),
+    }
+    return {group: [Requirement(text) for text in texts] for group, texts in groups.items()}
+
+
+def size_bytes(package: Distribution) -> int:
+    """Of the package's installed files."""
+    paths = (Path(str(package.locate_file(file))) for file in package.files or [])
+    return sum(path.stat().st_size for path in paths if path.is_file())
+
+
+def licence(package: Distribution) -> str:
+    """As the package states it: an SPDX expression, else a classifier, else the first words of its text."""
+    about = package.metadata
+    classified = [
+        c.rpartition(" :: ")[2] for c in about.get_all("Classifier") or [] if c.startswith("License ::")
+    ]
+    text = about.get("License-Expression") or ", ".join(classified) or about.get("License") or "not stated"
+    return text.splitlines()[0].strip()[:60]
+
+
+def closure(wanted: Iterable[Requirement]) -> dict[str, Distribution]:
+    """Every installed package that these need, directly or not, by its name."""
+    found: dict[str, Distribution] = {}
+    waiting = list(wanted)
+    seen: set[tuple[str, str]] = set()
+    while waiting:
+        need = waiting.pop()
+        for extra in ["", *need.extras]:
+            if (need.name.lower(), extra) in seen:
+                continue
+            seen.add((need.name.lower(), extra))
+            try:
+                package = distribution(need.name)
+            except PackageNotFoundError:
+                continue  # of another platform
+            found[package.metadata["Name"]] = package
+            for inner in map(Requirement, package.requires or []):
+                if inner.marker is None or inner.marker.evaluate({"extra": extra}):
+                    waiting.append(inner)
+    return found
+
+
+def table() -> str:
+    """The page: one row per direct dependency, then the totals with all that these need themselves."""
+    groups = declared()
+    lines = ["| package | install | why | licence | MB |", "| --- | --- | --- | --- | --: |"]
+    for group, needs in groups.items():
+        for need in sorted(needs, key=lambda n: n.name.lower()):
+            package = distribution(need.name)
+            megabytes = size_bytes(package) / 1e6
+            reason = REASONS[need.name]
+            lines.append(f"| {need.name} | {group} | {reason} | {licence(package)} | {megabytes:.1f} |")
+    lines += ["", "| install | packages, all counted | MB |", "| --- | --: | --: |"]
+    for title, parts in {"light": ["light"], "full": list(groups)}.items():
+        packages = closure(need for part in parts for need in groups[part]).values()
+        total = sum(map(size_bytes, packages)) / 1e6
+        lines.append(f"| {title} | {len(packages)} | {total:.0f} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print the table, or write it into the page."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.dependencies", description=__doc__)
+    parser.add_argument("--write", action="store_true", help="into docs/dependencies.md")
+    text = table()
+    if parser.parse_args().write:
+        head = PAGE.read_text().partition("\n| package")[0]
+        PAGE.write_text(f"{head.rstrip()}\n\n{text}\n")
+    sys.stdout.write(f"{text}\n")
+
+
+if __name__ == "__main__":
+    main()

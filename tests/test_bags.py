@@ -1,0 +1,209 @@
+"""Bags of ROS 1 and ROS 2, in every storage and with every message of tracked people."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rosbags import rosbag1, rosbag2
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from pedpred.bags import ADAPTERS, Names, read_bag
+from pedpred.command import main
+from pedpred.errors import SourceError
+from pedpred.recording import write_recording
+from pedpred.storage.scenes import read_scene, write_scene
+from tests.worlds import walled_scene
+
+DEFINITIONS = {
+    "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity",
+    "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people",
+    "spencer_tracking_msgs/msg/TrackedPerson": "uint64 track_id\ngeometry_msgs/PoseWithCovariance pose",
+    "spencer_tracking_msgs/msg/TrackedPersons": "std_msgs/Header header\n"
+    "spencer_tracking_msgs/TrackedPerson[] tracks",
+    "hunav_msgs/msg/Agent": "int32 id\nstring name\ngeometry_msgs/Pose position",
+    "hunav_msgs/msg/Agents": "std_msgs/Header header\nhunav_msgs/Agent[] agents",
+    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
+    "vision_msgs/msg/Detection3D": "std_msgs/Header header\nvision_msgs/BoundingBox3D bbox\nstring id",
+    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
+}
+"""The fields that matter here, as the packages of that name define them."""
+
+PATHS = {3: [(0.0, 1.0), (0.5, 1.0), (1.0, 1.5)], 8: [(4.0, 0.0), (3.5, 0.1), (3.0, 0.2)]}
+
+
+class Store:
+    """Makes messages of one version of ROS."""
+
+    def __init__(self, kind):
+        self.ros1 = kind == Stores.ROS1_NOETIC
+        self.types = get_typestore(kind)
+        for name, fields in DEFINITIONS.items():
+            self.types.register(get_types_from_msg(fields, name))
+
+    def make(self, kind, **fields):
+        return self.types.types[kind](**fields)
+
+    def header(self, time_s, frame):
+        stamp = self.make("builtin_interfaces/msg/Time", sec=int(time_s), nanosec=round(time_s % 1 * 1e9))
+        return self.make(
+            "std_msgs/msg/Header", **({"seq": 0} if self.ros1 else {}), stamp=stamp, frame_id=frame
+        )
+
+    def pose(self, x, y):
+        point = self.make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
+        turn = self.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+        return self.make("geometry_msgs/msg/Pose", position=point, orientation=turn)
+
+    def people(self, kind, time_s, frame="map"):
+        """Everybody of PATHS at an instant (whole half seconds)."""
+        here = {who: self.pose(*path[round(2 * time_s)]) for who, path in PATHS.items()}
+        one, field = {
+            "people_msgs/msg/People": ("people_msgs/msg/Person", "people"),
+            "spencer_tracking_msgs/msg/TrackedPersons": ("spencer_tracking_msgs/msg/TrackedPerson", "tracks"),
+            "hunav_msgs/msg/Agents": ("hunav_msgs/msg/Agent", "agents"),
+            "vision_msgs/msg/Detection3DArray": ("vision_msgs/msg/Detection3D", "detections"),
+            "geometry_msgs/msg/PoseArray": (None, "poses"),
+        }[kind]
+        header = self.header(time_s, frame)
+        several = [pose if one is None else self._one(one, who, pose, header) for who, pose in here.items()]
+        return self.make(kind, header=header, **{field: several})
+
+    def _one(self, kind, who, pose, header):
+        if kind.endswith("Person") and "people" in kind:
+            return self.make(kind, name=str(who), position=pose.position, velocity=pose.position)
+        if kind.endswith("TrackedPerson"):
+            sure = self.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36))
+            return self.make(kind, track_id=who, pose=sure)
+        if kind.endswith("Agent"):
+            return self.make(kind, id=who, name="somebody", position=pose)
+        size = self.make("geometry_msgs/msg/Vector3", x=1.0, y=1.0, z=1.0)
+        box = self.make("vision_msgs/msg/BoundingBox3D", center=pose, size=size)
+        return self.make(kind, header=header, bbox=box, id=str(who))
+
+    def grid(self, frame="map"):
+        """Three by two cells of half a metre; the one at (1, 0) is occupied, the next one unknown."""
+        header = self.header(0.0, frame)
+        about = self.make(
+            "nav_msgs/msg/MapMetaData",
+            map_load_time=header.stamp,
+            resolution=0.5,
+            width=3,
+            height=2,
+            origin=self.pose(-1.0, 2.0),
+        )
+        data = np.array([0, 100, -1, 0, 0, 0], np.int8)
+        return self.make("nav_msgs/msg/OccupancyGrid", header=header, info=about, data=data)
+
+    def write(self, path, messages, storage=rosbag2.StoragePlugin.SQLITE3):
+        """Messages as (topic, type, message) in the order of time."""
+        if self.ros1:
+            writer, serialise = rosbag1.Writer(path), self.types.serialize_ros1
+        else:
+            writer, serialise = (
+                rosbag2.Writer(path, version=9, storage_plugin=storage),
+                self.types.serialize_cdr,
+            )
+        with writer:
+            known = {}
+            for count, (topic, kind, message) in enumerate(messages):
+                if topic not in known:
+                    known[topic] = writer.add_connection(topic, kind, typestore=self.types)
+                writer.write(known[topic], count, serialise(message, kind))
+
+
+@pytest.fixture(scope="module")
+def ros2():
+    return Store(Stores.ROS2_HUMBLE)
+
+
+def stream(store, kind, frame="map"):
+    yield "/costmap", "nav_msgs/msg/OccupancyGrid", store.grid()
+    for time_s in (0.0, 0.5, 1.0):
+        yield "/tracks", kind, store.people(kind, time_s, frame)
+
+
+def check(scene, names=tuple(PATHS)):
+    for name, path in zip(names, PATHS.values(), strict=True):
+        rows = scene.recording.track_id == name
+        np.testing.assert_allclose(scene.recording.time_s[rows], [0.0, 0.5, 1.0])
+        np.testing.assert_allclose(scene.recording.position[rows], path)
+    assert np.argwhere(scene.occupancy.occupied).tolist() == [[1, 0]]
+    assert scene.occupancy.occupied.shape == (3, 2)
+    np.testing.assert_allclose(scene.occupancy.origin, [-1.0, 2.0])
+    assert scene.detection_dt_s == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("kind", sorted(ADAPTERS))
+def test_people_come_in_every_message(kind, ros2, tmp_path):
+    ros2.write(tmp_path / "hall", stream(ros2, kind))
+    check(read_bag(tmp_path / "hall"), (0, 1) if kind.endswith("PoseArray") else tuple(PATHS))
+
+
+def test_every_storage_is_read(ros2, tmp_path):
+    kind = "spencer_tracking_msgs/msg/TrackedPersons"
+    old = Store(Stores.ROS1_NOETIC)
+    old.write(tmp_path / "hall.bag", stream(old, kind))
+    ros2.write(tmp_path / "hall", stream(ros2, kind), rosbag2.StoragePlugin.MCAP)
+    check(read_bag(tmp_path / "hall.bag"))
+    check(read_bag(tmp_path / "hall"))
+    check(read_bag(next((tmp_path / "hall").glob("*.mcap")), "/tracks"))
+
+
+def test_a_bag_becomes_a_scene_folder_with_another_map(ros2, tmp_path):
+    world = walled_scene(np.random.default_rng(0))
+    write_scene(world, tmp_path / "room")
+    ros2.write(tmp_path / "hall", stream(ros2, "hunav_msgs/msg/Agents"))
+    command = [
+        "convert",
+        str(tmp_path / "hall"),
+        "-o",
+        str(tmp_path / "scene"),
+        "--map",
+        str(tmp_path / "room"),
+    ]
+    main(command)
+    scene = read_scene(tmp_path / "scene")
+    assert scene.recording.track_id.tolist() == [3, 8] * 3
+    np.testing.assert_array_equal(scene.occupancy.occupied, world.occupancy.occupied)
+
+
+def test_a_bag_that_makes_no_scene_says_why(ros2, tmp_path):
+    kind = "hunav_msgs/msg/Agents"
+    ros2.write(tmp_path / "empty", [("/costmap", "nav_msgs/msg/OccupancyGrid", ros2.grid())])
+    with pytest.raises(SourceError, match=r"no topic carries people.*costmap"):
+        read_bag(tmp_path / "empty")
+    ros2.write(tmp_path / "two", [*stream(ros2, kind), ("/more", kind, ros2.people(kind, 0.5))])
+    with pytest.raises(SourceError, match=r"several topics.*/more"):
+        read_bag(tmp_path / "two")
+    check(read_bag(tmp_path / "two", "/tracks"))
+    ros2.write(tmp_path / "moved", stream(ros2, kind, "odom"))
+    with pytest.raises(SourceError, match=r"several frames.*'map', 'odom'"):
+        read_bag(tmp_path / "moved")
+    (tmp_path / "torn.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
+    with pytest.raises(SourceError, match=r"torn\.bag"):
+        read_bag(tmp_path / "torn.bag")
+
+
+def test_names_that_are_no_numbers_become_some():
+    names = Names()
+    assert [names.number(name) for name in ("7", "anna", 12, "ben", "anna")] == [7, -1, 12, -2, -1]
+
+
+def test_the_standard_types_read_every_standard_message_of_a_recording(tmp_path):
+    """With the types of ROS 2 Humble instead of the definitions that the file brings along."""
+    scene = walled_scene(np.random.default_rng(0), detections=20)
+    write_recording(scene, tmp_path / "hall.mcap")
+    standard, read = get_typestore(Stores.ROS2_HUMBLE), SimpleNamespace(standard=0, people=0)
+    with AnyReader([tmp_path / "hall.mcap"]) as bag:
+        for connection, time_ns, raw in bag.messages():
+            if connection.msgtype in standard.types:
+                message = standard.deserialize_cdr(raw, connection.msgtype)
+                read.standard += 1
+            else:
+                message = bag.deserialize(raw, connection.msgtype)
+                read.people += len(message.people)
+                assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == time_ns
+            assert message.__msgtype__ == connection.msgtype
+    assert read.people == len(scene.recording)
+    assert read.standard == 2 + len(np.unique(scene.recording.time_s))

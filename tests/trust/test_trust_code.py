@@ -1,0 +1,77 @@
+"""Nothing that is read is run: what the code may not call, and that the linter's security rules are on."""
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from benchmarks import dependencies
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted([*(ROOT / "pedpred").rglob("*.py"), *(ROOT / "stages").glob("*.py")])
+RUFF = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]
+FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve", "jsonpickle"}
+FORBIDDEN_CALLS = {
+    *("eval", "exec", "compile", "__import__", "os.system", "os.popen", "yaml.load", "yaml.unsafe_load"),
+    *("torch.load", "torch.save", "np.load", "joblib.load", "joblib.dump", "pd.read_pickle", "pd.read_hdf"),
+}
+
+
+def calls(tree):
+    return {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+
+
+def imports(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module.partition(".")[0]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_nothing_that_is_read_is_run(path):
+    tree = ast.parse(path.read_text())
+    assert calls(tree) & FORBIDDEN_CALLS == set()
+    assert set(imports(tree)) & FORBIDDEN_MODULES == set()
+    assert "shell=True" not in path.read_text()
+
+
+@pytest.mark.parametrize("text", ["import pickle", "from pickle import load"])
+def test_a_forbidden_import_is_seen(text):
+    assert set(imports(ast.parse(text))) & FORBIDDEN_MODULES
+
+
+def test_a_forbidden_call_is_seen():
+    assert calls(ast.parse("x = torch.load(path); eval('1')")) & FORBIDDEN_CALLS == {"torch.load", "eval"}
+
+
+def test_the_linter_looks_for_security_and_every_exception_says_why():
+    assert "S" in RUFF["select"]
+    text = (ROOT / "pyproject.toml").read_text()
+    for files, rules in RUFF["per-file-ignores"].items():
+        if any(rule.startswith("S") and rule[1:].isdigit() for rule in rules):
+            assert re.search(rf'^"{re.escape(files)}" = \[.*\] # \S', text, re.MULTILINE), files
+
+
+def test_every_dependency_has_a_reason_and_a_use():
+    groups = dependencies.declared()
+    names = {need.name for needs in groups.values() for need in needs}
+    assert names == set(dependencies.REASONS)
+    page = dependencies.PAGE.read_text()
+    assert all(f"| {name} |" in page for name in names)
+    used = {module for path in SOURCES for module in imports(ast.parse(path.read_text()))}
+    modules = {"hydra-core": "hydra", "mcap-ros2-support": "mcap_ros2", "pillow": "PIL", "pyyaml": "yaml"}
+    modules |= {"scikit-fmm": "skfmm"}
+    needed = {need.name for group in ("light", "train") for need in groups[group]} - {"dvc"}  # a command
+    assert {name for name in needed if modules.get(name, name) not in used} == set()
+
+
+def test_files_are_written_through_one_door():
+    """Whatever is written appears whole: by `pedpred.files`, or beside it under a name that `aside` gave."""
+    writing = re.compile(r"(\w[\w.()/\" {}]*)\.(write_text|write_bytes)\(")
+    for path in SOURCES:
+        found = {match[0] for match in writing.findall(path.read_text())}
+        assert found <= {"new"}, f"{path.relative_to(ROOT)} writes {found - {'new'}} at once"
