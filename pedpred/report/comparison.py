@@ -141,8 +141,9 @@ def _rank(change: Change) -> int:
 
 def _said(command: str, folder: Path, revision: str) -> str:
     """What git says about a revision, seen from a folder."""
-    call = ["git", "-C", str(folder), command, *(["--name-only"] if command == "ls-tree" else []), revision]
-    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    options = ["--name-only"] if command == "ls-tree" else []
+    call = ["git", "-C", str(folder), command, *options, "--end-of-options", revision]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)  # noqa: S603, a list, no shell
     if done.returncode:
         raise ValueRuleError("revision", revision, f"git must find metrics there: {done.stderr.strip()}")
     return done.stdout
