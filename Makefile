@@ -8,7 +8,8 @@ unexport PYTHONPATH VIRTUAL_ENV
 
 .DEFAULT_GOAL := help
 PLACES := eth hotel
-.PHONY: help setup params tune reproduce smoke test check
+REV ?= HEAD
+.PHONY: help setup params tune reproduce compare smoke test check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -34,6 +35,9 @@ tune: setup ## fit tracker and social forces to each real place again (writes co
 reproduce: setup ## raw data -> networks -> reports/; does only what is out of date
 	@python -m pedpred.config --check
 	@dvc repro --keep-going || { dvc repro --quiet --single-item fetch; exit 1; }
+
+compare: setup ## which metrics moved beyond their intervals since REV=<revision>; fails when some got worse
+	@python -m stages.compare $(REV)
 
 smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
 	@.ci/smoke

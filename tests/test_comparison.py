@@ -1,0 +1,104 @@
+"""The regression gate: what moved beyond its interval is told, and worse figures fail."""
+
+import copy
+import json
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pedpred.errors import ValueRuleError
+from pedpred.report.comparison import changes, changes_table, metrics_at, metrics_now
+from stages import compare
+
+ENTRY = {"ade_m": 0.5, "ade_ci95_m": [0.45, 0.55], "fde_m": 1.0, "windows": 10, "per_step_m": [0.1, 1.0]}
+GAP = {"minus_kalman_cv_m": -0.1, "minus_kalman_cv_ci95_m": [-0.12, -0.08]}
+BEFORE = {"sim": {"hall": {"cv": ENTRY, "lstm": ENTRY | GAP}}, "walking": {"hall": {"states": 5}}}
+
+
+def verdicts(after, before=BEFORE):
+    return {change.name[1:]: change.verdict for change in changes(before, after)}
+
+
+def changed(**figures):
+    after = copy.deepcopy(BEFORE)
+    after["sim"]["hall"]["lstm"] |= figures
+    return after
+
+
+def test_what_did_not_change_is_the_same():
+    assert set(verdicts(BEFORE).values()) == {"same"}
+    assert len(verdicts(BEFORE)) == 5
+    assert "5 unchanged" in changes_table(changes(BEFORE, BEFORE))
+
+
+@given(st.floats(0.1, 0.9))
+def test_a_figure_is_judged_by_its_earlier_interval(ade_m):
+    expected = "worse" if ade_m > 0.55 else "better" if ade_m < 0.45 else "within" if ade_m != 0.5 else "same"
+    found = verdicts(changed(ade_m=ade_m))
+    assert found.pop(("hall", "lstm", "ade_m")) == expected
+    assert set(found.values()) == {"same"}
+
+
+@pytest.mark.parametrize(
+    ("fde_m", "own", "verdict"),
+    [
+        (1.09, {}, "within"),
+        (1.11, {}, "worse"),
+        (0.89, {}, "better"),
+        (1.09, {"fde_ci95_m": [0.98, 1.02]}, "worse"),
+    ],
+)
+def test_a_final_error_without_an_interval_has_the_relative_width_of_the_mean_errors(fde_m, own, verdict):
+    before = changed(**own)
+    assert verdicts(changed(fde_m=fde_m, **own), before)["hall", "lstm", "fde_m"] == verdict
+
+
+def test_a_paired_difference_is_judged_by_its_own_narrow_interval():
+    found = verdicts(changed(ade_m=0.53, minus_kalman_cv_m=-0.07))
+    assert found["hall", "lstm", "ade_m"] == "within"
+    assert found["hall", "lstm", "minus_kalman_cv_m"] == "worse"
+
+
+def test_new_and_vanished_entries_are_named():
+    after = {"sim": {"hall": {"cv": ENTRY, "mine": ENTRY}}}
+    found = verdicts(after)
+    assert found["hall", "mine", "ade_m"] == "new"
+    assert found["hall", "lstm", "minus_kalman_cv_m"] == "vanished"
+    table = changes_table(changes(BEFORE, after))
+    assert "| sim | hall | lstm | ade_m | 0.500 (0.450 to 0.550), 10 windows | - | vanished |" in table
+    assert "5 new or vanished" in table
+
+
+@pytest.fixture
+def repository(tmp_path):
+    """Metrics committed once in a subfolder; the working tree may then differ."""
+    folder = tmp_path / "reports" / "metrics"
+    folder.mkdir(parents=True)
+    (folder / "sim.json").write_text(json.dumps(BEFORE["sim"]))
+    (folder / "note.txt").write_text("not a metric")
+    who = ["-c", "user.name=n", "-c", "user.email=e", "-c", "commit.gpgsign=false"]
+    for command in (["init", "-q"], ["add", "."], [*who, "commit", "-qm", "first"]):
+        subprocess.run(["git", *command], cwd=tmp_path, check=True)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("ade_m", "code", "told"), [(0.6, 1, "1 worse"), (0.52, 0, "1 moved within"), (0.4, 0, "1 better")]
+)
+def test_the_gate_fails_when_a_figure_got_worse(repository, monkeypatch, capsys, ade_m, code, told):
+    (repository / "sim.json").write_text(json.dumps(changed(ade_m=ade_m)["sim"]))
+    assert metrics_at("HEAD", repository) == {"sim": BEFORE["sim"]}
+    assert metrics_now(repository)["sim"]["hall"]["lstm"]["ade_m"] == ade_m
+    monkeypatch.setattr(sys, "argv", ["compare", "HEAD", "--folder", str(repository)])
+    with pytest.raises(SystemExit) as ended:
+        compare.main()
+    assert ended.value.code == code
+    assert told in capsys.readouterr().out
+
+
+def test_an_unknown_revision_is_named(repository):
+    with pytest.raises(ValueRuleError, match="no-such"):
+        metrics_at("no-such", repository)
