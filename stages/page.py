@@ -29,8 +29,8 @@ def main(cfg: DictConfig) -> None:
         for path in Path("reports/metrics").glob("*.json")
     }
     for key, (title, gallery) in GALLERIES.items():
-        metrics[key], scenes, windows, own = gathered(key)
-        sections[title] = gallery(metrics[key], scenes, windows, own)
+        metrics[key], scenes, windows, own, autoencoder = gathered(key)
+        sections[title] = gallery(metrics[key], scenes, windows, own, autoencoder)
         curves |= own
         place = {scene.name: scene for data_set in scenes.values() for scene in data_set}
         for name in cfg.page.replays[key]:

@@ -11,6 +11,7 @@ from pedpred.report.curves import read_curve
 from pedpred.report.gallery import real_gallery, simulation_gallery
 from pedpred.report.metrics import read_metrics
 from pedpred.report.pages import real_page, simulation_page
+from pedpred.report.reconstructions import read_autoencoder
 from pedpred.storage.scenes import read_scenes
 from pedpred.storage.windows import read_windows
 
@@ -20,13 +21,13 @@ TRAINED_IN = {"sim": ["corridor", "main"], "real": []}
 
 
 def gathered(key: str) -> tuple:
-    """Metrics, scenes by data set, forecasts and training curves of the simulated or the real people."""
+    """Metrics, scenes by data set, forecasts and curves of simulated or real people; the auto-encoder."""
     metrics = read_metrics(Path("reports/metrics") / f"{key}.json")
     tested = [name for name in metrics if Path("data/scenes", name).is_dir()]
     scenes = {name: list(read_scenes(Path("data/scenes", name))) for name in [*tested, *TRAINED_IN[key]]}
     windows = {p.stem: read_windows(p) for p in sorted(Path("data/forecasts", key).glob("*.parquet"))}
     curves = {table.stem: read_curve(table) for table in sorted(Path("reports/curves", key).glob("*.tsv"))}
-    return metrics, scenes, windows, curves
+    return metrics, scenes, windows, curves, read_autoencoder(Path("models/autoencoder"))
 
 
 @stage
@@ -35,8 +36,8 @@ def main(cfg: DictConfig) -> None:
     key = stage_key(cfg)
     gallery, page = PAGES[key]
     out = Path(cfg.get("out", "reports"))
-    metrics, scenes, windows, curves = gathered(key)
-    sections = gallery(metrics, scenes, windows, curves)
+    metrics, *others = gathered(key)
+    sections = gallery(metrics, *others)
     for picture in (picture for section in sections for picture in section.pictures):
         write_png(picture.figure, out / key / f"{picture.name}.png")
     write_text(out / f"{key}.md", page(metrics, sections, key))

@@ -14,6 +14,7 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 from pedpred.errors import ValueRuleError
+from pedpred.models.autoencoder import GridAutoencoder
 from pedpred.report.gallery import simulation_gallery
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.charts import box_plot, line_plot, whiskers
@@ -35,7 +36,7 @@ def hall(tmp_path_factory):
 def contents_of(scene, windows):
     metrics = {"sim_test": metrics_of(IN_SIMULATION), "sim_test_hall": metrics_of(IN_SIMULATION)}
     real = {"eth": metrics_of(MEETING | {"lstm": 0.65, "cacc": 9.0}), "hotel": metrics_of(MEETING)}
-    gallery = simulation_gallery(metrics, {"sim_test": [scene]}, {"hall": windows}, {})
+    gallery = simulation_gallery(metrics, {"sim_test": [scene]}, {"hall": windows}, {}, GridAutoencoder(8))
     few = {name: real["eth"][name] | {"fde_ci95_m": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
     literature = {"eth": few, "hotel": few}
     shown = [replay(scene, windows, 2.1), replay(wall_scene("attic"), windows, 1.2)]

@@ -6,12 +6,14 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from matplotlib.figure import Figure
 from PIL import Image
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import occupancy_crops
 from pedpred.geometry import Homography, to_world
+from pedpred.models.autoencoder import GridAutoencoder
 from pedpred.report.canvas import png_bytes
 from pedpred.report.curves import curves_figure, stage_and_model
 from pedpred.report.findings import real_findings, simulation_findings, summed_up
@@ -23,6 +25,7 @@ from pedpred.report.methods import colours, ordered
 from pedpred.report.metrics import read_metrics
 from pedpred.report.pages import Picture, Section, answer, joined, real_page, simulation_page
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
+from pedpred.report.reconstructions import evenly_chosen, reconstructed
 from pedpred.report.tables import methods_table
 from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 from pedpred.storage.columns import write_columns
@@ -253,12 +256,13 @@ def test_the_rule_picks_the_planted_instant(tmp_path):
         "planted": windows_of(tmp_path, planted, planted_s=1.2),
     }
     found = choose(scenes, least_moving=4)
-    assert (found.scene, found.moving) == ("planted", 5)
+    assert found.scene == "planted"
     assert found.time_s == pytest.approx(1.2)
-    assert found.gain_m == pytest.approx(0.3 * 0.3 * 5.5, abs=1e-5)
+    assert f"largest, {0.3 * 0.3 * 5.5:+.3f} m on average over 5 moving" in found.caption
     assert found.focus in found.rows
     least = choose(scenes, least_moving=4, least=True)
-    assert (least.scene, least.time_s, least.gain_m) == ("plain", 0.0, 0.0)
+    assert (least.scene, least.time_s) == ("plain", 0.0)
+    assert "smallest, +0.000 m" in least.caption
 
 
 def test_few_people_do_not_count_where_more_are_somewhere(tmp_path):
@@ -358,11 +362,13 @@ def galleries(folder):
     windows = {"hall": windows_of(folder, scene, planted_s=0.9)}
     matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
     picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
+    torch.manual_seed(0)
+    network = GridAutoencoder(8)
     seen = wall_scene(camera=Camera(Homography(matrix), picture))
     simulated = simulation_gallery(
-        metrics, {"sim_test": [scene], "main": [scene] * 3}, windows, curve_tables()
+        metrics, {"sim_test": [scene], "main": [scene] * 3}, windows, curve_tables(), network
     )
-    real = real_gallery(metrics, {"hall": [seen]}, windows, {})
+    real = real_gallery(metrics, {"hall": [seen]}, windows, {}, network)
     return [picture for section in [*simulated, *real] for picture in section.pictures]
 
 
@@ -378,6 +384,24 @@ def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
         assert min(Image.open(io.BytesIO(file)).size) > 200
 
 
+def test_crops_are_chosen_at_even_ranks_of_occupied_share():
+    shares = np.random.default_rng(0).permutation(101)
+    packed = np.packbits(np.arange(3600) < shares[:, None], axis=1, bitorder="little")
+    many, one, none = np.zeros(101), np.zeros((101, 2)), np.zeros((101, 0, 2))
+    scenes = {"hall": Windows(many, many, one, many, one, packed, np.zeros((101, 72)), none, {})}
+    assert evenly_chosen(scenes, 4).sum(axis=(1, 2)).tolist() == [1, 34, 67, 100]
+    assert len(evenly_chosen(scenes, 999)) == 100
+
+
+def test_each_crop_is_reconstructed_by_itself():
+    network = GridAutoencoder(8)
+    crops = np.random.default_rng(0).random((3, 60, 60)) < 0.2
+    both, alone = reconstructed(network, crops), reconstructed(network, crops[2:])
+    np.testing.assert_array_equal(both.image[2:], alone.image)
+    occupied = both.image[0] > 0.5
+    assert both.agreement[0] == pytest.approx((occupied & crops[0]).sum() / (occupied | crops[0]).sum())
+
+
 def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
     axes = contact_sheet([wall_scene(name) for name in ("a", "b", "c")], 6.0, columns=2).axes[0]
     corners = [np.reshape(image.get_extent(), (2, 2)).T for image in axes.images]
@@ -391,7 +415,9 @@ def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
 def test_forecasts_of_an_unknown_scene_are_refused(tmp_path):
     windows = {"attic": windows_of(tmp_path, wall_scene("attic"))}
     with pytest.raises(ValueRuleError, match="attic"):
-        simulation_gallery({"sim_test": metrics_of(MEETING)}, {"sim_test": [wall_scene()]}, windows, {})
+        simulation_gallery(
+            {"sim_test": metrics_of(MEETING)}, {"sim_test": [wall_scene()]}, windows, {}, GridAutoencoder(8)
+        )
 
 
 def test_a_method_far_beyond_the_others_does_not_set_the_scale():

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 import pandas as pd
 
 from pedpred.errors import ValueRuleError
+from pedpred.models.autoencoder import GridAutoencoder
 from pedpred.report.curves import curves_figure
+from pedpred.report.encounters import before_obstacle, mutual_avoidance
 from pedpred.report.horizon import horizon_figure
-from pedpred.report.instants import choose
+from pedpred.report.instants import Instant, choose
 from pedpred.report.metrics import MethodMetrics
 from pedpred.report.pages import POOLED, Picture, Section
 from pedpred.report.plan import arrangement_figure, contact_sheet
+from pedpred.report.reconstructions import (
+    MEASURED,
+    SHOWN,
+    evenly_chosen,
+    reconstructed,
+    reconstructions_figure,
+)
 from pedpred.report.situation import ARROW_S
 from pedpred.report.snapshots import camera_figure, inputs_figure
 from pedpred.scenes import Scene
@@ -26,7 +36,7 @@ SHEET_S, SHEET_COLUMNS = 30.0, 10
 """The same for rooms that share a picture, and how many of them stand side by side, s."""
 
 _LEGEND = (
-    "Circles: people, filled the one who gains or loses most; arrows: where the present velocity leads "
+    "Circles: people, filled the one whom the picture is about; arrows: where the present velocity leads "
     f"in {ARROW_S} s; large dots: the LSTM's ten steps; small dots: Kalman CV; dashed: what they did; "
     "empty grey circles: people without an evaluation window."
 )
@@ -41,19 +51,22 @@ def simulation_gallery(
     data_sets: Mapping[str, Sequence[Scene]],
     windows: Mapping[str, Windows],
     curves: Mapping[str, pd.DataFrame],
+    autoencoder: GridAutoencoder,
 ) -> list[Section]:
     """Pictures of the page on simulation; windows by the scene's name, training's data sets included."""
     scenes = _by_name(data_sets[POOLED])
     _check(windows, scenes)
-    snapshots = []
-    for name, least in (("snapshot_gain", False), ("snapshot_loss", True)):
-        instant = choose(windows, CROWD["sim"], least)
-        figure = inputs_figure(scenes[instant.scene], windows[instant.scene], instant)
-        snapshots.append(Picture(name, instant.caption(least), figure))
+    snapshots = [
+        Picture(
+            f"snapshot_{name}", found.caption, inputs_figure(scenes[found.scene], windows[found.scene], found)
+        )
+        for name, found in _instants(windows, scenes, CROWD["sim"]).items()
+    ]
     horizon = _horizon("horizon", metrics[POOLED], "simulation, unseen arrangements")
     return [
         Section("Error over the horizon", [horizon]),
-        Section("Best and worst instant", snapshots, text=_LEGEND),
+        Section("Instants, chosen by rule", snapshots, text=_LEGEND),
+        *_reconstructions(autoencoder, windows),
         _arrangements(scenes, f"and the tracks of the first {SHOWN_S['sim']:.0f} s", SHOWN_S["sim"]),
         *_trained_in({name: rooms for name, rooms in data_sets.items() if name != POOLED}),
         *_training(curves),
@@ -65,24 +78,36 @@ def real_gallery(
     data_sets: Mapping[str, Sequence[Scene]],
     windows: Mapping[str, Windows],
     curves: Mapping[str, pd.DataFrame],
+    autoencoder: GridAutoencoder,
 ) -> list[Section]:
     """Pictures of the page on real people; windows by the scene's name."""
     scenes = _by_name([scene for data_set in data_sets.values() for scene in data_set])
     _check(windows, scenes)
     _check(windows, metrics)
     horizons = [_horizon(f"horizon_{name}", metrics[name], f"tested at {name}") for name in windows]
-    snapshots = []
-    for scene in windows:
-        for name, least in (("gain", False), ("loss", True)):
-            instant = choose({scene: windows[scene]}, CROWD["real"], least)
-            figure = camera_figure(scenes[scene], windows[scene], instant)
-            snapshots.append(Picture(f"camera_{scene}_{name}", instant.caption(least), figure))
+    snapshots = [
+        Picture(f"camera_{scene}_{name}", found.caption, camera_figure(scenes[scene], own, found))
+        for scene, own in windows.items()
+        for name, found in _instants({scene: own}, scenes, CROWD["real"]).items()
+    ]
     return [
         Section("Error over the horizon", horizons),
-        Section("Best and worst instant", snapshots, text=f"{_LEGEND} {_STILL}"),
+        Section("Instants, chosen by rule", snapshots, text=f"{_LEGEND} {_STILL}"),
+        *_reconstructions(autoencoder, windows),
         _arrangements(scenes, "and all tracks", SHOWN_S["real"]),
         *_training(curves),
     ]
+
+
+def _instants(windows: Mapping[str, Windows], scenes: Mapping[str, Scene], crowd: int) -> dict[str, Instant]:
+    """What is shown of some scenes, by a name; an encounter that never happened is left out."""
+    found = {
+        "gain": choose(windows, crowd),
+        "loss": choose(windows, crowd, least=True),
+        "avoidance": mutual_avoidance(windows),
+        "obstacle": before_obstacle(windows, scenes),
+    }
+    return {name: instant for name, instant in found.items() if instant is not None}
 
 
 def _check(windows: Mapping[str, Windows], known: Mapping[str, object]) -> None:
@@ -95,6 +120,22 @@ def _check(windows: Mapping[str, Windows], known: Mapping[str, object]) -> None:
 def _horizon(name: str, methods: MethodMetrics, title: str) -> Picture:
     caption = f"Position error, {title}."
     return Picture(name, caption, horizon_figure(methods, title))
+
+
+def _reconstructions(autoencoder: GridAutoencoder, windows: Mapping[str, Windows]) -> list[Section]:
+    """Obstacle grids of places unknown to the auto-encoder; nothing where nobody sees an obstacle."""
+    crops = evenly_chosen(windows, MEASURED)
+    if not len(crops):
+        return []
+    found = reconstructed(autoencoder, crops)
+    few = found.few(SHOWN)
+    caption = (
+        f"Obstacle grids of test places, {len(few.truth)} at evenly spaced ranks of occupied share, and what "
+        "the auto-encoder makes of them. Intersection over union of occupied cells: median "
+        f"{np.median(found.agreement):.2f} over {len(crops)} grids chosen likewise."
+    )
+    picture = Picture("reconstructions", caption, reconstructions_figure(few))
+    return [Section("What the auto-encoder keeps", [picture])]
 
 
 def _by_name(scenes: Sequence[Scene]) -> dict[str, Scene]:

@@ -8,7 +8,7 @@ balance, the one with the smallest. Ties go to the earlier scene name and time.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,26 +28,40 @@ class Instant:
         scene: its name.
         time_s: the instant, s.
         rows: its windows. [n] int
-        focus: the window of the moving person who gains (or loses) most.
-        gain_m: mean gain of the moving people, m.
-        moving: how many they are.
+        focus: the window of the person that the picture is about.
+        who: that person's id.
+        caption: what is shown and why.
     """
 
     scene: str
     time_s: float
     rows: np.ndarray
     focus: int
+    who: int
+    caption: str = ""
+
+    @property
+    def where(self) -> str:
+        """Scene and time, as captions begin."""
+        return f"Scene {self.scene}, t = {self.time_s:.1f} s"
+
+
+@dataclass(frozen=True)
+class Gain:
+    """An instant with the mean gain of its moving people, m, and how many they are."""
+
+    instant: Instant
     gain_m: float
     moving: int
 
-    def caption(self, least: bool) -> str:
-        """What is shown and why."""
-        which = "smallest" if least else "largest"
-        return (
-            f"Scene {self.scene}, t = {self.time_s:.1f} s: the instant at which the {label(MODEL)}'s gain "
-            f"over the {label(YARDSTICK)} is {which}, {self.gain_m:+.3f} m on average over {self.moving} "
-            "moving people."
+    def captioned(self, least: bool) -> Instant:
+        """The instant with a caption that says why it is shown."""
+        caption = (
+            f"{self.instant.where}: the instant at which the {label(MODEL)}'s gain over the "
+            f"{label(YARDSTICK)} is {'smallest' if least else 'largest'}, {self.gain_m:+.3f} m on average "
+            f"over {self.moving} moving people."
         )
+        return replace(self.instant, caption=caption)
 
 
 def choose(scenes: Mapping[str, Windows], least_moving: int, least: bool = False) -> Instant:
@@ -62,15 +76,15 @@ def choose(scenes: Mapping[str, Windows], least_moving: int, least: bool = False
     Raises:
         ValueRuleError: nobody moves at any time.
     """
-    found = [instant for name in sorted(scenes) for instant in _instants(name, scenes[name], least)]
+    found = [instant for name in sorted(scenes) for instant in _gains(name, scenes[name], least)]
     if not found:
         raise ValueRuleError("scenes", sorted(scenes), "somebody must be moving in one of them")
     asked = min(least_moving, max(instant.moving for instant in found))
     crowded = [instant for instant in found if instant.moving >= asked]
-    return min(crowded, key=lambda instant: instant.gain_m if least else -instant.gain_m)
+    return min(crowded, key=lambda found: found.gain_m if least else -found.gain_m).captioned(least)
 
 
-def _instants(scene: str, windows: Windows, least: bool) -> list[Instant]:
+def _gains(scene: str, windows: Windows, least: bool) -> list[Gain]:
     """All instants at which somebody moves, by time."""
     missing = [name for name in (YARDSTICK, MODEL) if name not in windows.paths]
     if missing:
@@ -85,7 +99,7 @@ def _instants(scene: str, windows: Windows, least: bool) -> list[Instant]:
     for rows in groups:
         walkers = rows[moving[rows]]
         if len(walkers):
-            focus = walkers[np.argmin(gain_m[walkers]) if least else np.argmax(gain_m[walkers])]
-            time_s, mean_m = float(windows.time_s[rows[0]]), float(gain_m[walkers].mean())
-            found.append(Instant(scene, time_s, rows, int(focus), mean_m, len(walkers)))
+            focus = int(walkers[np.argmin(gain_m[walkers]) if least else np.argmax(gain_m[walkers])])
+            instant = Instant(scene, float(windows.time_s[focus]), rows, focus, int(windows.track_id[focus]))
+            found.append(Gain(instant, float(gain_m[walkers].mean()), len(walkers)))
     return found

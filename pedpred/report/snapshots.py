@@ -7,6 +7,7 @@ from typing import cast
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
 from matplotlib.projections.polar import PolarAxes
 
 from pedpred.errors import ValueRuleError
@@ -28,18 +29,16 @@ _PALE = 0.42
 def inputs_figure(scene: Scene, windows: Windows, instant: Instant) -> Figure:
     """The crowd in the plan view; to its right what the network sees of the person in focus."""
     figure = blank(9.6, 6.5)
-    who = windows.track_id[instant.focus]
     layout = figure.add_gridspec(2, 2, width_ratios=(2.1, 1.0))
     _draw_plan(figure.add_subplot(layout[:, 0]), scene, windows, instant)
-    draw_grid(figure.add_subplot(layout[0, 1]), windows.grid(instant.focus))
-    polar = figure.add_subplot(layout[1, 1], projection="polar")
-    draw_angular_grid(cast(PolarAxes, polar), windows.angular_grid_m[instant.focus])
-    return _with_legend(figure, windows, f"Scene {scene.name}; right: what person {who} gives the network")
+    _draw_inputs(figure, layout, windows, instant)
+    title = f"Scene {scene.name}; right: what person {instant.who} gives the network"
+    return _with_legend(figure, windows, title)
 
 
 @styled
 def camera_figure(scene: Scene, windows: Windows, instant: Instant) -> Figure:
-    """Tracks, truth and forecasts on the camera picture, beside the plan that lies the same way.
+    """Tracks, truth and forecasts on the camera picture, the plan that lies the same way, one's inputs.
 
     Raises:
         ValueRuleError: the scene has no camera.
@@ -49,9 +48,10 @@ def camera_figure(scene: Scene, windows: Windows, instant: Instant) -> Figure:
     rows, columns = scene.camera.picture.shape[:2]
     _, (left, right, bottom, top) = obstacle_image(scene.occupancy, quarter_turns_of(scene.camera))
     height = 4.2
-    widths = (height * columns / rows, height * (right - left) / (top - bottom))
+    widths = (height * columns / rows, height * (right - left) / (top - bottom), 0.55 * height)
     figure = blank(sum(widths) + 0.3, height + 0.5)
-    view, plan = figure.subplots(1, 2, width_ratios=widths)
+    layout = figure.add_gridspec(2, 3, width_ratios=widths)
+    view, plan = figure.add_subplot(layout[:, 0]), figure.add_subplot(layout[:, 1])
     homography = scene.camera.homography
     view.imshow(pale(scene.camera.picture), cmap="gray", vmin=0, vmax=255)
     draw_bystanders(view, scene.recording, windows, instant, lambda p: homography.to_image(p)[..., ::-1])
@@ -59,13 +59,22 @@ def camera_figure(scene: Scene, windows: Windows, instant: Instant) -> Figure:
     view.set(xticks=[], yticks=[], xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
     view.spines[:].set_visible(False)
     _draw_plan(plan, scene, windows, instant)
-    return _with_legend(figure, windows, f"Scene {scene.name}; right: the same from above")
+    _draw_inputs(figure, layout, windows, instant)
+    title = f"Scene {scene.name}; the same from above; what person {instant.who} gives the network"
+    return _with_legend(figure, windows, title)
 
 
 def pale(picture: np.ndarray) -> np.ndarray:
     """A colour picture as light grey in a few steps (small files): [rows, columns] uint8."""
     grey = picture.astype(np.float64) @ [0.299, 0.587, 0.114]
     return (255 - _PALE * (255 - np.round(grey / 12) * 12)).astype(np.uint8)
+
+
+def _draw_inputs(figure: Figure, layout: GridSpec, windows: Windows, instant: Instant) -> None:
+    """What the network sees of the person in focus, one above the other in the last column."""
+    draw_grid(figure.add_subplot(layout[0, -1]), windows.grid(instant.focus))
+    polar = figure.add_subplot(layout[1, -1], projection="polar")
+    draw_angular_grid(cast(PolarAxes, polar), windows.angular_grid_m[instant.focus])
 
 
 def _draw_plan(axes: Axes, scene: Scene, windows: Windows, instant: Instant) -> None:

@@ -1,0 +1,100 @@
+"""What the auto-encoder keeps of the obstacle grid: crops beside their reconstructions.
+
+Chosen by a rule, not by hand: windows that see an obstacle are ranked by the share of their cells that is
+occupied, and taken at evenly spaced ranks. Agreement is intersection over union of the occupied cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from pedpred.models.autoencoder import GridAutoencoder, intersection_over_union
+from pedpred.report.canvas import FAINT, blank, styled
+from pedpred.report.inputs import grid_image
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
+from pedpred.storage.windows import Windows
+
+SHOWN = 8
+"""How many crops the picture shows."""
+MEASURED = 200
+"""Over how many crops the agreement is measured."""
+
+
+@dataclass(frozen=True)
+class Reconstructions:
+    """Crops and what the auto-encoder makes of them. S crops of G x G cells, (forward, left).
+
+    Attributes:
+        truth: occupied cells. [S, G, G] bool
+        image: reconstruction, about 1 where occupied. [S, G, G]
+        agreement: intersection over union of each crop. [S]
+    """
+
+    truth: np.ndarray
+    image: np.ndarray
+    agreement: np.ndarray
+
+    def few(self, count: int) -> Reconstructions:
+        """At most so many of them, evenly spaced."""
+        at = np.unique(np.linspace(0, len(self.truth) - 1, count).round().astype(int))
+        return Reconstructions(self.truth[at], self.image[at], self.agreement[at])
+
+
+def read_autoencoder(folder: Path) -> GridAutoencoder:
+    """The pre-trained auto-encoder.
+
+    Raises:
+        StorageError: a file is missing, damaged or of another network.
+    """
+    weights, about = read_checkpoint(folder)
+    network = GridAutoencoder(about["settings"]["latent"])
+    load_weights(network, weights, folder)
+    return network
+
+
+def evenly_chosen(scenes: Mapping[str, Windows], count: int) -> np.ndarray:
+    """Crops that see an obstacle, at evenly spaced ranks of occupied share: [<= count, G, G] bool."""
+    windows = [scenes[name] for name in sorted(scenes)]
+    rows = [(own, row) for own in windows for row in range(len(own))]
+    occupied = np.concatenate([np.bitwise_count(own.packed_grid).sum(axis=1) for own in windows])
+    order = np.argsort(occupied, kind="stable")
+    order = order[occupied[order] > 0]
+    if not len(order):
+        return np.zeros((0, 0, 0), bool)
+    ranks = np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))
+    return np.array([own.grid(row) for own, row in (rows[index] for index in order[ranks])])
+
+
+@torch.no_grad()
+def reconstructed(network: GridAutoencoder, crops: np.ndarray) -> Reconstructions:
+    """What the auto-encoder makes of crops, [S, G, G] bool, one at a time: batches round differently."""
+    images, agreement = [], []
+    for crop in torch.from_numpy(crops.astype(np.float32)):
+        image = network(crop[None])
+        images.append(image[0].numpy())
+        agreement.append(intersection_over_union(crop[None], image))
+    return Reconstructions(crops, np.array(images), np.array(agreement))
+
+
+@styled
+def reconstructions_figure(found: Reconstructions) -> Figure:
+    """A column per crop: truth above, reconstruction below, the agreement over it; forward is up."""
+    columns = len(found.truth)
+    figure = blank(1.2 * columns, 2.9)
+    axes = figure.subplots(2, columns, squeeze=False)
+    rows = (("seen", found.truth), ("kept", found.image))
+    for (word, images), row in zip(rows, axes, strict=True):
+        row[0].set_ylabel(word)
+        for image, place in zip(images, row, strict=True):
+            place.imshow(grid_image(image), cmap="gray_r", vmin=0, vmax=1, interpolation="nearest")
+            place.set(xticks=[], yticks=[])
+            place.spines[:].set(visible=True, color=FAINT)
+    for share, place in zip(found.agreement, axes[1], strict=True):
+        place.set_title(f"IoU {share:.2f}", fontsize=8)
+    return figure

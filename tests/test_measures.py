@@ -1,0 +1,101 @@
+"""Every figure of a metric file by hand, honest intervals, a real row computed again from raw files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from pedpred.evaluation import Scores, score, summary
+from pedpred.evaluation.metrics import bootstrap_interval
+from pedpred.features import FeatureSettings, extract
+from pedpred.tracking import KalmanSettings, follow
+from tests.worlds import walled_scene
+
+REPORTED = Path(__file__).resolve().parents[1] / "reports/metrics/real.json"
+
+
+def scores_of(error_m):
+    """Three windows of two tracks, two steps: the second window stands, the third runs into a wall."""
+    return Scores(
+        np.array([4, 4, 9]),
+        np.array([True, False, True]),
+        np.array(error_m, float),
+        np.array([[False, False], [False, False], [False, True]]),
+        np.array([True, False, False]),
+    )
+
+
+def test_every_figure_by_hand():
+    """Errors 1, 2 | 0, 2 | 4, 6: windows' means 1.5, 1, 5. A sample of two tracks of means 1.25 and 5."""
+    model, reference = scores_of([[1, 2], [0, 2], [4, 6]]), scores_of([[1, 1], [1, 1], [1, 1]])
+    assert summary(model, reference, samples=400, seed=0) == {
+        "ade_m": 2.5,
+        "ade_ci95_m": [1.25, 5.0],
+        "fde_m": pytest.approx(10 / 3, abs=1e-5),
+        "moving_ade_m": 3.25,
+        "minus_kalman_cv_m": 1.5,
+        "minus_kalman_cv_ci95_m": [0.25, 4.0],
+        "obstacle_share": pytest.approx(1 / 6, abs=1e-5),
+        "collision_share": pytest.approx(1 / 3, abs=1e-5),
+        "windows": 3,
+        "tracks": 2,
+        "per_step_m": pytest.approx([5 / 3, 10 / 3], abs=1e-5),
+        "per_step_q25_m": [0.5, 2.0],
+        "per_step_q50_m": [1.0, 2.0],
+        "per_step_q75_m": [2.5, 4.0],
+    }
+
+
+def test_scores_depend_on_neither_order_nor_batch():
+    """Batches are whole instants: who runs into whom is asked of everybody at an instant."""
+    scene = walled_scene(np.random.default_rng(5), detections=40)
+    tracks = follow(scene.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2)
+    table = extract(scene, tracks, FeatureSettings(clocks=3))
+    windows = table.select(table.window)
+    rng = np.random.default_rng(6)
+    paths, truth = (rng.uniform(-3, 3, (len(windows), 10, 2)) for _ in range(2))
+
+    def scored(rows):
+        return score(windows.select(rows), truth[rows], paths[rows], scene.occupancy, 0.3, 0.2)
+
+    whole, order = scored(np.arange(len(windows))), rng.permutation(len(windows))
+    late = windows.time_s > np.median(windows.time_s)
+    batches = [np.flatnonzero(~late), np.flatnonzero(late)]
+    assert whole.collides.any()
+    assert min(map(len, batches)) > 0
+    for name in ("error_m", "in_obstacle", "collides", "moving", "track"):
+        np.testing.assert_array_equal(getattr(scored(order), name), getattr(whole, name)[order])
+        for rows in batches:
+            np.testing.assert_array_equal(getattr(scored(rows), name), getattr(whole, name)[rows])
+
+
+def test_intervals_hold_the_truth_about_95_times_in_100():
+    """Tracks of 1 to 8 windows that share most of their error; the true mean is 1. Standard error: 1.1 %."""
+    rng, repetitions, held = np.random.default_rng(0), 400, 0
+    for _ in range(repetitions):
+        track = np.repeat(np.arange(80), rng.integers(1, 9, 80))
+        error_m = rng.gamma(4.0, 0.25, 80)[track] + rng.normal(0.0, 0.1, len(track))
+        low, high = bootstrap_interval(error_m, track, 300, rng)
+        held += low <= 1.0 <= high
+    assert 0.91 <= held / repetitions <= 0.98
+
+
+@pytest.mark.parametrize("place", ["eth", "hotel"])
+def test_the_reported_constant_velocity_is_that_of_a_few_lines(ewap_folder, place):
+    """From the raw annotations: frame, id, x, z, y, ...; frames count at 15 (eth) and 25 (hotel) a second."""
+    rows = np.loadtxt(ewap_folder / f"seq_{place}" / "obsmat.txt")
+    ahead_s, errors = 0.3 * np.arange(1, 11), []
+    for track in np.unique(rows[:, 1]):
+        own = rows[rows[:, 1] == track]
+        time_s, path = own[:, 0] / {"eth": 15, "hotel": 25}[place], own[:, [2, 4]]
+        for k in range(3, len(own)):
+            if time_s[k] + 3.0 <= time_s[-1] + 1e-6:
+                pace = (path[k] - path[k - 1]) / (time_s[k] - time_s[k - 1])
+                truth = CubicSpline(time_s, path)(time_s[k] + ahead_s)
+                errors.append(np.hypot(*(path[k] + np.outer(ahead_s, pace) - truth).T))
+    reported = json.loads(REPORTED.read_text())[place]["cv"]
+    assert reported["windows"] == len(errors)
+    assert reported["ade_m"] == pytest.approx(np.mean(errors), abs=2e-4)
+    assert reported["fde_m"] == pytest.approx(np.mean(errors, axis=0)[-1], abs=2e-4)
