@@ -55,7 +55,7 @@ def test_scores_depend_on_neither_order_nor_batch():
     table = extract(scene, tracks, FeatureSettings(clocks=3))
     windows = table.select(table.window)
     rng = np.random.default_rng(6)
-    paths, truth = (rng.uniform(-3, 3, (len(windows), 10, 2)) for _ in range(2))
+    paths, truth = (rng.uniform(-1.5, 1.5, (len(windows), 10, 2)) for _ in range(2))
 
     def scored(rows):
         return score(windows.select(rows), truth[rows], paths[rows], scene.occupancy, 0.3, 0.2)

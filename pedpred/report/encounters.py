@@ -24,7 +24,7 @@ FACING_DEG = 120.0
 
 
 def mutual_avoidance(scenes: Mapping[str, Windows]) -> Instant | None:
-    """Two people walk towards each other and pass; straight on they would have come closest of all.
+    """Two people walk towards each other and pass, and make more room than straight on of all who do.
 
     Args:
         scenes: windows by scene name. The earlier scene name and time wins a tie.
@@ -35,11 +35,11 @@ def mutual_avoidance(scenes: Mapping[str, Windows]) -> Instant | None:
     found = [found for name in sorted(scenes) for found in _meetings(name, scenes[name])]
     if not found:
         return None
-    straight_m, true_m, other, instant = min(found, key=lambda meeting: meeting[0])
+    straight_m, true_m, other, instant = min(found, key=lambda meeting: meeting[0] - meeting[1])
     caption = (
         f"{instant.where}: mutual avoidance. Of all who walk towards each other and pass at {APART_M[0]} to "
-        f"{APART_M[1]} m, the two whose {label(YARDSTICK)} forecasts come closest, {straight_m:.2f} m; truly "
-        f"{instant.who} and {other} came within {true_m:.2f} m."
+        f"{APART_M[1]} m, the two who make most room: their {label(YARDSTICK)} forecasts come within "
+        f"{straight_m:.2f} m; truly {instant.who} and {other} came within {true_m:.2f} m."
     )
     return replace(instant, caption=caption)
 
@@ -92,7 +92,7 @@ def _meetings(scene: str, windows: Windows) -> list[tuple[float, float, int, Ins
         true_m = _nearest_m(windows.truth, one, two)
         fits = _facing(windows, one, two) & (true_m >= APART_M[0]) & (true_m <= APART_M[1])
         if fits.any():
-            k = int(np.argmin(np.where(fits, straight_m, np.inf)))
+            k = int(np.argmin(np.where(fits, straight_m - true_m, np.inf)))
             instant = _instant(scene, windows, int(one[k]))
             found.append((float(straight_m[k]), float(true_m[k]), int(windows.track_id[two[k]]), instant))
     return found

@@ -1,7 +1,8 @@
 """What the auto-encoder keeps of the obstacle grid: crops beside their reconstructions.
 
-Chosen by a rule, not by hand: windows that see an obstacle are ranked by the share of their cells that is
-occupied, and taken at evenly spaced ranks. Agreement is intersection over union of the occupied cells.
+Chosen by a rule, not by hand: windows with obstacles on a fiftieth of their cells at least are ranked by the
+share of their cells that is occupied, and taken at evenly spaced ranks. Agreement is intersection over union
+of the occupied cells.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from pedpred.storage.windows import Windows
 
 SHOWN = 8
 """How many crops the picture shows."""
+LEAST_SHARE = 0.02
+"""Crops with fewer occupied cells show nothing, and a cell more or less decides on their agreement."""
 MEASURED = 200
 """Over how many crops the agreement is measured."""
 
@@ -59,12 +62,12 @@ def read_autoencoder(folder: Path) -> GridAutoencoder:
 
 
 def evenly_chosen(scenes: Mapping[str, Windows], count: int) -> np.ndarray:
-    """Crops that see an obstacle, at evenly spaced ranks of occupied share: [<= count, G, G] bool."""
+    """Crops with enough obstacles, at evenly spaced ranks of occupied share: [<= count, G, G] bool."""
     windows = [scenes[name] for name in sorted(scenes)]
     rows = [(own, row) for own in windows for row in range(len(own))]
     occupied = np.concatenate([np.bitwise_count(own.packed_grid).sum(axis=1) for own in windows])
     order = np.argsort(occupied, kind="stable")
-    order = order[occupied[order] > 0]
+    order = order[occupied[order] >= LEAST_SHARE * 8 * windows[0].packed_grid.shape[1]] if windows else order
     if not len(order):
         return np.zeros((0, 0, 0), bool)
     ranks = np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))
