@@ -5,11 +5,12 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import stage, stage_key
-from pedpred.files import write_text
+from pedpred.files import write_json, write_text
 from pedpred.report.canvas import write_png
 from pedpred.report.curves import read_curve
 from pedpred.report.gallery import real_gallery, simulation_gallery
 from pedpred.report.metrics import read_metrics
+from pedpred.report.overview import errors_m, horizon_table, overall
 from pedpred.report.pages import real_page, simulation_page
 from pedpred.report.reconstructions import read_autoencoder
 from pedpred.storage.scenes import read_scenes
@@ -41,6 +42,10 @@ def main(cfg: DictConfig) -> None:
     for picture in (picture for section in sections for picture in section.pictures):
         write_png(picture.figure, out / key / f"{picture.name}.png")
     write_text(out / f"{key}.md", page(metrics, sections, key))
+    for name, methods in overall(metrics).items():
+        write_json(out / "ade" / f"{name}.json", errors_m(methods))
+        table = horizon_table(methods).to_csv(sep="\t", index=False, float_format="%.4f")
+        write_text(out / "horizon" / f"{name}.tsv", table)
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from pedpred.report.inputs import angular_cell_edges, draw_angular_grid, grid_im
 from pedpred.report.instants import choose
 from pedpred.report.methods import colours, ordered
 from pedpred.report.metrics import read_metrics
+from pedpred.report.overview import errors_m, horizon_table, overall
 from pedpred.report.pages import Picture, Section, answer, joined, real_page, simulation_page
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
 from pedpred.report.reconstructions import evenly_chosen, reconstructed
@@ -425,3 +426,19 @@ def test_a_method_far_beyond_the_others_does_not_set_the_scale():
     assert top < 1.3 * 1.9 * 0.7 * 1.5
     legend = horizon_figure(metrics_of(MEETING | {"cacc": 9.0}), "x").legends[0]
     assert "beyond" in legend.get_texts()[1].get_text()
+
+
+def test_the_overview_holds_whole_test_sets_and_nothing_leaky():
+    scenes = {
+        name: metrics_of(MEETING) for name in ("sim_test", "sim_test_hall", "paper_protocol/eth", "eth")
+    }
+    assert set(overall(scenes)) == {"sim_test", "eth"}
+    assert errors_m(scenes["eth"]) == {name: scenes["eth"][name]["ade_m"] for name in MEETING}
+
+
+def test_the_horizon_table_has_a_row_per_step_and_sorts_as_text():
+    methods = metrics_of(MEETING)
+    table = horizon_table(methods)
+    assert list(table["horizon_s"]) == sorted(table["horizon_s"])
+    assert table["lstm"].tolist() == methods["lstm"]["per_step_m"]
+    assert table["horizon_s"].iloc[-1] == f"{0.3 * len(table):.1f}"

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pedpred.errors import StorageError
-from pedpred.files import decoding
 from pedpred.datasets.motion import MotionData, network_columns, sequences_of
+from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.files import decoding
 from pedpred.models.motion import MotionLstm, MotionSettings
 from pedpred.models.rolling import roll
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
