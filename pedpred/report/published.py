@@ -44,4 +44,5 @@ PUBLISHED = (
         "its eth file steps by 6 frames, as annotated; its windows are those of its own loader",
     ),
 )
-"""As printed in the papers, m. The eth file of Social GAN is discussed in the issues of its repository."""
+"""m; checked against tables that quote the papers, not against the papers. The eth file of Social GAN is
+discussed in the issues of its repository."""
