@@ -23,7 +23,6 @@ from pedpred.training import (
     velocity_loss,
 )
 from pedpred.training.schedule import learning_rate
-from pedpred.training.variation import varied
 
 SMALL = MotionSettings.parse(
     {
@@ -202,45 +201,6 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     for name, weight in whole.items():
         torch.testing.assert_close(resumed[name], weight, rtol=0, atol=0)
     assert [r["step"] for r in curve] == [r["step"] for r in resumed_curve]
-
-
-def some_lanes(lanes=8, length=5, horizon=3):
-    generator = torch.Generator().manual_seed(0)
-    widths = {"state": 2, "grid": 7, "angular": 6}
-    inputs = {name: torch.rand(lanes, length, width, generator=generator) for name, width in widths.items()}
-    future = torch.rand(lanes, length, horizon, 2, generator=generator)
-    return inputs, future, torch.rand(lanes, 2, generator=generator)
-
-
-def test_nothing_varies_by_default():
-    inputs, future, chance = some_lanes()
-    same, target = varied(inputs, future, chance, 0.0, (1.0, 1.0))
-    assert torch.equal(target, future)
-    assert all(torch.equal(same[name], inputs[name]) for name in inputs)
-
-
-def test_strange_lanes_are_mirrored_beside_the_obstacles_of_their_neighbour():
-    inputs, future, chance = some_lanes()
-    other, target = varied(inputs, future, chance, 0.5, (1.0, 1.0))
-    strange = chance[:, 0] < 0.5
-    assert 0 < strange.sum() < len(strange)
-    mirror = torch.tensor([1.0, -1.0])
-    for lane in range(len(strange)):
-        sign = mirror if strange[lane] else torch.ones(2)
-        seen = inputs["angular"][lane].flip(-1) if strange[lane] else inputs["angular"][lane]
-        torch.testing.assert_close(other["state"][lane], inputs["state"][lane] * sign)
-        torch.testing.assert_close(target[lane], future[lane] * sign)
-        torch.testing.assert_close(other["angular"][lane], seen)
-        torch.testing.assert_close(other["grid"][lane], inputs["grid"][lane - int(strange[lane])])
-
-
-def test_a_pace_scales_what_was_and_what_will_be():
-    inputs, future, chance = some_lanes()
-    other, target = varied(inputs, future, chance, 0.0, (0.5, 1.5))
-    factor = 0.5 + chance[:, 1]
-    torch.testing.assert_close(other["state"], inputs["state"] * factor[:, None, None])
-    torch.testing.assert_close(target, future * factor[:, None, None, None])
-    assert torch.equal(other["grid"], inputs["grid"])
 
 
 def test_chance_holds_along_a_track_and_changes_with_it():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +24,7 @@ class MotionData:
         future: targets, agent frame, m/s. [M, P, 2] float32
         future_steps: known steps of each target. [M] int64
         code: frozen encoder's output, where it was asked for. [M, C] float16
+        empty_code: the encoder's output of a crop without obstacles; zeros when it is not given. [C] float32
         sequences: rows [first, last) of each (scene, track, clock). [S, 2]
         scene: index of the scene that each sequence belongs to. [S]
         track: index of the track that each sequence belongs to. [S]
@@ -38,19 +40,37 @@ class MotionData:
     scene: np.ndarray
     track: np.ndarray
     dt_s: float
+    empty_code: torch.Tensor | None = None
 
-    def inputs(self, rows: torch.Tensor) -> dict[str, torch.Tensor]:
-        """The network's inputs at some rows, [...] -> channel -> [..., width]; row < 0 gives zeros."""
-        real = (rows >= 0)[..., None]
-        rows = rows.clamp(min=0)
-        values = {"state": self.velocity[rows], "angular": self.angular[rows]}
+    def to(self, device: torch.device) -> MotionData:
+        """The same rows on another device, all of them."""
+        tensors = {k: v.to(device) for k, v in vars(self).items() if isinstance(v, torch.Tensor)}
+        return MotionData(**vars(self) | tensors)
+
+    def inputs(
+        self, rows: torch.Tensor, instead: Mapping[str, torch.Tensor] | None = None
+    ) -> dict[str, torch.Tensor]:
+        """The network's inputs at some rows, [...] -> channel -> [..., width].
+
+        Args:
+            rows: row < 0 stands still, sees nobody and no obstacle. [...]
+            instead: channel -> rows that this channel is looked up at instead. [...]
+        """
+        tables = {"state": self.velocity, "angular": self.angular}
         if self.code is not None:
-            values["grid"] = self.code[rows].to(torch.float32)
-        return {name: value * real for name, value in values.items()}
+            tables["grid"] = self.code
+        found = {}
+        for name, table in tables.items():
+            at = (instead or {}).get(name, rows)
+            nothing = (
+                self.empty_code if name == "grid" and self.empty_code is not None else table.new_zeros(())
+            )
+            found[name] = torch.where((at >= 0)[..., None], table[at.clamp(min=0)], nothing).to(torch.float32)
+        return found
 
     def known(self, rows: torch.Tensor) -> torch.Tensor:
         """Which target steps count at some rows, [...] -> [..., P]; none at row < 0."""
-        steps = torch.arange(self.future.shape[1])
+        steps = torch.arange(self.future.shape[1], device=rows.device)
         return (steps < self.future_steps[rows.clamp(min=0)][..., None]) & (rows >= 0)[..., None]
 
 

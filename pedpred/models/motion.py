@@ -104,9 +104,8 @@ class MotionLstm(nn.Module):
         """Memory of tracks that have just been seen: zeros."""
         units = {name: widths.lstm for name, widths in self.settings.channels.items()}
         units["joint"] = self.settings.joint
-        return MotionState(
-            {k: (torch.zeros(1, lanes, n), torch.zeros(1, lanes, n)) for k, n in units.items()}
-        )
+        zeros = self.out.weight.new_zeros
+        return MotionState({k: (zeros(1, lanes, n), zeros(1, lanes, n)) for k, n in units.items()})
 
     def forward(self, inputs: Mapping[str, Tensor], state: MotionState) -> tuple[Tensor, MotionState]:
         """Forecast after every step of a sub-sequence.

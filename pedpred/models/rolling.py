@@ -32,7 +32,7 @@ def roll(network: MotionLstm, data: MotionData, sequences: np.ndarray) -> torch.
         state = network.start(len(first))
         for begin in range(0, int((last - first).max()), _STEPS_AT_ONCE):
             rows = first[:, None] + begin + np.arange(_STEPS_AT_ONCE)
-            rows = torch.from_numpy(np.where(rows < last[:, None], rows, -1))
+            rows = torch.from_numpy(np.where(rows < last[:, None], rows, -1)).to(forecast.device)
             velocities, state = network(data.inputs(rows), state)
             forecast[rows[rows >= 0]] = velocities[rows >= 0]
     return forecast
