@@ -9,8 +9,7 @@ from omegaconf import DictConfig
 
 from pedpred.config import stage, stage_key
 from pedpred.features.table import FeatureSettings
-from pedpred.models import GridAutoencoder
-from pedpred.storage.checkpoints import load_weights, read_checkpoint
+from pedpred.models.autoencoder import GridAutoencoder, read_autoencoder
 from pedpred.storage.shards import read_crops, read_manifest, write_codes
 from pedpred.training.autoencoder import encode
 from pedpred.workers import in_parallel
@@ -29,9 +28,7 @@ def codes_into(
 def main(cfg: DictConfig) -> None:
     """Read data/features/<name> and models/autoencoder, write data/codes/<name>, several scenes at once."""
     name = stage_key(cfg)
-    weights, about = read_checkpoint(Path("models/autoencoder"))
-    network = GridAutoencoder(about["settings"]["latent"])
-    load_weights(network, weights, Path("models/autoencoder"))
+    network, _ = read_autoencoder(Path("models/autoencoder"))
     features, out = Path("data/features") / name, Path(cfg.get("out", f"data/codes/{name}"))
     settings, shards = read_manifest(features)
     tasks = [(out, features, shard, settings, network) for shard in shards]

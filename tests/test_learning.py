@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pedpred.datasets import MotionData, split_sequences, stream_lanes
 from pedpred.errors import ConfigError, StorageError
 from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
-from pedpred.models.autoencoder import intersection_over_union, reconstruction_loss
+from pedpred.models.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
 from pedpred.models.rolling import roll
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.training import (
@@ -252,10 +252,27 @@ def test_decoder_uses_the_encoders_weights():
     assert {n for n in names if "encoder" not in n} == {"code_bias", "bias1", "bias2", "bias3"}
     crops = (torch.rand(2, 60, 60) > 0.8).float()
     assert network(crops).shape == crops.shape
+    before = network(crops)
+    with torch.no_grad():
+        network.encoder.conv1.weight.zero_()
+    assert not torch.equal(network(crops), before)
+    assert (network(crops) == 0).all()  # its last layer is the encoder's first
     assert network.encoder.code(crops).shape == (2, 392)
     assert reconstruction_loss(crops, crops).item() == 0
     assert intersection_over_union(crops, crops) == 1
     assert intersection_over_union(crops, 1 - crops) == 0
+
+
+@pytest.mark.parametrize("tied", [True, False])
+def test_an_auto_encoder_on_disk_knows_whether_it_is_tied(tmp_path, tied):
+    network, crops = GridAutoencoder(4, tied), (torch.rand(2, 60, 60) > 0.8).float()
+    write_checkpoint(tmp_path, network.state_dict(), {"settings": {"latent": 4}, "cells": 60})
+    other, cells = read_autoencoder(tmp_path)
+    assert cells == 60
+    assert torch.equal(other(crops), network(crops))
+    with torch.no_grad():
+        other.encoder.conv1.weight.zero_()
+    assert bool((other(crops) == 0).all()) == tied
 
 
 def test_autoencoder_learns_and_repeats():

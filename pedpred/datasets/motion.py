@@ -56,22 +56,26 @@ class MotionData:
             rows: row < 0 stands still, sees nobody and no obstacle. [...]
             instead: channel -> rows that this channel is looked up at instead. [...]
         """
-        tables = {"state": self.velocity, "angular": self.angular}
+        tables: dict[str, tuple[torch.Tensor, torch.Tensor | None]]
+        tables = {"state": (self.velocity, None), "angular": (self.angular, None)}
         if self.code is not None:
-            tables["grid"] = self.code
-        found = {}
-        for name, table in tables.items():
-            at = (instead or {}).get(name, rows)
-            nothing = (
-                self.empty_code if name == "grid" and self.empty_code is not None else table.new_zeros(())
-            )
-            found[name] = torch.where((at >= 0)[..., None], table[at.clamp(min=0)], nothing).to(torch.float32)
-        return found
+            tables["grid"] = (self.code, self.empty_code)
+        instead = instead or {}
+        return {
+            name: _entries(table, instead.get(name, rows), nothing)
+            for name, (table, nothing) in tables.items()
+        }
 
     def known(self, rows: torch.Tensor) -> torch.Tensor:
         """Which target steps count at some rows, [...] -> [..., P]; none at row < 0."""
         steps = torch.arange(self.future.shape[1], device=rows.device)
         return (steps < self.future_steps[rows.clamp(min=0)][..., None]) & (rows >= 0)[..., None]
+
+
+def _entries(table: torch.Tensor, rows: torch.Tensor, nothing: torch.Tensor | None) -> torch.Tensor:
+    """Entries of a table [M, W]; at row < 0 `nothing` [W], which is zeros when None. [...] -> [..., W]."""
+    found = table.index_select(0, rows.clamp(min=0).flatten()).to(torch.float32).unflatten(0, rows.shape)
+    return torch.where((rows >= 0)[..., None], found, 0.0 if nothing is None else nothing)
 
 
 def sequences_of(table: FeatureTable) -> np.ndarray:

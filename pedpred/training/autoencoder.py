@@ -30,6 +30,7 @@ class AutoencoderSettings:
         warmup_steps: steps of linear warm-up.
         clip_norm: largest gradient norm.
         seed: of the weights and of the order of the crops.
+        tied: the decoder uses the encoder's weights.
     """
 
     latent: int
@@ -40,6 +41,7 @@ class AutoencoderSettings:
     warmup_steps: int
     clip_norm: float
     seed: int
+    tied: bool = True
 
 
 def train_autoencoder(
@@ -58,7 +60,7 @@ def train_autoencoder(
     """
     torch.manual_seed(settings.seed)
     rng = np.random.default_rng(settings.seed)
-    network = GridAutoencoder(settings.latent)
+    network = GridAutoencoder(settings.latent, settings.tied)
     optimizer = torch.optim.Adam(network.parameters(), lr=settings.lr)
     untrained = {"epoch": 0, "step": 0, "train_loss": float("nan")}
     curve: list[dict[str, float]] = [untrained | validate(network, validation, cells)]

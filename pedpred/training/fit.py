@@ -15,7 +15,8 @@ import torch
 from pedpred.datasets.motion import load_motion_data
 from pedpred.datasets.split import split_sequences
 from pedpred.files import aside
-from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.models import MotionLstm, MotionSettings
+from pedpred.models.autoencoder import read_autoencoder
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.training.autoencoder import encode
 from pedpred.training.machine import Machine
@@ -90,10 +91,7 @@ def fit(
 
 def empty_code(autoencoder: Path) -> torch.Tensor:
     """What the frozen convolutions make of a crop without obstacles: unmapped ground is free. [C] float32."""
-    weights, about = read_checkpoint(autoencoder)
-    network = GridAutoencoder(about["settings"]["latent"])
-    load_weights(network, weights, autoencoder)
-    cells = about["cells"]
+    network, cells = read_autoencoder(autoencoder)
     return torch.from_numpy(encode(network, np.zeros((1, cells * cells // 8), np.uint8), cells)[0]).float()
 
 

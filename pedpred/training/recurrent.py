@@ -88,9 +88,7 @@ def train_motion(
     Returns:
         The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m.
     """
-    optimizer = torch.optim.AdamW(
-        network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay, fused=True
-    )
+    optimizer = adamw(network, settings)
     progress = load_progress(scratch, network, optimizer, machine)
     if progress is None:
         lanes = machine.share(settings.lanes)
@@ -118,6 +116,13 @@ def train_motion(
     bar.close()
     network.load_state_dict(progress.best)
     return progress.curve
+
+
+def adamw(network: MotionLstm, settings: TrainingSettings) -> torch.optim.Optimizer:
+    """Adam with decoupled weight decay; one pass over the weights instead of one per operation."""
+    return torch.optim.AdamW(
+        network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay, fused=True
+    )
 
 
 def training_batches(training: np.ndarray, settings: TrainingSettings, done: int) -> Iterator[VariedBatch]:
