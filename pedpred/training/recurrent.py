@@ -15,8 +15,9 @@ from tqdm import tqdm
 from pedpred.datasets.lanes import LaneBatch, stream_lanes
 from pedpred.datasets.motion import MotionData
 from pedpred.models.motion import MotionLstm
-from pedpred.models.rolling import displacement_errors, roll
-from pedpred.training.loss import velocity_loss
+from pedpred.models.rolling import displacements, roll
+from pedpred.models.uncertainty import negative_log_density
+from pedpred.training.loss import spread_loss, velocity_loss
 from pedpred.training.progress import Progress, load_progress, save_progress
 from pedpred.training.schedule import learning_rate
 from pedpred.training.variation import varied
@@ -76,7 +77,7 @@ def train_motion(
         description: title of the progress bar.
 
     Returns:
-        The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m.
+        The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m, validation_nll.
     """
     optimizer = torch.optim.AdamW(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
     progress = load_progress(scratch, network, optimizer)
@@ -129,11 +130,13 @@ def _step(
     state = progress.state.reset(
         torch.from_numpy(batch.starts)
     ).detached()  # the memory stays, the gradient ends
-    predicted, progress.state = network(inputs, state)
-    loss = velocity_loss(predicted, future, data.known(rows))
+    motion, progress.state = network(inputs, state)
+    known = data.known(rows)
+    loss = velocity_loss(motion.velocities, future, known)
     optimizer.zero_grad(set_to_none=True)
-    loss.backward()
-    clip_grad_norm_(network.parameters(), settings.clip_norm)
+    (loss + spread_loss(motion, future, known, data.dt_s)).backward()
+    for weights in network.parts():  # one norm for both would let the spread slow the mean down
+        clip_grad_norm_(weights, settings.clip_norm)
     optimizer.step()
     progress.step += 1
     return loss.item()
@@ -144,22 +147,23 @@ def _validate(
 ) -> float:
     """Add a row to the curve and keep the weights if they are the best so far; returns the error, m."""
     network.eval()
-    ade_m = validation_ade_m(network, data, sequences)
+    found = validation(network, data, sequences)
     network.train()
+    ade_m = found["validation_ade_m"]
     if ade_m < progress.best_ade_m:
         progress.best = {k: v.detach().clone() for k, v in network.state_dict().items()}
-    epoch = len(progress.curve)
-    progress.curve.append(
-        {"epoch": epoch, "step": progress.step, "train_loss": train_loss, "validation_ade_m": ade_m}
-    )
+    row = {"epoch": len(progress.curve), "step": progress.step, "train_loss": train_loss}
+    progress.curve.append(row | found)
     return ade_m
 
 
-def validation_ade_m(network: MotionLstm, data: MotionData, sequences: np.ndarray) -> float:
-    """Average displacement error over all steps whose whole horizon is known, m."""
+def validation(network: MotionLstm, data: MotionData, sequences: np.ndarray) -> dict[str, float]:
+    """Average displacement error, m, and negative log likelihood, nats, where the whole horizon is known."""
     rows = torch.from_numpy(np.concatenate([np.arange(a, b) for a, b in sequences]))
     rows = rows[data.known(rows).all(dim=-1)]
-    if not len(rows):
-        return float("nan")
-    forecast = roll(network, data, sequences)
-    return float(displacement_errors(forecast[rows], data.future[rows], data.dt_s).mean())
+    motion = roll(network, data, sequences)
+    error = displacements(motion.velocities[rows], data.future[rows], data.dt_s)
+    found = {"validation_ade_m": torch.linalg.vector_norm(error, dim=-1).mean().item()}
+    if motion.spread is not None:
+        found["validation_nll"] = negative_log_density(error, motion.spread[rows]).mean().item()
+    return found
