@@ -1,19 +1,37 @@
 """evaluate_sim, evaluate_real: every forecaster in every window of the test scenes."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import torch
 from omegaconf import DictConfig
 from tqdm import tqdm
 
+from pedpred.baselines.kinematic import kalman_covariance
 from pedpred.config import plain, stage, stage_key
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.summary import figures
+from pedpred.features import FeatureSettings
 from pedpred.files import write_json
-from pedpred.models.forecasting import forecast_velocities, load_motion_lstm
+from pedpred.models.forecasting import forecast_motion, load_motion_lstm
 from pedpred.storage.columns import write_columns
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import read_codes, read_manifest, read_shard
+from pedpred.tracking import KalmanSettings
+
+
+def kalman_spread(
+    source: Mapping[str, Any], detection_dt_s: float, settings: FeatureSettings
+) -> np.ndarray | None:
+    """What the tracker of these features says of its own forecast, m^2 [P, 2, 2]; None of true states."""
+    tracker = dict(source["tracker"])
+    if settings.leaks or tracker.pop("kind") != "kalman":
+        return None
+    interval_s = detection_dt_s * source["sensor"]["every"]
+    ahead_s = (np.arange(settings.horizon_steps) + 1) * settings.dt_s
+    return kalman_covariance(KalmanSettings(**tracker), interval_s, ahead_s)
 
 
 @stage
@@ -32,9 +50,10 @@ def main(cfg: DictConfig) -> None:
             scene = read_scene(folder)
             table = read_shard(Path("data/features") / test, scene.name, settings)
             codes = read_codes(Path("data/codes") / test, scene.name)
-            velocities = {m: forecast_velocities(n, table, codes, settings) for m, n in networks.items()}
+            forecasts = {m: forecast_motion(n, table, codes, settings) for m, n in networks.items()}
+            kalman = kalman_spread(plain(cfg.scenes[test]), scene.detection_dt_s, settings)
             columns, scores[scene.name] = compare(
-                scene, table, settings, velocities, baselines, options, social_force
+                scene, table, settings, forecasts, baselines, options, social_force, kalman
             )
             write_columns(columns, out / f"{scene.name}.parquet")
         metrics |= figures(test, scores, options.bootstrap, options.seed, settings.leaks)

@@ -77,6 +77,8 @@ def test_summary_of_parts_pools_to_the_whole(seed):
             rng.random((windows, 10)),
             rng.random((windows, 10)) < 0.1,
             rng.random(windows) < 0.1,
+            rng.exponential(2.0, (windows, 10)),
+            rng.normal(size=(windows, 10)),
         )
 
     a, b = part(30), part(20)
@@ -85,6 +87,7 @@ def test_summary_of_parts_pools_to_the_whole(seed):
     total = summary(whole, whole, 10, 0)
     assert total["ade_m"] == pytest.approx((a.error_m.sum() + b.error_m.sum()) / 500, abs=1e-5)
     assert total["minus_kalman_cv_m"] == 0
+    assert total["nll"] == pytest.approx((a.nll.sum() + b.nll.sum()) / 500, abs=1e-5)
 
 
 def test_bootstrap_resamples_tracks_not_windows():

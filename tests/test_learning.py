@@ -22,6 +22,7 @@ from pedpred.training import (
     train_motion,
     velocity_loss,
 )
+from pedpred.training.loss import spread_loss
 from pedpred.training.schedule import learning_rate
 
 SMALL = MotionSettings.parse(
@@ -31,6 +32,7 @@ SMALL = MotionSettings.parse(
         "head": 16,
         "horizon_steps": 4,
         "residual": True,
+        "uncertainty": "gaussian",
     }
 )
 QUICK = TrainingSettings(
@@ -109,9 +111,9 @@ def test_chunked_forward_equals_one_long_forward(seed, cut):
     torch.manual_seed(seed)
     network = MotionLstm(SMALL).eval()
     inputs = {"state": torch.randn(3, 12, 2), "angular": torch.rand(3, 12, 72)}
-    whole, _ = network(inputs, network.start(3))
-    first, state = network({k: v[:, :cut] for k, v in inputs.items()}, network.start(3))
-    second, _ = network({k: v[:, cut:] for k, v in inputs.items()}, state.detached())
+    (whole, _), _ = network(inputs, network.start(3))
+    (first, _), state = network({k: v[:, :cut] for k, v in inputs.items()}, network.start(3))
+    (second, _), _ = network({k: v[:, cut:] for k, v in inputs.items()}, state.detached())
     torch.testing.assert_close(torch.cat([first, second], dim=1), whole, atol=1e-5, rtol=1e-4)
 
 
@@ -131,7 +133,7 @@ def test_no_gradient_flows_into_the_sub_sequence_before():
     first = {"state": torch.randn(1, 3, 2, requires_grad=True), "angular": torch.rand(1, 3, 72)}
     _, state = network(first, network.start(1))
     second, _ = network({"state": torch.randn(1, 3, 2), "angular": torch.rand(1, 3, 72)}, state.detached())
-    second.sum().backward()
+    (second.velocities.sum() + second.spread.sum()).backward()
     assert first["state"].grad is None
 
 
@@ -139,8 +141,9 @@ def test_rolling_whole_tracks_does_not_depend_on_their_company():
     data = toy_data(np.random.default_rng(0))
     network = MotionLstm(SMALL).eval()
     together, alone = roll(network, data, data.sequences), roll(network, data, data.sequences[2:3])
-    torch.testing.assert_close(together[40:60], alone[40:60], atol=1e-5, rtol=1e-4)
-    assert not alone[:40].any()
+    for a, b in zip(together, alone, strict=True):
+        torch.testing.assert_close(a[40:60], b[40:60], atol=1e-5, rtol=1e-4)
+        assert not b[:40].any()
 
 
 def test_padding_counts_neither_in_loss_nor_in_gradient():
@@ -150,9 +153,11 @@ def test_padding_counts_neither_in_loss_nor_in_gradient():
     padded = torch.cat([rows, torch.full((2, 4), -1)], dim=1)
     losses = []
     for chosen in (rows, padded):
-        predicted, _ = network(data.inputs(chosen), network.start(2))
-        losses.append(velocity_loss(predicted, data.future[chosen.clamp(min=0)], data.known(chosen)))
-    torch.testing.assert_close(losses[0], losses[1])
+        motion, _ = network(data.inputs(chosen), network.start(2))
+        future, known = data.future[chosen.clamp(min=0)], data.known(chosen)
+        losses.append(velocity_loss(motion.velocities, future, known))
+        losses.append(spread_loss(motion, future, known, data.dt_s))
+    torch.testing.assert_close(losses[:2], losses[2:])
 
 
 def test_unknown_futures_do_not_count():
@@ -171,7 +176,7 @@ def test_carried_memory_solves_what_one_sub_sequence_cannot(tmp_path):
     train_motion(network, data, data.sequences, data.sequences, long, tmp_path, "memory")
     late = [row for first, last in data.sequences for row in range(first + 10, last)]
     error = torch.linalg.vector_norm(
-        roll(network.eval(), data, data.sequences)[late] - data.future[late], dim=-1
+        roll(network.eval(), data, data.sequences).velocities[late] - data.future[late], dim=-1
     )
     assert error.mean() < 0.2  # without memory nothing beats an error of 1 m/s
 

@@ -16,7 +16,7 @@ from tqdm import tqdm
 from pedpred.datasets.lanes import stream_lanes
 from pedpred.datasets.motion import MotionData
 from pedpred.models.motion import MotionLstm
-from pedpred.training.loss import velocity_loss
+from pedpred.training.loss import spread_loss, velocity_loss
 from pedpred.training.machine import ALONE, Machine
 from pedpred.training.progress import Progress, load_progress, save_progress
 from pedpred.training.schedule import learning_rate
@@ -86,7 +86,7 @@ def train_motion(
         machine: every process of a training calls this with the same arguments but its own machine.
 
     Returns:
-        The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m.
+        The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m, validation_nll.
     """
     optimizer = adamw(network, settings)
     progress = load_progress(scratch, network, optimizer, machine)
@@ -150,12 +150,13 @@ def training_step(
     known = data.known(batch.rows)
     state = progress.state.reset(batch.starts).detached()  # the memory stays, the gradient ends
     with machine.precision():
-        predicted, progress.state = network(inputs, state)
-    loss = velocity_loss(predicted, future, known)
+        motion, progress.state = network(inputs, state)
+    loss = velocity_loss(motion.velocities, future, known)
     optimizer.zero_grad(set_to_none=True)
-    loss.backward()
+    (loss + spread_loss(motion, future, known, data.dt_s)).backward()
     joint_loss = machine.average(network.parameters(), loss.detach(), known.sum())
-    clip_grad_norm_(network.parameters(), settings.clip_norm)
+    for weights in network.parts():  # one norm for both would let the spread slow the mean down
+        clip_grad_norm_(weights, settings.clip_norm)
     optimizer.step()
     progress.step += 1
     return joint_loss
