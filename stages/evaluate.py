@@ -15,10 +15,11 @@ from pedpred.evaluation.compare import compare
 from pedpred.evaluation.summary import figures
 from pedpred.features import FeatureSettings
 from pedpred.files import write_json
+from pedpred.models.encoding import encode, load_encoder
 from pedpred.models.forecasting import forecast_motion, load_motion_lstm
 from pedpred.storage.columns import write_columns
 from pedpred.storage.scenes import read_scene, scene_folders
-from pedpred.storage.shards import read_codes, read_manifest, read_shard
+from pedpred.storage.shards import read_manifest, read_shard
 from pedpred.tracking import KalmanSettings
 
 
@@ -41,6 +42,7 @@ def main(cfg: DictConfig) -> None:
     torch.set_num_threads(options.threads)
     out = Path(cfg.get("out", f"data/forecasts/{name}"))
     metrics: dict = {}
+    encoder = load_encoder(Path("models/autoencoder"))
     for test, phase in options[name].items():
         networks = {model: load_motion_lstm(Path("models") / phase / model) for model in options.models}
         baselines, social_force = list(options.baselines[name]), plain(cfg.scenes[test].social_force)
@@ -49,7 +51,7 @@ def main(cfg: DictConfig) -> None:
         for folder in tqdm(scene_folders(Path("data/scenes") / test), desc=f"evaluate {test}"):
             scene = read_scene(folder)
             table = read_shard(Path("data/features") / test, scene.name, settings)
-            codes = read_codes(Path("data/codes") / test, scene.name)
+            codes = encode(encoder, table.occupancy, settings.grid_cells)
             forecasts = {m: forecast_motion(n, table, codes, settings) for m, n in networks.items()}
             kalman = kalman_spread(plain(cfg.scenes[test]), scene.detection_dt_s, settings)
             columns, scores[scene.name] = compare(

@@ -5,7 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import plain, stage, stage_key
-from pedpred.models.autoencoder import read_autoencoder
+from pedpred.models.encoding import load_encoder
 from pedpred.models.export import export_int8, export_onnx
 from pedpred.models.forecasting import load_motion_lstm
 from pedpred.online.network import ModelDescription, write_description
@@ -18,10 +18,10 @@ def main(cfg: DictConfig) -> None:
     """Read models/<phase>/lstm and models/autoencoder, write models/online/<phase> and <phase>_int8."""
     phase, options = stage_key(cfg), plain(cfg.online)
     out = Path(cfg.get("out", f"models/online/{phase}"))
-    autoencoder, _ = read_autoencoder(Path("models/autoencoder"))
+    encoder = load_encoder(Path("models/autoencoder"))
     network = load_motion_lstm(Path("models", phase, "lstm"))
     features, _ = read_manifest(Path("data/features/main"))
-    names = export_onnx(network, autoencoder.encoder, features.grid_cells, out / "network.onnx")
+    names = export_onnx(network, encoder, features.grid_cells, out / "network.onnx")
     tracker = KalmanSettings(**{k: v for k, v in options[phase]["tracker"].items() if k != "kind"})
     description = ModelDescription(
         **names, features=features, tracker=tracker, standstill_mps=options["standstill_mps"]

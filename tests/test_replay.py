@@ -8,13 +8,12 @@ import yaml
 
 from pedpred.evaluation.scores import world_paths
 from pedpred.features import FeatureSettings, extract
-from pedpred.models import GridAutoencoder
+from pedpred.models.encoding import encode
 from pedpred.models.forecasting import forecast_motion
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import paths_at, replayed
 from pedpred.sources import SOURCES
 from pedpred.tracking import follow
-from pedpred.training.autoencoder import encode
 from tests.conftest import ROOT
 from tests.exported import TRACKER
 from tests.worlds import walled_scene
@@ -26,9 +25,7 @@ def offline_and_online(scene, kind, clocks, model):
     settings = FeatureSettings(clocks=clocks)
     tracks = follow(scene.recording, kind, TRACKER if kind == "kalman" else None, 0.2)
     table = extract(scene, tracks, settings)
-    whole = GridAutoencoder(64)
-    whole.encoder.load_state_dict(encoder.state_dict())
-    velocities, _ = forecast_motion(network, table, encode(whole, table.occupancy, 60), settings)
+    velocities, _ = forecast_motion(network, table, encode(encoder, table.occupancy, 60), settings)
     robot = OnlinePredictor.load(folder, OnlineSettings.as_offline(settings, scene.detection_dt_s))
     online = paths_at(replayed(scene, robot, kind == "truth"), table.track_id, table.time_s, 10)
     return table, world_paths(table, velocities, settings.dt_s), online

@@ -23,7 +23,7 @@ class MotionData:
         angular: 1 - r / r_max of the angular pedestrian grid. [M, K] float32
         future: targets, agent frame, m/s. [M, P, 2] float32
         future_steps: known steps of each target. [M] int64
-        code: frozen encoder's output, where it was asked for. [M, C] float16
+        code: frozen encoder's output, where it was asked for; half precision from disk. [M, C]
         empty_code: the encoder's output of a crop without obstacles; zeros when it is not given. [C] float32
         sequences: rows [first, last) of each (scene, track, clock). [S, 2]
         scene: index of the scene that each sequence belongs to. [S]

@@ -61,7 +61,7 @@ class _Graph:
         return self.add("Squeeze", [after[0], "axis0"], f"{name}_hidden_next")
 
     def code(self, encoder: GridEncoder) -> str:
-        """The frozen convolutions of `crop`, in half precision, as the network has learned from them."""
+        """The frozen convolutions of `crop`."""
         value = self.add("Unsqueeze", ["crop", "axis1"], "image")
         for name in ("conv1", "conv2", "conv3"):
             layer = getattr(encoder, name)
@@ -69,9 +69,7 @@ class _Graph:
             pads = [*layer.padding, *layer.padding]
             value = self.add("Conv", [value, *weights], f"{name}_out", strides=layer.stride, pads=pads)
             value = self.add("Relu", [value], f"{name}_relu")
-        value = self.add("Flatten", [value], "code")
-        value = self.add("Cast", [value], "code_half", to=TensorProto.FLOAT16)
-        return self.add("Cast", [value], "grid", to=TensorProto.FLOAT)
+        return self.add("Flatten", [value], "grid")
 
 
 def export_onnx(network: MotionLstm, encoder: GridEncoder, cells: int, path: Path) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def forecast_motion(
     Args:
         network: trained.
         table: the whole table, so that memory builds up as it would on a robot.
-        codes: the frozen encoder's outputs of its crops. [M, C]
+        codes: the frozen encoder's outputs of its crops, not rounded. [M, C] float32
         settings: the sizes that the table was made with.
 
     Returns:

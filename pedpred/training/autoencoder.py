@@ -96,14 +96,3 @@ def validate(network: GridAutoencoder, crops: np.ndarray, cells: int) -> dict[st
         "validation_loss": float(reconstruction_loss(truth, guess)),
         "validation_iou": intersection_over_union(truth, guess),
     }
-
-
-@torch.inference_mode()
-def encode(network: GridAutoencoder, packed: np.ndarray, cells: int) -> np.ndarray:
-    """The frozen convolutions' outputs of bit-packed crops, in cache-sized batches. [M, 392] float16."""
-    encoder = network.encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    codes = []
-    for at in range(0, len(packed), _CROPS_AT_ONCE):
-        crops = torch.from_numpy(unpack_crops(packed[at : at + _CROPS_AT_ONCE], cells)).to(torch.float32)
-        codes.append(encoder.code(crops).to(torch.float16).numpy())
-    return np.concatenate(codes)

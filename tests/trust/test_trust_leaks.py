@@ -10,9 +10,9 @@ import yaml
 
 from pedpred.features import FeatureSettings, extract
 from pedpred.models import GridAutoencoder, MotionLstm
+from pedpred.models.encoding import encode
 from pedpred.models.forecasting import forecast_motion
 from pedpred.tracking import KalmanSettings, follow
-from pedpred.training.autoencoder import encode
 from tests.exported import NETWORK
 from tests.worlds import walled_scene
 
@@ -94,7 +94,7 @@ def test_no_forecast_moves_when_the_future_does():
     def forecast(recording):
         seen = replace(scene, recording=recording)
         table = extract(seen, follow(recording, "kalman", KalmanSettings(0.1, 0.1), 0.2), sizes)
-        codes = encode(encoder, table.occupancy, sizes.grid_cells)
+        codes = encode(encoder.encoder, table.occupancy, sizes.grid_cells)
         return table.time_s, forecast_motion(network, table, codes, sizes)[0]
 
     later = scene.recording.time_s > now
