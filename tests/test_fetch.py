@@ -11,7 +11,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from pedpred.errors import FetchError
+from pedpred.errors import ConfigError, FetchError
 from pedpred.sources import mirrors
 
 CONTENT = {
@@ -98,8 +98,9 @@ class _Quiet(SimpleHTTPRequestHandler):
 
 
 @pytest.fixture
-def server(tmp_path):
-    """The address of a web server for `tmp_path`."""
+def server(tmp_path, monkeypatch):
+    """The address of a web server for `tmp_path`; it has no certificate, so plain http will do for once."""
+    monkeypatch.setattr(mirrors, "_SCHEMES", ("http://", "https://", "file://"))
     handler = functools.partial(_Quiet, directory=tmp_path)
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as running:
         threading.Thread(target=running.serve_forever, daemon=True).start()
@@ -144,7 +145,7 @@ def test_no_mirror_is_one_clear_error(target, mirror, tmp_path):
     cut = write_archive(tmp_path / "cut.tgz")
     cut.write_bytes(cut.read_bytes()[:-40])
     with pytest.raises(FetchError) as error:
-        fetch(target, [mirror, tmp_path / "none"], [cut, "http://127.0.0.1:9/a.tgz"])
+        fetch(target, [mirror, tmp_path / "none"], [cut, "https://127.0.0.1:9/a.tgz"])
     message = str(error.value)
     assert all(name in message for name in NEEDED)
     assert "mirror/ewap" in message
@@ -152,10 +153,35 @@ def test_no_mirror_is_one_clear_error(target, mirror, tmp_path):
     assert f"{mirror}: seq_eth/obsmat.txt has SHA-256" in message
     assert f"{tmp_path / 'none'}: it does not exist" in message
     assert f"{cut}: " in message
-    assert "http://127.0.0.1:9/a.tgz: URLError" in message
+    assert "https://127.0.0.1:9/a.tgz: URLError" in message
     assert "\n" not in message
     assert not target.exists()
     assert list(target.parent.iterdir()) == []
+
+
+@pytest.mark.parametrize("address", ["http://example.org/a.tgz", "ftp://example.org/a.tgz"])
+def test_an_address_without_https_is_refused_before_anything_is_tried(target, mirror, monkeypatch, address):
+    with pytest.raises(ConfigError, match=f"{address}.*https"):
+        fetch(target, [mirror], [address])
+    monkeypatch.setenv("PEDPRED_MIRROR", address)
+    with pytest.raises(ConfigError, match="https"):
+        fetch(target, [mirror])
+    assert not target.exists()
+
+
+def test_an_address_that_leads_away_from_https_is_passed_over(target, mirror, tmp_path, server, monkeypatch):
+    write_archive(tmp_path / "a.tgz")
+    monkeypatch.setattr(mirrors, "_SCHEMES", ("https://", server[:-1]))  # asked here, answered from elsewhere
+    opened = mirrors.urllib.request.urlopen
+
+    def redirected(address, timeout):
+        response = opened(address, timeout=timeout)
+        response.url = address.replace("127.0.0.1", "192.0.2.1")
+        return response
+
+    monkeypatch.setattr(mirrors.urllib.request, "urlopen", redirected)
+    with pytest.raises(FetchError, match="which is not https"):
+        fetch(target, archives=[f"{server}/a.tgz"])
 
 
 def test_what_is_complete_stays(target, mirror):

@@ -1,6 +1,6 @@
 """Raw files from the first mirror that has them all, unaltered.
 
-A mirror is a folder or a tar archive, on this machine or at an http(s) address. What it offers is
+A mirror is a folder or a tar archive, on this machine or at an https address. What it offers is
 copied beside the target, compared with the SHA-256 sums `<data set>.sha256` that lie next to this
 module, and only then moved into place.
 """
@@ -22,11 +22,11 @@ from typing import IO, cast
 
 from tqdm import tqdm
 
-from pedpred.errors import FetchError
+from pedpred.errors import ConfigError, FetchError
 
 OPTIONAL = frozenset({"reference.png"})
 _LARGEST_FILE_BYTES = 2**24
-_SCHEMES = ("http://", "https://", "file://")
+_SCHEMES = ("https://", "file://")
 _log = logging.getLogger(__name__)
 
 
@@ -49,6 +49,7 @@ def fetch(
         sums: SHA-256 sum of each file; the committed ones of the data set if none are given.
 
     Raises:
+        ConfigError: a mirror's address is not one of https.
         FetchError: no mirror has all files; it says what each one lacks.
     """
     sums = checksums(data_set) if sums is None else sums
@@ -83,11 +84,16 @@ def places(folders: Iterable[str], archives: Iterable[str]) -> list[str]:
 
     Relative paths start at the current folder and, because queued experiments run in a copy of the
     project, at $DVC_ROOT.
+
+    Raises:
+        ConfigError: an address is neither https nor file: on the way from there anybody may read and alter.
     """
     found: dict[str, None] = {}
     for place in (os.environ.get("PEDPRED_MIRROR"), *folders, *archives):
         if place and place.startswith(_SCHEMES):
             found[place] = None
+        elif place and "://" in place:
+            raise ConfigError("mirrors", place, "only addresses with https:// or file:// will do")
         elif place:
             for root in (".", os.environ.get("DVC_ROOT", ".")):
                 found[os.path.abspath(Path(root, place).expanduser())] = None
@@ -118,6 +124,8 @@ def _collect(place: str, names: Collection[str], copy: Path, timeout_s: float) -
     try:
         if place.startswith(_SCHEMES):
             with urllib.request.urlopen(place, timeout=timeout_s) as response:
+                if not response.url.startswith(_SCHEMES):
+                    return f"it leads to {response.url}, which is not https"
                 _unpack(response, int(response.headers["Content-Length"] or 0), names, copy)
         elif Path(place).is_file():
             with Path(place).open("rb") as archive:
