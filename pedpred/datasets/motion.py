@@ -27,7 +27,7 @@ class MotionData:
         empty_code: the encoder's output of a crop without obstacles; zeros when it is not given. [C] float32
         sequences: rows [first, last) of each (scene, track, clock). [S, 2]
         scene: index of the scene that each sequence belongs to. [S]
-        track: index of the track that each sequence belongs to. [S]
+        track: id of the track that each sequence belongs to; variants of a scene share it. [S]
         dt_s: time between steps, s.
     """
 
@@ -94,15 +94,14 @@ def load_motion_data(features: Path, codes: Path | None) -> MotionData:
     """
     settings, names = read_manifest(features)
     tables, code, sequences, scene, track = [], [], [], [], []
-    rows = tracks = 0
+    rows = 0
     for index, name in enumerate(names):
         table = read_shard(features, name, settings)
         spans = sequences_of(table)
         sequences.append(spans + rows)
         scene.append(np.full(len(spans), index))
-        known, own = np.unique(table.track_id[spans[:, 0]], return_inverse=True)
-        track.append(own + tracks)
-        rows, tracks = rows + len(table), tracks + len(known)
+        track.append(table.track_id[spans[:, 0]])
+        rows += len(table)
         tables.append(network_columns(table, settings))
         if codes is not None:
             code.append(read_codes(codes, name))

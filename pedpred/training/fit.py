@@ -17,8 +17,8 @@ from pedpred.datasets.split import split_sequences
 from pedpred.files import aside
 from pedpred.models import MotionLstm, MotionSettings
 from pedpred.models.autoencoder import read_autoencoder
+from pedpred.models.encoding import encode
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
-from pedpred.training.autoencoder import encode
 from pedpred.training.machine import Machine
 from pedpred.training.recurrent import TrainingSettings, train_motion
 
@@ -92,7 +92,8 @@ def fit(
 def empty_code(autoencoder: Path) -> torch.Tensor:
     """What the frozen convolutions make of a crop without obstacles: unmapped ground is free. [C] float32."""
     network, cells = read_autoencoder(autoencoder)
-    return torch.from_numpy(encode(network, np.zeros((1, cells * cells // 8), np.uint8), cells)[0]).float()
+    free = np.zeros((1, cells * cells // 8), np.uint8)
+    return torch.from_numpy(encode(network.encoder, free, cells)[0])
 
 
 def write_phase(network: MotionLstm, about: dict, curve: pd.DataFrame, out: Path, curve_path: Path) -> None:

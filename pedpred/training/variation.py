@@ -12,18 +12,23 @@ from pedpred.datasets.lanes import LaneBatch
 from pedpred.datasets.motion import MotionData
 from pedpred.errors import ConfigError
 
+_STANDING = np.float32(0.1)
+"""Largest factor on the velocities of somebody who stands: 0.13 m/s for a usual walker."""
+
 
 @dataclass(frozen=True)
 class Variation:
     """How much the tracks of a training vary; nothing by default.
 
     A place has one map, habits (most turn left at that door) and a pace of its own; a network tuned there
-    would learn all three by heart. And a robot's tracker is noisy, loses people and drives beyond its map.
+    would learn all three by heart, and where nobody stands it would learn that people never do. And a robot's
+    tracker is noisy, loses people and drives beyond its map.
 
     Attributes:
         strange_share: share of the tracks that are mirrored at their heading, and walk beside the obstacles
             that the next lane sees.
         pace_range: factor on all velocities of a track, uniform in (least, most).
+        standing_share: share of the tracks that hardly move: their velocities are divided by ten or more.
         velocity_noise_mps: standard deviation of the noise on each component of the velocity seen, m/s.
         unseen_share: share of the steps at which no other pedestrian is seen.
         unmapped_share: share of the sub-sequences along which no obstacle is known.
@@ -34,12 +39,13 @@ class Variation:
 
     strange_share: float = 0.0
     pace_range: tuple[float, float] = (1.0, 1.0)
+    standing_share: float = 0.0
     velocity_noise_mps: float = 0.0
     unseen_share: float = 0.0
     unmapped_share: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("strange_share", "unseen_share", "unmapped_share"):
+        for name in ("strange_share", "standing_share", "unseen_share", "unmapped_share"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ConfigError(f"training.*.variation.{name}", getattr(self, name), "use 0 to 1")
         if not 0.0 <= self.velocity_noise_mps < float("inf"):
@@ -84,6 +90,8 @@ def varied(batch: LaneBatch, variation: Variation, rng: np.random.Generator) -> 
     rows, (least, most) = batch.rows, variation.pace_range
     strange = batch.chance[:, 0] < variation.strange_share
     scenery = np.where(strange[:, None], np.roll(rows, 1, axis=0), rows)
+    pace = least + (most - least) * batch.chance[:, 1]
+    standing = batch.chance[:, 2] < variation.standing_share
     unseen, unmapped = rng.random(rows.shape), rng.random((len(rows), 1))
     noise = rng.standard_normal((*rows.shape, 2), dtype=np.float32) * np.float32(variation.velocity_noise_mps)
     return VariedBatch(
@@ -92,7 +100,7 @@ def varied(batch: LaneBatch, variation: Variation, rng: np.random.Generator) -> 
         scenery=torch.from_numpy(np.where(unmapped < variation.unmapped_share, -1, scenery)),
         starts=torch.from_numpy(batch.starts),
         mirrored=torch.from_numpy(strange),
-        pace=torch.from_numpy(least + (most - least) * batch.chance[:, 1]),
+        pace=torch.from_numpy(np.where(standing, _STANDING * batch.chance[:, 1], pace)),
         noise_mps=torch.from_numpy(noise),
     )
 
