@@ -19,6 +19,7 @@ from pedpred.errors import ConfigError
 from pedpred.models.motion import MotionState
 
 DEVICES = ("auto", "cpu", "cuda")
+_PLACE = {"RANK": 0, "WORLD_SIZE": 1, "LOCAL_RANK": 0}  # what torchrun sets, and what holds without it
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,8 @@ def machine(device: str, autocast: bool) -> Iterator[Machine]:
     rank, size, local = (int(os.environ.get(k, d)) for k, d in _PLACE.items())
     chosen = torch.device("cpu") if device == "cpu" or not there else torch.device("cuda", local)
     here = Machine(chosen, autocast, rank, size)
+    if chosen.type == "cuda":
+        torch.cuda.set_device(chosen)
     if size > 1:
         dist.init_process_group("nccl" if chosen.type == "cuda" else "gloo")
     try:
@@ -140,6 +143,3 @@ def machine(device: str, autocast: bool) -> Iterator[Machine]:
     finally:
         if size > 1:
             dist.destroy_process_group()
-
-
-_PLACE = {"RANK": 0, "WORLD_SIZE": 1, "LOCAL_RANK": 0}
