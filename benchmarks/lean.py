@@ -1,8 +1,8 @@
 """What the lean export loses: its errors beside those of the full one, in the same windows.
 
 `python -m benchmarks.lean [--model models/online/main] [--rooms 3]`. Both folders meet the same simulated
-rooms frame by frame. First rooms that the main training keeps for validation (the lean export's widths were chosen
-there), then test rooms. The interval is that of the paired difference, bootstrapped over tracks.
+rooms frame by frame: first such as the main training keeps for validation, then test rooms. The interval is
+that of the paired difference, bootstrapped over tracks.
 """
 
 from __future__ import annotations
