@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.baselines.registry import baseline
-from pedpred.evaluation.scores import Scores, score, true_paths, world_paths
+from pedpred.evaluation.scores import Scores, score, true_paths, windows_of, world_paths
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.scenes import Scene
 
@@ -35,11 +35,14 @@ def compare(
         options: `evaluation` configuration: moving_mps, collision_m.
         social_force: settings of the social-force model at this place.
 
+    Raises:
+        ValueRuleError: the scene has no window.
+
     Returns:
         Columns of the forecast file (one row per window), and the scores of each method.
     """
     ahead_s = (np.arange(settings.horizon_steps) + 1) * settings.dt_s
-    window = np.flatnonzero(table.window)
+    window = windows_of(table, settings, scene.name)
     windows = table.select(window)
     paths = {}
     together = seen_together(table)
