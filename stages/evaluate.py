@@ -1,4 +1,4 @@
-"""evaluate_sim, evaluate_real: every forecaster in every window of the test scenes."""
+"""evaluate_sim, evaluate_place: every forecaster in every window of the test scenes."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,13 +37,14 @@ def kalman_spread(
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write reports/metrics/<name>.json and data/forecasts/<name>; `name` is sim or real."""
+    """Write metrics and data/forecasts/<name>; `name` is sim or real, `place` one of its test sets."""
     name, options = stage_key(cfg), cfg.evaluation
     torch.set_num_threads(options.threads)
     out = Path(cfg.get("out", f"data/forecasts/{name}"))
     metrics: dict = {}
     encoder = load_encoder(Path("models/autoencoder"))
-    for test, phase in options[name].items():
+    place = cfg.get("place")
+    for test, phase in ({place: options[name][place]} if place else options[name]).items():
         networks = {model: load_motion_lstm(Path("models") / phase / model) for model in options.models}
         baselines, social_force = list(options.baselines[name]), plain(cfg.scenes[test].social_force)
         settings, _ = read_manifest(Path("data/features") / test)

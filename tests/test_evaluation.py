@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from pedpred.baselines.kinematic import constant_acceleration, constant_velocity, kalman_velocity
 from pedpred.baselines.registry import baseline
-from pedpred.errors import ConfigError
+from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.evaluation import Scores, pooled, score, summary
-from pedpred.evaluation.compare import seen_together
+from pedpred.evaluation.compare import compare, seen_together
 from pedpred.evaluation.metrics import bootstrap_interval, displacement, inside_obstacle, too_close
 from pedpred.evaluation.scores import true_paths, world_paths
 from pedpred.features import FeatureSettings, extract
@@ -139,3 +139,11 @@ def test_everybody_at_a_window_moves_along_once():
 def test_unknown_baseline_is_named():
     with pytest.raises(ConfigError, match="crystal_ball"):
         baseline("crystal_ball")
+
+
+def test_a_scene_without_windows_says_so():
+    scene, options = walled_scene(np.random.default_rng(1)), {"moving_mps": 0.3, "collision_m": 0.2}
+    table = table_of(scene)
+    table = dataclasses.replace(table, window=np.zeros(len(table), bool))
+    with pytest.raises(ValueRuleError, match="nobody in walled is detected 4 times and 3 s longer"):
+        compare(scene, table, FeatureSettings(clocks=3), {}, ["cv"], options, {})

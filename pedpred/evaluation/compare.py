@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from pedpred.baselines.registry import baseline
-from pedpred.evaluation.scores import Scores, score, true_paths, world_covariance, world_paths
+from pedpred.evaluation.scores import (
+    Scores,
+    score,
+    true_paths,
+    windows_of,
+    world_covariance,
+    world_paths,
+)
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.scenes import Scene
 
@@ -39,11 +46,14 @@ def compare(
         kalman: covariance that the tracker gives its own forecast, m^2 [P, 2, 2]; None when the tracked
             states are true.
 
+    Raises:
+        ValueRuleError: the scene has no window.
+
     Returns:
         Columns of the forecast file (one row per window), and the scores of each method.
     """
     ahead_s = (np.arange(settings.horizon_steps) + 1) * settings.dt_s
-    window = np.flatnonzero(table.window)
+    window = windows_of(table, settings, scene.name)
     windows = table.select(window)
     paths, covariances = {}, {}
     together = seen_together(table)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pedpred.errors import ValueRuleError
 from pedpred.evaluation.calibration import negative_log_likelihood, squared_mahalanobis
 from pedpred.evaluation.metrics import displacement, inside_obstacle, too_close
-from pedpred.features import FeatureTable
+from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.geometry import rotate, rotated_covariance
 from pedpred.scenes import OccupancyMap
 
@@ -36,6 +37,20 @@ class Scores:
     collides: np.ndarray
     distance2: np.ndarray
     nll: np.ndarray
+
+
+def windows_of(table: FeatureTable, settings: FeatureSettings, place: str) -> np.ndarray:
+    """Rows of a place's evaluation windows. [W].
+
+    Raises:
+        ValueRuleError: there is none.
+    """
+    rows = np.flatnonzero(table.window)
+    if not len(rows):
+        ahead_s = settings.horizon_steps * settings.dt_s
+        rule = f"nobody in {place} is detected {settings.min_history + 1} times and {ahead_s:g} s longer"
+        raise ValueRuleError("windows", 0, rule)
+    return rows
 
 
 def true_paths(windows: FeatureTable, dt_s: float) -> np.ndarray:
@@ -67,7 +82,7 @@ def score(
     """Measure one forecaster in one scene.
 
     Args:
-        windows: the evaluation windows. [W]
+        windows: the evaluation windows. [W].
         truth: world frame, m. [W, P, 2]
         paths: forecast, world frame, m. [W, P, 2]
         occupancy: static obstacles.

@@ -13,6 +13,8 @@ from pedpred.errors import StorageError
 from pedpred.files import decoding
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
+WIDTHS = (64, 32)
+"""Channels behind the first and the second convolution."""
 CODE_SHAPE = (8, 7, 7)
 CODE_WIDTH = 8 * 7 * 7
 """What the convolutions leave of a 60 x 60 crop: 7 x 7 cells of 8 channels."""
@@ -21,11 +23,12 @@ CODE_WIDTH = 8 * 7 * 7
 class GridEncoder(nn.Module):
     """Crop -> code (convolutions, frozen after pre-training) -> latent (fully connected)."""
 
-    def __init__(self, latent: int = 64):
+    def __init__(self, latent: int = 64, widths: tuple[int, int] = WIDTHS):
         super().__init__()
-        self.conv1 = nn.Conv2d(1, 64, kernel_size=5, stride=2)
-        self.conv2 = nn.Conv2d(64, 32, kernel_size=3, stride=2, padding=1)
-        self.conv3 = nn.Conv2d(32, 8, kernel_size=3, stride=2, padding=1)
+        first, second = widths
+        self.conv1 = nn.Conv2d(1, first, kernel_size=5, stride=2)
+        self.conv2 = nn.Conv2d(first, second, kernel_size=3, stride=2, padding=1)
+        self.conv3 = nn.Conv2d(second, 8, kernel_size=3, stride=2, padding=1)
         self.fc = nn.Linear(CODE_WIDTH, latent)
 
     def code(self, crops: Tensor) -> Tensor:

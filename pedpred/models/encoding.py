@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from pedpred.features import unpack_crops
-from pedpred.models.autoencoder import GridEncoder
+from pedpred.models.autoencoder import WIDTHS, GridEncoder
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
 _CROPS_AT_ONCE = 8
@@ -17,19 +17,19 @@ _PREFIX = "encoder."
 
 
 def load_encoder(folder: Path) -> GridEncoder:
-    """The encoder of a pre-trained auto-encoder; what its decoder looks like does not matter.
+    """The encoder of a pre-trained auto-encoder, whatever its decoder looks like, or a narrow one alone.
 
     Raises:
         StorageError: a file is missing, damaged or of another network.
     """
     weights, about = read_checkpoint(folder)
-    encoder = GridEncoder(about["settings"]["latent"])
+    encoder = GridEncoder(about["settings"]["latent"], tuple(about["settings"].get("widths", WIDTHS)))
     own = {name.removeprefix(_PREFIX): w for name, w in weights.items() if name.startswith(_PREFIX)}
     load_weights(encoder, own, folder)
     return encoder
 
 
-@torch.inference_mode()
+@torch.no_grad()
 def encode(encoder: GridEncoder, packed: np.ndarray, cells: int) -> np.ndarray:
     """The frozen convolutions' outputs of bit-packed crops, in cache-sized batches.
 

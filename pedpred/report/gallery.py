@@ -86,8 +86,9 @@ def real_gallery(
     _check(windows, metrics)
     horizons = [_horizon(f"horizon_{name}", metrics[name], f"tested at {name}") for name in windows]
     snapshots = [
-        Picture(f"camera_{scene}_{name}", found.caption, camera_figure(scenes[scene], own, found))
+        Picture(f"camera_{scene}_{name}", found.caption, seen(scenes[scene], own, found))
         for scene, own in windows.items()
+        for seen in [inputs_figure if scenes[scene].camera is None else camera_figure]
         for name, found in _instants({scene: own}, scenes, CROWD["real"]).items()
     ]
     return [
