@@ -42,3 +42,8 @@ def radius2(share: np.ndarray | float) -> np.ndarray:
 def coverage(distance2: np.ndarray, share: float) -> np.ndarray:
     """Share of the true positions inside the ellipses that should hold `share` of them. [W, P] -> [P]."""
     return (distance2 <= radius2(share)).mean(axis=0)
+
+
+def shown_steps(steps: int) -> tuple[int, int, int]:
+    """The first step of a horizon, its middle and its last: 0.3, 1.5 and 3 s of ten steps."""
+    return 0, (steps - 1) // 2, steps - 1

@@ -30,11 +30,9 @@ class GaussianHead(nn.Module):
     def __init__(self, units: int, horizon_steps: int):
         super().__init__()
         self.out = nn.Linear(units, 3 * horizon_steps)
-        guess = _FIRST_GUESS_M * torch.arange(1.0, horizon_steps + 1)
-        with torch.no_grad():  # softplus(log(e^s - 1)) = s
-            self.out.bias.view(-1, 3)[:] = torch.log(torch.expm1(guess))[:, None] * torch.tensor(
-                [1.0, 1.0, 0.0]
-            )
+        guess = _FIRST_GUESS_M * torch.arange(1.0, horizon_steps + 1)[:, None]
+        with torch.no_grad():  # softplus(ln(e^s - 1)) = s
+            self.out.bias.view(-1, 3)[:] = guess.expm1().log() * torch.tensor([1.0, 1.0, 0.0])
 
     def forward(self, memory: Tensor) -> Tensor:
         """Spread of the position error, agent frame. [..., units] -> [..., P, 3]: a (m), c (m), k."""
