@@ -8,8 +8,8 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +38,29 @@ class Project:
     Attributes:
         folder: where it is.
         stages: the command of every stage by its name, in the order in which they run.
-        usual_s: how long one stage of each kind takes undisturbed, DVC included, s.
         expected: checksum of every file of the results.
+        usual_s: how long the stages that faults befall take undisturbed, DVC included, s.
     """
 
     folder: Path
     stages: dict[str, str]
-    usual_s: dict[str, float]
     expected: dict[str, str]
+    usual_s: dict[str, float] = field(default_factory=dict)
+
+    def timed(self, stages: Iterable[str]) -> Project:
+        """The project with the usual times of some stages.
+
+        Raises:
+            SystemExit: they give other bytes the second time.
+        """
+        usual_s = {}
+        for stage in tqdm(stages, desc="undisturbed", unit="stage"):
+            begun = time.monotonic()
+            started(self.folder, stage).wait()
+            usual_s[stage] = time.monotonic() - begun
+        if problem := self.differing(self.folder):
+            sys.exit(f"undisturbed, a second run gives {problem}")
+        return replace(self, usual_s=usual_s)
 
     def mended(self, *stages: str) -> str:
         """Reproduce stages; what is wrong afterwards, empty if nothing."""
@@ -130,11 +145,11 @@ def kinds(stages: Mapping[str, str]) -> dict[str, str]:
     return {name: command for name, command in stages.items() if name in first}
 
 
-def undisturbed(folder: Path) -> Project:
-    """Reproduce a copy at toy size; note what comes of it and how long each kind of stage takes.
+def made(folder: Path) -> Project:
+    """Copy the project and reproduce it at toy size.
 
     Raises:
-        SystemExit: it fails undisturbed, or gives other bytes the second time.
+        SystemExit: it fails undisturbed.
     """
     toy(folder)
     raw = dvc(folder, "repro", RAW).returncode == 0
@@ -142,11 +157,9 @@ def undisturbed(folder: Path) -> Project:
     done = dvc(folder, "repro", *stages)
     if done.returncode:
         sys.exit(f"the pipeline fails undisturbed:\n{done.stdout[-2000:]}\n{done.stderr}")
-    project = Project(folder, stages, {}, results(folder))
-    for stage in tqdm(kinds(stages), desc="undisturbed", unit="stage"):
-        begun = time.monotonic()
-        started(folder, stage).wait()
-        project.usual_s[stage] = time.monotonic() - begun
-    if problem := project.differing(folder):
-        sys.exit(f"undisturbed, a second run gives {problem}")
-    return project
+    return Project(folder, stages, results(folder))
+
+
+def found(folder: Path) -> Project:
+    """A copy that has been reproduced before."""
+    return Project(folder, pipeline(folder, (folder / "data/raw/ewap").exists()), results(folder))
