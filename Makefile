@@ -9,7 +9,7 @@ unexport PYTHONPATH VIRTUAL_ENV
 .DEFAULT_GOAL := help
 PLACES := eth hotel
 REV ?= HEAD
-.PHONY: help setup params tune reproduce compare smoke test check
+.PHONY: help setup params tune reproduce compare smoke test trust audit check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -48,6 +48,10 @@ test: setup ## run the tests
 trust: setup ## damaged files, killed stages: what is promised, tried at length (half an hour)
 	python -m tests.trust.campaign
 	python -m tests.trust.faults
+
+audit: setup ## known weaknesses of the pinned dependencies; asks osv.dev, so it needs the network
+	test -x build/audit/bin/pip-audit || { python -m venv build/audit && build/audit/bin/pip install --quiet pip-audit; }
+	build/audit/bin/pip-audit --requirement $(CONSTRAINTS) --no-deps --disable-pip --vulnerability-service osv
 
 check: setup ## lint, format, types, import contracts, params.yaml
 	ruff check .

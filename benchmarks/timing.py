@@ -7,17 +7,34 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 _WATCH = (
-    "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True); "
-    "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
+    "import json, resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, stdout=sys.stderr); "
+    "used = resource.getrusage(resource.RUSAGE_CHILDREN); "
+    "print(json.dumps([used.ru_utime + used.ru_stime, used.ru_maxrss / 1024]))"
 )
 """A small process in between: a child counts the memory of its parent until it has begun."""
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What a command and all its children used.
+
+    Attributes:
+        wall_s: from its start to its end, s.
+        cpu_s: of the processor, all processes and threads, s.
+        peak_mib: memory of the largest process, MiB.
+    """
+
+    wall_s: float
+    cpu_s: float
+    peak_mib: float
 
 
 def median_ms(function: Callable[[], object], budget_s: float = 1.0) -> float:
@@ -32,12 +49,20 @@ def median_ms(function: Callable[[], object], budget_s: float = 1.0) -> float:
     return float(np.median(times)) * 1e3
 
 
-def run_measured(command: Sequence[str], environment: dict[str, str] | None = None) -> tuple[float, float]:
-    """Wall time, s, and peak memory of the largest process, MiB, of a command and its children."""
+def used(
+    command: Sequence[str], folder: Path | None = None, environment: Mapping[str, str] | None = None
+) -> Usage:
+    """Run a command in a folder and say what it took."""
     watched = [sys.executable, "-c", _WATCH, *command]
     start = time.perf_counter()
-    done = subprocess.run(watched, env=os.environ | (environment or {}), stdout=subprocess.PIPE, check=True)
-    return time.perf_counter() - start, int(done.stdout.split()[-1]) / 1024.0
+    done = subprocess.run(watched, cwd=folder, env=environment, stdout=subprocess.PIPE, check=True)
+    return Usage(time.perf_counter() - start, *json.loads(done.stdout))
+
+
+def run_measured(command: Sequence[str], environment: dict[str, str] | None = None) -> tuple[float, float]:
+    """Wall time, s, and peak memory of the largest process, MiB, of a command and its children."""
+    usage = used(command, environment=os.environ | (environment or {}))
+    return usage.wall_s, usage.peak_mib
 
 
 def tell(title: str, rows: Sequence[dict[str, Any]]) -> None:

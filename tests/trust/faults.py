@@ -6,136 +6,96 @@ After each fault the same command must end in the bytes of an undisturbed run, w
 from __future__ import annotations
 
 import argparse
-import hashlib
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-ROOT = Path(__file__).resolve().parents[2]
-STAGES = (
-    *("config", "simulate@corridor", "features@corridor", "pretrain_autoencoder", "encode@corridor"),
-    *("train_corridor@lstm", "train_main@lstm", "evaluate_sim", "validate_simulation", "report_sim"),
-    *("record_sim@office", "export@main"),
-)
-"""One stage of each kind of script that needs no raw data."""
+from tests.trust.project import ROOT, SILENT, Project, dvc, environment, found, kinds, made, started, toy
 
-_SILENT = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+FOLDER = ROOT / "build/trust/project"
+CLOCK = {"PYTHONPATH": str(Path(__file__).with_name("clock"))}
+KIRITIMATI = {"TZ": "Pacific/Kiritimati", "LC_ALL": "C", "PEDPRED_JOBS": "1", "PYTHONHASHSEED": "7"}
 
 
-@dataclass(frozen=True)
-class Project:
-    """A reproduced copy of the project.
-
-    Attributes:
-        folder: where it is.
-        usual_s: how long each stage takes undisturbed, DVC included, s.
-        expected: checksum of every file of its results.
-    """
-
-    folder: Path
-    usual_s: dict[str, float]
-    expected: dict[str, str]
-
-    def mended(self, stage: str) -> str:
-        """Reproduce a stage; what is wrong afterwards, empty if nothing."""
-        done = dvc(self.folder, "repro", "--no-run-cache", stage)
-        if done.returncode:
-            return f"dvc repro fails: {done.stderr[-300:]}"
-        now = results(self.folder)
-        changed = sorted(k for k in now.keys() | self.expected.keys() if now.get(k) != self.expected.get(k))
-        return f"other bytes in {', '.join(changed[:3])}" if changed else ""
+def processes(session: int) -> Iterator[tuple[int, bytes]]:
+    """Number and command of every living process of a session."""
+    for entry in Path("/proc").glob("[0-9]*"):
+        number = int(entry.name)
+        try:
+            if os.getsid(number) == session and (command := (entry / "cmdline").read_bytes()):
+                yield number, command
+        except (ProcessLookupError, FileNotFoundError):
+            continue
 
 
-def environment() -> dict[str, str]:
-    """Of every command: this interpreter's tools first, nothing of an outer DVC or git."""
-    outer = {k: v for k, v in os.environ.items() if not k.startswith(("DVC_", "GIT_"))}
-    tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    roles = ("AUTHOR", "COMMITTER")
-    who = {f"GIT_{role}_{key}": "trust@localhost" for role in roles for key in ("NAME", "EMAIL")}
-    return outer | who | {"PATH": tools, "PEDPRED_JOBS": "2", "DVC_ROOT": str(ROOT)}
+def kill(run: subprocess.Popen) -> None:
+    """kill -9 of a stage, of DVC above it and of all its workers."""
+    while members := [number for number, _ in processes(run.pid)]:
+        for number in members:
+            try:
+                os.kill(number, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+        run.poll()
 
 
-def dvc(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run DVC to its end."""
-    return subprocess.run(
-        ["dvc", *arguments], cwd=folder, env=environment(), capture_output=True, text=True, check=False
-    )
-
-
-def started(folder: Path, stage: str, **options: object) -> subprocess.Popen:
-    """Begin a stage anew, in a process group of its own."""
-    command = ["dvc", "repro", "--force", "--no-run-cache", "--single-item", stage]
-    return subprocess.Popen(
-        command, cwd=folder, env=environment(), start_new_session=True, **{**_SILENT, **options}
-    )
-
-
-def results(folder: Path) -> dict[str, str]:
-    """Checksum of every file that the pipeline has written, by its path."""
-    files = [p for top in ("data", "models", "reports") for p in (folder / top).rglob("*") if p.is_file()]
-    return {
-        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest()
-        for p in [*files, folder / "dvc.lock"]
-    }
-
-
-def undisturbed(folder: Path, stages: list[str]) -> Project:
-    """Copy the project, reproduce the stages at toy size, and note what an undisturbed run gives."""
-    shutil.rmtree(folder, ignore_errors=True)
-    subprocess.run([".ci/copy", str(folder)], cwd=ROOT, env=environment(), check=True)
-    shutil.rmtree(folder / "reports", ignore_errors=True)
-    (folder / "dvc.lock").unlink(missing_ok=True)
-    text = (folder / "conf/config.yaml").read_text()
-    (folder / "conf/config.yaml").write_text(text.replace("- scale: default", "- scale: smoke"))
-    subprocess.run([sys.executable, "-m", "pedpred.config"], cwd=folder, env=environment(), check=True)
-    usual_s = {}
-    for stage in tqdm(stages, desc="undisturbed", unit="stage"):
-        done = dvc(folder, "repro", stage)
-        if done.returncode:
-            sys.exit(f"{stage} fails undisturbed:\n{done.stdout}\n{done.stderr}")
-        begun = time.monotonic()
-        started(folder, stage).wait()
-        usual_s[stage] = time.monotonic() - begun
-    return Project(folder, usual_s, results(folder))
-
-
-# Faults: each disturbs one run of a stage and returns what it did
+# Faults of one stage: each disturbs a run of it and says what it did
 
 
 def killed(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """kill -9 of the stage with all its workers, at a random moment."""
+    """kill -9 of everything at a random moment."""
     after_s = rng.uniform(0.0, project.usual_s[stage])
     run = started(project.folder, stage)
     time.sleep(after_s)
-    os.killpg(run.pid, signal.SIGKILL)
-    run.wait()
-    return f"killed after {after_s:.1f} s"
+    kill(run)
+    return f"killed after {after_s:.1f} s of {project.usual_s[stage]:.1f} s"
+
+
+def killed_half_trained(project: Project, stage: str, rng: np.random.Generator) -> str:
+    """kill -9 of everything once a training has saved its state, which the next run must take up."""
+    run = started(project.folder, stage)
+    while run.poll() is None:
+        if list((project.folder / "build/training").glob("*/progress.safetensors")):
+            time.sleep(rng.uniform(0.0, 1.0))
+            kill(run)
+            left = list((project.folder / "build/training").glob("*/progress.safetensors"))
+            return f"killed with {len(left)} saved state"
+        time.sleep(0.01)
+    return "it ended before a state was saved"
 
 
 def without_a_worker(project: Project, stage: str, rng: np.random.Generator) -> str:
     """kill -9 of one worker process of joblib's, as soon as there is one."""
     run = started(project.folder, stage)
     while run.poll() is None:
-        for process in Path("/proc").glob("[0-9]*"):
-            try:
-                same = os.getsid(int(process.name)) == run.pid
-                if same and b"loky.backend.popen_loky" in (process / "cmdline").read_bytes():
-                    os.kill(int(process.name), signal.SIGKILL)
-                    run.wait()
-                    return f"a worker killed, exit code {run.returncode}"
-            except (ProcessLookupError, FileNotFoundError):
-                continue
+        for number, command in processes(run.pid):
+            if b"loky.backend.popen_loky" in command:
+                os.kill(number, signal.SIGKILL)
+                run.wait()
+                return f"a worker killed, exit code {run.returncode}"
         time.sleep(0.02)
     return "it ended before a worker was found"
+
+
+def raced(project: Project, stage: str, rng: np.random.Generator) -> str:
+    """Two `dvc repro` at once: a loser must say why."""
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    runs = [started(project.folder, stage, **options)]
+    time.sleep(rng.uniform(0.0, 0.5 * project.usual_s[stage]))
+    runs.append(started(project.folder, stage, **options))
+    said = [run.communicate()[0].strip() for run in runs]
+    losers = [text for run, text in zip(runs, said, strict=True) if run.returncode]
+    if any("ERROR:" not in text or "Traceback" in text for text in losers):
+        raise AssertionError(f"the second run fails without a word: {losers}")
+    return f"exit codes {[run.returncode for run in runs]}; {' '.join(losers)[-200:]}"
 
 
 def on_a_full_disk(project: Project, stage: str, rng: np.random.Generator) -> str:
@@ -165,66 +125,96 @@ def _mounted(project: Project, options: str) -> str:
 def may_mount() -> bool:
     """Whether file systems can be mounted here, which takes rights that not everybody has."""
     command = ["unshare", "--mount", "true"]
-    return bool(shutil.which("unshare")) and subprocess.run(command, check=False, **_SILENT).returncode == 0
+    return bool(shutil.which("unshare")) and subprocess.run(command, check=False, **SILENT).returncode == 0
 
 
-def raced(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """Two `dvc repro` of the same stage at once."""
-    runs = [started(project.folder, stage)]
-    time.sleep(rng.uniform(0.0, 0.5 * project.usual_s[stage]))
-    runs.append(started(project.folder, stage))
-    return f"exit codes {[run.wait() for run in runs]}"
+def under_a_jumping_clock(project: Project, stage: str, rng: np.random.Generator) -> str:
+    """Each look at the wall clock is up to a day wrong, for Python's part of the pipeline."""
+    run = started(project.folder, stage, env=environment(**CLOCK))
+    if run.wait():
+        raise AssertionError(f"exit code {run.returncode}")
+    return "done while the clock jumped"
 
 
-def elsewhere(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """One worker, another time zone, another language; the result is not thrown away."""
-    other = {
-        "TZ": "Pacific/Kiritimati",
-        "LC_ALL": "C",
-        "LANG": "C",
-        "PEDPRED_JOBS": "1",
-        "PYTHONHASHSEED": "7",
-    }
-    run = started(project.folder, stage, env=environment() | other)
-    return f"one worker in Kiritimati, exit code {run.wait()}"
+# Faults of all stages
 
 
-PARALLEL = ("simulate@corridor", "features@corridor", "encode@corridor")
+def elsewhere(project: Project) -> str:
+    """Another folder, one worker, another time zone, another language; what is wrong, empty if nothing."""
+    other = project.folder.with_name("else where")
+    toy(other)
+    done = dvc(other, "repro", *project.stages, env=environment(**KIRITIMATI))
+    problem = f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else project.differing(other)
+    if not problem:
+        shutil.rmtree(other)
+    return problem
+
+
 Fault = Callable[[Project, str, np.random.Generator], str]
 
 
-def plan(stages: list[str], kills: int, mounts: bool) -> list[tuple[Fault, str]]:
-    """Every fault with the stage that it befalls."""
-    parallel = [stage for stage in stages if stage in PARALLEL]
-    return [
+def plan(stages: Mapping[str, str], kills: int, mounts: bool, short: bool = False) -> list[tuple[Fault, str]]:
+    """Every fault, or kills alone, with the stage that it befalls; `stages` are names and commands."""
+    scripts = {
+        stage: ROOT / f"{command.split()[2].replace('.', '/')}.py" for stage, command in stages.items()
+    }
+    parallel = [stage for stage, script in scripts.items() if "pedpred.workers" in script.read_text()]
+    trained = [stage for stage, script in scripts.items() if script.stem == "train"]
+    deadly: list[tuple[Fault, str]] = [
         *((killed, stage) for stage in stages for _ in range(kills)),
-        *((without_a_worker, stage) for stage in parallel),
-        *((raced, stage) for stage in parallel[:1]),
-        *((fault, parallel[0]) for fault in (on_a_full_disk, in_a_locked_folder) if parallel and mounts),
-        *((elsewhere, stage) for stage in stages),
+        *((killed_half_trained, stage) for stage in trained for _ in range(kills)),
     ]
+    return (
+        deadly
+        if short
+        else [
+            *deadly,
+            *((without_a_worker, stage) for stage in parallel),
+            *((raced, stage) for stage in (*parallel[:1], *trained[:1])),
+            *((fault, parallel[0]) for fault in (on_a_full_disk, in_a_locked_folder) if parallel and mounts),
+            *((under_a_jumping_clock, stage) for stage in stages),
+        ]
+    )
+
+
+def tried(fault: Fault, project: Project, stage: str, rng: np.random.Generator) -> tuple[str, str]:
+    """Do it and mend it: what was done, and what is wrong afterwards (empty if nothing)."""
+    try:
+        did, complaint = fault(project, stage, rng), ""
+    except AssertionError as failure:
+        did, complaint = "failed", str(failure)
+    return did, complaint or project.mended(stage)
 
 
 def main() -> None:
     """Reproduce a copy, disturb it again and again, and print what survived."""
     parser = argparse.ArgumentParser(prog="python -m tests.trust.faults", description=__doc__)
-    parser.add_argument("--kills", type=int, default=3, help="of each stage")
-    parser.add_argument("--stages", nargs="+", default=list(STAGES))
+    parser.add_argument("--kills", type=int, default=3, help="of each kind of stage")
+    parser.add_argument("--stages", nargs="+", help="only these of them, e.g. encode@eth")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--project", type=Path, help="a reproduced copy, instead of one made anew")
+    parser.add_argument("--short", action="store_true", help="kill, and nothing else")
     given = parser.parse_args()
-    project = undisturbed(ROOT / "build/trust/project", given.stages)
+    project = found(given.project.resolve()) if given.project else made(FOLDER)
+    chosen = {s: project.stages[s] for s in given.stages or kinds(project.stages)}
+    project = project.timed(chosen)
     rng = np.random.default_rng(given.seed)
     counts: dict[str, list[int]] = {}
-    mounts = may_mount()
-    if not mounts:
-        tqdm.write("a full disk and a locked folder are not tried: mounting is not permitted here")
-    for fault, stage in tqdm(plan(given.stages, given.kills, mounts), desc="faults", unit="fault"):
-        did = fault(project, stage, rng)
-        problem = project.mended(stage)
-        attempts = counts.setdefault(f"{stage} {fault.__name__.replace('_', ' ')}", [0, 0])
+
+    def count(name: str, did: str, problem: str) -> None:
+        attempts = counts.setdefault(name, [0, 0])
         attempts[0] += 1
         attempts[1] += bool(problem)
-        tqdm.write(f"{stage}: {did}; {problem or 'mended'}")
+        tqdm.write(f"{name}: {did}; {problem or 'the same bytes'}")
+
+    mounts = may_mount()
+    if not (mounts or given.short):
+        tqdm.write("a full disk and a locked folder are not tried: mounting is not permitted here")
+    for fault, stage in tqdm(plan(chosen, given.kills, mounts, given.short), desc="faults", unit="fault"):
+        did, problem = tried(fault, project, stage, rng)
+        count(f"{stage.split('@')[0]} {fault.__name__.replace('_', ' ')}", did, problem)
+    if not given.short:
+        count("all stages elsewhere", "in Kiritimati", elsewhere(project))
     lines = [f"| {name} | {n} | {n - lost} | {lost} |" for name, (n, lost) in counts.items()]
     head = "| fault | attempts | the same bytes afterwards | lost |\n| --- | --: | --: | --: |\n"
     sys.stdout.write(f"\n{head}{chr(10).join(lines)}\n")

@@ -21,8 +21,11 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from omegaconf import OmegaConf
 from PIL import Image
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys import Stores
 
 from pedpred import config
+from pedpred.bags import read_bag
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.geometry import Homography
 from pedpred.models import MotionLstm
@@ -46,6 +49,7 @@ from pedpred.storage.shards import (
 )
 from pedpred.storage.windows import read_windows
 from tests.exported import NETWORK, export
+from tests.test_bags import Store, stream
 
 EWAP = {"frame_rate_hz": 10.0, "annotation_frames": 4, "resolution_m": 0.5, "margin_m": 1.0}
 FEATURES = FeatureSettings(grid_cells=8, angular_cells=6, horizon_steps=4)
@@ -186,6 +190,12 @@ def make_open_recording(folder: Path) -> None:
         writer.finish()
 
 
+def make_bag(path: Path, version: Stores, **storage: StoragePlugin) -> None:
+    """Three instants of two people, and a map."""
+    store = Store(version)
+    store.write(path, stream(store, "people_msgs/msg/People"), **storage)
+
+
 def make_archive(folder: Path) -> None:
     """The files of a data set as a tar archive, and their sums."""
     with tarfile.open(folder / "mirror.tar", "w") as archive:
@@ -265,6 +275,21 @@ READERS = {
         make_open_recording,
         ("place.mcap",),
         lambda folder: read_recording(folder / "place.mcap"),
+    ),
+    "ROS 1 bag": Reader(
+        lambda folder: make_bag(folder / "hall.bag", Stores.ROS1_NOETIC),
+        ("hall.bag",),
+        lambda folder: read_bag(folder / "hall.bag"),
+    ),
+    "ROS 2 bag": Reader(
+        lambda folder: make_bag(folder / "hall", Stores.ROS2_HUMBLE),
+        ("hall/metadata.yaml", "hall/hall.db3"),
+        lambda folder: read_bag(folder / "hall"),
+    ),
+    "ROS 2 bag (MCAP)": Reader(
+        lambda folder: make_bag(folder / "hall", Stores.ROS2_HUMBLE, storage=StoragePlugin.MCAP),
+        ("hall/metadata.yaml", "hall/hall.mcap"),
+        lambda folder: read_bag(folder / "hall"),
     ),
     "archive": Reader(make_archive, ("mirror.tar", "mirror.tgz"), read_archive),
     "params": Reader(make_project, ("params.yaml", "dvc.yaml"), read_project),

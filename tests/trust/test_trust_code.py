@@ -6,6 +6,8 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
 
 from benchmarks import dependencies
 
@@ -67,6 +69,18 @@ def test_every_dependency_has_a_reason_and_a_use():
     modules |= {"scikit-fmm": "skfmm"}
     needed = {need.name for group in ("light", "train") for need in groups[group]} - {"dvc"}  # a command
     assert {name for name in needed if modules.get(name, name) not in used} == set()
+
+
+def test_every_version_is_exact_and_released():
+    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    versions = {need.name.lower(): [*need.specifier] for need in map(Requirement, lines)}
+    assert len(versions) == len(lines)
+    for name, pinned in versions.items():
+        assert [one.operator for one in pinned] == ["=="], name
+        assert not Version(pinned[0].version).is_prerelease, name
+    assert not [line for line in lines if "://" in line or "@" in line]
+    direct = {need.name.lower() for needs in dependencies.declared().values() for need in needs}
+    assert direct <= versions.keys()
 
 
 def test_files_are_written_through_one_door():

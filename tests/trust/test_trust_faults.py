@@ -3,13 +3,17 @@
 import errno
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
+import yaml
 
 from pedpred import config
 from pedpred.errors import WorkerError
 from pedpred.workers import in_parallel
-from tests.trust.faults import STAGES, killed, plan
+from tests.trust.faults import CLOCK, killed, killed_half_trained, plan, under_a_jumping_clock
+from tests.trust.project import RAW, ROOT, kinds, pipeline
 
 
 def killed_by_the_system():
@@ -42,7 +46,34 @@ def test_another_fault_of_the_system_keeps_its_traceback():
         read()
 
 
-def test_the_campaign_kills_every_kind_of_stage():
-    faults = plan(list(STAGES), kills=2, mounts=True)
-    assert sum(fault is killed for fault, _ in faults) == 2 * len(STAGES)
-    assert {stage for _, stage in faults} == set(STAGES)
+of_dvc = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")
+
+
+@of_dvc
+def test_the_campaign_disturbs_every_kind_of_stage():
+    stages = kinds(pipeline(ROOT, raw=True))
+    declared = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    assert sorted(name.split("@")[0] for name in stages) == sorted(declared)
+    faults = plan(stages, kills=2, mounts=True)
+    for fault, times in ((killed, 2), (under_a_jumping_clock, 1)):
+        assert sorted(stage for kind, stage in faults if kind is fault) == sorted([*stages] * times)
+    half_trained = {stage.split("@")[0] for fault, stage in faults if fault is killed_half_trained}
+    assert half_trained == {"train_corridor", "train_main", "finetune"}
+
+
+@of_dvc
+def test_without_raw_data_no_stage_is_tried_that_needs_them():
+    with_raw, without = (pipeline(ROOT, raw) for raw in (True, False))
+    assert {RAW, "features@eth", "evaluate_real", "page"} & without.keys() == set()
+    assert {"features@main", "evaluate_sim", "record_sim@office"} < without.keys() < with_raw.keys()
+    order = list(with_raw)
+    assert order.index(RAW) < order.index("features@eth") < order.index("page")
+
+
+def test_the_clock_of_the_campaign_jumps():
+    look = "import time; print(*(round(time.time()) for _ in range(9)))"
+    said = subprocess.run(
+        [sys.executable, "-c", look], env=os.environ | CLOCK, capture_output=True, check=True
+    )
+    seen = [int(word) for word in said.stdout.split()]
+    assert seen != sorted(seen), "it never jumped back"

@@ -1,0 +1,108 @@
+"""Ten times as much simulation through the pipeline: `python -m benchmarks.load --hours 5 50`.
+
+Every stage up to one epoch of training runs as the pipeline runs it, in a temporary folder, first with a
+minute of simulation, then with each of the given sizes (24 rooms an hour, as shipped). The table says how
+much memory its largest process had at most and how many rows it got done per second of the processor, beyond
+what the minute took; then how both changed from the first size to the last. The processor's seconds are those
+of all threads, so that a busy machine changes little.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+
+from benchmarks.timing import Usage, keep, tell, used
+
+ROOT = Path(__file__).resolve().parents[1]
+MINUTE_H = 1 / 60
+ROOMS_PER_HOUR = 24
+TRAINING_SHARE, LANES, SUB_SEQUENCE = 0.9, 64, 10
+"""As in conf/training: of the phase that starts from an auto-encoder."""
+Size = tuple[int, dict[str, Usage]]
+"""Rows of a simulation, and what each stage used on it."""
+
+
+def commands(hours: float) -> dict[str, list[str]]:
+    """The stages before training, with the overrides that make them so large."""
+    rooms = max(2, round(ROOMS_PER_HOUR * hours))
+    return {
+        "simulate": ["+name=main", f"scenes.main.hours={hours}", f"scenes.main.generated={rooms}"],
+        "features": ["+name=main"],
+        "pretrain_autoencoder": ["autoencoder.steps=5", "autoencoder.validate_every=5"],
+        "encode": ["+name=main"],
+    }
+
+
+def epoch(rows: int) -> list[str]:
+    """Overrides that train for one epoch, validated before and after."""
+    steps = math.ceil(TRAINING_SHARE * rows / (LANES * SUB_SEQUENCE))
+    lengths = [f"training.corridor.{key}={steps}" for key in ("steps", "validate_every")]
+    sizes = [f"training.corridor.lanes={LANES}", f"training.corridor.sub_sequence={SUB_SEQUENCE}"]
+    return ["+phase=corridor", "+data=main", "+name=lstm", *lengths, *sizes]
+
+
+def rows_of(folder: Path) -> int:
+    """Rows of all feature shards."""
+    shards = (folder / "data/features/main").glob("*.parquet")
+    return sum(pq.read_metadata(shard).num_rows for shard in shards)
+
+
+def measured(hours: float) -> Size:
+    """Every stage at one size, in a folder that is thrown away."""
+    outer = {k: v for k, v in os.environ.items() if not k.startswith("DVC_")}
+    alone = {"PYTHONPATH": str(ROOT), "PEDPRED_JOBS": "1"}  # all in one process, to see what it holds
+    environment = outer | alone
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+
+        def run(stage: str, overrides: list[str]) -> Usage:
+            return used([sys.executable, "-m", f"stages.{stage}", *overrides], folder, environment)
+
+        usage = {stage: run(stage, overrides) for stage, overrides in commands(hours).items()}
+        rows = rows_of(folder)
+        return rows, usage | {"train, one epoch": run("train", epoch(rows))}
+
+
+def compared(sizes: dict[float, Size], least: Size) -> list[dict[str, Any]]:
+    """One line per stage and size, the last ones with their ratio to the first ones."""
+    first, last = min(sizes), max(sizes)
+
+    def speed(stage: str, hours: float) -> float:
+        rows, usage = sizes[hours]
+        return (rows - least[0]) / (usage[stage].cpu_s - least[1][stage].cpu_s)
+
+    lines = []
+    for stage in least[1]:
+        fixed = stage == "pretrain_autoencoder"  # as many steps at every size
+        for hours, (rows, usage) in sizes.items():
+            line = {"stage": stage, "hours": hours, "rows": rows, "peak MiB": usage[stage].peak_mib}
+            line["rows per CPU s"] = "" if fixed else speed(stage, hours)
+            again = hours == last and last > first
+            line["memory x"] = usage[stage].peak_mib / sizes[first][1][stage].peak_mib if again else ""
+            line["speed x"] = speed(stage, last) / speed(stage, first) if again and not fixed else ""
+            lines.append(line)
+    return lines
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--hours", type=float, nargs="+", default=[5.0, 50.0], help="of simulation")
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    least = measured(MINUTE_H)
+    lines = compared({hours: measured(hours) for hours in sorted(given.hours)}, least)
+    tell("a larger simulation", lines)
+    keep({"load": lines}, given.json)
+
+
+if __name__ == "__main__":
+    main()

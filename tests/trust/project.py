@@ -1,0 +1,165 @@
+"""A copy of the project at toy size, reproduced undisturbed: what faults are measured against."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import networkx as nx
+from dvc.repo import Repo
+from tqdm import tqdm
+
+ROOT = Path(__file__).resolve().parents[2]
+SILENT = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+RAW = "fetch"
+"""The stage without which no real place can be had."""
+TOY = """\
+autoencoder: {steps: 24, validate_every: 6, validation_crops: 100}
+training:
+  corridor: {steps: 40, validate_every: 5, lanes: 8}
+  main: {steps: 40, validate_every: 5, lanes: 8}
+  finetune: {steps: 24, validate_every: 3}
+"""
+"""Short trainings that save their state often, so that a kill finds one."""
+
+
+@dataclass(frozen=True)
+class Project:
+    """A reproduced copy of the project.
+
+    Attributes:
+        folder: where it is.
+        stages: the command of every stage by its name, in the order in which they run.
+        expected: checksum of every file of the results.
+        usual_s: how long the stages that faults befall take undisturbed, DVC included, s.
+    """
+
+    folder: Path
+    stages: dict[str, str]
+    expected: dict[str, str]
+    usual_s: dict[str, float] = field(default_factory=dict)
+
+    def timed(self, stages: Iterable[str]) -> Project:
+        """The project with the usual times of some stages.
+
+        Raises:
+            SystemExit: they give other bytes the second time.
+        """
+        usual_s = {}
+        for stage in tqdm(stages, desc="undisturbed", unit="stage"):
+            begun = time.monotonic()
+            started(self.folder, stage).wait()
+            usual_s[stage] = time.monotonic() - begun
+        if problem := self.differing(self.folder):
+            sys.exit(f"undisturbed, a second run gives {problem}")
+        return replace(self, usual_s=usual_s)
+
+    def mended(self, *stages: str) -> str:
+        """Reproduce stages; what is wrong afterwards, empty if nothing."""
+        done = dvc(self.folder, "repro", "--no-run-cache", *stages)
+        return f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else self.differing(self.folder)
+
+    def differing(self, folder: Path) -> str:
+        """Which results in a folder are not the expected ones, empty if all are."""
+        now = results(folder)
+        names = sorted(k for k in now.keys() | self.expected.keys() if now.get(k) != self.expected.get(k))
+        return f"other bytes in {', '.join(names[:3])} ({len(names)} in all)" if names else ""
+
+
+def environment(**more: str) -> dict[str, str]:
+    """Of every command: this interpreter's tools first, nothing of an outer DVC or git."""
+    outer = {k: v for k, v in os.environ.items() if not k.startswith(("DVC_", "GIT_"))}
+    tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    roles = ("AUTHOR", "COMMITTER")
+    who = {f"GIT_{role}_{key}": "trust@localhost" for role in roles for key in ("NAME", "EMAIL")}
+    calm = {"PEDPRED_JOBS": "2", "OMP_WAIT_POLICY": "passive"}  # else threads wait busily
+    return outer | who | calm | {"PATH": tools, "DVC_ROOT": str(ROOT)} | more
+
+
+def dvc(
+    folder: Path, *arguments: str, env: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run DVC to its end."""
+    return subprocess.run(
+        ["dvc", *arguments],
+        cwd=folder,
+        env=env or environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def started(folder: Path, stage: str, **options: Any) -> subprocess.Popen:
+    """Begin a stage anew, in a session of its own."""
+    command = ["dvc", "repro", "--force", "--no-run-cache", "--single-item", stage]
+    return subprocess.Popen(
+        command, cwd=folder, env=environment(), start_new_session=True, **(SILENT | options)
+    )
+
+
+def results(folder: Path) -> dict[str, str]:
+    """Checksum of every file that the pipeline has written, by its path."""
+    files = [p for top in ("data", "models", "reports") for p in (folder / top).rglob("*") if p.is_file()]
+    return {
+        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest()
+        for p in [*files, folder / "dvc.lock"]
+    }
+
+
+def toy(folder: Path) -> None:
+    """Copy the project, without results, at toy size."""
+    shutil.rmtree(folder, ignore_errors=True)
+    subprocess.run([".ci/copy", str(folder)], cwd=ROOT, env=environment(), check=True)
+    (folder / "dvc.lock").unlink(missing_ok=True)
+    text = (folder / "conf/config.yaml").read_text()
+    (folder / "conf/config.yaml").write_text(text.replace("- scale: default", "- scale: toy"))
+    smoke = (folder / "conf/scale/smoke.yaml").read_text()
+    scenes = smoke[: smoke.index("autoencoder:")] + smoke[smoke.index("validation:") :]
+    (folder / "conf/scale/toy.yaml").write_text(scenes + TOY)
+    subprocess.run([sys.executable, "-m", "pedpred.config"], cwd=folder, env=environment(), check=True)
+
+
+def pipeline(folder: Path, raw: bool) -> dict[str, str]:
+    """The command of every stage by its name, as they run; without raw data only what can do without."""
+    graph = Repo(str(folder)).index.graph  # from a stage to what it needs
+    names = {stage: stage.name for stage in graph}
+    order = list(reversed(list(nx.lexicographical_topological_sort(graph, key=names.get))))
+    needs = {
+        stage: {names[other] for other in nx.descendants(graph, stage)} | {names[stage]} for stage in order
+    }
+    return {names[stage]: stage.cmd for stage in order if raw or RAW not in needs[stage]}
+
+
+def kinds(stages: Mapping[str, str]) -> dict[str, str]:
+    """One stage of each kind: of `features@eth` and `features@hotel` the first by name."""
+    first = {min(name for name in stages if name.split("@")[0] == kind.split("@")[0]) for kind in stages}
+    return {name: command for name, command in stages.items() if name in first}
+
+
+def made(folder: Path) -> Project:
+    """Copy the project and reproduce it at toy size.
+
+    Raises:
+        SystemExit: it fails undisturbed.
+    """
+    toy(folder)
+    raw = dvc(folder, "repro", RAW).returncode == 0
+    stages = pipeline(folder, raw)
+    done = dvc(folder, "repro", *stages)
+    if done.returncode:
+        sys.exit(f"the pipeline fails undisturbed:\n{done.stdout[-2000:]}\n{done.stderr}")
+    return Project(folder, stages, results(folder))
+
+
+def found(folder: Path) -> Project:
+    """A copy that has been reproduced before."""
+    return Project(folder, pipeline(folder, (folder / "data/raw/ewap").exists()), results(folder))
