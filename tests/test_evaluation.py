@@ -146,4 +146,4 @@ def test_a_scene_without_windows_says_so():
     table = table_of(scene)
     table = dataclasses.replace(table, window=np.zeros(len(table), bool))
     with pytest.raises(ValueRuleError, match="nobody in walled is detected 4 times and 3 s longer"):
-        compare(scene, table, FeatureSettings(clocks=3), {}, ["cv"], options, {})
+        compare(scene, table, FeatureSettings(clocks=3), {}, ["cv"], options, {}, None)

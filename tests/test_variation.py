@@ -33,7 +33,7 @@ def some_data(rng):
 
 def some_batch(rng):
     rows = rng.permutation(ROWS).reshape(LANES, LENGTH)
-    return LaneBatch(rows, np.zeros(LANES, bool), rng.random((LANES, 2), np.float32))
+    return LaneBatch(rows, np.zeros(LANES, bool), rng.random((LANES, 3), np.float32))
 
 
 def both(variation, seed=0):
@@ -71,6 +71,16 @@ def test_a_pace_scales_what_was_and_what_will_be():
     assert torch.equal(other["grid"], plain["grid"])
 
 
+def test_who_stands_hardly_moves_and_will_hardly_move():
+    (plain, future), (other, target), batch, _ = both(Variation(standing_share=0.5))
+    standing = torch.from_numpy(batch.chance[:, 2] < 0.5)
+    assert 0 < standing.sum() < len(standing)
+    assert torch.equal(other["state"][~standing], plain["state"][~standing])
+    assert (other["state"][standing].abs() <= 0.1 * plain["state"][standing].abs()).all()
+    assert (target[standing].abs() <= 0.1 * future[standing].abs()).all()
+    assert torch.equal(target[~standing], future[~standing])
+
+
 def test_noise_is_on_the_velocity_seen_and_not_on_what_will_be():
     (plain, future), (other, target), _, _ = both(Variation(velocity_noise_mps=0.2))
     noise = other["state"] - plain["state"]
@@ -98,7 +108,7 @@ def test_unseen_people_and_unmapped_ground_are_empty_and_the_rest_is_untouched(s
 
 
 def test_about_the_share_asked_for_is_hidden():
-    batch = LaneBatch(np.zeros((400, 10), int), np.zeros(400, bool), np.ones((400, 2), np.float32))
+    batch = LaneBatch(np.zeros((400, 10), int), np.zeros(400, bool), np.ones((400, 3), np.float32))
     drawn = varied(batch, Variation(unseen_share=0.25, unmapped_share=0.5), np.random.default_rng(0))
     assert (drawn.crowd < 0).float().mean() == pytest.approx(0.25, abs=0.03)
     assert (drawn.scenery < 0).float().mean() == pytest.approx(0.5, abs=0.1)
