@@ -43,7 +43,7 @@ def differences(models: Path) -> Iterator[dict[str, Any]]:
         frames = len(np.unique(scene.recording.time_s))
         forecasts = tqdm(replayed(scene, robot, kind == "sim"), total=frames, desc=place, unit="frame")
         offline = windows.paths["lstm"]
-        online = paths_at(forecasts, windows.track_id, windows.time_s, offline.shape[1])
+        online, _ = paths_at(forecasts, windows.track_id, windows.time_s, offline.shape[1])
         apart = np.linalg.norm(online - offline, axis=-1).max(axis=1)
         yield {
             "scene": place,

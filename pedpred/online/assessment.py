@@ -49,9 +49,12 @@ def assess(
     windows = table.select(windows_of(table, features, scene.name))
     ahead_s = (np.arange(features.horizon_steps) + 1) * features.dt_s
     paths = {name: forecast(windows, ahead_s) for name, forecast in KINEMATIC.items()}
-    paths[NETWORK] = paths_at(forecasts, windows.track_id, windows.time_s, features.horizon_steps)
+    covariances = {}
+    paths[NETWORK], covariances[NETWORK] = paths_at(
+        forecasts, windows.track_id, windows.time_s, features.horizon_steps
+    )
     truth = true_paths(windows, features.dt_s)
     return {
-        name: score(windows, truth, path, scene.occupancy, moving_mps, collision_m)
+        name: score(windows, truth, path, scene.occupancy, moving_mps, collision_m, covariances.get(name))
         for name, path in paths.items()
     }
