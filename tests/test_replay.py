@@ -26,9 +26,7 @@ def offline_and_online(scene, kind, clocks, model):
     settings = FeatureSettings(clocks=clocks)
     tracks = follow(scene.recording, kind, TRACKER if kind == "kalman" else None, 0.2)
     table = extract(scene, tracks, settings)
-    velocities, covariance = forecast_motion(
-        network, table, encode(encoder, table.occupancy, 60), settings
-    )
+    velocities, covariance = forecast_motion(network, table, encode(encoder, table.occupancy, 60), settings)
     robot = OnlinePredictor.load(folder, OnlineSettings.as_offline(settings, scene.detection_dt_s))
     online = paths_at(replayed(scene, robot, kind == "truth"), table.track_id, table.time_s, 10)
     offline = world_paths(table, velocities, settings.dt_s), world_covariance(table, covariance)
