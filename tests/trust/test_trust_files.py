@@ -14,8 +14,9 @@ from pedpred.errors import StorageError
 from pedpred.files import MOST_PIXELS, aside, read_json, write_text
 from pedpred.storage.scenes import read_map, read_scene, write_scene
 from tests.trust import trial
+from tests.trust.examples import place
 from tests.trust.mutations import BYTES, STRUCTURED, mutate
-from tests.trust.readers import READERS, Reader, place
+from tests.trust.readers import READERS, Reader
 from tests.trust.trial import LOST, READ, REFUSED, Bench, judged
 
 ROOT = Path(__file__).resolve().parents[2]

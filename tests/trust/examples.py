@@ -1,0 +1,218 @@
+"""Small intact examples of what pedpred reads, and how each is read."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import shutil
+import tarfile
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+from omegaconf import OmegaConf
+from PIL import Image
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys import Stores
+
+from pedpred import config
+from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.geometry import Homography
+from pedpred.models import MotionLstm
+from pedpred.online.network import ExportedNetwork, read_description
+from pedpred.recording import write_recording
+from pedpred.report import metrics
+from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.sources import mirrors
+from pedpred.storage.checkpoints import write_checkpoint
+from pedpred.storage.columns import write_columns
+from pedpred.storage.scenes import tracks_table, write_scene
+from pedpred.storage.shards import (
+    feature_columns,
+    read_manifest,
+    read_shard,
+    write_manifest,
+    write_shard,
+)
+from tests.exported import NETWORK
+from tests.test_bags import Store, stream
+
+EWAP = {"frame_rate_hz": 10.0, "annotation_frames": 4, "resolution_m": 0.5, "margin_m": 1.0}
+FEATURES = FeatureSettings(grid_cells=8, angular_cells=6, horizon_steps=4)
+ARCHIVED, CONTENT = ("seq_eth/H.txt", "seq_eth/obsmat.txt"), b"7 1.5\n" * 100
+METRICS = {"eth": {"cv": dict.fromkeys(metrics._FIELDS, 0.25)}}
+CONF = "defaults: [_self_, scale: default, scenes@scenes.eth: eth]\nscenes: {}\nseed: 1\nrates: [0.1, 1e-3]\n"
+PIPELINE = """\
+vars: [{kinds: [a, b]}]
+stages:
+  plain: {cmd: "true", params: [seed]}
+  listed: {foreach: [eth], do: {cmd: "true", params: ["scenes.${item}.hz", seed]}}
+  crossed: {matrix: {kind: "${kinds}", place: [eth]}, cmd: "true", params: ["scenes.${item.place}"]}
+"""
+PARAMS = "seed: 1\nscenes:\n  eth: {hz: 15.0, tracker: {kind: kalman}}\nrates: [0.1, 1.0e-3]\n"
+
+
+def place() -> Scene:
+    """Two people in a room with a block, with a camera, and all that simulation knows."""
+    rng = np.random.default_rng(0)
+    position = rng.normal(size=(20, 2))
+    recording = Recording(
+        time_s=np.repeat(np.arange(10) * 0.4, 2),
+        track_id=np.tile([1, 2], 10),
+        position=position,
+        velocity=0.1 * position,
+        goal=position + 5,
+        desired_speed_mps=np.ones(20),
+        group_id=np.tile([-1, 3], 10),
+    )
+    occupied = np.zeros((12, 9), bool)
+    occupied[3:6, 2:4] = True
+    camera = Camera(Homography(np.diag([0.1, 0.2, 1.0])), rng.integers(0, 255, (6, 8, 3), dtype=np.uint8))
+    return Scene("place", recording, OccupancyMap(occupied, np.array([-1.0, -2.0]), 0.5), 0.4, camera)
+
+
+def make_table(folder: Path) -> None:
+    """Somebody's own folder: detections as CSV, and no map."""
+    write_scene(place(), folder)
+    for name in ("tracks.parquet", "map.yaml", "map.pgm"):
+        (folder / name).unlink()
+    tracks_table(place().recording).to_csv(folder / "tracks.csv", index=False, float_format="%.3f")
+
+
+def make_ewap(folder: Path) -> None:
+    """A picture of 8 rows and 10 columns with a wall; pixel (1, 1) is (0, 0) m."""
+    (folder / "obsmat.txt").write_text("4 1 2.0 0 3.0 9 0 9\n4 2 4.0 0 6.0 9 0 9\n8 1 2.5 0 3.0 9 0 9\n")
+    (folder / "H.txt").write_text(" 1 0 -1\n 0 2 -2\n 0.01 0 1\n")
+    (folder / "groups.txt").write_text(" 1 2 \n \n")
+    blocked = np.zeros((8, 10), dtype=np.uint8)
+    blocked[7] = 255
+    Image.fromarray(blocked).save(folder / "map.png")
+    Image.fromarray(np.stack([blocked] * 3, axis=-1)).save(folder / "reference.png")
+
+
+def table(rows: int = 12) -> FeatureTable:
+    """A feature table of random numbers."""
+    rng = np.random.default_rng(0)
+    values: dict[str, Any] = {
+        "track_id": np.repeat(np.arange(2), rows // 2),
+        "clock": np.zeros(rows, np.int8),
+        "step": np.tile(np.arange(rows // 2, dtype=np.int32), 2),
+        "time_s": rng.random(rows),
+        "heading_rad": rng.random(rows),
+        "velocity": rng.random((rows, 2), dtype=np.float32),
+        "occupancy": rng.integers(0, 255, (rows, FEATURES.grid_cells**2 // 8), dtype=np.uint8),
+        "angular_grid": rng.random((rows, FEATURES.angular_cells), dtype=np.float32),
+        "future": rng.random((rows, FEATURES.horizon_steps, 2), dtype=np.float32),
+        "future_steps": np.full(rows, 4, np.int8),
+        "window": np.ones(rows, bool),
+    }
+    return FeatureTable(**{f.name: values.get(f.name, rng.random((rows, 2))) for f in fields(FeatureTable)})
+
+
+def make_features(folder: Path) -> None:
+    """Two row groups and the manifest."""
+    write_scene(place(), folder / "scene")
+    rows = table()
+    write_shard([rows.select(slice(0, 6)), rows.select(slice(6, 12))], folder, "place")
+    write_manifest(folder, FEATURES, {"place": folder / "scene"})
+
+
+def read_features(folder: Path) -> object:
+    """Manifest, then every shard that it names."""
+    settings, names = read_manifest(folder)
+    return [feature_columns(read_shard(folder, name, settings)) for name in names]
+
+
+def make_windows(folder: Path) -> None:
+    """Forecasts of two methods."""
+    rows = table()
+    plain = {name: np.arange(12.0) for name in ("time_s", "x_m", "y_m", "heading_rad", "vx_mps", "vy_mps")}
+    inputs = {"track_id": rows.track_id, "grid": rows.occupancy, "angular_grid": rows.angular_grid}
+    paths = {name: rows.future for name in ("truth", "path_cv", "path_lstm")}
+    write_columns(plain | inputs | paths, folder / "place.parquet")
+
+
+def make_checkpoint(folder: Path) -> None:
+    """An untrained motion network."""
+    torch.manual_seed(0)
+    about = {"kind": "motion", "network": NETWORK.plain(), "dt_s": 0.3}
+    write_checkpoint(folder, MotionLstm(NETWORK).state_dict(), about)
+
+
+def read_model(folder: Path) -> object:
+    """Description and network, and one step of two people."""
+    about = read_description(folder)
+    network = ExportedNetwork(folder, about)
+    memory = {name: np.zeros((2, units), np.float32) for name, units in about.memory.items()}
+    cells, cones = about.features.grid_cells, about.features.angular_cells
+    shapes = {"state": (2, 2), "crop": (2, cells, cells), "angular": (2, cones)}
+    return network.step({n: np.zeros(shapes[n], np.float32) for n in about.inputs}, memory)
+
+
+def make_open_recording(folder: Path) -> None:
+    """Neither compressed nor in chunks nor with checksums, so that damage reaches the messages."""
+    write_recording(place(), folder / "closed.mcap")
+    with (folder / "closed.mcap").open("rb") as source, (folder / "place.mcap").open("wb") as target:
+        writer = Writer(target, use_chunking=False, enable_crcs=False, compression=CompressionType.NONE)
+        writer.start("ros2")
+        reader, channels = make_reader(source), {}
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in channels:
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", known)
+            number = channels[channel.id]
+            writer.add_message(number, message.log_time, message.data, message.publish_time)
+        writer.finish()
+
+
+def make_bag(path: Path, version: Stores, **storage: StoragePlugin) -> None:
+    """Three instants of two people, and a map."""
+    store = Store(version)
+    store.write(path, stream(store, "people_msgs/msg/People"), **storage)
+
+
+def make_archive(folder: Path) -> None:
+    """The files of a data set as a tar archive, and their sums."""
+    with tarfile.open(folder / "mirror.tar", "w") as archive:
+        for name in ARCHIVED:
+            member = tarfile.TarInfo(f"ewap_dataset/{name}")
+            member.size = len(CONTENT)
+            archive.addfile(member, io.BytesIO(CONTENT))
+    with tarfile.open(folder / "mirror.tar") as plain, tarfile.open(folder / "mirror.tgz", "w:gz") as packed:
+        for member in plain:
+            packed.addfile(member, plain.extractfile(member))
+
+
+def read_archive(folder: Path) -> None:
+    """Fetch from the archives, one of which is damaged; nothing but the right files may come of it."""
+    target = folder / "raw" / "ewap"
+    shutil.rmtree(target.parent, ignore_errors=True)
+    sums = dict.fromkeys(ARCHIVED, hashlib.sha256(CONTENT).hexdigest())
+    archives = [str(folder / f"mirror.{kind}") for kind in ("tar", "tgz")]
+    mirrors.fetch("ewap", target, [], archives, 1.0, sums)
+
+
+def make_project(folder: Path) -> None:
+    """dvc.yaml, params.yaml and conf/ of a tiny project."""
+    for name, text in {
+        "dvc.yaml": PIPELINE,
+        "params.yaml": PARAMS,
+        "conf/config.yaml": CONF,
+        "conf/scale/default.yaml": "# @package _global_\nseed: 2\n",
+        "conf/scenes/eth.yaml": "hz: 15.0\nfile: obsmat.txt\nagain: ${seed}\n",
+    }.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+
+
+def read_project(folder: Path) -> None:
+    """What a stage does before it begins."""
+    params = config.read_params(folder)
+    for address in ("plain", "listed@eth", "crossed@a-eth"):
+        OmegaConf.to_container(config.declared(params, folder, address, []), resolve=True)
