@@ -23,6 +23,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from pedpred import config
+from pedpred.bags import read_bag
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.geometry import Homography
 from pedpred.models import MotionLstm
@@ -266,6 +267,12 @@ READERS = {
         ("place.mcap",),
         lambda folder: read_recording(folder / "place.mcap"),
     ),
+    "bag": Reader(
+        lambda folder: write_recording(place(), folder / "place.mcap"),
+        ("place.mcap",),
+        lambda folder: read_bag(folder / "place.mcap"),
+    ),
+    "open bag": Reader(make_open_recording, ("place.mcap",), lambda folder: read_bag(folder / "place.mcap")),
     "archive": Reader(make_archive, ("mirror.tar", "mirror.tgz"), read_archive),
     "params": Reader(make_project, ("params.yaml", "dvc.yaml"), read_project),
     "conf": Reader(
