@@ -44,7 +44,7 @@ def kill(run: subprocess.Popen) -> None:
                 os.kill(number, signal.SIGKILL)
             except ProcessLookupError:
                 continue
-        run.poll()
+    run.wait()  # while its number is taken, DVC believes that it still holds its locks
 
 
 # Faults of one stage: each disturbs a run of it and says what it did
