@@ -61,7 +61,7 @@ def draw_people(
 def _draw_regions(axes: Axes, windows: Windows, rows: np.ndarray, method: str, place: Placing) -> None:
     """Where a method expects people with `REGION` at half the horizon and at its end."""
     colour = colours(windows.paths)[method]
-    style = {"facecolor": to_rgba(colour, 0.1), "edgecolor": to_rgba(colour, 0.5)}
+    style: dict[str, Any] = {"facecolor": to_rgba(colour, 0.1), "edgecolor": to_rgba(colour, 0.5)}
     for row in rows:
         for step in shown_steps(windows.truth.shape[1])[1:]:
             path, spread = windows.paths[method][row], windows.covariances[method][row]
