@@ -3,7 +3,7 @@
 `python -m benchmarks.online [--model models/online/finetune_eth] [--json FILE]`. One thread, every frame a
 new detection of everybody, 0.3 s apart, so that each frame takes a remembered step. The bound is the
 network's multiply-adds at the matrix rate that numpy reaches here; the convolutions are two thirds of them.
-Beside it: the same network with 8-bit weights (<model>_int8), in torch, eager, without features, and the
+Beside it: the lean export (<model>_lean), the full network in torch, eager, without features, and the
 paper's 51 ms for 20 pedestrians on an i7-4810MQ. `--hour` shows that memory stays flat.
 
 `python -m benchmarks.online --replay` compares forecasts instead of times, see `benchmarks.replay`.
@@ -129,7 +129,7 @@ def main() -> None:
     settings = MotionSettings.parse(
         json.loads((options.model / "model.json").read_text())["origin"]["network"]
     )
-    rate, lean = matrix_rate(), options.model.with_name(f"{options.model.name}_int8")
+    rate, lean = matrix_rate(), options.model.with_name(f"{options.model.name}_lean")
     rows = []
     for count in CROWDS:
         times = update_times_ms(options.model, count, 1010 if count <= 20 else 110)
@@ -140,7 +140,7 @@ def main() -> None:
                 "median_ms": float(np.median(times)),
                 "p99_ms": float(np.percentile(times, 99)),
                 "p99/median": float(np.percentile(times, 99) / np.median(times)),
-                "int8_ms": float(np.median(update_times_ms(lean, count, 110))),
+                "lean_ms": float(np.median(update_times_ms(lean, count, 110))),
                 "bound_ms": bound,
                 "median/bound": float(np.median(times)) / bound,
                 "torch_eager_ms": eager_ms(settings, count),

@@ -13,12 +13,22 @@ import logging
 import subprocess
 import time
 from collections.abc import Mapping
+from io import StringIO
 from pathlib import Path
 
+import pandas as pd
 from tqdm import tqdm
 
 from pedpred.files import write_json, write_text
-from pedpred.report.ablation import Ablation, ablation_figure, ablation_table, point_rows, read_ablation
+from pedpred.report.ablation import (
+    Ablation,
+    ablation_figure,
+    ablation_table,
+    point_rows,
+    read_ablation,
+    steps_table,
+    steps_until,
+)
 from pedpred.report.canvas import write_png
 
 PATIENCE_S = 2.0  # between two looks at the queue
@@ -42,8 +52,8 @@ def finished() -> dict[str, str]:
     return {reference.rpartition("/")[2]: reference for reference in references}
 
 
-def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) -> dict[str, dict]:
-    """Run every point as a queued DVC experiment; the measures of all methods by point."""
+def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) -> dict[str, str]:
+    """Run every point as a queued DVC experiment; their git references by point."""
     said_by("dvc", "queue", "remove", "--failed")
     if stale := sorted(set(experiments.values()) & set(finished())):
         said_by("dvc", "exp", "remove", *stale)
@@ -59,8 +69,25 @@ def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) ->
             if "failed" in done:
                 raise SystemExit("A point failed: `dvc queue status` says which, `dvc queue logs <name>` why")
             bar.update(len(set(experiments.values()) & set(done)) - bar.n)
-    shown = {p: said_by("git", "show", f"{done[name]}:{ablation.metrics}") for p, name in experiments.items()}
+    return {point: done[name] for point, name in experiments.items()}
+
+
+def measures(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict]:
+    """The measures of all methods by point."""
+    shown = {p: said_by("git", "show", f"{ref}:{ablation.metrics}") for p, ref in references.items()}
     return {point: json.loads(text)[ablation.entry] for point, text in shown.items()}
+
+
+def learning(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict[str, pd.DataFrame]]:
+    """The training curves asked for: point -> method -> curve."""
+
+    def curve(reference: str, path: str) -> pd.DataFrame:
+        return pd.read_csv(StringIO(said_by("git", "show", f"{reference}:{path}")), sep="\t")
+
+    return {
+        point: {method: curve(reference, path) for method, path in ablation.curves.items()}
+        for point, reference in references.items()
+    }
 
 
 def main() -> None:
@@ -72,11 +99,15 @@ def main() -> None:
     options = parser.parse_args()
     ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
-    rows = point_rows(ablation, reproduced(ablation, experiments, options.jobs))
+    references = reproduced(ablation, experiments, options.jobs)
+    rows = point_rows(ablation, measures(ablation, references))
+    tables = [ablation_table(ablation, rows)]
+    if ablation.curves:
+        tables.append(steps_table(ablation, steps_until(ablation, learning(ablation, references))))
     write_json(options.out / f"{options.name}.json", rows)
-    write_text(options.out / f"{options.name}.md", f"{ablation_table(ablation, rows)}\n")
+    write_text(options.out / f"{options.name}.md", "\n\n".join(tables) + "\n")
     write_png(ablation_figure(ablation, rows), options.out / f"{options.name}.png")
-    logging.getLogger(__name__).info("\n%s", ablation_table(ablation, rows))
+    logging.getLogger(__name__).info("\n%s", "\n\n".join(tables))
 
 
 if __name__ == "__main__":

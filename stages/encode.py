@@ -1,40 +1,42 @@
-"""encode@scene: the frozen convolutions' output for every occupancy crop, once and for all."""
+"""encode@scene: the frozen convolutions' output for every occupancy crop that a network is trained on."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import torch
 from omegaconf import DictConfig
 
 from pedpred.config import stage, stage_key
 from pedpred.features.table import FeatureSettings
-from pedpred.models import GridAutoencoder
-from pedpred.storage.checkpoints import load_weights, read_checkpoint
+from pedpred.models import GridEncoder
+from pedpred.models.encoding import encode, load_encoder
 from pedpred.storage.shards import read_crops, read_manifest, write_codes
-from pedpred.training.autoencoder import encode
 from pedpred.workers import in_parallel
 
 
 def codes_into(
-    out: Path, features: Path, shard: str, settings: FeatureSettings, network: GridAutoencoder
+    out: Path, features: Path, shard: str, settings: FeatureSettings, encoder: GridEncoder
 ) -> None:
-    """One worker's job, on one thread, whatever their number: the codes of one scene."""
+    """One worker's job, on one thread, whatever their number: the codes of one scene, in half precision.
+
+    Training reads them over and over, so size matters; forecasts are made from exact codes.
+    """
     torch.set_num_threads(1)
     crops = read_crops(features, shard, settings)
-    write_codes((encode(network, block, settings.grid_cells) for block in crops), out, shard)
+    codes = (encode(encoder, block, settings.grid_cells).astype(np.float16) for block in crops)
+    write_codes(codes, out, shard)
 
 
 @stage
 def main(cfg: DictConfig) -> None:
     """Read data/features/<name> and models/autoencoder, write data/codes/<name>, several scenes at once."""
     name = stage_key(cfg)
-    weights, about = read_checkpoint(Path("models/autoencoder"))
-    network = GridAutoencoder(about["settings"]["latent"])
-    load_weights(network, weights, Path("models/autoencoder"))
+    encoder = load_encoder(Path("models/autoencoder"))
     features, out = Path("data/features") / name, Path(cfg.get("out", f"data/codes/{name}"))
     settings, shards = read_manifest(features)
-    tasks = [(out, features, shard, settings, network) for shard in shards]
+    tasks = [(out, features, shard, settings, encoder) for shard in shards]
     in_parallel(codes_into, tasks, f"codes of {name}", "scene")
 
 

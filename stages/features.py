@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from omegaconf import DictConfig
 
 from pedpred.config import plain, stage, stage_key
+from pedpred.errors import ConfigError
 from pedpred.features import FeatureSettings, extract_blocks
+from pedpred.scenes import VARIANTS
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import write_manifest, write_shard
 from pedpred.tracking import KalmanSettings, SensorSettings, follow, resampled, sensed
@@ -17,10 +20,12 @@ from pedpred.workers import in_parallel
 
 
 def features_into(
-    out: Path, folder: Path, settings: FeatureSettings, source: dict, standstill_mps: float
+    out: Path, folder: Path, variant: str, settings: FeatureSettings, source: dict, standstill_mps: float
 ) -> None:
-    """One worker's job: the shard of one scene, as its protocol and its sensor show it."""
+    """One worker's job: the shard of one scene or of a variant, as its protocol and its sensor show it."""
     real = read_scene(folder)
+    if variant:
+        real = replace(VARIANTS[variant](real), name=shard_name(folder, variant))
     tracker, sensor = dict(source["tracker"]), SensorSettings(**source["sensor"])
     scene = real
     if settings.leaks:
@@ -31,6 +36,11 @@ def features_into(
     kalman = KalmanSettings(**tracker) if tracker else None
     tracks = follow(scene.recording, kind, kalman, standstill_mps, settings.lost_after_s)
     write_shard(extract_blocks(scene, tracks, settings, truth=real.recording), out, scene.name)
+
+
+def shard_name(folder: Path, variant: str) -> str:
+    """Name of a scene's shard, or of its variant's."""
+    return f"{folder.name}_{variant}" if variant else folder.name
 
 
 @stage
@@ -44,9 +54,12 @@ def main(cfg: DictConfig) -> None:
     clocks = 1 if groups["protocol"]["leaks"] else source["clocks"]  # resampled tracks have one clock
     settings = FeatureSettings(**groups["protocol"], **groups["features"], clocks=clocks)
     folders = scene_folders(Path("data/scenes") / key)
-    tasks = [(out, folder, settings, source, standstill_mps) for folder in folders]
+    if unknown := sorted(set(source["variants"]) - set(VARIANTS)):
+        raise ConfigError(f"scenes.{key}.variants", unknown, f"choose among {', '.join(VARIANTS)}")
+    seen = [(folder, variant) for folder in folders for variant in ("", *source["variants"])]
+    tasks = [(out, *one, settings, source, standstill_mps) for one in seen]
     in_parallel(features_into, tasks, f"features of {key}", "scene")
-    write_manifest(out, settings, {folder.name: folder for folder in folders})
+    write_manifest(out, settings, {shard_name(*one): one[0] for one in seen})
 
 
 if __name__ == "__main__":

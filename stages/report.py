@@ -6,13 +6,13 @@ from omegaconf import DictConfig
 
 from pedpred.config import stage, stage_key
 from pedpred.files import write_json, write_text
+from pedpred.models.autoencoder import read_autoencoder
 from pedpred.report.canvas import write_png
 from pedpred.report.curves import read_curve
 from pedpred.report.gallery import real_gallery, simulation_gallery
 from pedpred.report.metrics import read_metrics
 from pedpred.report.overview import errors_m, horizon_table, overall
 from pedpred.report.pages import real_page, simulation_page
-from pedpred.report.reconstructions import read_autoencoder
 from pedpred.storage.scenes import read_scenes
 from pedpred.storage.windows import read_windows
 
@@ -28,7 +28,7 @@ def gathered(key: str) -> tuple:
     scenes = {name: list(read_scenes(Path("data/scenes", name))) for name in [*tested, *TRAINED_IN[key]]}
     windows = {p.stem: read_windows(p) for p in sorted(Path("data/forecasts", key).glob("*.parquet"))}
     curves = {table.stem: read_curve(table) for table in sorted(Path("reports/curves", key).glob("*.tsv"))}
-    return metrics, scenes, windows, curves, read_autoencoder(Path("models/autoencoder"))
+    return metrics, scenes, windows, curves, read_autoencoder(Path("models/autoencoder"))[0]
 
 
 @stage

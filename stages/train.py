@@ -8,6 +8,7 @@ from omegaconf import DictConfig
 from pedpred.config import plain, stage, stage_key
 from pedpred.models import MotionSettings
 from pedpred.training.fit import fit, initialised, write_phase
+from pedpred.training.machine import machine
 from pedpred.training.recurrent import TrainingSettings
 
 PREVIOUS = {
@@ -19,20 +20,23 @@ PREVIOUS = {
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Train model `name` in `phase` on the data set `data`."""
+    """Train model `name` in `phase` on the data set `data`; several processes: `torchrun -m stages.train`."""
     name = stage_key(cfg)
     torch.set_num_threads(cfg.training.threads)
     phase = plain(cfg.training[cfg.phase])
     split = (phase.pop("validation_by"), phase.pop("validation_share"))
-    settings = TrainingSettings(**phase)
+    settings = TrainingSettings.parse(phase)
     network = initialised(
         MotionSettings.parse(plain(cfg.models[name]) | {"horizon_steps": cfg.protocol.horizon_steps}),
         Path(PREVIOUS[cfg.phase].format(name=name)),
         settings.seed,
     )
     title = f"{cfg.phase} of {name} on {cfg.data}"
-    features, codes = Path("data/features") / cfg.data, Path("data/codes") / cfg.data
-    curve, about = fit(network, features, codes, split, settings, title)
+    grid = (Path("data/codes") / cfg.data, Path("models/autoencoder"))
+    with machine(cfg.training.device, cfg.training.autocast) as here:
+        curve, about = fit(network, Path("data/features") / cfg.data, grid, split, settings, title, here)
+    if not here.writes:
+        return
     real = cfg.phase == "finetune"
     label, kind = (f"{cfg.phase}_{cfg.data}", "real") if real else (cfg.phase, "sim")
     out = Path(cfg.get("out", f"models/{label}/{name}"))

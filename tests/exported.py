@@ -20,6 +20,7 @@ NETWORK = MotionSettings.parse(
         "head": 16,
         "horizon_steps": 10,
         "residual": True,
+        "uncertainty": "gaussian",
     }
 )
 

@@ -2,12 +2,20 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 import yaml
 
 from pedpred import config
 from pedpred.errors import ConfigError
-from pedpred.report.ablation import ablation_figure, ablation_table, point_rows, read_ablation
+from pedpred.report.ablation import (
+    ablation_figure,
+    ablation_table,
+    point_rows,
+    read_ablation,
+    steps_table,
+    steps_until,
+)
 from pedpred.report.canvas import png_bytes
 
 ROOT = Path(__file__).parents[1]
@@ -37,8 +45,9 @@ def measured(ablation):
     }
 
 
-def test_points_become_a_picture_and_a_table():
-    ablation = read_ablation(ABLATIONS[0])
+@pytest.mark.parametrize("path", [ABLATIONS[0], ABLATIONS[1]], ids=["numbered", "named"])
+def test_points_become_a_picture_and_a_table(path):
+    ablation = read_ablation(path)
     rows = point_rows(ablation, measured(ablation))
     assert len(rows) == len(ablation.points) * 3
     assert rows[0]["overrides"] == [*ablation.always, *ablation.points[rows[0]["point"]]]
@@ -48,8 +57,37 @@ def test_points_become_a_picture_and_a_table():
     assert "0.500 (0.400 to 0.600)" in lines[2]
 
 
+def test_repeated_points_have_a_mean_and_a_spread():
+    ablation = read_ablation(ROOT / "conf" / "ablations" / "seeds.yaml")
+    assert len(ablation.points) == 3
+    rows = point_rows(ablation, measured(ablation))
+    last = ablation_table(ablation, rows).splitlines()[-1]
+    assert last.count("0.490 ± 0.010") == 3  # of 0.50, 0.49 and 0.48
+
+
+def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
+    ablation = read_ablation(ROOT / "conf" / "ablations" / "pretraining.yaml")
+    step = [0, 100, 200, 300]
+    slow = pd.DataFrame({"step": step, "validation_ade_m": [0.9, 0.8, 0.575, 0.55]})
+    fast = pd.DataFrame({"step": step, "validation_ade_m": [0.7, 0.54, 0.5, 0.52]})
+    curves = {point: {"lstm_nogrid": slow, "lstm": slow} for point in ablation.points}
+    curves["both"] = {"lstm_nogrid": fast, "lstm": fast}
+    found = steps_until(ablation, curves)
+    levels_m = list(found["lstm"])
+    assert levels_m == pytest.approx([0.6, 0.55, 0.525])
+    by_point = [(found["lstm"][m]["both"], found["lstm"][m]["no corridor"]) for m in levels_m]
+    assert by_point[0] == (100, 200)
+    assert by_point[2] == (200, None)
+    lines = steps_table(ablation, found).splitlines()
+    assert len(lines) == 2 + len(ablation.points)
+    assert "LSTM to 0.525 m" in lines[0]
+    assert lines[3].count("never") == 2
+
+
 def test_an_ablation_that_does_not_exist_is_named_beside_those_that_do():
-    with pytest.raises(ConfigError, match=r"'ablation' = 'magic': there are \['layouts'"):
+    with pytest.raises(
+        ConfigError, match=r"'ablation' = 'magic': there are \['layouts', 'pretraining', 'seeds'\]"
+    ):
         read_ablation(ABLATIONS[0].with_stem("magic"))
 
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from pedpred.baselines.kinematic import constant_acceleration, constant_velocity, kalman_velocity
 from pedpred.baselines.registry import baseline
-from pedpred.errors import ConfigError
+from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.evaluation import Scores, pooled, score, summary
-from pedpred.evaluation.compare import seen_together
+from pedpred.evaluation.compare import compare, seen_together
 from pedpred.evaluation.metrics import bootstrap_interval, displacement, inside_obstacle, too_close
 from pedpred.evaluation.scores import true_paths, world_paths
 from pedpred.features import FeatureSettings, extract
@@ -77,6 +77,8 @@ def test_summary_of_parts_pools_to_the_whole(seed):
             rng.random((windows, 10)),
             rng.random((windows, 10)) < 0.1,
             rng.random(windows) < 0.1,
+            rng.exponential(2.0, (windows, 10)),
+            rng.normal(size=(windows, 10)),
         )
 
     a, b = part(30), part(20)
@@ -85,6 +87,7 @@ def test_summary_of_parts_pools_to_the_whole(seed):
     total = summary(whole, whole, 10, 0)
     assert total["ade_m"] == pytest.approx((a.error_m.sum() + b.error_m.sum()) / 500, abs=1e-5)
     assert total["minus_kalman_cv_m"] == 0
+    assert total["nll"] == pytest.approx((a.nll.sum() + b.nll.sum()) / 500, abs=1e-5)
 
 
 def test_bootstrap_resamples_tracks_not_windows():
@@ -136,3 +139,11 @@ def test_everybody_at_a_window_moves_along_once():
 def test_unknown_baseline_is_named():
     with pytest.raises(ConfigError, match="crystal_ball"):
         baseline("crystal_ball")
+
+
+def test_a_scene_without_windows_says_so():
+    scene, options = walled_scene(np.random.default_rng(1)), {"moving_mps": 0.3, "collision_m": 0.2}
+    table = table_of(scene)
+    table = dataclasses.replace(table, window=np.zeros(len(table), bool))
+    with pytest.raises(ValueRuleError, match="nobody in walled is detected 4 times and 3 s longer"):
+        compare(scene, table, FeatureSettings(clocks=3), {}, ["cv"], options, {}, None)

@@ -10,13 +10,14 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from pedpred.config import composed
 from pedpred.simulation.arrangements import arrangements
 from pedpred.simulation.clutter import clutter_settings, cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
 from pedpred.simulation.layouts import Layout
-from pedpred.simulation.places import connected_parts, drawn_targets
+from pedpred.simulation.places import drawn_targets
 from pedpred.simulation.shapes import Circle, Door, Polygon, Rectangle, Wall, shape_from
 from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, drawn, scene_of, short
 
@@ -26,6 +27,11 @@ SHAPE_EXAMPLES = {
     "wall": lambda angle: Wall([0.0, 0.0], [4 * np.cos(angle), 4 * np.sin(angle)], 0.4, [Door(2.0, 1.0)]),
     "polygon": lambda angle: Polygon([[-3.0, -3.0], [3.0, np.sin(angle)], [-1.0, 3.0]]),
 }
+
+
+def connected_parts(distance, clearance_m):
+    """How many separate parts the cells with some clearance form."""
+    return ndimage.label(distance >= clearance_m)[1]
 
 
 def room_maps(seeds):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pedpred.datasets import MotionData, split_sequences, stream_lanes
 from pedpred.errors import ConfigError, StorageError
 from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
-from pedpred.models.autoencoder import intersection_over_union, reconstruction_loss
+from pedpred.models.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
 from pedpred.models.rolling import roll
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.training import (
@@ -22,8 +22,8 @@ from pedpred.training import (
     train_motion,
     velocity_loss,
 )
+from pedpred.training.loss import spread_loss
 from pedpred.training.schedule import learning_rate
-from pedpred.training.variation import varied
 
 SMALL = MotionSettings.parse(
     {
@@ -32,6 +32,7 @@ SMALL = MotionSettings.parse(
         "head": 16,
         "horizon_steps": 4,
         "residual": True,
+        "uncertainty": "gaussian",
     }
 )
 QUICK = TrainingSettings(
@@ -110,9 +111,9 @@ def test_chunked_forward_equals_one_long_forward(seed, cut):
     torch.manual_seed(seed)
     network = MotionLstm(SMALL).eval()
     inputs = {"state": torch.randn(3, 12, 2), "angular": torch.rand(3, 12, 72)}
-    whole, _ = network(inputs, network.start(3))
-    first, state = network({k: v[:, :cut] for k, v in inputs.items()}, network.start(3))
-    second, _ = network({k: v[:, cut:] for k, v in inputs.items()}, state.detached())
+    (whole, _), _ = network(inputs, network.start(3))
+    (first, _), state = network({k: v[:, :cut] for k, v in inputs.items()}, network.start(3))
+    (second, _), _ = network({k: v[:, cut:] for k, v in inputs.items()}, state.detached())
     torch.testing.assert_close(torch.cat([first, second], dim=1), whole, atol=1e-5, rtol=1e-4)
 
 
@@ -132,7 +133,7 @@ def test_no_gradient_flows_into_the_sub_sequence_before():
     first = {"state": torch.randn(1, 3, 2, requires_grad=True), "angular": torch.rand(1, 3, 72)}
     _, state = network(first, network.start(1))
     second, _ = network({"state": torch.randn(1, 3, 2), "angular": torch.rand(1, 3, 72)}, state.detached())
-    second.sum().backward()
+    (second.velocities.sum() + second.spread.sum()).backward()
     assert first["state"].grad is None
 
 
@@ -140,8 +141,9 @@ def test_rolling_whole_tracks_does_not_depend_on_their_company():
     data = toy_data(np.random.default_rng(0))
     network = MotionLstm(SMALL).eval()
     together, alone = roll(network, data, data.sequences), roll(network, data, data.sequences[2:3])
-    torch.testing.assert_close(together[40:60], alone[40:60], atol=1e-5, rtol=1e-4)
-    assert not alone[:40].any()
+    for a, b in zip(together, alone, strict=True):
+        torch.testing.assert_close(a[40:60], b[40:60], atol=1e-5, rtol=1e-4)
+        assert not b[:40].any()
 
 
 def test_padding_counts_neither_in_loss_nor_in_gradient():
@@ -151,9 +153,11 @@ def test_padding_counts_neither_in_loss_nor_in_gradient():
     padded = torch.cat([rows, torch.full((2, 4), -1)], dim=1)
     losses = []
     for chosen in (rows, padded):
-        predicted, _ = network(data.inputs(chosen), network.start(2))
-        losses.append(velocity_loss(predicted, data.future[chosen.clamp(min=0)], data.known(chosen)))
-    torch.testing.assert_close(losses[0], losses[1])
+        motion, _ = network(data.inputs(chosen), network.start(2))
+        future, known = data.future[chosen.clamp(min=0)], data.known(chosen)
+        losses.append(velocity_loss(motion.velocities, future, known))
+        losses.append(spread_loss(motion, future, known, data.dt_s))
+    torch.testing.assert_close(losses[:2], losses[2:])
 
 
 def test_unknown_futures_do_not_count():
@@ -172,7 +176,7 @@ def test_carried_memory_solves_what_one_sub_sequence_cannot(tmp_path):
     train_motion(network, data, data.sequences, data.sequences, long, tmp_path, "memory")
     late = [row for first, last in data.sequences for row in range(first + 10, last)]
     error = torch.linalg.vector_norm(
-        roll(network.eval(), data, data.sequences)[late] - data.future[late], dim=-1
+        roll(network.eval(), data, data.sequences).velocities[late] - data.future[late], dim=-1
     )
     assert error.mean() < 0.2  # without memory nothing beats an error of 1 m/s
 
@@ -202,45 +206,6 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     for name, weight in whole.items():
         torch.testing.assert_close(resumed[name], weight, rtol=0, atol=0)
     assert [r["step"] for r in curve] == [r["step"] for r in resumed_curve]
-
-
-def some_lanes(lanes=8, length=5, horizon=3):
-    generator = torch.Generator().manual_seed(0)
-    widths = {"state": 2, "grid": 7, "angular": 6}
-    inputs = {name: torch.rand(lanes, length, width, generator=generator) for name, width in widths.items()}
-    future = torch.rand(lanes, length, horizon, 2, generator=generator)
-    return inputs, future, torch.rand(lanes, 2, generator=generator)
-
-
-def test_nothing_varies_by_default():
-    inputs, future, chance = some_lanes()
-    same, target = varied(inputs, future, chance, 0.0, (1.0, 1.0))
-    assert torch.equal(target, future)
-    assert all(torch.equal(same[name], inputs[name]) for name in inputs)
-
-
-def test_strange_lanes_are_mirrored_beside_the_obstacles_of_their_neighbour():
-    inputs, future, chance = some_lanes()
-    other, target = varied(inputs, future, chance, 0.5, (1.0, 1.0))
-    strange = chance[:, 0] < 0.5
-    assert 0 < strange.sum() < len(strange)
-    mirror = torch.tensor([1.0, -1.0])
-    for lane in range(len(strange)):
-        sign = mirror if strange[lane] else torch.ones(2)
-        seen = inputs["angular"][lane].flip(-1) if strange[lane] else inputs["angular"][lane]
-        torch.testing.assert_close(other["state"][lane], inputs["state"][lane] * sign)
-        torch.testing.assert_close(target[lane], future[lane] * sign)
-        torch.testing.assert_close(other["angular"][lane], seen)
-        torch.testing.assert_close(other["grid"][lane], inputs["grid"][lane - int(strange[lane])])
-
-
-def test_a_pace_scales_what_was_and_what_will_be():
-    inputs, future, chance = some_lanes()
-    other, target = varied(inputs, future, chance, 0.0, (0.5, 1.5))
-    factor = 0.5 + chance[:, 1]
-    torch.testing.assert_close(other["state"], inputs["state"] * factor[:, None, None])
-    torch.testing.assert_close(target, future * factor[:, None, None, None])
-    assert torch.equal(other["grid"], inputs["grid"])
 
 
 def test_chance_holds_along_a_track_and_changes_with_it():
@@ -292,10 +257,27 @@ def test_decoder_uses_the_encoders_weights():
     assert {n for n in names if "encoder" not in n} == {"code_bias", "bias1", "bias2", "bias3"}
     crops = (torch.rand(2, 60, 60) > 0.8).float()
     assert network(crops).shape == crops.shape
+    before = network(crops)
+    with torch.no_grad():
+        network.encoder.conv1.weight.zero_()
+    assert not torch.equal(network(crops), before)
+    assert (network(crops) == 0).all()  # its last layer is the encoder's first
     assert network.encoder.code(crops).shape == (2, 392)
     assert reconstruction_loss(crops, crops).item() == 0
     assert intersection_over_union(crops, crops) == 1
     assert intersection_over_union(crops, 1 - crops) == 0
+
+
+@pytest.mark.parametrize("tied", [True, False])
+def test_an_auto_encoder_on_disk_knows_whether_it_is_tied(tmp_path, tied):
+    network, crops = GridAutoencoder(4, tied), (torch.rand(2, 60, 60) > 0.8).float()
+    write_checkpoint(tmp_path, network.state_dict(), {"settings": {"latent": 4}, "cells": 60})
+    other, cells = read_autoencoder(tmp_path)
+    assert cells == 60
+    assert torch.equal(other(crops), network(crops))
+    with torch.no_grad():
+        other.encoder.conv1.weight.zero_()
+    assert bool((other(crops) == 0).all()) == tied
 
 
 def test_autoencoder_learns_and_repeats():

@@ -24,6 +24,7 @@ def scores_of(error_m):
         np.array(error_m, float),
         np.array([[False, False], [False, False], [False, True]]),
         np.array([True, False, False]),
+        *np.zeros((2, 3, 0)),
     )
 
 

@@ -15,6 +15,7 @@ from mcap_ros2.writer import Writer
 from PIL import Image
 
 from pedpred.errors import SourceError, ValueRuleError
+from pedpred.evaluation.calibration import radius2, squared_mahalanobis
 from pedpred.geometry import rotate
 from pedpred.recording import read_recording, write_recording
 from pedpred.recording.foxglove import write_layout
@@ -142,6 +143,21 @@ def test_markers_show_people_where_they_are_and_paths_where_they_lead(tmp_path, 
             np.testing.assert_array_equal(path, [windows.position[row], *windows.truth[row]])
         start, end = ((point.x, point.y) for point in by_name["velocity"].points)
         np.testing.assert_allclose(np.subtract(end, start), 0.75 * scene.recording.velocity[row])
+
+
+def test_an_error_ellipse_ends_where_its_share_ends(tmp_path):
+    scene = small_scene(tracks=1)
+    windows, covariance = walking_on(scene), np.array([[0.5, 0.2], [0.2, 0.3]])
+    spread = np.tile(covariance, (len(scene.recording), STEPS, 1, 1))
+    write_recording(scene, tmp_path / "scene.mcap", replace(windows, covariances={"lstm": spread}), SHOWN)
+    drawn = [c for _, channel, _, c in decoded(tmp_path / "scene.mcap")[1] if channel.topic == MARKERS]
+    for row, content in enumerate(drawn):
+        disc = next(marker for marker in content.markers if marker.ns == "lstm ellipse")
+        centre = np.array([disc.pose.position.x, disc.pose.position.y])
+        np.testing.assert_allclose(centre, windows.paths["lstm"][row, -1])
+        yaw = 2 * np.arctan2(disc.pose.orientation.z, disc.pose.orientation.w)
+        ends = rotate(np.diag([disc.scale.x, disc.scale.y]) / 2, np.array([yaw, yaw]))
+        np.testing.assert_allclose(squared_mahalanobis(ends, covariance), radius2(0.9))
 
 
 def test_map_rows_run_along_x(tmp_path):

@@ -6,32 +6,31 @@ import numpy as np
 import pytest
 import yaml
 
-from pedpred.evaluation.scores import world_paths
+from pedpred.evaluation.scores import world_covariance, world_paths
 from pedpred.features import FeatureSettings, extract
-from pedpred.models import GridAutoencoder
-from pedpred.models.forecasting import forecast_velocities
+from pedpred.models.encoding import encode
+from pedpred.models.forecasting import forecast_motion
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import paths_at, replayed
 from pedpred.sources import SOURCES
 from pedpred.tracking import follow
-from pedpred.training.autoencoder import encode
 from tests.conftest import ROOT
 from tests.exported import TRACKER
 from tests.worlds import walled_scene
 
 
 def offline_and_online(scene, kind, clocks, model):
-    """The feature table, each row's path from the whole table, and from a replay (NaN between frames)."""
+    """The feature table, (path, covariance) of each row from the whole table, and from a
+    replay (NaN between frames)."""
     folder, network, encoder = model
     settings = FeatureSettings(clocks=clocks)
     tracks = follow(scene.recording, kind, TRACKER if kind == "kalman" else None, 0.2)
     table = extract(scene, tracks, settings)
-    whole = GridAutoencoder(64)
-    whole.encoder.load_state_dict(encoder.state_dict())
-    velocities = forecast_velocities(network, table, encode(whole, table.occupancy, 60), settings)
+    velocities, covariance = forecast_motion(network, table, encode(encoder, table.occupancy, 60), settings)
     robot = OnlinePredictor.load(folder, OnlineSettings.as_offline(settings, scene.detection_dt_s))
     online = paths_at(replayed(scene, robot, kind == "truth"), table.track_id, table.time_s, 10)
-    return table, world_paths(table, velocities, settings.dt_s), online
+    offline = world_paths(table, velocities, settings.dt_s), world_covariance(table, covariance)
+    return table, offline, online
 
 
 @pytest.mark.parametrize(
@@ -44,8 +43,9 @@ def test_a_replay_gives_the_offline_forecasts(model, kind, dt_s, clocks):
     instants = np.unique(scene.recording.time_s)
     detected = np.abs(table.time_s[:, None] - instants).min(axis=1) < 1e-6
     assert detected.sum() > 20
-    np.testing.assert_allclose(online[detected], offline[detected], atol=1e-4)
-    assert np.isnan(online[~detected]).all()
+    for replay, whole in zip(online, offline, strict=True):  # paths, covariances
+        np.testing.assert_allclose(replay[detected], whole[detected], atol=1e-4, rtol=1e-4)
+        assert np.isnan(replay[~detected]).all()
 
 
 @pytest.mark.parametrize("place", ["eth", "hotel"])
@@ -58,4 +58,5 @@ def test_real_recordings_give_the_offline_forecasts(place, ewap_folder, model):
     table, offline, online = offline_and_online(scene, "kalman", about["clocks"], model)
     assert table.window.sum() > 100
     assert set(table.clock[table.window]) == set(range(about["clocks"]))
-    np.testing.assert_allclose(online[table.window], offline[table.window], atol=1e-4)
+    for replay, whole in zip(online, offline, strict=True):
+        np.testing.assert_allclose(replay[table.window], whole[table.window], atol=1e-4, rtol=1e-4)

@@ -11,9 +11,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from pedpred.errors import StorageError, ValueRuleError
+from pedpred.evaluation.calibration import radius2, squared_mahalanobis
 from pedpred.features import occupancy_crops
 from pedpred.geometry import Homography, to_world
 from pedpred.models.autoencoder import GridAutoencoder
+from pedpred.report.calibration import ellipse
 from pedpred.report.canvas import png_bytes
 from pedpred.report.curves import curves_figure, stage_and_model
 from pedpred.report.findings import real_findings, simulation_findings, summed_up
@@ -27,7 +29,7 @@ from pedpred.report.overview import errors_m, horizon_table, overall
 from pedpred.report.pages import Picture, Section, answer, joined, real_page, simulation_page
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
 from pedpred.report.reconstructions import evenly_chosen, reconstructed
-from pedpred.report.tables import methods_table
+from pedpred.report.tables import calibration_table, methods_table
 from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
 from pedpred.storage.columns import write_columns
 from pedpred.storage.windows import RANGE_M, Windows, read_windows
@@ -57,7 +59,11 @@ def measures(ade_m, gap_m=None, spread_m=0.01):
 
 def metrics_of(errors_m, spread_m=0.01):
     reference = errors_m.get("kalman_cv", 0.0)
-    return {name: measures(ade, ade - reference, spread_m) for name, ade in errors_m.items()}
+    found = {name: measures(ade, ade - reference, spread_m) for name, ade in errors_m.items()}
+    if "lstm" in found:
+        covered = {f"per_step_coverage_{p}": [p / 100 + 0.01] * STEPS for p in (50, 90, 95)}
+        found["lstm"] |= {"nll": 0.5, "per_step_nll": np.linspace(-4.0, 2.0, STEPS).tolist(), **covered}
+    return found
 
 
 def verdicts(findings):
@@ -131,6 +137,20 @@ def test_a_table_row_holds_its_figures_beside_the_papers():
     assert cells[5:] == ["20.00 %", "+0.100 (+0.090 to +0.110)", "0.652"]
     assert rows["Kalman CV"].endswith("| - | - |")
     assert {row.count(" | ") for row in table.splitlines()} == {7}
+
+
+def test_the_table_of_ellipses_holds_three_times_ahead_of_whoever_tells_them():
+    rows = calibration_table(metrics_of(MEETING)).split("\n")
+    assert rows[0].startswith("| after 0.3 / 1.5 / 3.0 s | in the 50 % ellipse [%] |")
+    assert rows[2:] == ["| LSTM | 51 / 51 / 51 | 91 / 91 / 91 | 96 / 96 / 96 | -4.00 / -1.33 / 2.00 |"]
+    assert calibration_table(metrics_of({"cv": 1.0, "kalman_cv": 0.5})) == ""
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
+def test_an_ellipse_is_drawn_where_its_share_ends(share):
+    centre, covariance = np.array([3.0, -1.0]), np.array([[0.5, 0.2], [0.2, 0.3]])
+    outline = ellipse(centre, covariance, share)
+    np.testing.assert_allclose(squared_mahalanobis(outline - centre, covariance), radius2(share))
 
 
 def test_methods_keep_order_and_colour_whoever_else_is_there():
@@ -223,6 +243,8 @@ def columns_of(scene, walkers=5, planted_s=None):
     columns |= {"heading_rad": heading_rad, "vx_mps": np.ones(rows), "vy_mps": np.zeros(rows), "grid": crops}
     columns |= {"angular_grid": np.full((rows, 72), RANGE_M, np.float32)}
     paths = {"truth": truth, "path_kalman_cv": kalman, "path_lstm": lstm}
+    spread = ahead_s[:, None, None] ** 2 * np.diag([0.04, 0.09])
+    paths["covariance_lstm"] = np.tile(spread, (rows, 1, 1, 1))
     return columns | {name: values.astype(np.float32) for name, values in paths.items()}
 
 
@@ -239,6 +261,7 @@ def test_forecasts_are_read_as_they_were_written(tmp_path):
     np.testing.assert_array_equal(windows.truth, columns["truth"])
     np.testing.assert_array_equal(windows.paths["lstm"], columns["path_lstm"])
     assert windows.paths.keys() == {"kalman_cv", "lstm"}
+    np.testing.assert_array_equal(windows.covariances["lstm"], columns["covariance_lstm"])
     assert windows.grid(0).shape == (60, 60)
 
 
@@ -375,7 +398,7 @@ def galleries(folder):
 
 def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
     first, second = galleries(tmp_path), galleries(tmp_path)
-    assert len(first) == 10
+    assert len(first) == 12
     for one, two in zip(first, second, strict=True):
         file = png_bytes(one.figure)
         assert file == png_bytes(two.figure), one.name

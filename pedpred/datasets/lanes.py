@@ -15,7 +15,7 @@ class LaneBatch:
     Attributes:
         rows: rows of the data set; -1 pads behind the end of a track. [B, L]
         starts: a track starts here, so the lane's memory is forgotten first. [B] bool
-        chance: two uniform numbers in [0, 1), drawn where a track starts and held along it. [B, 2] float32
+        chance: uniform numbers in [0, 1), drawn where a track starts and held along it. [B, 3] float32
     """
 
     rows: np.ndarray
@@ -50,7 +50,7 @@ def stream_lanes(
     """
     queue: list[tuple[int, int]] = []
     position, end = np.zeros(lanes, dtype=np.int64), np.zeros(lanes, dtype=np.int64)
-    chance = np.zeros((lanes, 2), dtype=np.float32)
+    chance = np.zeros((lanes, 3), dtype=np.float32)
     while True:
         starts = position >= end
         for lane in np.flatnonzero(starts):
@@ -58,7 +58,7 @@ def stream_lanes(
                 pieces = cut(sequences, longest, rng)
                 queue = [(int(a), int(b)) for a, b in pieces[rng.permutation(len(pieces))]]
             position[lane], end[lane] = queue.pop()
-            chance[lane] = rng.random(2, dtype=np.float32)
+            chance[lane] = rng.random(3, dtype=np.float32)
         rows = position[:, None] + np.arange(length)
         yield LaneBatch(np.where(rows < end[:, None], rows, -1), starts, chance.copy())
         position += length

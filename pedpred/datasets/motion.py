@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,10 +23,11 @@ class MotionData:
         angular: 1 - r / r_max of the angular pedestrian grid. [M, K] float32
         future: targets, agent frame, m/s. [M, P, 2] float32
         future_steps: known steps of each target. [M] int64
-        code: frozen encoder's output, where it was asked for. [M, C] float16
+        code: frozen encoder's output, where it was asked for; half precision from disk. [M, C]
+        empty_code: the encoder's output of a crop without obstacles; zeros when it is not given. [C] float32
         sequences: rows [first, last) of each (scene, track, clock). [S, 2]
         scene: index of the scene that each sequence belongs to. [S]
-        track: index of the track that each sequence belongs to. [S]
+        track: id of the track that each sequence belongs to; variants of a scene share it. [S]
         dt_s: time between steps, s.
     """
 
@@ -38,20 +40,42 @@ class MotionData:
     scene: np.ndarray
     track: np.ndarray
     dt_s: float
+    empty_code: torch.Tensor | None = None
 
-    def inputs(self, rows: torch.Tensor) -> dict[str, torch.Tensor]:
-        """The network's inputs at some rows, [...] -> channel -> [..., width]; row < 0 gives zeros."""
-        real = (rows >= 0)[..., None]
-        rows = rows.clamp(min=0)
-        values = {"state": self.velocity[rows], "angular": self.angular[rows]}
+    def to(self, device: torch.device) -> MotionData:
+        """The same rows on another device, all of them."""
+        tensors = {k: v.to(device) for k, v in vars(self).items() if isinstance(v, torch.Tensor)}
+        return MotionData(**vars(self) | tensors)
+
+    def inputs(
+        self, rows: torch.Tensor, instead: Mapping[str, torch.Tensor] | None = None
+    ) -> dict[str, torch.Tensor]:
+        """The network's inputs at some rows, [...] -> channel -> [..., width].
+
+        Args:
+            rows: row < 0 stands still, sees nobody and no obstacle. [...]
+            instead: channel -> rows that this channel is looked up at instead. [...]
+        """
+        tables: dict[str, tuple[torch.Tensor, torch.Tensor | None]]
+        tables = {"state": (self.velocity, None), "angular": (self.angular, None)}
         if self.code is not None:
-            values["grid"] = self.code[rows].to(torch.float32)
-        return {name: value * real for name, value in values.items()}
+            tables["grid"] = (self.code, self.empty_code)
+        instead = instead or {}
+        return {
+            name: _entries(table, instead.get(name, rows), nothing)
+            for name, (table, nothing) in tables.items()
+        }
 
     def known(self, rows: torch.Tensor) -> torch.Tensor:
         """Which target steps count at some rows, [...] -> [..., P]; none at row < 0."""
-        steps = torch.arange(self.future.shape[1])
+        steps = torch.arange(self.future.shape[1], device=rows.device)
         return (steps < self.future_steps[rows.clamp(min=0)][..., None]) & (rows >= 0)[..., None]
+
+
+def _entries(table: torch.Tensor, rows: torch.Tensor, nothing: torch.Tensor | None) -> torch.Tensor:
+    """Entries of a table [M, W]; at row < 0 `nothing` [W], which is zeros when None. [...] -> [..., W]."""
+    found = table.index_select(0, rows.clamp(min=0).flatten()).to(torch.float32).unflatten(0, rows.shape)
+    return torch.where((rows >= 0)[..., None], found, 0.0 if nothing is None else nothing)
 
 
 def sequences_of(table: FeatureTable) -> np.ndarray:
@@ -70,15 +94,14 @@ def load_motion_data(features: Path, codes: Path | None) -> MotionData:
     """
     settings, names = read_manifest(features)
     tables, code, sequences, scene, track = [], [], [], [], []
-    rows = tracks = 0
+    rows = 0
     for index, name in enumerate(names):
         table = read_shard(features, name, settings)
         spans = sequences_of(table)
         sequences.append(spans + rows)
         scene.append(np.full(len(spans), index))
-        known, own = np.unique(table.track_id[spans[:, 0]], return_inverse=True)
-        track.append(own + tracks)
-        rows, tracks = rows + len(table), tracks + len(known)
+        track.append(table.track_id[spans[:, 0]])
+        rows += len(table)
         tables.append(network_columns(table, settings))
         if codes is not None:
             code.append(read_codes(codes, name))

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from pedpred.baselines.registry import baseline
-from pedpred.evaluation.scores import Scores, score, true_paths, world_paths
+from pedpred.evaluation.scores import (
+    Scores,
+    score,
+    true_paths,
+    windows_of,
+    world_covariance,
+    world_paths,
+)
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.scenes import Scene
 
@@ -19,10 +26,11 @@ def compare(
     scene: Scene,
     table: FeatureTable,
     settings: FeatureSettings,
-    velocities: Mapping[str, np.ndarray],
+    networks: Mapping[str, tuple[np.ndarray, np.ndarray | None]],
     baselines: Sequence[str],
     options: Mapping[str, Any],
     social_force: Mapping[str, Any],
+    kalman: np.ndarray | None,
 ) -> tuple[dict[str, np.ndarray], dict[str, Scores]]:
     """Forecast and measure.
 
@@ -30,30 +38,41 @@ def compare(
         scene: the test scene.
         table: its features, all rows.
         settings: sizes of the features.
-        velocities: what each network forecasts at every row, agent frames, m/s. {method: [M, P, 2]}
+        networks: what each network forecasts at every row, agent frames: velocities, m/s [M, P, 2], and
+            the covariance of positions, m^2 [M, P, 2, 2], or None.
         baselines: names of the untrained methods.
         options: `evaluation` configuration: moving_mps, collision_m.
         social_force: settings of the social-force model at this place.
+        kalman: covariance that the tracker gives its own forecast, m^2 [P, 2, 2]; None when the tracked
+            states are true.
+
+    Raises:
+        ValueRuleError: the scene has no window.
 
     Returns:
         Columns of the forecast file (one row per window), and the scores of each method.
     """
     ahead_s = (np.arange(settings.horizon_steps) + 1) * settings.dt_s
-    window = np.flatnonzero(table.window)
+    window = windows_of(table, settings, scene.name)
     windows = table.select(window)
-    paths = {}
+    paths, covariances = {}, {}
     together = seen_together(table)
     for name in baselines:
         everybody = baseline(name)(scene, table, together, ahead_s, social_force)
         paths[name] = everybody[np.searchsorted(together, window)]
-    for name, forecast in velocities.items():
-        paths[name] = world_paths(windows, forecast[window], settings.dt_s)
+    if kalman is not None:
+        covariances["kalman_cv"] = np.tile(kalman, (len(window), 1, 1, 1))
+    for name, (velocities, covariance) in networks.items():
+        paths[name] = world_paths(windows, velocities[window], settings.dt_s)
+        if covariance is not None:
+            covariances[name] = world_covariance(windows, covariance[window])
     truth = true_paths(windows, settings.dt_s)
+    near = (options["moving_mps"], options["collision_m"])
     scores = {
-        name: score(windows, truth, path, scene.occupancy, options["moving_mps"], options["collision_m"])
+        name: score(windows, truth, path, scene.occupancy, *near, covariances.get(name))
         for name, path in paths.items()
     }
-    return forecast_columns(windows, truth, paths), scores
+    return forecast_columns(windows, truth, paths, covariances), scores
 
 
 def seen_together(table: FeatureTable) -> np.ndarray:
@@ -66,9 +85,12 @@ def seen_together(table: FeatureTable) -> np.ndarray:
 
 
 def forecast_columns(
-    windows: FeatureTable, truth: np.ndarray, paths: Mapping[str, np.ndarray]
+    windows: FeatureTable,
+    truth: np.ndarray,
+    paths: Mapping[str, np.ndarray],
+    covariances: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
-    """What the pictures need, one row per window; paths in world metres, [P, 2] row-major."""
+    """What the pictures need, one row per window; world paths, m [P, 2], and covariances, m^2 [P, 2, 2]."""
     columns = {
         "track_id": windows.track_id,
         "clock": windows.clock,
@@ -83,4 +105,5 @@ def forecast_columns(
         "angular_grid": windows.angular_grid,
         "truth": truth.astype(np.float32),
     }
-    return columns | {f"path_{name}": path.astype(np.float32) for name, path in paths.items()}
+    columns |= {f"path_{name}": path.astype(np.float32) for name, path in paths.items()}
+    return columns | {f"covariance_{name}": own.astype(np.float32) for name, own in covariances.items()}

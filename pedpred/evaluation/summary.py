@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pedpred.evaluation.calibration import REGIONS, coverage
 from pedpred.evaluation.metrics import bootstrap_interval
 from pedpred.evaluation.scores import Scores, pooled
 
@@ -68,8 +69,17 @@ def summary(scores: Scores, reference: Scores, samples: int, seed: int) -> dict[
         "per_step_q25_m": quartiles[0],
         "per_step_q50_m": quartiles[1],
         "per_step_q75_m": quartiles[2],
+        **_calibration(scores),
     }
     return {name: _plain(value) for name, value in values.items()}
+
+
+def _calibration(scores: Scores) -> dict[str, Any]:
+    """What the truth says of a method's own covariances; nothing of a method that tells none."""
+    if not scores.nll.shape[1]:
+        return {}
+    covered = {f"per_step_coverage_{100 * share:.0f}": coverage(scores.distance2, share) for share in REGIONS}
+    return {"nll": scores.nll.mean(), "per_step_nll": scores.nll.mean(axis=0), **covered}
 
 
 def _plain(value: Any) -> Any:

@@ -31,6 +31,20 @@ def rotate(vectors: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
+def rotated_covariance(covariance: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
+    """Covariance of vectors that are turned counter-clockwise, R Sigma R^T.
+
+    Args:
+        covariance: symmetric. [..., 2, 2]
+        angle_rad: angle of each, broadcast against the leading axes. [...]
+
+    Returns:
+        Same unit. [..., 2, 2]
+    """
+    columns = rotate(np.asarray(covariance), np.asarray(angle_rad)[..., None])  # (R Sigma)^T = Sigma R^T
+    return rotate(np.swapaxes(columns, -1, -2), np.asarray(angle_rad)[..., None])
+
+
 def to_agent(points: np.ndarray, origin: np.ndarray, heading_rad: np.ndarray) -> np.ndarray:
     """Express world points in the frame of an agent.
 

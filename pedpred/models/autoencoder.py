@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as f
 
+from pedpred.errors import StorageError
+from pedpred.files import decoding
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
+
+WIDTHS = (64, 32)
+"""Channels behind the first and the second convolution."""
 CODE_SHAPE = (8, 7, 7)
 CODE_WIDTH = 8 * 7 * 7
 """What the convolutions leave of a 60 x 60 crop: 7 x 7 cells of 8 channels."""
@@ -14,11 +23,12 @@ CODE_WIDTH = 8 * 7 * 7
 class GridEncoder(nn.Module):
     """Crop -> code (convolutions, frozen after pre-training) -> latent (fully connected)."""
 
-    def __init__(self, latent: int = 64):
+    def __init__(self, latent: int = 64, widths: tuple[int, int] = WIDTHS):
         super().__init__()
-        self.conv1 = nn.Conv2d(1, 64, kernel_size=5, stride=2)
-        self.conv2 = nn.Conv2d(64, 32, kernel_size=3, stride=2, padding=1)
-        self.conv3 = nn.Conv2d(32, 8, kernel_size=3, stride=2, padding=1)
+        first, second = widths
+        self.conv1 = nn.Conv2d(1, first, kernel_size=5, stride=2)
+        self.conv2 = nn.Conv2d(first, second, kernel_size=3, stride=2, padding=1)
+        self.conv3 = nn.Conv2d(second, 8, kernel_size=3, stride=2, padding=1)
         self.fc = nn.Linear(CODE_WIDTH, latent)
 
     def code(self, crops: Tensor) -> Tensor:
@@ -33,11 +43,15 @@ class GridEncoder(nn.Module):
 
 
 class GridAutoencoder(nn.Module):
-    """Encoder and a decoder that uses the encoder's own weights, transposed, with biases of its own."""
+    """Encoder and a decoder that uses the encoder's own weights, transposed, with biases of its own.
 
-    def __init__(self, latent: int = 64):
+    Untied, for comparison, the decoder has weights of its own.
+    """
+
+    def __init__(self, latent: int = 64, tied: bool = True):
         super().__init__()
         self.encoder = GridEncoder(latent)
+        self.decoder = nn.ParameterDict({} if tied else _weights(GridEncoder(latent)))
         self.code_bias = nn.Parameter(torch.zeros(CODE_WIDTH))
         self.bias3 = nn.Parameter(torch.zeros(32))
         self.bias2 = nn.Parameter(torch.zeros(64))
@@ -45,12 +59,32 @@ class GridAutoencoder(nn.Module):
 
     def forward(self, crops: Tensor) -> Tensor:
         """Reconstruct crops, linearly: a sigmoid saturates at "all free" first. [N, 60, 60] both."""
-        encoder = self.encoder
-        code = torch.relu(f.linear(encoder(crops), encoder.fc.weight.t(), self.code_bias))
+        weights = _weights(self.encoder) | dict(self.decoder.items())
+        code = torch.relu(f.linear(self.encoder(crops), weights["fc"].t(), self.code_bias))
         hidden = code.unflatten(1, CODE_SHAPE)
-        hidden = torch.relu(_up(hidden, encoder.conv3.weight, self.bias3, padding=1))
-        hidden = torch.relu(_up(hidden, encoder.conv2.weight, self.bias2, padding=1))
-        return _up(hidden, encoder.conv1.weight, self.bias1, padding=0).squeeze(1)
+        hidden = torch.relu(_up(hidden, weights["conv3"], self.bias3, padding=1))
+        hidden = torch.relu(_up(hidden, weights["conv2"], self.bias2, padding=1))
+        return _up(hidden, weights["conv1"], self.bias1, padding=0).squeeze(1)
+
+
+def read_autoencoder(folder: Path) -> tuple[GridAutoencoder, int]:
+    """A pre-trained auto-encoder and the cells per side of its crops.
+
+    Raises:
+        StorageError: a file is missing, damaged or of another network.
+    """
+    weights, about = read_checkpoint(folder)
+    tied = not any(name.startswith("decoder.") for name in weights)
+    with decoding(
+        partial(StorageError, folder / "about.json", "settings", remedy="Train it again (dvc repro)")
+    ):
+        network, cells = GridAutoencoder(about["settings"]["latent"], tied), int(about["cells"])
+    load_weights(network, weights, folder)
+    return network, cells
+
+
+def _weights(encoder: GridEncoder) -> dict[str, Tensor]:
+    return {name: encoder.get_parameter(f"{name}.weight") for name, _ in encoder.named_children()}
 
 
 def _up(hidden: Tensor, weight: Tensor, bias: Tensor, padding: int) -> Tensor:

@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from pedpred.files import aside
 from pedpred.models.autoencoder import GridEncoder
 from pedpred.models.motion import INPUT_WIDTHS, LEAK, MotionLstm
+from pedpred.models.uncertainty import FLOOR_M, GaussianHead
 
 _OPSET, _IR = 17, 9
 
@@ -60,8 +61,22 @@ class _Graph:
         self.add("Squeeze", [after[1], "axis0"], f"{name}_cell_next")
         return self.add("Squeeze", [after[0], "axis0"], f"{name}_hidden_next")
 
+    def covariance(self, head: GaussianHead, memory: str, steps: int) -> str:
+        """`covariance_of` what the head makes of a memory, m^2, [people, steps, 2, 2]."""
+        shape = self.constant("spread_shape", np.array([-1, steps, 3]))
+        raw = self.add("Reshape", [self.linear("spread", head.out, memory), shape], "raw_spread")
+        self.nodes.append(helper.make_node("Split", [raw], ["raw_a", "raw_c", "k"], axis=2))
+        floor = self.constant("floor_m", np.array(FLOOR_M, dtype=np.float32))
+        a, c = (self.add("Add", [self.add("Softplus", [f"raw_{n}"], f"soft_{n}"), floor], n) for n in "ac")
+        forward, rest = self.add("Mul", [a, a], "a_a"), self.add("Mul", [c, c], "c_c")
+        shared = self.add("Mul", ["k", forward], "k_a_a")
+        left = self.add("Add", [self.add("Mul", ["k", shared], "k_k_a_a"), rest], "left")
+        entries = self.add("Concat", [forward, shared, shared, left], "entries", axis=2)
+        square = self.constant("square", np.array([-1, steps, 2, 2]))
+        return self.add("Reshape", [entries, square], "covariance")
+
     def code(self, encoder: GridEncoder) -> str:
-        """The frozen convolutions of `crop`, in half precision, as the network has learned from them."""
+        """The frozen convolutions of `crop`."""
         value = self.add("Unsqueeze", ["crop", "axis1"], "image")
         for name in ("conv1", "conv2", "conv3"):
             layer = getattr(encoder, name)
@@ -69,9 +84,7 @@ class _Graph:
             pads = [*layer.padding, *layer.padding]
             value = self.add("Conv", [value, *weights], f"{name}_out", strides=layer.stride, pads=pads)
             value = self.add("Relu", [value], f"{name}_relu")
-        value = self.add("Flatten", [value], "code")
-        value = self.add("Cast", [value], "code_half", to=TensorProto.FLOAT16)
-        return self.add("Cast", [value], "grid", to=TensorProto.FLOAT)
+        return self.add("Flatten", [value], "grid")
 
 
 def export_onnx(network: MotionLstm, encoder: GridEncoder, cells: int, path: Path) -> dict[str, Any]:
@@ -84,7 +97,8 @@ def export_onnx(network: MotionLstm, encoder: GridEncoder, cells: int, path: Pat
         path: the file to write.
 
     Returns:
-        "inputs": their names in order; "memory": names in order and units.
+        "inputs": their names in order; "memory": names in order and units; "spread": whether the graph tells
+        the covariance of positions.
     """
     graph, settings = _Graph(), network.settings
     graph.constant("axis0", np.array([0]))
@@ -105,15 +119,14 @@ def export_onnx(network: MotionLstm, encoder: GridEncoder, cells: int, path: Pat
     paths = graph.add("Reshape", [flat, shape], "paths" if settings.residual else "velocities")
     if settings.residual:
         graph.add("Add", [paths, graph.add("Unsqueeze", ["state", "axis1"], "present")], "velocities")
+    steps = settings.horizon_steps
+    told = {"velocities": [steps, 2]}
+    if network.uncertainty is not None:
+        told[graph.covariance(network.uncertainty, fused, steps)] = [steps, 2, 2]
     units = {f"{n}_{part}": v[0].shape[2] for n, v in network.start(1).memory.items() for part in _PARTS}
     after = {f"{name}_next": [width] for name, width in units.items()}
-    _write(
-        graph,
-        shapes | {k: [v] for k, v in units.items()},
-        {"velocities": [settings.horizon_steps, 2]} | after,
-        path,
-    )
-    return {"inputs": tuple(shapes), "memory": units}
+    _write(graph, shapes | {k: [v] for k, v in units.items()}, told | after, path)
+    return {"inputs": tuple(shapes), "memory": units, "spread": network.uncertainty is not None}
 
 
 _PARTS = ("hidden", "cell")

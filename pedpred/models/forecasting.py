@@ -14,6 +14,7 @@ from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.files import decoding
 from pedpred.models.motion import MotionLstm, MotionSettings
 from pedpred.models.rolling import roll
+from pedpred.models.uncertainty import covariance_of
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
 
@@ -33,16 +34,20 @@ def load_motion_lstm(folder: Path) -> MotionLstm:
     return network.eval()
 
 
-def forecast_velocities(
+def forecast_motion(
     network: MotionLstm, table: FeatureTable, codes: np.ndarray, settings: FeatureSettings
-) -> np.ndarray:
-    """Forecast at every row of one scene's feature table, in agent frames, m/s. [M, P, 2].
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Forecast at every row of one scene's feature table, in agent frames.
 
     Args:
         network: trained.
         table: the whole table, so that memory builds up as it would on a robot.
-        codes: the frozen encoder's outputs of its crops. [M, C]
+        codes: the frozen encoder's outputs of its crops, not rounded. [M, C] float32
         settings: the sizes that the table was made with.
+
+    Returns:
+        Velocities, m/s. [M, P, 2]
+        Covariance of the position at the end of each step, m^2; None if the network tells none. [M, P, 2, 2]
     """
     spans = sequences_of(table)
     velocity, angular, future, future_steps = map(torch.from_numpy, network_columns(table, settings))
@@ -57,4 +62,6 @@ def forecast_velocities(
         track=table.track_id[spans[:, 0]],
         dt_s=settings.dt_s,
     )
-    return roll(network, data, spans).numpy()
+    motion = roll(network, data, spans)
+    covariance = None if motion.spread is None else covariance_of(motion.spread).numpy()
+    return motion.velocities.numpy(), covariance

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import leaky_relu
 
 from pedpred.errors import ConfigError
+from pedpred.models.uncertainty import UNCERTAINTIES
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ class MotionSettings:
         horizon_steps: forecast velocities P.
         residual: the output is added to the tracked velocity instead of standing alone.
         dropout: probability that a unit in front of the head is dropped while training.
+        uncertainty: what the network tells of its own error: "none", or a key of `UNCERTAINTIES`.
     """
 
     channels: Mapping[str, ChannelWidths]
@@ -39,6 +42,12 @@ class MotionSettings:
     horizon_steps: int
     residual: bool
     dropout: float = 0.0
+    uncertainty: str = "none"
+
+    def __post_init__(self) -> None:
+        known = ("none", *UNCERTAINTIES)
+        if self.uncertainty not in known:
+            raise ConfigError("uncertainty", self.uncertainty, f"known uncertainties are {known}")
 
     @classmethod
     def parse(cls, plain: Mapping) -> MotionSettings:
@@ -83,6 +92,19 @@ class MotionState:
         return MotionState({k: (h.detach(), c.detach()) for k, (h, c) in self.memory.items()})
 
 
+class Motion(NamedTuple):
+    """What a network says about the next P steps, in agent frames.
+
+    Attributes:
+        velocities: m/s. [..., P, 2]
+        spread: of the position error at the end of each step, (a, c, k) of `GaussianHead`; None from a
+            network that tells none. [..., P, 3]
+    """
+
+    velocities: Tensor
+    spread: Tensor | None
+
+
 class MotionLstm(nn.Module):
     """Velocity, obstacles and neighbours in, the next P velocities out, step by step."""
 
@@ -99,16 +121,21 @@ class MotionLstm(nn.Module):
         self.dropout = nn.Dropout(settings.dropout)
         self.head = nn.Linear(settings.joint, settings.head)
         self.out = nn.Linear(settings.head, 2 * settings.horizon_steps)
+        # Made last: the random numbers before it are those of a network without it.
+        self.uncertainty = (
+            UNCERTAINTIES[settings.uncertainty](settings.joint, settings.horizon_steps)
+            if settings.uncertainty != "none"
+            else None
+        )
 
     def start(self, lanes: int) -> MotionState:
         """Memory of tracks that have just been seen: zeros."""
         units = {name: widths.lstm for name, widths in self.settings.channels.items()}
         units["joint"] = self.settings.joint
-        return MotionState(
-            {k: (torch.zeros(1, lanes, n), torch.zeros(1, lanes, n)) for k, n in units.items()}
-        )
+        zeros = self.out.weight.new_zeros
+        return MotionState({k: (zeros(1, lanes, n), zeros(1, lanes, n)) for k, n in units.items()})
 
-    def forward(self, inputs: Mapping[str, Tensor], state: MotionState) -> tuple[Tensor, MotionState]:
+    def forward(self, inputs: Mapping[str, Tensor], state: MotionState) -> tuple[Motion, MotionState]:
         """Forecast after every step of a sub-sequence.
 
         Args:
@@ -116,7 +143,7 @@ class MotionLstm(nn.Module):
             state: memory before the sub-sequence.
 
         Returns:
-            Future velocities, agent frame of each step, m/s [B, L, P, 2], and the memory after it.
+            Motion in the agent frame of each step, [B, L, ...], and the memory after it.
         """
         memory = {}
         hidden = []
@@ -129,4 +156,11 @@ class MotionLstm(nn.Module):
         velocities = self.out(head).unflatten(-1, (self.settings.horizon_steps, 2))
         if self.settings.residual:
             velocities = velocities + inputs["state"][..., None, :]
-        return velocities, MotionState(memory)
+        spread = None if self.uncertainty is None else self.uncertainty(fused)
+        return Motion(velocities, spread), MotionState(memory)
+
+    def parts(self) -> list[list[nn.Parameter]]:
+        """Weights of the mean and of its uncertainty; no gradient of one reaches the other."""
+        spread = [] if self.uncertainty is None else list(self.uncertainty.parameters())
+        own = {id(weight) for weight in spread}
+        return [[weight for weight in self.parameters() if id(weight) not in own], spread]

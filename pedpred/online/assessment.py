@@ -7,8 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from pedpred.baselines.kinematic import KINEMATIC
-from pedpred.errors import ValueRuleError
-from pedpred.evaluation.scores import Scores, score, true_paths
+from pedpred.evaluation.scores import Scores, score, true_paths, windows_of
 from pedpred.features import extract_at_detections
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.replay import paths_at
@@ -47,16 +46,15 @@ def assess(
     about, features = predictor.description, predictor.features
     tracks = follow(scene.recording, "kalman", about.tracker, about.standstill_mps, features.lost_after_s)
     table = extract_at_detections(scene, tracks, features)
-    windows = table.select(table.window)
-    if not len(windows):
-        ahead = features.horizon_steps * features.dt_s
-        rule = f"nobody in {scene.name} is detected {features.min_history + 1} times and {ahead:g} s longer"
-        raise ValueRuleError("windows", 0, rule)
+    windows = table.select(windows_of(table, features, scene.name))
     ahead_s = (np.arange(features.horizon_steps) + 1) * features.dt_s
     paths = {name: forecast(windows, ahead_s) for name, forecast in KINEMATIC.items()}
-    paths[NETWORK] = paths_at(forecasts, windows.track_id, windows.time_s, features.horizon_steps)
+    covariances = {}
+    paths[NETWORK], covariances[NETWORK] = paths_at(
+        forecasts, windows.track_id, windows.time_s, features.horizon_steps
+    )
     truth = true_paths(windows, features.dt_s)
     return {
-        name: score(windows, truth, path, scene.occupancy, moving_mps, collision_m)
+        name: score(windows, truth, path, scene.occupancy, moving_mps, collision_m, covariances.get(name))
         for name, path in paths.items()
     }

@@ -32,6 +32,7 @@ class ModelDescription:
         features: sizes and clock of the inputs.
         tracker: noise of the tracker that the positions go through.
         standstill_mps: below this speed a pedestrian keeps its heading, m/s.
+        spread: the graph tells the covariance of its positions.
     """
 
     inputs: tuple[str, ...]
@@ -39,6 +40,7 @@ class ModelDescription:
     features: FeatureSettings
     tracker: KalmanSettings
     standstill_mps: float
+    spread: bool = False
 
     def __post_init__(self) -> None:
         strangers = set(self.inputs) - {"state", "crop", "angular"}
@@ -56,10 +58,9 @@ class ModelDescription:
         crop = (sizes.grid_cells, sizes.grid_cells)
         known = {"state": (2,), "crop": crop, "angular": (sizes.angular_cells,)}
         memory = {name: (units,) for name, units in self.memory.items()}
-        return {name: known[name] for name in self.inputs} | memory, [
-            (sizes.horizon_steps, 2),
-            *memory.values(),
-        ]
+        steps = sizes.horizon_steps
+        told = [(steps, 2), (steps, 2, 2)] if self.spread else [(steps, 2)]
+        return {name: known[name] for name in self.inputs} | memory, [*told, *memory.values()]
 
 
 def write_description(folder: Path, description: ModelDescription, origin: Mapping[str, object]) -> None:
@@ -71,6 +72,7 @@ def write_description(folder: Path, description: ModelDescription, origin: Mappi
             "crop": "0 free, 1 occupied, cell (i forward, j left)",
             "angular": "1 - distance / max_range_m",
             "velocities": "m/s, agent frame, [people, horizon_steps, 2]",
+            "covariance": "m^2, agent frame, of the position after each step, [people, horizon_steps, 2, 2]",
         },
         "network_sha256": _digest(folder / _GRAPH),
         **asdict(description),
@@ -99,6 +101,7 @@ def read_description(folder: Path) -> ModelDescription:
             FeatureSettings(**about["features"]),
             KalmanSettings(**about["tracker"]),
             float(about["standstill_mps"]),
+            bool(about.get("spread", False)),  # a folder from before networks told any
         )
 
 
@@ -118,7 +121,7 @@ class ExportedNetwork:
             self._session = onnxruntime.InferenceSession(
                 str(path), options, providers=["CPUExecutionProvider"]
             )
-        self._memory = list(description.memory)
+        self._memory, self._spread = list(description.memory), description.spread
         ends = {end.name: tuple(end.shape[1:]) for end in self._session.get_inputs()}
         sizes = [tuple(end.shape[1:]) for end in self._session.get_outputs()]
         if (ends, sizes) != description.ends():
@@ -126,7 +129,7 @@ class ExportedNetwork:
 
     def step(
         self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]
-    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    ) -> tuple[np.ndarray, np.ndarray | None, dict[str, np.ndarray]]:
         """One step of N people.
 
         Args:
@@ -134,10 +137,12 @@ class ExportedNetwork:
             memory: name -> [N, units] float32, before the step.
 
         Returns:
-            Future velocities, agent frames, m/s [N, P, 2], and the memory after the step.
+            Future velocities, agent frames, m/s [N, P, 2]; the covariance of positions, agent frames, m^2
+            [N, P, 2, 2], or None from a network that tells none; the memory after the step.
         """
-        velocities, *after = self._session.run(None, {**inputs, **memory})
-        return velocities, dict(zip(self._memory, after, strict=True))
+        velocities, *others = self._session.run(None, {**inputs, **memory})
+        covariance = others.pop(0) if self._spread else None
+        return velocities, covariance, dict(zip(self._memory, others, strict=True))
 
 
 def _digest(path: Path) -> str:

@@ -32,8 +32,8 @@ def replayed(scene: Scene, predictor: OnlinePredictor, true_velocities: bool = F
 
 def paths_at(
     forecasts: Iterable[Forecast], track_id: np.ndarray, time_s: np.ndarray, horizon_steps: int
-) -> np.ndarray:
-    """The paths that a replay forecasts for some people at some instants; NaN where it has none.
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """What a replay forecasts for some people at some instants; NaN where it has nothing.
 
     Args:
         forecasts: in the order of time.
@@ -42,17 +42,21 @@ def paths_at(
         horizon_steps: P.
 
     Returns:
-        World frame, m. [W, P, 2]
+        World frame, m [W, P, 2]; m^2 [W, P, 2, 2], or None where nobody tells a covariance.
     """
     order = np.argsort(time_s, kind="stable")
     sorted_s = time_s[order]
     paths = np.full((len(order), horizon_steps, 2), np.nan)
+    covariance = np.full((*paths.shape, 2), np.nan)
     for forecast in forecasts:
         span = forecast.time_s - TIME_TOLERANCE_S, forecast.time_s + TIME_TOLERANCE_S
         rows = order[slice(*np.searchsorted(sorted_s, span))]
         rows = rows[np.isin(track_id[rows], forecast.track_id)]
-        paths[rows] = forecast.position[np.searchsorted(forecast.track_id, track_id[rows])]
-    return paths
+        own = np.searchsorted(forecast.track_id, track_id[rows])
+        paths[rows] = forecast.position[own]
+        if forecast.covariance is not None:
+            covariance[rows] = forecast.covariance[own]
+    return paths, None if np.isnan(covariance).all() else covariance
 
 
 def as_windows(scene: Scene, forecasts: Iterable[Forecast], method: str, lost_after_s: float) -> Windows:
@@ -78,9 +82,11 @@ def as_windows(scene: Scene, forecasts: Iterable[Forecast], method: str, lost_af
     truth, _ = Futures.of(scene.recording, lost_after_s).after(track_id, time_s, ahead_s)
     first = velocity.reshape(-1, 2) if steps else np.zeros((0, 2))
     present = path[:, 0] - first * dt_s if steps else np.zeros((0, 2))
+    told = [forecast.covariance for forecast in known if forecast.covariance is not None]
+    spread = {method: np.concatenate(told)} if told else {}
     rows = len(track_id)
     empty = np.zeros((rows, 0), np.uint8), np.zeros((rows, 0))
-    return Windows(track_id, time_s, present, np.zeros(rows), first, *empty, truth, {method: path})
+    return Windows(track_id, time_s, present, np.zeros(rows), first, *empty, truth, {method: path}, spread)
 
 
 def _joined(parts: list[np.ndarray], shape: tuple[int, ...], dtype: type) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pedpred.files import write_json
 from pedpred.recording.interfaces import MAP, MARKERS, PEOPLE
-from pedpred.recording.messages import FRAME
+from pedpred.recording.messages import FRAME, namespaces
 from pedpred.scenes import OccupancyMap
 
 _VIEW_RAD = np.radians(45.0)
@@ -25,6 +25,7 @@ def write_layout(occupancy: OccupancyMap, hidden: Iterable[str], path: Path) -> 
         path: the file.
     """
     centre = (occupancy.origin + occupancy.extent_m / 2).tolist()
+    off = sorted(namespace for method in hidden for namespace in namespaces(method))
     plan = {
         "cameraState": {
             "perspective": False,
@@ -43,7 +44,7 @@ def write_layout(occupancy: OccupancyMap, hidden: Iterable[str], path: Path) -> 
         "scene": {"backgroundColor": "#ffffff"},
         "topics": {
             MAP: {"visible": True, "colorMode": "map"},
-            MARKERS: {"visible": True, "namespaces": {name: {"visible": False} for name in sorted(hidden)}},
+            MARKERS: {"visible": True, "namespaces": {name: {"visible": False} for name in off}},
         },
     }
     layout = {

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pedpred.errors import ValueRuleError
+from pedpred.evaluation.calibration import radius2
 from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap
 from pedpred.storage.windows import Windows
@@ -38,7 +39,14 @@ _HEIGHT_M = 0.02
 """Paths lie this far above the map, so that neither hides the other."""
 _ARROW_S = 0.75
 """A velocity arrow ends where its person would be after this time."""
+_REGION = 0.9
+"""Share of the probability inside an error ellipse."""
 _INK: Colour = (0.13, 0.13, 0.13)
+
+
+def namespaces(method: str) -> tuple[str, str]:
+    """Markers of a method: its paths and its error ellipses, to be switched on and off."""
+    return method, f"{method} ellipse"
 
 
 def nanoseconds(time_s: np.ndarray) -> np.ndarray:
@@ -125,7 +133,7 @@ def markers_message(
 def _window_markers(
     windows: Windows, rows: np.ndarray, colours: Mapping[str, Colour], header: Message
 ) -> Iterator[Message]:
-    """The tracked velocity as an arrow, the true path and the forecast ones as lines."""
+    """The tracked velocity as an arrow, the true path and the forecast ones as lines; error ellipses."""
     paths = {"truth": (windows.truth, _INK)}
     paths |= {method: (windows.paths[method], colour) for method, colour in colours.items()}
     velocity = rotate(windows.velocity[rows], windows.heading_rad[rows])
@@ -136,6 +144,28 @@ def _window_markers(
         for name, (path, colour) in paths.items():
             line = _marker(header, name, track, _LINE_STRIP, {"x": _LINE_M}, colour, 1.0)
             yield line | {"points": [_point(point, _HEIGHT_M) for point in [start, *path[row]]]}
+            if name in windows.covariances:
+                yield _ellipse(header, name, track, path[row, -1], windows.covariances[name][row, -1], colour)
+
+
+def _ellipse(
+    header: Message, method: str, track: int, centre: np.ndarray, covariance: np.ndarray, colour: Colour
+) -> Message:
+    """A flat disc where a method expects somebody with `_REGION` at the end of its horizon."""
+    variances, axes = np.linalg.eigh(covariance)
+    length, width = 2.0 * np.sqrt(radius2(_REGION) * variances[::-1])
+    half_yaw = 0.5 * np.arctan2(axes[1, 1], axes[0, 1])
+    disc = _marker(
+        header,
+        namespaces(method)[1],
+        track,
+        _CYLINDER,
+        {"x": length, "y": width, "z": _HEIGHT_M},
+        colour,
+        0.15,
+    )
+    turned = {"z": float(np.sin(half_yaw)), "w": float(np.cos(half_yaw))}
+    return disc | {"pose": {"position": _point(centre), "orientation": turned}}
 
 
 def _marker(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from pedpred.errors import ConfigError
@@ -17,6 +19,8 @@ from pedpred.report.canvas import blank, styled
 from pedpred.report.methods import colours, label
 from pedpred.report.pages import Picture, Section
 from pedpred.report.tables import interval, markdown_table
+
+_SPREAD = "mean ± standard deviation"
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,9 @@ class Ablation:
         references: methods that no point changes, shown for scale.
         always: overrides of every point.
         points: further overrides by the name of the point.
+        repeated: the points differ in chance alone, so their mean and spread are told.
+        curves: training curves to compare, method -> file that a stage before the target writes.
+        within: after how many steps is the validation error within such a factor of the first point's best?
     """
 
     title: str
@@ -44,6 +51,9 @@ class Ablation:
     references: Sequence[str]
     always: Sequence[str]
     points: Mapping[str, Sequence[str]]
+    repeated: bool = False
+    curves: Mapping[str, str] = field(default_factory=dict)
+    within: Sequence[float] = ()
 
 
 def read_ablation(path: Path) -> Ablation:
@@ -126,4 +136,46 @@ def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> str
         (row["point"], row["method"]): f"{row['ade_m']:.3f} ({interval(row['ade_ci95_m'])})" for row in rows
     }
     body = [[name, *(cells[name, method] for method in shown)] for name in ablation.points]
+    if ablation.repeated:
+        errors = [[row["ade_m"] for row in rows if row["method"] == method] for method in shown]
+        body.append([_SPREAD, *(f"{np.mean(e):.3f} ± {np.std(e, ddof=1):.3f}" for e in errors)])
     return markdown_table([ablation.axis or "point", *map(label, shown)], body)
+
+
+def steps_until(
+    ablation: Ablation, curves: Mapping[str, Mapping[str, pd.DataFrame]]
+) -> dict[str, dict[float, dict[str, int | None]]]:
+    """After how many steps the validation error reached each level: method -> level, m -> point -> steps.
+
+    The levels are `within` times the first point's best error; None where a point did not get there.
+
+    Args:
+        ablation: what was asked.
+        curves: point -> method -> curve, see `read_curve`.
+    """
+    first = curves[next(iter(ablation.points))]
+    found: dict[str, dict[float, dict[str, int | None]]] = {}
+    for method in ablation.curves:
+        levels_m = [factor * float(first[method]["validation_ade_m"].min()) for factor in ablation.within]
+        found[method] = {
+            level_m: {point: _first_step(curves[point][method], level_m) for point in ablation.points}
+            for level_m in levels_m
+        }
+    return found
+
+
+def _first_step(curve: pd.DataFrame, level_m: float) -> int | None:
+    there = curve[curve["validation_ade_m"] <= level_m]
+    return int(there["step"].iloc[0]) if len(there) else None
+
+
+def steps_table(ablation: Ablation, found: Mapping[str, Mapping[float, Mapping[str, int | None]]]) -> str:
+    """Markdown table of `steps_until`, a row per point."""
+    columns = [
+        (f"{label(m)} to {level_m:.3f} m", by_point) for m in found for level_m, by_point in found[m].items()
+    ]
+    body = [
+        [name, *("never" if steps[name] is None else str(steps[name]) for _, steps in columns)]
+        for name in ablation.points
+    ]
+    return markdown_table(["steps until validation", *(title for title, _ in columns)], body)

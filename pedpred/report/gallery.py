@@ -9,6 +9,7 @@ import pandas as pd
 
 from pedpred.errors import ValueRuleError
 from pedpred.models.autoencoder import GridAutoencoder
+from pedpred.report.calibration import calibration_figure, told_by
 from pedpred.report.curves import curves_figure
 from pedpred.report.encounters import before_obstacle, mutual_avoidance
 from pedpred.report.horizon import horizon_figure
@@ -23,7 +24,7 @@ from pedpred.report.reconstructions import (
     reconstructed,
     reconstructions_figure,
 )
-from pedpred.report.situation import ARROW_S
+from pedpred.report.situation import ARROW_S, REGION
 from pedpred.report.snapshots import camera_figure, inputs_figure
 from pedpred.scenes import Scene
 from pedpred.storage.windows import Windows
@@ -37,7 +38,9 @@ SHEET_S, SHEET_COLUMNS = 30.0, 10
 
 _LEGEND = (
     "Circles: people, filled the one whom the picture is about; arrows: where the present velocity leads "
-    f"in {ARROW_S} s; large dots: the LSTM's ten steps; small dots: Kalman CV; dashed: what they did; "
+    f"in {ARROW_S} s; large dots: the LSTM's ten steps; ellipses: where it expects people with "
+    f"{100 * REGION:.0f} % after half the horizon and at its end; small dots: Kalman CV; "
+    "dashed: what they did; "
     "empty grey circles: people without an evaluation window."
 )
 _STILL = (
@@ -65,6 +68,7 @@ def simulation_gallery(
     horizon = _horizon("horizon", metrics[POOLED], "simulation, unseen arrangements")
     return [
         Section("Error over the horizon", [horizon]),
+        *_calibration({"calibration": (list(windows.values()), "simulation, unseen arrangements")}),
         Section("Instants, chosen by rule", snapshots, text=_LEGEND),
         *_reconstructions(autoencoder, windows),
         _arrangements(scenes, f"and the tracks of the first {SHOWN_S['sim']:.0f} s", SHOWN_S["sim"]),
@@ -86,12 +90,14 @@ def real_gallery(
     _check(windows, metrics)
     horizons = [_horizon(f"horizon_{name}", metrics[name], f"tested at {name}") for name in windows]
     snapshots = [
-        Picture(f"camera_{scene}_{name}", found.caption, camera_figure(scenes[scene], own, found))
+        Picture(f"camera_{scene}_{name}", found.caption, seen(scenes[scene], own, found))
         for scene, own in windows.items()
+        for seen in [inputs_figure if scenes[scene].camera is None else camera_figure]
         for name, found in _instants({scene: own}, scenes, CROWD["real"]).items()
     ]
     return [
         Section("Error over the horizon", horizons),
+        *_calibration({f"calibration_{n}": ([own], f"tested at {n}") for n, own in windows.items()}),
         Section("Instants, chosen by rule", snapshots, text=f"{_LEGEND} {_STILL}"),
         *_reconstructions(autoencoder, windows),
         _arrangements(scenes, "and all tracks", SHOWN_S["real"]),
@@ -120,6 +126,16 @@ def _check(windows: Mapping[str, Windows], known: Mapping[str, object]) -> None:
 def _horizon(name: str, methods: MethodMetrics, title: str) -> Picture:
     caption = f"Position error, {title}."
     return Picture(name, caption, horizon_figure(methods, title))
+
+
+def _calibration(pools: Mapping[str, tuple[Sequence[Windows], str]]) -> list[Section]:
+    """Expected and observed coverage of pooled scenes; nothing where no method tells covariances."""
+    pictures = [
+        Picture(name, f"What error ellipses should and do hold, {title}.", calibration_figure(own, title))
+        for name, (own, title) in pools.items()
+        if told_by(own)
+    ]
+    return [Section("Error ellipses over what they promise", pictures)] if pictures else []
 
 
 def _reconstructions(autoencoder: GridAutoencoder, windows: Mapping[str, Windows]) -> list[Section]:

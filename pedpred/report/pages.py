@@ -19,7 +19,7 @@ from pedpred.report.findings import (
 )
 from pedpred.report.methods import MODEL, PAPER_ADE_M, YARDSTICK, label
 from pedpred.report.metrics import LEAKY, MethodMetrics, leaks
-from pedpred.report.tables import findings_table, interval, methods_table, scenes_table
+from pedpred.report.tables import calibration_table, findings_table, interval, methods_table, scenes_table
 
 POOLED = "sim_test"
 """The scene under which all unseen simulated arrangements are pooled."""
@@ -33,6 +33,13 @@ IRREPRODUCIBLE = (
     f"The paper's own CV ({PAPER_ADE_M['real']['cv']} m) and CAcc ({PAPER_ADE_M['real']['cacc']} m) on real "
     "data could not be reproduced from its text by any variant tried, so its column is not on the scale of "
     "ours: compare methods within a column, not across."
+)
+ELLIPSES = (
+    "Some methods also tell how far off they may be, as a Gaussian of the position at every step. Its "
+    "ellipses of 50, 90 and 95 % should hold as many of the true positions: if they hold fewer, the method "
+    "is too sure of itself; if more, too careful. The negative log likelihood is smaller the smaller and "
+    "righter the ellipses are. The networks learn theirs where they are trained; the Kalman filter's follow "
+    "from its own noise."
 )
 LEAK = "These inputs contain up to 0.4 s of the future: the rows are no forecasts. ADE, m."
 ALL_LEAKS = "**Leaky protocol: the inputs know the future, so nothing on this page is a forecast.**"
@@ -89,6 +96,7 @@ def simulation_page(scenes: Mapping[str, MethodMetrics], sections: Sequence[Sect
         "## Expected and found",
         summed_up(findings),
         findings_table(findings),
+        *_calibrated({"": pooled}),
     ]
     if single:
         wins = below_in(single, MODEL, ["lstm_nogrid", YARDSTICK])
@@ -115,6 +123,7 @@ def real_page(scenes: Mapping[str, MethodMetrics], sections: Sequence[Section], 
         "## Directions",
         "ADE, m.",
         scenes_table({place[name]: methods for name, methods in honest.items()}, "tested at"),
+        *_calibrated({f"Tested at {place[name]}:": methods for name, methods in honest.items()}),
     ]
     return _page(parts + _leaky(scenes) + _shown(sections, folder))
 
@@ -165,6 +174,13 @@ def _leaky(scenes: Mapping[str, MethodMetrics]) -> list[str]:
     if not leaky:
         return []
     return ["## Leaky protocol (as in the paper)", LEAK, scenes_table(leaky, "tested at")]
+
+
+def _calibrated(scenes: Mapping[str, MethodMetrics]) -> list[str]:
+    """A table per title of what error ellipses hold; nothing where no method tells them."""
+    tables = {title: calibration_table(methods) for title, methods in scenes.items()}
+    found = [part for title, table in tables.items() if table for part in (title, table) if part]
+    return ["## How far off a forecast may be", ELLIPSES, *found] if found else []
 
 
 def _shown(sections: Sequence[Section], folder: str) -> list[str]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -18,7 +17,6 @@ from matplotlib.figure import Figure
 from pedpred.models.autoencoder import GridAutoencoder, intersection_over_union
 from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.inputs import grid_image
-from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.storage.windows import Windows
 
 SHOWN = 8
@@ -47,18 +45,6 @@ class Reconstructions:
         """At most so many of them, evenly spaced."""
         at = np.unique(np.linspace(0, len(self.truth) - 1, count).round().astype(int))
         return Reconstructions(self.truth[at], self.image[at], self.agreement[at])
-
-
-def read_autoencoder(folder: Path) -> GridAutoencoder:
-    """The pre-trained auto-encoder.
-
-    Raises:
-        StorageError: a file is missing, damaged or of another network.
-    """
-    weights, about = read_checkpoint(folder)
-    network = GridAutoencoder(about["settings"]["latent"])
-    load_weights(network, weights, folder)
-    return network
 
 
 def evenly_chosen(scenes: Mapping[str, Windows], count: int) -> np.ndarray:

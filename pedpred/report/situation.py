@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
+from pedpred.evaluation.calibration import shown_steps
+from pedpred.report.calibration import ellipse
 from pedpred.report.canvas import INK
 from pedpred.report.instants import Instant
 from pedpred.report.methods import colours, label
@@ -20,6 +23,8 @@ from pedpred.storage.windows import Windows
 ARROW_S = 0.75
 """A velocity arrow ends where its person would be after this time, s."""
 
+REGION = 0.9
+"""Share of the probability that the drawn error ellipses hold."""
 _BYSTANDER = "#8A8A8A"
 
 Placing = Callable[[np.ndarray], np.ndarray]
@@ -31,7 +36,8 @@ def draw_people(
 ) -> None:
     """Circles with ids, velocity arrows, the true paths dashed, a dot per predicted step.
 
-    The first method is the model and gets the large dots; others get thin lines with small ones.
+    The first method is the model and gets the large dots, and where it will be with 90 % at half the
+    horizon and at its end; others get thin lines with small ones.
     """
     colour = colours(windows.paths)
     truth = _with_present(windows, windows.truth, instant.rows)
@@ -44,10 +50,23 @@ def draw_people(
             axes.plot(*at.T, color=colour[name], linewidth=width, zorder=4 + (rank == 0))
             style: dict[str, Any] = {"color": colour[name], "marker": "o", "markeredgewidth": 0}
             axes.plot(*at[1:].T, linestyle="", markersize=size, zorder=5 + (rank == 0), **style)
+    if methods[0] in windows.covariances:
+        _draw_regions(axes, windows, instant.rows, methods[0], place)
     for row in instant.rows:
         step = np.array([[0.0], [ARROW_S]]) * windows.world_velocity[row]
         ends = place(windows.position[row] + step)
         _draw_person(axes, ends, str(windows.track_id[row]), row == instant.focus)
+
+
+def _draw_regions(axes: Axes, windows: Windows, rows: np.ndarray, method: str, place: Placing) -> None:
+    """Where a method expects people with `REGION` at half the horizon and at its end."""
+    colour = colours(windows.paths)[method]
+    style: dict[str, Any] = {"facecolor": to_rgba(colour, 0.1), "edgecolor": to_rgba(colour, 0.5)}
+    for row in rows:
+        for step in shown_steps(windows.truth.shape[1])[1:]:
+            path, spread = windows.paths[method][row], windows.covariances[method][row]
+            outline = place(ellipse(path[step], spread[step], REGION))
+            axes.fill(*outline.T, linewidth=0.6, zorder=2, **style)
 
 
 def draw_bystanders(

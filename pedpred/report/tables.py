@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from pedpred.evaluation.calibration import REGIONS, shown_steps
 from pedpred.report.findings import Finding
 from pedpred.report.methods import MODEL, NOTHING, YARDSTICK, label, ordered
 from pedpred.report.metrics import MethodMetrics
@@ -58,6 +59,41 @@ def scenes_table(scenes: Mapping[str, MethodMetrics], first_column: str) -> str:
         gap = difference(MODEL, methods[MODEL]) if MODEL in methods else NOTHING
         rows.append([scene, str(windows), *errors, gap])
     return markdown_table(header, rows)
+
+
+def calibration_table(methods: MethodMetrics, step_s: float = 0.3) -> str:
+    """What error ellipses hold, a row per method that tells them; nothing if none does.
+
+    Args:
+        methods: measures of one scene.
+        step_s: duration of a prediction step, s.
+    """
+    names = telling(methods)
+    if not names:
+        return ""
+    rows = [[label(name), *calibration_cells(methods[name])] for name in names]
+    return markdown_table(calibration_header(methods[names[0]], step_s), rows)
+
+
+def calibration_header(found: dict, step_s: float = 0.3) -> list[str]:
+    """What stands above a method's name and its `calibration_cells`."""
+    steps = shown_steps(len(found["per_step_nll"]))
+    times = " / ".join(f"{(step + 1) * step_s:.1f}" for step in steps)
+    regions = [f"in the {100 * share:.0f} % ellipse [%]" for share in REGIONS]
+    return [f"after {times} s", *regions, "negative log likelihood [nats]"]
+
+
+def telling(methods: MethodMetrics) -> list[str]:
+    """Methods that told covariances, in the order of display."""
+    return [name for name in ordered(methods) if "per_step_nll" in methods[name]]
+
+
+def calibration_cells(found: dict) -> list[str]:
+    """A method's share of true positions in each region, %, then its surprise, nats: at `shown_steps`."""
+    steps = shown_steps(len(found["per_step_nll"]))
+    shares = [[100.0 * s for s in found[f"per_step_coverage_{100 * share:.0f}"]] for share in REGIONS]
+    cells = [" / ".join(f"{values[step]:.0f}" for step in steps) for values in shares]
+    return [*cells, " / ".join(f"{found['per_step_nll'][step]:.2f}" for step in steps)]
 
 
 def findings_table(findings: Sequence[tuple[str, Finding]]) -> str:

@@ -4,5 +4,6 @@ from pedpred.scenes.forecast import Forecast
 from pedpred.scenes.occupancy import OccupancyMap
 from pedpred.scenes.recording import Recording
 from pedpred.scenes.scene import Camera, Scene
+from pedpred.scenes.variants import VARIANTS
 
-__all__ = ["Camera", "Forecast", "OccupancyMap", "Recording", "Scene"]
+__all__ = ["VARIANTS", "Camera", "Forecast", "OccupancyMap", "Recording", "Scene"]

@@ -19,6 +19,7 @@ class Forecast:
         track_id: [N] int64, rising
         position: predicted, world frame, m. [N, P, 2]
         velocity: predicted, world frame, m/s. [N, P, 2]
+        covariance: of the positions, world frame, m^2; None from a model that tells none. [N, P, 2, 2]
     """
 
     time_s: float
@@ -26,6 +27,7 @@ class Forecast:
     track_id: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
+    covariance: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         rows = len(self.track_id)
@@ -33,6 +35,8 @@ class Forecast:
             shape = getattr(self, name).shape
             if len(shape) != 3 or shape[0] != rows or shape[2] != 2:
                 raise ShapeError(name, shape, f"({rows}, P, 2)")
+        if self.covariance is not None and self.covariance.shape != (*self.position.shape, 2):
+            raise ShapeError("covariance", self.covariance.shape, f"{(*self.position.shape, 2)}")
 
     def __len__(self) -> int:
         return len(self.track_id)

@@ -40,11 +40,6 @@ def largest_part(cells: np.ndarray) -> np.ndarray:
     return labels == 1 + int(np.argmax(sizes[1:]))
 
 
-def connected_parts(distance: np.ndarray, clearance_m: float) -> int:
-    """How many separate parts the cells with some clearance form."""
-    return int(ndimage.label(distance >= clearance_m)[1])
-
-
 def open_cells(ground: Ground, clearance_m: float) -> np.ndarray:
     """Centres of the walkable cells, world frame, m. [C, 2]."""
     cells = np.argwhere(walkable(ground.distance, clearance_m))

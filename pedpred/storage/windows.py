@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -20,7 +20,7 @@ CELL_M = 0.1
 RANGE_M = 6.0
 """Range of the angular pedestrian grid (APG), m; also the value of an empty cell."""
 
-_PATH = "path_"
+_PATH, _COVARIANCE = "path_", "covariance_"
 _PLAIN = ("track_id", "time_s", "x_m", "y_m", "heading_rad", "vx_mps", "vy_mps")
 _REMEDY = "Evaluate again (dvc repro)"
 
@@ -40,6 +40,7 @@ class Windows:
             from the heading; `RANGE_M` is empty. [W, K]
         truth: true positions, world frame, m. [W, P, 2]
         paths: forecast positions of each method, world frame, m. {method: [W, P, 2]}
+        covariances: of these, from methods that tell them, m^2. {method: [W, P, 2, 2]}
     """
 
     track_id: np.ndarray
@@ -51,6 +52,7 @@ class Windows:
     angular_grid_m: np.ndarray
     truth: np.ndarray
     paths: dict[str, np.ndarray]
+    covariances: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.track_id)
@@ -78,11 +80,13 @@ def read_windows(path: Path) -> Windows:
         StorageError: the file cannot be read, or a column is missing or has another type; it is named.
     """
     with decoding(partial(StorageError, path, "file", remedy=_REMEDY)):
-        types = {field.name: field.type for field in pq.read_schema(path)}
+        types = {column.name: column.type for column in pq.read_schema(path)}
         shapes: dict[str, tuple[int, ...]] = {name: () for name in _PLAIN}
         shapes |= {name: (_width(types, name),) for name in ("grid", "angular_grid")}
         forecasts = [name for name in types if name.startswith(_PATH)]
         shapes |= {name: (_width(types, name) // 2, 2) for name in ("truth", *forecasts)}
+        spreads = [name for name in types if name.startswith(_COVARIANCE)]
+        shapes |= {name: (_width(types, name) // 4, 2, 2) for name in spreads}
     columns = read_columns(path, shapes)
     return Windows(
         track_id=columns["track_id"],
@@ -94,6 +98,7 @@ def read_windows(path: Path) -> Windows:
         angular_grid_m=columns["angular_grid"],
         truth=columns["truth"].astype(np.float64),
         paths={name.removeprefix(_PATH): columns[name].astype(np.float64) for name in forecasts},
+        covariances={name.removeprefix(_COVARIANCE): columns[name].astype(np.float64) for name in spreads},
     )
 
 

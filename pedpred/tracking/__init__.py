@@ -3,7 +3,7 @@
 from pedpred.tracking.kalman import Belief, born, predicted, updated
 from pedpred.tracking.resampling import resampled
 from pedpred.tracking.sensor import SensorSettings, sensed
-from pedpred.tracking.tracks import KalmanSettings, Tracks, follow
+from pedpred.tracking.tracks import KalmanSettings, Tracks, follow, settled
 from pedpred.tracking.tuning import log_likelihood, tuned
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "predicted",
     "resampled",
     "sensed",
+    "settled",
     "tuned",
     "updated",
 ]

@@ -13,6 +13,9 @@ from pedpred.tracking.kalman import Belief, born, predicted, updated
 TIME_TOLERANCE_S = 1e-6
 """Two time stamps closer than this are the same instant (frame / rate is not exact in binary)."""
 
+_MANY = 200
+"""Detections after which any filter has settled."""
+
 
 @dataclass(frozen=True)
 class KalmanSettings:
@@ -181,6 +184,20 @@ def _filtered(time_s: np.ndarray, detection: np.ndarray, age: np.ndarray, settin
         for name, values in vars(state).items():
             values[rows] = getattr(belief, name)
     return state
+
+
+def settled(interval_s: float, settings: KalmanSettings) -> Belief:
+    """Belief of a filter after many regular detections: its covariance no longer changes. N = 1.
+
+    Args:
+        interval_s: time between two detections, s.
+        settings: noise parameters.
+    """
+    here, dt_s = np.zeros((1, 2)), np.array([interval_s])
+    belief = born(here, settings.position_noise_m, settings.initial_speed_mps)
+    for _ in range(_MANY):
+        belief = updated(belief, dt_s, here, settings.acceleration_noise, settings.position_noise_m)
+    return belief
 
 
 def held_heading(velocity: np.ndarray, age: np.ndarray, standstill_mps: float) -> np.ndarray:

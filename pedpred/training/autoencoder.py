@@ -30,6 +30,7 @@ class AutoencoderSettings:
         warmup_steps: steps of linear warm-up.
         clip_norm: largest gradient norm.
         seed: of the weights and of the order of the crops.
+        tied: the decoder uses the encoder's weights.
     """
 
     latent: int
@@ -40,6 +41,7 @@ class AutoencoderSettings:
     warmup_steps: int
     clip_norm: float
     seed: int
+    tied: bool = True
 
 
 def train_autoencoder(
@@ -58,7 +60,7 @@ def train_autoencoder(
     """
     torch.manual_seed(settings.seed)
     rng = np.random.default_rng(settings.seed)
-    network = GridAutoencoder(settings.latent)
+    network = GridAutoencoder(settings.latent, settings.tied)
     optimizer = torch.optim.Adam(network.parameters(), lr=settings.lr)
     untrained = {"epoch": 0, "step": 0, "train_loss": float("nan")}
     curve: list[dict[str, float]] = [untrained | validate(network, validation, cells)]
@@ -94,14 +96,3 @@ def validate(network: GridAutoencoder, crops: np.ndarray, cells: int) -> dict[st
         "validation_loss": float(reconstruction_loss(truth, guess)),
         "validation_iou": intersection_over_union(truth, guess),
     }
-
-
-@torch.inference_mode()
-def encode(network: GridAutoencoder, packed: np.ndarray, cells: int) -> np.ndarray:
-    """The frozen convolutions' outputs of bit-packed crops, in cache-sized batches. [M, 392] float16."""
-    encoder = network.encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    codes = []
-    for at in range(0, len(packed), _CROPS_AT_ONCE):
-        crops = torch.from_numpy(unpack_crops(packed[at : at + _CROPS_AT_ONCE], cells)).to(torch.float32)
-        codes.append(encoder.code(crops).to(torch.float16).numpy())
-    return np.concatenate(codes)

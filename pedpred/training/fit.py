@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,10 @@ from pedpred.datasets.motion import load_motion_data
 from pedpred.datasets.split import split_sequences
 from pedpred.files import aside
 from pedpred.models import MotionLstm, MotionSettings
+from pedpred.models.autoencoder import read_autoencoder
+from pedpred.models.encoding import encode
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
+from pedpred.training.machine import Machine
 from pedpred.training.recurrent import TrainingSettings, train_motion
 
 
@@ -43,26 +46,31 @@ def initialised(settings: MotionSettings, previous: Path, seed: int) -> MotionLs
 def fit(
     network: MotionLstm,
     features: Path,
-    codes: Path,
+    grid: tuple[Path, Path],
     split: tuple[str, float],
     settings: TrainingSettings,
     description: str,
+    machine: Machine,
 ) -> tuple[pd.DataFrame, dict]:
     """Load a data set, divide it and train; leaves the best weights in `network`.
 
     Args:
         network: initialised.
         features: folder of feature shards.
-        codes: folder of the frozen encoder's outputs; read only when the network has a grid channel.
+        grid: folder of the frozen encoder's outputs and that of the auto-encoder; read only when the network
+            has a grid channel.
         split: what is kept whole ("scene" or "track") and the share kept for validation.
         settings: see there.
         description: title of the progress bar.
+        machine: where to train; the network is moved there.
 
     Returns:
         The curve and the checkpoint's description.
     """
-    with_grid = "grid" in network.settings.channels
-    data = load_motion_data(features, codes if with_grid else None)
+    codes, autoencoder = grid if "grid" in network.settings.channels else (None, None)
+    data = load_motion_data(features, codes)
+    if autoencoder is not None:
+        data = replace(data, empty_code=empty_code(autoencoder))
     by, share = split
     training, validation = split_sequences(data, by, share, np.random.default_rng(settings.seed))
     about = {
@@ -73,9 +81,19 @@ def fit(
         "features_sha256": hashlib.sha256((features / "manifest.json").read_bytes()).hexdigest(),
     }
     scratch = Path("build/training") / _digest(network, about)
-    curve = train_motion(network, data, training, validation, settings, scratch, description)
-    shutil.rmtree(scratch, ignore_errors=True)
+    network.to(machine.device)
+    resident = data.to(machine.device)
+    curve = train_motion(network, resident, training, validation, settings, scratch, description, machine)
+    if machine.writes:
+        shutil.rmtree(scratch, ignore_errors=True)
     return pd.DataFrame(curve), about
+
+
+def empty_code(autoencoder: Path) -> torch.Tensor:
+    """What the frozen convolutions make of a crop without obstacles: unmapped ground is free. [C] float32."""
+    network, cells = read_autoencoder(autoencoder)
+    free = np.zeros((1, cells * cells // 8), np.uint8)
+    return torch.from_numpy(encode(network.encoder, free, cells)[0])
 
 
 def write_phase(network: MotionLstm, about: dict, curve: pd.DataFrame, out: Path, curve_path: Path) -> None:

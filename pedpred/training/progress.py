@@ -13,6 +13,7 @@ from safetensors.torch import load_file, save_file
 
 from pedpred.files import aside
 from pedpred.models.motion import MotionLstm, MotionState
+from pedpred.training.machine import Machine
 
 
 @dataclass
@@ -38,12 +39,15 @@ class Progress:
 
 
 def save_progress(
-    folder: Path, progress: Progress, network: MotionLstm, optimizer: torch.optim.Optimizer
+    folder: Path, progress: Progress, network: MotionLstm, optimizer: torch.optim.Optimizer, machine: Machine
 ) -> None:
-    """Write everything into `folder`; the old state is replaced in one move."""
+    """Write everything into `folder`; the old state is replaced in one move. All processes must call it."""
+    state = machine.gathered(progress.state)
+    if not machine.writes:
+        return
     tensors = {f"network.{k}": v for k, v in network.state_dict().items()}
     tensors |= {f"best.{k}": v for k, v in progress.best.items()}
-    for name, pair in progress.state.memory.items():
+    for name, pair in state.memory.items():
         tensors |= {f"state.{name}.{i}": part for i, part in enumerate(pair)}
     for index, moments in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{k}": v for k, v in moments.items()}
@@ -52,12 +56,14 @@ def save_progress(
         save_file({k: v.detach().clone().contiguous() for k, v in tensors.items()}, new, metadata=about)
 
 
-def load_progress(folder: Path, network: MotionLstm, optimizer: torch.optim.Optimizer) -> Progress | None:
+def load_progress(
+    folder: Path, network: MotionLstm, optimizer: torch.optim.Optimizer, machine: Machine
+) -> Progress | None:
     """Put network and optimiser back to where `folder` says; None when there is nothing."""
     path = folder / "progress.safetensors"
     if not path.exists():
         return None
-    tensors = load_file(path)
+    tensors = load_file(path, device=str(machine.device))
     network.load_state_dict(_under(tensors, "network."))
     moments: dict[int, dict[str, torch.Tensor]] = {}
     for key, value in _under(tensors, "optimizer.").items():
@@ -67,7 +73,8 @@ def load_progress(folder: Path, network: MotionLstm, optimizer: torch.optim.Opti
     parts = _under(tensors, "state.")
     memory = {k[:-2]: (parts[k[:-2] + ".0"], parts[k[:-2] + ".1"]) for k in parts if k.endswith(".0")}
     about: dict[str, Any] = _metadata(path)
-    return Progress(about["step"], MotionState(memory), _under(tensors, "best."), about["curve"])
+    state = machine.mine(MotionState(memory))
+    return Progress(about["step"], state, _under(tensors, "best."), about["curve"])
 
 
 def _under(tensors: Mapping[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 from torch.nn.utils import clip_grad_norm_
 from tqdm import tqdm
 
-from pedpred.datasets.lanes import LaneBatch, stream_lanes
+from pedpred.datasets.lanes import stream_lanes
 from pedpred.datasets.motion import MotionData
 from pedpred.models.motion import MotionLstm
-from pedpred.models.rolling import displacement_errors, roll
-from pedpred.training.loss import velocity_loss
+from pedpred.training.loss import spread_loss, velocity_loss
+from pedpred.training.machine import ALONE, Machine
 from pedpred.training.progress import Progress, load_progress, save_progress
 from pedpred.training.schedule import learning_rate
-from pedpred.training.variation import varied
+from pedpred.training.validation import validate
+from pedpred.training.variation import Variation, VariedBatch, looked_up, varied
+
+_APART = 1_000_003
+"""Between the seeds of two processes, so that they do not drop the same units."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,7 @@ class TrainingSettings:
 
     Attributes:
         steps: optimiser steps.
-        lanes: tracks that are streamed side by side, B.
+        lanes: tracks that are streamed side by side, B; by all processes together.
         sub_sequence: truncation depth L, steps.
         longest_track: tracks are cut into pieces of at most this many steps.
         validate_every: steps between two validations (and saved states).
@@ -37,8 +42,7 @@ class TrainingSettings:
         clip_norm: largest gradient norm.
         weight_decay: decoupled weight decay (the paper's lambda).
         seed: of the order of the tracks, the split and dropout.
-        strange_share: share of the tracks that are mirrored beside another lane's obstacles, see `varied`.
-        pace_range: factor on a track's velocities, (least, most), see `varied`.
+        variation: how the tracks vary, see there.
     """
 
     steps: int
@@ -51,8 +55,12 @@ class TrainingSettings:
     clip_norm: float
     weight_decay: float
     seed: int
-    strange_share: float = 0.0
-    pace_range: tuple[float, float] = (1.0, 1.0)
+    variation: Variation = field(default_factory=Variation)
+
+    @classmethod
+    def parse(cls, plain: Mapping) -> TrainingSettings:
+        """Build from plain dictionaries (configuration)."""
+        return cls(**{**plain, "variation": Variation(**plain["variation"])})
 
 
 def train_motion(
@@ -63,103 +71,92 @@ def train_motion(
     settings: TrainingSettings,
     scratch: Path,
     description: str,
+    machine: Machine = ALONE,
 ) -> list[dict[str, float]]:
     """Train by truncated back-propagation through time; leaves the best validated weights in `network`.
 
     Args:
-        network: initialised; the starting weights count as the first candidate.
-        data: all rows.
+        network: initialised, on the machine's device; the starting weights count as the first candidate.
+        data: all rows, on the same device.
         training: rows [first, last) of the sequences to learn from. [S, 2]
         validation: rows [first, last) of the sequences to choose the weights by. [S, 2]
         settings: see there.
         scratch: folder for the state of an unfinished training; where one lies, it is continued.
         description: title of the progress bar.
+        machine: every process of a training calls this with the same arguments but its own machine.
 
     Returns:
-        The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m.
+        The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m, validation_nll.
     """
-    optimizer = torch.optim.AdamW(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
-    progress = load_progress(scratch, network, optimizer)
+    optimizer = adamw(network, settings)
+    progress = load_progress(scratch, network, optimizer, machine)
     if progress is None:
-        progress = Progress(0, network.start(settings.lanes))
-        _validate(network, data, validation, progress, float("nan"))
-    batches = _batches(training, settings, progress.step)
-    losses: list[float] = []
-    bar = tqdm(total=settings.steps, initial=progress.step, desc=description, unit="step")
+        lanes = machine.share(settings.lanes)
+        progress = Progress(0, network.start(lanes.stop - lanes.start))
+        validate(network, data, validation, progress, float("nan"), machine)
+    batches = training_batches(training, settings, progress.step)
+    losses: list[Tensor] = []
+    bar = tqdm(
+        total=settings.steps,
+        initial=progress.step,
+        desc=description,
+        unit="step",
+        disable=not machine.writes,
+    )
     while progress.step < settings.steps:
-        losses.append(_step(network, data, next(batches), optimizer, progress, settings))
+        batch = next(batches).part(machine.share(settings.lanes), machine.device)
+        losses.append(training_step(network, data, batch, optimizer, progress, settings, machine))
         bar.update()
         if progress.step % settings.validate_every == 0 or progress.step == settings.steps:
-            ade_m = _validate(network, data, validation, progress, float(np.mean(losses)))
+            train_loss = float(torch.stack(losses).double().mean())  # the only wait for a GPU
+            ade_m = validate(network, data, validation, progress, train_loss, machine)
             bar.set_postfix_str(f"validation ADE {ade_m:.3f} m")
             losses = []
-            save_progress(scratch, progress, network, optimizer)
+            save_progress(scratch, progress, network, optimizer, machine)
     bar.close()
     network.load_state_dict(progress.best)
     return progress.curve
 
 
-def _batches(training: np.ndarray, settings: TrainingSettings, done: int) -> Iterator[LaneBatch]:
+def adamw(network: MotionLstm, settings: TrainingSettings) -> torch.optim.Optimizer:
+    """Adam with decoupled weight decay; one pass over the weights instead of one per operation."""
+    return torch.optim.AdamW(
+        network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay, fused=True
+    )
+
+
+def training_batches(training: np.ndarray, settings: TrainingSettings, done: int) -> Iterator[VariedBatch]:
     """The endless stream of lanes, from where a training of so many steps stands."""
     rng = np.random.default_rng(settings.seed)
     stream = stream_lanes(training, settings.lanes, settings.sub_sequence, settings.longest_track, rng)
-    return islice(stream, done, None)
+    for step, batch in enumerate(islice(stream, done, None), done):
+        yield varied(batch, settings.variation, np.random.default_rng([settings.seed, step]))
 
 
-def _step(
+def training_step(
     network: MotionLstm,
     data: MotionData,
-    batch: LaneBatch,
+    batch: VariedBatch,
     optimizer: torch.optim.Optimizer,
     progress: Progress,
     settings: TrainingSettings,
-) -> float:
-    """One sub-sequence of every lane: forward, backward, update; returns the loss, m/s."""
-    torch.manual_seed(settings.seed + progress.step)  # dropout: the same after a resumption
+    machine: Machine,
+) -> Tensor:
+    """One sub-sequence of every lane: forward, backward, update; returns the joint loss, m/s. []."""
+    torch.manual_seed(settings.seed + progress.step + _APART * machine.rank)  # dropout: same when resumed
     for group in optimizer.param_groups:
         group["lr"] = learning_rate(progress.step, settings.steps, settings.lr, settings.warmup_steps)
-    rows = torch.from_numpy(batch.rows)
-    inputs, future = varied(
-        data.inputs(rows),
-        data.future[rows.clamp(min=0)],
-        torch.from_numpy(batch.chance),
-        settings.strange_share,
-        settings.pace_range,
-    )
-    state = progress.state.reset(
-        torch.from_numpy(batch.starts)
-    ).detached()  # the memory stays, the gradient ends
-    predicted, progress.state = network(inputs, state)
-    loss = velocity_loss(predicted, future, data.known(rows))
+    inputs, future = looked_up(data, batch)
+    known = data.known(batch.rows)
+    state = progress.state.reset(batch.starts).detached()  # the memory stays, the gradient ends
+    with machine.precision():
+        motion, progress.state = network(inputs, state)
+    loss = velocity_loss(motion.velocities, future, known)
     optimizer.zero_grad(set_to_none=True)
-    loss.backward()
-    clip_grad_norm_(network.parameters(), settings.clip_norm)
+    (loss + spread_loss(motion, future, known, data.dt_s)).backward()
+    joint_loss = machine.average(network.parameters(), loss.detach(), known.sum())
+    for weights in network.parts():  # one norm for both would let the spread slow the mean down
+        clip_grad_norm_(weights, settings.clip_norm)
     optimizer.step()
     progress.step += 1
-    return loss.item()
-
-
-def _validate(
-    network: MotionLstm, data: MotionData, sequences: np.ndarray, progress: Progress, train_loss: float
-) -> float:
-    """Add a row to the curve and keep the weights if they are the best so far; returns the error, m."""
-    network.eval()
-    ade_m = validation_ade_m(network, data, sequences)
-    network.train()
-    if ade_m < progress.best_ade_m:
-        progress.best = {k: v.detach().clone() for k, v in network.state_dict().items()}
-    epoch = len(progress.curve)
-    progress.curve.append(
-        {"epoch": epoch, "step": progress.step, "train_loss": train_loss, "validation_ade_m": ade_m}
-    )
-    return ade_m
-
-
-def validation_ade_m(network: MotionLstm, data: MotionData, sequences: np.ndarray) -> float:
-    """Average displacement error over all steps whose whole horizon is known, m."""
-    rows = torch.from_numpy(np.concatenate([np.arange(a, b) for a, b in sequences]))
-    rows = rows[data.known(rows).all(dim=-1)]
-    if not len(rows):
-        return float("nan")
-    forecast = roll(network, data, sequences)
-    return float(displacement_errors(forecast[rows], data.future[rows], data.dt_s).mean())
+    return joint_loss

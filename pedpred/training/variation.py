@@ -1,42 +1,121 @@
-"""Tracks as they could have been elsewhere: what one place alone must not teach."""
+"""Tracks as they could have been elsewhere, and as a worse sensor would have shown them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
+
+import numpy as np
 import torch
 from torch import Tensor
 
+from pedpred.datasets.lanes import LaneBatch
+from pedpred.datasets.motion import MotionData
+from pedpred.errors import ConfigError
 
-def varied(
-    inputs: dict[str, Tensor],
-    future: Tensor,
-    chance: Tensor,
-    strange_share: float,
-    pace_range: tuple[float, float],
-) -> tuple[dict[str, Tensor], Tensor]:
-    """Move the tracks of some lanes to another world, and let each walk at another pace.
+_STANDING = np.float32(0.1)
+"""Largest factor on the velocities of somebody who stands: 0.13 m/s for a usual walker."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """How much the tracks of a training vary; nothing by default.
 
     A place has one map, habits (most turn left at that door) and a pace of its own; a network tuned there
-    would learn all three by heart. So some lanes are strange: mirrored at their heading, and beside the
-    obstacles that the next lane sees. And all velocities of a lane are multiplied by one factor.
+    would learn all three by heart, and where nobody stands it would learn that people never do. And a robot's
+    tracker is noisy, loses people and drives beyond its map.
 
-    Args:
-        inputs: channel -> [B, L, width].
-        future: target velocities, agent frame, m/s. [B, L, P, 2]
-        chance: two uniform numbers in [0, 1) per lane, the same all along a track. [B, 2]
-        strange_share: share of strange lanes.
-        pace_range: the factor, (least, most).
+    Attributes:
+        strange_share: share of the tracks that are mirrored at their heading, and walk beside the obstacles
+            that the next lane sees.
+        pace_range: factor on all velocities of a track, uniform in (least, most).
+        standing_share: share of the tracks that hardly move: their velocities are divided by ten or more.
+        velocity_noise_mps: standard deviation of the noise on each component of the velocity seen, m/s.
+        unseen_share: share of the steps at which no other pedestrian is seen.
+        unmapped_share: share of the sub-sequences along which no obstacle is known.
+
+    Raises:
+        ConfigError: a share is outside [0, 1], the noise negative or the range upside down.
+    """
+
+    strange_share: float = 0.0
+    pace_range: tuple[float, float] = (1.0, 1.0)
+    standing_share: float = 0.0
+    velocity_noise_mps: float = 0.0
+    unseen_share: float = 0.0
+    unmapped_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("strange_share", "standing_share", "unseen_share", "unmapped_share"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ConfigError(f"training.*.variation.{name}", getattr(self, name), "use 0 to 1")
+        if not 0.0 <= self.velocity_noise_mps < float("inf"):
+            raise ConfigError(
+                "training.*.variation.velocity_noise_mps", self.velocity_noise_mps, "use 0 or more"
+            )
+        least, most = self.pace_range
+        if not 0.0 < least <= most:
+            raise ConfigError("training.*.variation.pace_range", self.pace_range, "use 0 < least <= most")
+
+
+@dataclass(frozen=True)
+class VariedBatch:
+    """One sub-sequence of every lane: which rows its inputs come from, and what becomes of them.
+
+    Attributes:
+        rows: rows of the data set; -1 pads behind the end of a track. [B, L]
+        crowd: rows whose neighbours are seen; -1 where nobody is. [B, L]
+        scenery: rows whose obstacles are seen; -1 where none is. [B, L]
+        starts: a track starts here. [B] bool
+        mirrored: left and right are exchanged. [B] bool
+        pace: factor on all velocities. [B] float32
+        noise_mps: added to the velocity seen. [B, L, 2] float32
+    """
+
+    rows: Tensor
+    crowd: Tensor
+    scenery: Tensor
+    starts: Tensor
+    mirrored: Tensor
+    pace: Tensor
+    noise_mps: Tensor
+
+    def part(self, lanes: slice, device: torch.device) -> VariedBatch:
+        """Some of the lanes, on a device. Small enough that a copy to a GPU does not wait for it."""
+        parts = {f.name: getattr(self, f.name)[lanes] for f in fields(self)}
+        return VariedBatch(**{k: v.to(device, non_blocking=True) for k, v in parts.items()})
+
+
+def varied(batch: LaneBatch, variation: Variation, rng: np.random.Generator) -> VariedBatch:
+    """Draw what happens to each lane; the pace and the strangeness of a track hold all along it."""
+    rows, (least, most) = batch.rows, variation.pace_range
+    strange = batch.chance[:, 0] < variation.strange_share
+    scenery = np.where(strange[:, None], np.roll(rows, 1, axis=0), rows)
+    pace = least + (most - least) * batch.chance[:, 1]
+    standing = batch.chance[:, 2] < variation.standing_share
+    unseen, unmapped = rng.random(rows.shape), rng.random((len(rows), 1))
+    noise = rng.standard_normal((*rows.shape, 2), dtype=np.float32) * np.float32(variation.velocity_noise_mps)
+    return VariedBatch(
+        rows=torch.from_numpy(rows),
+        crowd=torch.from_numpy(np.where(unseen < variation.unseen_share, -1, rows)),
+        scenery=torch.from_numpy(np.where(unmapped < variation.unmapped_share, -1, scenery)),
+        starts=torch.from_numpy(batch.starts),
+        mirrored=torch.from_numpy(strange),
+        pace=torch.from_numpy(np.where(standing, _STANDING * batch.chance[:, 1], pace)),
+        noise_mps=torch.from_numpy(noise),
+    )
+
+
+def looked_up(data: MotionData, batch: VariedBatch) -> tuple[dict[str, Tensor], Tensor]:
+    """What the varied tracks see and do.
 
     Returns:
-        Inputs and targets of the varied tracks; their shapes stay.
+        Inputs, channel -> [B, L, width], and targets, agent frame, m/s. [B, L, P, 2]
     """
-    strange = (chance[:, 0] < strange_share)[:, None, None]
-    least, most = pace_range
-    pace = (least + (most - least) * chance[:, 1])[:, None, None]
-    side = torch.where(strange, -1.0, 1.0)
-    scale = torch.cat([pace, pace * side], dim=-1)
-    other = {"state": inputs["state"] * scale}
-    if "angular" in inputs:  # cell k counts from the heading to the left, so its mirror image is K - 1 - k
-        other["angular"] = torch.where(strange, inputs["angular"].flip(-1), inputs["angular"])
-    if "grid" in inputs:
-        other["grid"] = torch.where(strange, inputs["grid"].roll(1, dims=0), inputs["grid"])
-    return other, future * scale[:, :, None]
+    inputs = data.inputs(batch.rows, {"angular": batch.crowd, "grid": batch.scenery})
+    mirrored = batch.mirrored[:, None, None]
+    pace = batch.pace[:, None, None]
+    scale = torch.cat([pace, torch.where(mirrored, -pace, pace)], dim=-1)
+    inputs["state"] = inputs["state"] * scale + batch.noise_mps
+    # Cell k counts from the heading to the left, so its mirror image is K - 1 - k.
+    inputs["angular"] = torch.where(mirrored, inputs["angular"].flip(-1), inputs["angular"])
+    return inputs, data.future[batch.rows.clamp(min=0)] * scale[:, :, None]

@@ -101,6 +101,14 @@ READERS = {
         ("hall/metadata.yaml", "hall/hall.db3"),
         lambda folder: read_bag(folder / "hall"),
     ),
+    "MCAP bag": Reader(
+        lambda folder: write_recording(place(), folder / "place.mcap"),
+        ("place.mcap",),
+        lambda folder: read_bag(folder / "place.mcap"),
+    ),
+    "open MCAP bag": Reader(
+        make_open_recording, ("place.mcap",), lambda folder: read_bag(folder / "place.mcap")
+    ),
     "archive": Reader(make_archive, ("mirror.tar", "mirror.tgz"), read_archive),
     "params": Reader(make_project, ("params.yaml", "dvc.yaml"), read_project),
     "conf": Reader(

@@ -10,9 +10,9 @@ import yaml
 
 from pedpred.features import FeatureSettings, extract
 from pedpred.models import GridAutoencoder, MotionLstm
-from pedpred.models.forecasting import forecast_velocities
+from pedpred.models.encoding import encode
+from pedpred.models.forecasting import forecast_motion
 from pedpred.tracking import KalmanSettings, follow
-from pedpred.training.autoencoder import encode
 from tests.exported import NETWORK
 from tests.worlds import walled_scene
 
@@ -94,8 +94,8 @@ def test_no_forecast_moves_when_the_future_does():
     def forecast(recording):
         seen = replace(scene, recording=recording)
         table = extract(seen, follow(recording, "kalman", KalmanSettings(0.1, 0.1), 0.2), sizes)
-        codes = encode(encoder, table.occupancy, sizes.grid_cells)
-        return table.time_s, forecast_velocities(network, table, codes, sizes)
+        codes = encode(encoder.encoder, table.occupancy, sizes.grid_cells)
+        return table.time_s, forecast_motion(network, table, codes, sizes)[0]
 
     later = scene.recording.time_s > now
     moved = scene.recording.position + later[:, None] * np.random.default_rng(1).normal(0, 3, (len(later), 2))

@@ -23,6 +23,7 @@ from pedpred.report.page.charts import LinePlot, box_plot, line_plot, training_p
 from pedpred.report.page.replay import Replay
 from pedpred.report.pages import (
     ALL_LEAKS,
+    ELLIPSES,
     IRREPRODUCIBLE,
     LEAK,
     POOLED,
@@ -32,6 +33,7 @@ from pedpred.report.pages import (
     tested_at,
 )
 from pedpred.report.published import PUBLISHED
+from pedpred.report.tables import calibration_cells, calibration_header, telling
 
 _SCRIPTS = ("replay.js", "inputs.js", "player.js", "page.js")
 _DRAWN_AS_PLOTS = ("horizon", "training")
@@ -92,6 +94,11 @@ def page(contents: Contents) -> str:
     )
     environment.filters |= {"bold": _bold, "picture": _picture}
     environment.globals |= {"label": label, "ordered": ordered, "whiskers": whiskers}
+    environment.globals |= {
+        "telling": telling,
+        "calibration_cells": calibration_cells,
+        "calibration_header": calibration_header,
+    }
     environment.globals |= {"model": MODEL, "yardstick": YARDSTICK}
     return environment.get_template("page.html").render(_values(contents))
 
@@ -125,6 +132,8 @@ def _values(contents: Contents) -> dict[str, Any]:
         "leak": LEAK,
         "reading": READING,
         "irreproducible": IRREPRODUCIBLE,
+        "ellipses": ELLIPSES,
+        "calibrated": [a for a in shown if telling(a.methods)],
         "paper_ade_m": PAPER_ADE_M,
         "methods": _methods(names),
         "arrangements": _arrangements(simulated),

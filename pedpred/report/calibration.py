@@ -1,0 +1,78 @@
+"""Do forecasts know how far off they may be? What their error ellipses should hold, and what they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pedpred.evaluation.calibration import REGIONS, coverage, radius2, shown_steps, squared_mahalanobis
+from pedpred.report.canvas import FAINT, blank, styled
+from pedpred.report.methods import colours, label, ordered
+from pedpred.storage.windows import Windows
+
+_READING = "below the dashed line: too sure,\nabove it: too careful"
+_SHARES = np.linspace(0.0, 0.99, 100)
+_CORNERS = 40
+
+
+def told_by(windows: Sequence[Windows]) -> list[str]:
+    """Methods that tell covariances, in the order of display."""
+    return ordered({name for scene in windows for name in scene.covariances})
+
+
+@styled
+def calibration_figure(windows: Sequence[Windows], title: str, step_s: float = 0.3) -> Figure:
+    """Expected and observed coverage, a panel per time ahead, a line per method that tells covariances.
+
+    Args:
+        windows: forecasts of the scenes that are pooled.
+        title: what was evaluated.
+        step_s: duration of a prediction step, s.
+    """
+    figure = blank(9.6, 2.9)
+    names = told_by(windows)
+    distance2 = {name: _distances(windows, name) for name in names}
+    panels = shown_steps(distance2[names[0]].shape[1])
+    for axes, step in zip(figure.subplots(1, len(panels), sharey=True), panels, strict=True):
+        axes.plot([0, 100], [0, 100], color=FAINT, linewidth=1.0, dashes=(4, 2))
+        for name, colour in colours(names).items():
+            _draw_line(axes, distance2[name][:, step : step + 1], colour)
+        axes.set(xlim=(0, 100), ylim=(0, 100), aspect="equal", title=f"{(step + 1) * step_s:.1f} s ahead")
+        axes.set(xlabel="should lie inside [%]", ylabel="lie inside [%]" if step == 0 else "")
+    figure.suptitle(f"Error ellipses, {title}", x=0.01, ha="left", fontsize=10)
+    handles = [
+        Line2D([], [], color=colour, marker="o", markersize=4.0, label=label(name))
+        for name, colour in colours(names).items()
+    ]
+    figure.legend(handles=handles, loc="outside right center", title=_READING, alignment="left")
+    return figure
+
+
+def ellipse(centre: np.ndarray, covariance: np.ndarray, share: float) -> np.ndarray:
+    """Closed outline of the region that holds a share of a plane Gaussian. [corners, 2] m.
+
+    Args:
+        centre: m. [2]
+        covariance: same frame, m^2. [2, 2]
+        share: of the probability.
+    """
+    turn = np.linspace(0.0, 2 * np.pi, _CORNERS)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    return centre + np.sqrt(radius2(share)) * circle @ np.linalg.cholesky(covariance).T
+
+
+def _distances(windows: Sequence[Windows], name: str) -> np.ndarray:
+    """Squared Mahalanobis distances of the truth over all windows. [W, P]."""
+    parts = [squared_mahalanobis(w.truth - w.paths[name], w.covariances[name]) for w in windows]
+    return np.concatenate(parts)
+
+
+def _draw_line(axes: Axes, distance2: np.ndarray, colour: str) -> None:
+    """Observed over expected coverage, %, with a dot at each region of the tables. distance2: [W, 1]."""
+    for shares, style in ((_SHARES, {"linewidth": 1.4}), (REGIONS, {"linestyle": "", "marker": "o"})):
+        inside = [100 * coverage(distance2, share)[0] for share in shares]
+        axes.plot(100 * np.asarray(shares), inside, color=colour, markersize=4.0, **style)

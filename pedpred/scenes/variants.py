@@ -1,0 +1,61 @@
+"""The same place seen otherwise: its mirror image, and its people walking backwards.
+
+Both are worlds in which people walk as plausibly as in the real one, but habits are not: where most people
+turn left they now turn right, and where they slow down they now speed up. A network that learns from all of
+them learns how people walk rather than what is usual at one place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pedpred.scenes.recording import Recording
+from pedpred.scenes.scene import Scene
+
+_MIRROR = np.array([-1.0, 1.0])
+
+
+def mirrored(scene: Scene) -> Scene:
+    """Left and right exchanged: x becomes -x, for people and obstacles."""
+    places, people = scene.occupancy, scene.recording
+    edge = -(places.origin[0] + places.extent_m[0])
+    return replace(
+        scene,
+        occupancy=replace(
+            places, occupied=places.occupied[::-1].copy(), origin=np.array([edge, places.origin[1]])
+        ),
+        recording=replace(
+            people,
+            position=people.position * _MIRROR,
+            velocity=None if people.velocity is None else people.velocity * _MIRROR,
+            goal=None if people.goal is None else people.goal * _MIRROR,
+        ),
+        camera=None,
+    )
+
+
+def backwards(scene: Scene) -> Scene:
+    """The recording from its last instant to its first; people who walk backwards have no known goal."""
+    people: Recording = scene.recording
+    if not len(people.time_s):
+        return replace(scene, camera=None)
+    return replace(
+        scene,
+        recording=replace(
+            people,
+            time_s=people.time_s.min() + people.time_s.max() - people.time_s,
+            velocity=None if people.velocity is None else -people.velocity,
+            goal=None,
+        ),
+        camera=None,
+    )
+
+
+VARIANTS = {
+    "mirrored": mirrored,
+    "backwards": backwards,
+    "mirrored_backwards": lambda scene: mirrored(backwards(scene)),
+}
+"""Name -> what becomes of a scene."""

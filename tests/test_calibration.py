@@ -1,0 +1,97 @@
+"""Covariances of forecasts: what they promise, by hand and by drawing from them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.baselines.kinematic import kalman_covariance
+from pedpred.evaluation import Scores, summary
+from pedpred.evaluation.calibration import (
+    REGIONS,
+    coverage,
+    negative_log_likelihood,
+    radius2,
+    squared_mahalanobis,
+)
+from pedpred.geometry import rotate, rotated_covariance
+from pedpred.scenes import Recording
+from pedpred.tracking import KalmanSettings, follow
+
+TRACKER = KalmanSettings(acceleration_noise=0.02, position_noise_m=0.05)
+
+
+def some_covariance(rng, rows):
+    root = rng.normal(size=(rows, 2, 2))
+    return root @ np.swapaxes(root, -1, -2) + 0.01 * np.eye(2)
+
+
+def test_by_hand():
+    """3 m off along an axis of standard deviation 1.5 m: 2 of them."""
+    covariance = np.diag([2.25, 1.0])
+    assert squared_mahalanobis(np.array([3.0, 0.0]), covariance) == pytest.approx(4.0)
+    assert negative_log_likelihood(np.array(4.0), covariance) == pytest.approx(2 + np.log(2 * np.pi * 1.5))
+    assert radius2(0.95) == pytest.approx(5.99146, abs=1e-5)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32 - 1), st.floats(-7.0, 7.0))
+def test_turning_the_world_changes_neither_distance_nor_surprise(seed, angle):
+    rng = np.random.default_rng(seed)
+    covariance, error = some_covariance(rng, 5), rng.normal(size=(5, 2))
+    turned = rotated_covariance(covariance, np.full(5, angle))
+    before = squared_mahalanobis(error, covariance)
+    after = squared_mahalanobis(rotate(error, np.full(5, angle)), turned)
+    np.testing.assert_allclose(after, before, rtol=1e-6)
+    nll = [negative_log_likelihood(before, sigma) for sigma in (covariance, turned)]
+    np.testing.assert_allclose(*nll, rtol=1e-6, atol=1e-9)
+
+
+def test_turning_by_a_right_angle_swaps_the_axes():
+    turned = rotated_covariance(np.array([[4.0, 0.5], [0.5, 1.0]]), np.array(np.pi / 2))
+    np.testing.assert_allclose(turned, [[1.0, -0.5], [-0.5, 4.0]], atol=1e-12)
+
+
+def test_what_is_drawn_from_a_gaussian_lies_in_its_regions():
+    rng = np.random.default_rng(0)
+    covariance = some_covariance(rng, 20000)[:, None]
+    error = (np.linalg.cholesky(covariance) @ rng.normal(size=(20000, 1, 2, 1)))[..., 0]
+    distance2 = squared_mahalanobis(error, covariance)
+    for share in REGIONS:
+        assert coverage(distance2, share) == pytest.approx(share, abs=0.01)
+
+
+def test_figures_of_calibration_appear_where_a_covariance_is_told():
+    one, two = np.array([0, 1]), np.zeros((2, 1))
+    scores = Scores(one, one > 0, two, two > 0, one > 0, np.array([[1.0], [5.0]]), np.array([[0.5], [1.5]]))
+    found = summary(scores, scores, 10, 0)
+    assert found["nll"] == 1.0
+    assert [found[f"per_step_coverage_{p}"] for p in (50, 90, 95)] == [[0.5], [0.5], [1.0]]
+
+
+def walks(rng, tracks, detections, dt_s, q, r):
+    """People pushed by white noise (the filter's own model), seen with noise. [tracks, detections, 2] m."""
+    noise = q * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
+    pushes = rng.normal(size=(tracks, detections, 2, 2)) @ np.linalg.cholesky(noise).T
+    state = np.zeros((tracks, 2, 2))  # axis, (position, velocity)
+    state[..., 1] = rng.normal(0, 1, (tracks, 2))
+    seen = np.empty((tracks, detections, 2))
+    for k in range(detections):
+        seen[:, k] = state[..., 0] + rng.normal(0, r, (tracks, 2))
+        state = state @ np.array([[1.0, 0.0], [dt_s, 1.0]]) + pushes[:, k]
+    return seen
+
+
+def test_the_trackers_own_covariance_holds_in_the_trackers_own_world():
+    rng, dt_s, known, ahead = np.random.default_rng(1), 0.4, 6, 5
+    q, r = TRACKER.acceleration_noise, TRACKER.position_noise_m
+    seen = walks(rng, 4000, known + ahead, dt_s, q, r)
+    track_id, step = (axis.ravel() for axis in np.mgrid[:4000, :known])
+    recording = Recording(step * dt_s, track_id, seen[:, :known].reshape(-1, 2))
+    tracks = follow(recording, "kalman", TRACKER, 0.2)
+    last = tracks.age == known - 1
+    forecast = tracks.position[last] + ahead * dt_s * tracks.velocity[last]
+    covariance = kalman_covariance(TRACKER, dt_s, np.array([ahead * dt_s]))
+    distance2 = squared_mahalanobis((seen[:, -1] - forecast)[:, None], covariance)
+    for share in REGIONS:
+        assert coverage(distance2, share) == pytest.approx(share, abs=0.03)

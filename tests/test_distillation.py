@@ -1,0 +1,94 @@
+"""A narrow encoder learns the codes of a full one."""
+
+import numpy as np
+import pytest
+import torch
+
+from pedpred.datasets.crops import CodedCrops, coded_crops_of
+from pedpred.errors import ConfigError, ShapeError
+from pedpred.features import FeatureSettings, extract_blocks
+from pedpred.models import GridEncoder
+from pedpred.models.encoding import encode, load_encoder
+from pedpred.storage.checkpoints import write_checkpoint
+from pedpred.storage.shards import write_codes, write_manifest, write_shard
+from pedpred.tracking import follow
+from pedpred.training.distillation import DistillationSettings, distil, unexplained
+from tests.exported import TRACKER
+from tests.worlds import walled_scene
+
+SHORT = DistillationSettings(
+    widths=(8, 8), batch=8, steps=40, validate_every=20, lr=1e-2, warmup_steps=5, seed=0
+)
+
+
+@pytest.fixture(scope="module")
+def taught():
+    """A teacher and what it makes of crops with one square each."""
+    torch.manual_seed(0)
+    teacher, rng = GridEncoder(16), np.random.default_rng(0)
+    cells = np.zeros((40, 60, 60), np.uint8)
+    for crop in cells:
+        x, y = rng.integers(0, 40, 2)
+        crop[x : x + 20, y : y + 20] = 1
+    packed = np.packbits(cells.reshape(len(cells), -1), axis=-1, bitorder="little")
+    return teacher, CodedCrops(packed, encode(teacher, packed, 60).astype(np.float16), 60)
+
+
+def test_a_narrow_encoder_learns_and_repeats(taught):
+    teacher, crops = taught
+    student, curve = distil(teacher, crops, crops, SHORT)
+    for share in ("validation_code_missed", "validation_latent_missed"):
+        assert curve[-1][share] < 0.3 * curve[0][share]
+    assert student.conv1.out_channels == 8
+    assert torch.equal(student.fc.weight, teacher.fc.weight)
+    again, _ = distil(teacher, crops, crops, SHORT)
+    assert all(torch.equal(a, b) for a, b in zip(student.parameters(), again.parameters(), strict=True))
+
+
+def test_the_teacher_misses_nothing_and_a_constant_everything(taught):
+    teacher, crops = taught
+    images = torch.from_numpy(np.unpackbits(crops.packed, axis=-1, bitorder="little")).reshape(-1, 60, 60)
+    exact = teacher.code(images.float()).detach()
+    assert unexplained(teacher, images.float(), exact)["code"] < 1e-10
+    mean = GridEncoder(16)
+    mean.fc.load_state_dict(teacher.fc.state_dict())
+    mean.code = lambda images: exact.mean(dim=0).expand(len(images), -1)
+    missed = unexplained(mean, images.float(), exact)
+    np.testing.assert_allclose([missed[key].item() for key in ("code", "latent")], 1.0, rtol=1e-5)
+
+
+def test_a_narrow_encoder_comes_back_from_disk(taught, tmp_path):
+    narrow, (_, crops) = GridEncoder(16, (4, 6)), taught
+    about = {"settings": {"latent": 16, "widths": [4, 6]}}
+    write_checkpoint(tmp_path, {f"encoder.{k}": v for k, v in narrow.state_dict().items()}, about)
+    again = encode(load_encoder(tmp_path), crops.packed, 60)
+    np.testing.assert_array_equal(again, encode(narrow, crops.packed, 60))
+    assert again.dtype == np.float32
+
+
+def test_crops_and_codes_stay_together_and_rooms_apart(tmp_path):
+    settings = FeatureSettings()
+    for index, name in enumerate(("a", "b", "c")):
+        scene = walled_scene(np.random.default_rng(index))
+        blocks = list(extract_blocks(scene, follow(scene.recording, "kalman", TRACKER, 0.2), settings))
+        write_shard(blocks, tmp_path / "features", name)
+        bits = np.concatenate([block.occupancy for block in blocks])
+        write_codes([_code_of(bits)], tmp_path / "codes", name)
+    write_manifest(tmp_path / "features", settings, {name: tmp_path for name in ("a", "b", "c")})
+
+    def divided(share):
+        return coded_crops_of(tmp_path / "features", tmp_path / "codes", share, 2, np.random.default_rng(0))
+
+    training, validation = divided(0.3)
+    assert len(training) > len(validation) > 0
+    for part in (training, validation):
+        np.testing.assert_array_equal(part.code, _code_of(part.packed))
+    with pytest.raises(ConfigError, match="validation_share"):
+        divided(1.0)
+    with pytest.raises(ShapeError, match="code"):
+        CodedCrops(training.packed, training.code[1:], training.cells)
+
+
+def _code_of(packed):
+    """A code that tells its crop: how many bits are set."""
+    return np.bitwise_count(packed).sum(axis=1, dtype=np.float16)[:, None]

@@ -1,0 +1,106 @@
+"""Training on several processes and devices: the same training as on one."""
+
+import dataclasses
+import os
+import socket
+from itertools import islice
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from pedpred.errors import ConfigError
+from pedpred.models import MotionLstm
+from pedpred.training import train_motion
+from pedpred.training.machine import ALONE, Machine, machine
+from pedpred.training.progress import Progress
+from pedpred.training.recurrent import training_batches, training_step
+from pedpred.training.variation import Variation
+from tests.test_learning import QUICK, SMALL, toy_data
+
+VARIED = dataclasses.replace(QUICK, variation=Variation(0.5, (0.8, 1.2), 0.1, 0.2, 0.2))
+
+
+def train(here, folder):
+    """Six steps on four lanes; the curve, with everything else left in `folder`."""
+    torch.manual_seed(0)
+    data = toy_data(np.random.default_rng(2))
+    data.future_steps[::7] = 1  # so that the processes' shares weigh differently
+    return train_motion(
+        MotionLstm(SMALL), data, data.sequences[:4], data.sequences[4:], VARIED, folder, "", here
+    )
+
+
+def one_of_two(rank, port, folder):
+    torch.set_num_threads(1)
+    place = {
+        "RANK": rank,
+        "WORLD_SIZE": 2,
+        "LOCAL_RANK": rank,
+        "MASTER_ADDR": "127.0.0.1",
+        "MASTER_PORT": port,
+    }
+    os.environ.update({name: str(value) for name, value in place.items()})
+    with machine("cpu", False) as here:
+        curve = train(here, folder)
+    torch.save(curve, folder / f"curve{rank}.pt")
+
+
+def free_port():
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return found.getsockname()[1]
+
+
+def test_two_processes_learn_what_one_does_with_all_lanes(tmp_path):
+    alone = train(ALONE, tmp_path / "alone")
+    together = tmp_path / "together"
+    together.mkdir()
+    torch.multiprocessing.spawn(one_of_two, (free_port(), together), nprocs=2)
+    curves = [torch.load(together / f"curve{rank}.pt") for rank in range(2)]
+    assert curves[0][1:] == curves[1][1:]  # [0] has no loss yet, and nan equals nothing
+    for mine, joint in zip(alone, curves[0], strict=True):
+        assert joint == pytest.approx(mine, rel=1e-5, nan_ok=True)
+    states = [load_file(folder / "progress.safetensors") for folder in (tmp_path / "alone", together)]
+    assert states[0].keys() == states[1].keys()
+    for name, value in states[0].items():  # weights, the optimiser's moments, the memory of all lanes
+        torch.testing.assert_close(states[1][name], value, rtol=1e-4, atol=1e-6, msg=name)
+
+
+def test_lanes_are_divided_evenly_or_refused():
+    shares = [Machine(ALONE.device, rank=rank, size=4).share(64) for rank in range(4)]
+    assert [i for share in shares for i in range(64)[share]] == list(range(64))
+    with pytest.raises(ConfigError, match=r"lanes.*multiple of the number of processes, 3"):
+        Machine(ALONE.device, size=3).share(64)
+
+
+def test_devices_that_are_not_there_or_not_meant_are_named():
+    with pytest.raises(ConfigError, match=r"training\.device.*'tpu'"), machine("tpu", False):
+        pass
+    with pytest.raises(ConfigError, match=r"training\.autocast"), machine("cpu", True):
+        pass
+    if not torch.cuda.is_available():
+        with pytest.raises(ConfigError, match="no CUDA device"), machine("cuda", False):
+            pass
+        with machine("auto", False) as here:
+            assert here == ALONE
+
+
+def test_a_data_set_moves_as_a_whole():
+    data = toy_data(np.random.default_rng(0)).to(torch.device("meta"))
+    tensors = [value for value in vars(data).values() if isinstance(value, torch.Tensor)]
+    assert len(tensors) == 4
+    assert {tensor.device.type for tensor in tensors} == {"meta"}
+
+
+def test_a_training_step_stays_on_its_device():
+    """Nothing in a step makes a tensor elsewhere, or looks at a value: on "meta" both would fail."""
+    far = Machine(torch.device("meta"))
+    network, data = MotionLstm(SMALL).to(far.device), toy_data(np.random.default_rng(0)).to(far.device)
+    optimizer = torch.optim.SGD(network.parameters())
+    progress = Progress(0, network.start(4))
+    for batch in islice(training_batches(data.sequences, VARIED, 0), 2):
+        part = batch.part(far.share(4), far.device)
+        loss = training_step(network, data, part, optimizer, progress, VARIED, far)
+        assert loss.device.type == "meta"

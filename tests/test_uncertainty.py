@@ -1,0 +1,116 @@
+"""Spread of forecasts: a proper Gaussian, learned beside the mean without touching it."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.datasets import MotionData
+from pedpred.errors import ConfigError
+from pedpred.models import MotionLstm, MotionSettings
+from pedpred.models.rolling import displacements, roll
+from pedpred.models.uncertainty import FLOOR_M, GaussianHead, covariance_of, negative_log_density
+from pedpred.training import TrainingSettings, train_motion
+
+MEAN_ONLY = MotionSettings.parse(
+    {
+        "channels": {"state": {"embedding": 8, "lstm": 8}},
+        "joint": 16,
+        "head": 16,
+        "horizon_steps": 3,
+        "residual": True,
+        "dropout": 0.2,
+    }
+)
+WITH_SPREAD = dataclasses.replace(MEAN_ONLY, uncertainty="gaussian")
+QUICK = TrainingSettings(
+    steps=6,
+    lanes=4,
+    sub_sequence=5,
+    longest_track=40,
+    validate_every=3,
+    lr=1e-2,
+    warmup_steps=2,
+    clip_norm=0.1,
+    weight_decay=1e-4,
+    seed=0,
+)
+SPREAD = st.tuples(st.floats(0.01, 5.0), st.floats(0.01, 5.0), st.floats(-3.0, 3.0))
+
+
+def noisy_walks(error_m, tracks=12, length=30, dt_s=0.3):
+    """People at 1 m/s whose next positions are off by `error_m` [rows, 3, 2] from a straight line."""
+    rows = tracks * length
+    edges = np.arange(0, rows + 1, length)
+    straight = torch.tensor([1.0, 0.0]).expand(rows, 3, 2)
+    steps = torch.diff(error_m, dim=1, prepend=torch.zeros(rows, 1, 2)) / dt_s
+    return MotionData(
+        velocity=straight[:, 0].clone(),
+        angular=torch.zeros(rows, 72),
+        future=straight + steps,
+        future_steps=torch.full((rows,), 3),
+        code=None,
+        sequences=np.stack([edges[:-1], edges[1:]], axis=-1),
+        scene=np.zeros(tracks, int),
+        track=np.arange(tracks),
+        dt_s=dt_s,
+    )
+
+
+def trained(shape, data, scratch, **changes):
+    torch.manual_seed(1)
+    network = MotionLstm(shape)
+    how = dataclasses.replace(QUICK, **changes)
+    curve = train_motion(network, data, data.sequences, data.sequences, how, scratch, "toy")
+    return network.eval(), curve
+
+
+@settings(max_examples=25)
+@given(SPREAD, st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)))
+def test_the_density_is_the_one_of_its_covariance(spread, error):
+    spread, error = (torch.tensor(values, dtype=torch.float64) for values in (spread, error))
+    covariance = covariance_of(spread)
+    assert torch.equal(covariance, covariance.T)
+    scaled = error @ torch.linalg.solve(covariance, error)
+    expected = 0.5 * (scaled + torch.logdet(covariance)) + np.log(2 * np.pi)
+    torch.testing.assert_close(negative_log_density(error, spread), expected, rtol=1e-6, atol=1e-6)
+
+
+def test_no_memory_gives_a_deviation_below_the_floor():
+    head = GaussianHead(4, 3)
+    torch.nn.init.normal_(head.out.weight, std=1e4)
+    spread = head(torch.randn(500, 4)).detach()
+    assert torch.isfinite(spread).all()
+    assert spread[..., :2].min() == pytest.approx(FLOOR_M)
+    assert torch.isfinite(negative_log_density(torch.randn(500, 3, 2), spread)).all()
+
+
+def test_the_mean_is_to_the_last_bit_what_it_is_without_a_spread(tmp_path):
+    data = noisy_walks(torch.randn(360, 3, 2, generator=torch.Generator().manual_seed(0)))
+    plain, curve = trained(MEAN_ONLY, data, tmp_path / "plain")
+    spread, other = trained(WITH_SPREAD, data, tmp_path / "spread")
+    untouched = spread.state_dict()
+    assert all(torch.equal(weight, untouched[name]) for name, weight in plain.state_dict().items())
+    assert [row["validation_ade_m"] for row in curve] == [row["validation_ade_m"] for row in other]
+    assert roll(plain, data, data.sequences).spread is None
+
+
+def test_the_spread_of_noise_is_found(tmp_path):
+    """Errors of 0.1, 0.2 and 0.4 m forward, half of it to the left: all that can be learned is how large."""
+    deviation_m = torch.tensor([[0.1, 0.05], [0.2, 0.1], [0.4, 0.2]])
+    noise = torch.randn(360, 3, 2, generator=torch.Generator().manual_seed(0))
+    data = noisy_walks(noise * deviation_m)
+    network, curve = trained(WITH_SPREAD, data, tmp_path, steps=120, validate_every=60, clip_norm=1.0)
+    motion = roll(network, data, data.sequences)
+    found = torch.diagonal(covariance_of(motion.spread), dim1=-2, dim2=-1).mean(dim=0).sqrt()
+    off = displacements(motion.velocities, data.future, data.dt_s).square().mean(dim=0).sqrt()
+    torch.testing.assert_close(found, off, rtol=0.2, atol=0.0)
+    assert curve[-1]["validation_nll"] < curve[0]["validation_nll"]
+
+
+def test_an_unknown_uncertainty_is_named():
+    with pytest.raises(ConfigError, match=r"uncertainty.*cauchy"):
+        MotionSettings.parse(MEAN_ONLY.plain() | {"uncertainty": "cauchy"})

@@ -1,0 +1,140 @@
+"""Variations of the training tracks: each changes what it names and nothing else."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.datasets import LaneBatch, MotionData
+from pedpred.errors import ConfigError
+from pedpred.training.variation import Variation, looked_up, varied
+
+CPU = torch.device("cpu")
+ROWS, LANES, LENGTH, HORIZON = 40, 8, 5, 3
+
+
+def some_data(rng):
+    return MotionData(
+        velocity=torch.from_numpy(rng.random((ROWS, 2), np.float32)),
+        angular=torch.from_numpy(rng.random((ROWS, 6), np.float32)) + 0.1,
+        future=torch.from_numpy(rng.random((ROWS, HORIZON, 2), np.float32)),
+        future_steps=torch.full((ROWS,), HORIZON),
+        code=torch.from_numpy(rng.random((ROWS, 7), np.float32)).to(torch.float16),
+        sequences=np.array([[0, ROWS]]),
+        scene=np.zeros(1, int),
+        track=np.zeros(1, int),
+        dt_s=0.3,
+        empty_code=torch.arange(7, dtype=torch.float32) + 2.0,
+    )
+
+
+def some_batch(rng):
+    rows = rng.permutation(ROWS).reshape(LANES, LENGTH)
+    return LaneBatch(rows, np.zeros(LANES, bool), rng.random((LANES, 3), np.float32))
+
+
+def both(variation, seed=0):
+    """Inputs and targets as they are and as they are varied, the batch, and what was drawn."""
+    data, batch = some_data(np.random.default_rng(1)), some_batch(np.random.default_rng(2))
+    drawn = varied(batch, variation, np.random.default_rng(seed))
+    rows = torch.from_numpy(batch.rows)
+    return (data.inputs(rows), data.future[rows]), looked_up(data, drawn), batch, drawn
+
+
+def test_nothing_varies_by_default():
+    (plain, future), (same, target), _, _ = both(Variation())
+    assert torch.equal(target, future)
+    assert all(torch.equal(same[name], plain[name]) for name in plain)
+
+
+def test_strange_lanes_are_mirrored_beside_the_obstacles_of_their_neighbour():
+    (plain, future), (other, target), batch, _ = both(Variation(strange_share=0.5))
+    strange = batch.chance[:, 0] < 0.5
+    assert 0 < strange.sum() < len(strange)
+    for lane, mirrored in enumerate(strange):
+        sign = torch.tensor([1.0, -1.0 if mirrored else 1.0])
+        seen = plain["angular"][lane].flip(-1) if mirrored else plain["angular"][lane]
+        torch.testing.assert_close(other["state"][lane], plain["state"][lane] * sign)
+        torch.testing.assert_close(target[lane], future[lane] * sign)
+        torch.testing.assert_close(other["angular"][lane], seen)
+        torch.testing.assert_close(other["grid"][lane], plain["grid"][lane - int(mirrored)])
+
+
+def test_a_pace_scales_what_was_and_what_will_be():
+    (plain, future), (other, target), batch, _ = both(Variation(pace_range=(0.5, 1.5)))
+    factor = torch.from_numpy(0.5 + batch.chance[:, 1])
+    torch.testing.assert_close(other["state"], plain["state"] * factor[:, None, None])
+    torch.testing.assert_close(target, future * factor[:, None, None, None])
+    assert torch.equal(other["grid"], plain["grid"])
+
+
+def test_who_stands_hardly_moves_and_will_hardly_move():
+    (plain, future), (other, target), batch, _ = both(Variation(standing_share=0.5))
+    standing = torch.from_numpy(batch.chance[:, 2] < 0.5)
+    assert 0 < standing.sum() < len(standing)
+    assert torch.equal(other["state"][~standing], plain["state"][~standing])
+    assert (other["state"][standing].abs() <= 0.1 * plain["state"][standing].abs()).all()
+    assert (target[standing].abs() <= 0.1 * future[standing].abs()).all()
+    assert torch.equal(target[~standing], future[~standing])
+
+
+def test_noise_is_on_the_velocity_seen_and_not_on_what_will_be():
+    (plain, future), (other, target), _, _ = both(Variation(velocity_noise_mps=0.2))
+    noise = other["state"] - plain["state"]
+    assert 0.1 < noise.std() < 0.3  # 80 numbers
+    assert torch.equal(target, future)
+    assert all(torch.equal(other[name], plain[name]) for name in ("angular", "grid"))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
+def test_unseen_people_and_unmapped_ground_are_empty_and_the_rest_is_untouched(seed, share):
+    variation = Variation(unseen_share=share, unmapped_share=share)
+    (plain, future), (other, target), _, drawn = both(variation, seed)
+    unseen, unmapped = drawn.crowd < 0, drawn.scenery < 0
+    assert not other["angular"][unseen].any()
+    assert torch.equal(other["angular"][~unseen], plain["angular"][~unseen])
+    assert (other["grid"][unmapped] == torch.arange(7) + 2.0).all()  # an empty crop's code, which is not 0
+    assert torch.equal(other["grid"][~unmapped], plain["grid"][~unmapped])
+    assert torch.equal(other["state"], plain["state"])
+    assert torch.equal(target, future)
+    assert (unmapped == unmapped[:, :1]).all()  # all along a sub-sequence
+    if share in (0.0, 1.0):
+        assert (unseen == bool(share)).all()
+        assert (unmapped == bool(share)).all()
+
+
+def test_about_the_share_asked_for_is_hidden():
+    batch = LaneBatch(np.zeros((400, 10), int), np.zeros(400, bool), np.ones((400, 3), np.float32))
+    drawn = varied(batch, Variation(unseen_share=0.25, unmapped_share=0.5), np.random.default_rng(0))
+    assert (drawn.crowd < 0).float().mean() == pytest.approx(0.25, abs=0.03)
+    assert (drawn.scenery < 0).float().mean() == pytest.approx(0.5, abs=0.1)
+
+
+def test_lanes_shared_among_processes_vary_as_they_would_together():
+    """A strange lane sees its neighbour's obstacles also where the neighbour is another process's."""
+    variation = Variation(0.5, (0.5, 1.5), 0.2, 0.3, 0.3)
+    _, (whole, target), _, drawn = both(variation)
+    data = some_data(np.random.default_rng(1))
+    halves = [looked_up(data, drawn.part(lanes, CPU)) for lanes in (slice(0, 4), slice(4, 8))]
+    for name, values in whole.items():
+        assert torch.equal(torch.cat([inputs[name] for inputs, _ in halves]), values)
+    assert torch.equal(torch.cat([future for _, future in halves]), target)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("strange_share", 1.5),
+        ("unseen_share", -0.1),
+        ("unmapped_share", float("nan")),
+        ("velocity_noise_mps", -1.0),
+        ("pace_range", (1.2, 0.8)),
+    ],
+)
+def test_an_impossible_variation_is_named(field, value):
+    with pytest.raises(ConfigError, match=field):
+        dataclasses.replace(Variation(), **{field: value})
