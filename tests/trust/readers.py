@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores
 
 from pedpred import config
@@ -99,6 +100,11 @@ READERS = {
     "ROS 2 bag": Reader(
         lambda folder: make_bag(folder / "hall", Stores.ROS2_HUMBLE),
         ("hall/metadata.yaml", "hall/hall.db3"),
+        lambda folder: read_bag(folder / "hall"),
+    ),
+    "ROS 2 bag (MCAP)": Reader(
+        lambda folder: make_bag(folder / "hall", Stores.ROS2_HUMBLE, storage=StoragePlugin.MCAP),
+        ("hall/metadata.yaml", "hall/hall.mcap"),
         lambda folder: read_bag(folder / "hall"),
     ),
     "MCAP bag": Reader(
