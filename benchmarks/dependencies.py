@@ -17,6 +17,7 @@ from packaging.requirements import Requirement
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "dependencies.md"
 REASONS = {
+    "lz4": "chunks of recordings that are compressed so",
     "mcap": "recordings that robotics viewers open",
     "mcap-ros2-support": "ROS 2 messages in them, without ROS",
     "numba": "compiled loops of the simulator, the crop and the angular grid",

@@ -4,6 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import zstandard
+from lz4.frame import LZ4FrameCompressor
+from mcap.data_stream import RecordBuilder
+from mcap.reader import make_reader
+from mcap.records import Chunk, Header
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from rosbags import rosbag1, rosbag2
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -207,3 +213,69 @@ def test_the_standard_types_read_every_standard_message_of_a_recording(tmp_path)
             assert message.__msgtype__ == connection.msgtype
     assert read.people == len(scene.recording)
     assert read.standard == 2 + len(np.unique(scene.recording.time_s))
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_chunks_may_be_compressed_in_every_way(compression, tmp_path):
+    world = walled_scene(np.random.default_rng(0), detections=20)
+    write_recording(world, tmp_path / "zstd.mcap")
+    repacked(tmp_path / "zstd.mcap", tmp_path / "hall.mcap", compression)
+    np.testing.assert_array_equal(
+        read_bag(tmp_path / "hall.mcap").recording.track_id, world.recording.track_id
+    )
+
+
+@pytest.mark.parametrize("share", [0.4, 0.7, 0.95])
+def test_a_bag_that_is_cut_is_read_up_to_the_cut(share, tmp_path):
+    world = walled_scene(np.random.default_rng(0), detections=60)
+    write_recording(world, tmp_path / "whole.mcap")
+    repacked(tmp_path / "whole.mcap", tmp_path / "hall.mcap", CompressionType.NONE, chunk_size=2000)
+    raw = (tmp_path / "hall.mcap").read_bytes()
+    (tmp_path / "hall.mcap").write_bytes(raw[: int(share * len(raw))])
+    with pytest.warns(UserWarning, match="cut: read up to byte"):
+        scene = read_bag(tmp_path / "hall.mcap")
+    count = len(scene.recording)
+    assert 0 < count < len(world.recording) or share > 0.9
+    np.testing.assert_array_equal(scene.recording.track_id, world.recording.track_id[:count])
+
+
+@pytest.mark.parametrize("compression", ["", "lz4", "zstd"])
+@pytest.mark.parametrize("honest", [True, False])
+def test_a_chunk_that_would_fill_the_memory_is_refused(compression, honest, tmp_path):
+    """Whether it says how much it holds or not; half a gigabyte of zeros is half a megabyte of lz4."""
+    held = 2**29
+    squeezed = {"": lambda: b"\0", "lz4": lambda: lz4_of_zeros(held), "zstd": lambda: zstd_of_zeros(held)}
+    with (tmp_path / "bomb.mcap").open("wb") as stream:
+        stream.write(MCAP0_MAGIC)
+        builder = RecordBuilder()
+        Header("ros2", "").write(builder)
+        claimed = held if honest or not compression else 1
+        Chunk(compression, squeezed[compression](), 0, 0, 0, claimed).write(builder)
+        stream.write(builder.end())
+        stream.write(MCAP0_MAGIC)
+    with pytest.raises(SourceError, match=r"bomb\.mcap.*at most 268435456 bytes"):
+        read_bag(tmp_path / "bomb.mcap")
+
+
+def repacked(source, target, compression, **options):
+    """The messages of a recording in a file of another writer."""
+    with source.open("rb") as old, target.open("wb") as new:
+        writer = Writer(new, compression=compression, **options)
+        writer.start("ros2")
+        channels = {}
+        for schema, channel, message in make_reader(old).iter_messages():
+            if channel.id not in channels:
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", known)
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+
+
+def lz4_of_zeros(count):
+    packer, block = LZ4FrameCompressor(), bytes(2**22)
+    return packer.begin() + b"".join(packer.compress(block) for _ in range(count // 2**22)) + packer.flush()
+
+
+def zstd_of_zeros(count):
+    packer, block = zstandard.ZstdCompressor().compressobj(size=count), bytes(2**22)
+    return b"".join(packer.compress(block) for _ in range(count // 2**22)) + packer.flush()

@@ -66,13 +66,21 @@ def read_bag(path: Path, topic: str | None = None) -> Scene:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """A rosbags reader that knows the standard messages, for bags that do not describe theirs."""
+    """A reader that knows the standard messages, for bags that do not describe theirs.
+
+    MCAP files are read by our own, because rosbags takes whatever memory a damaged one asks for.
+    """
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as cause:
         remedy = "Install it: pip install 'pedpred[ros]'"
         raise SourceError(path, None, "bags are read by the package rosbags", remedy) from cause
+    from pedpred.bags.mcap_bag import McapBag, mcap_files  # imports rosbags, which need not be there
+
+    if files := mcap_files(path):
+        yield McapBag(files)
+        return
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
         yield bag
 

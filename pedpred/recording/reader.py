@@ -2,38 +2,27 @@
 
 from __future__ import annotations
 
-import struct
-import warnings
 from collections.abc import Iterator
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from mcap.exceptions import EndOfFile
-from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Channel, Message, Metadata, Schema
 from mcap_ros2.decoder import DecoderFactory
-from zstandard import frame_content_size
 
-from pedpred.errors import ShapeError, SourceError, ValueRuleError
-from pedpred.files import decoding, read_bytes
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.files import decoding
 from pedpred.recording.interfaces import MAP, PEOPLE, TYPES, definition
 from pedpred.recording.messages import OCCUPIED, TAGS
+from pedpred.recording.records import records
 from pedpred.recording.writer import SCENE_RECORD
 from pedpred.scenes import OccupancyMap, Scene
 from pedpred.storage.scenes import tracks_of
 
-_RECORD_HEAD = struct.Struct("<BQ")
-"""Kind and length of what follows."""
-_LARGEST_BYTES = 2**33
 _REMEDY = f"A recording is an MCAP file with {TYPES[MAP]} on {MAP} and {TYPES[PEOPLE]} on {PEOPLE}, in CDR"
 _NOBODY = {name: np.zeros(0) for name in ("time_s", "track_id", "x_m", "y_m")}
-_LARGEST_CHUNK_BYTES = 2**28
-"""Of what a chunk may claim to hold, uncompressed; writers make chunks of some MiB."""
 
 
 def read_recording(path: Path) -> Scene:
@@ -73,7 +62,7 @@ def _contents(path: Path) -> Iterator[tuple[str, Any]]:
     channels: dict[int, Channel] = {}
     schemas: dict[int, Schema] = {}
     decoders = DecoderFactory()
-    for record in _records(path):
+    for record in records(path):
         if isinstance(record, Schema):
             schemas[record.id] = _known(record)
         elif isinstance(record, Channel):
@@ -100,42 +89,6 @@ def _known(schema: Schema) -> Schema:
     return Schema(
         id=schema.id, name=schema.name, encoding=schema.encoding, data=definition(schema.name).encode()
     )
-
-
-def _records(path: Path) -> Iterator[McapRecord]:
-    """All records, or those before the cut."""
-    raw = read_bytes(path, _LARGEST_BYTES)
-    if not raw.startswith(MCAP0_MAGIC):
-        raise SourceError(path, None, f"no MCAP file, it begins with {raw[:8]!r}", _REMEDY)
-    cut = len(raw) == len(MCAP0_MAGIC) or not raw.endswith(MCAP0_MAGIC)
-    end = _last_whole_record(raw) if cut else len(raw)
-    if cut:
-        warnings.warn(f"{path} is cut: read up to byte {end} of {len(raw)}", stacklevel=2)
-    try:
-        for record in StreamReader(BytesIO(raw[:end]), emit_chunks=True, validate_crcs=True).records:
-            yield from _unpacked(record) if isinstance(record, Chunk) else (record,)
-    except EndOfFile:
-        if not cut:
-            raise
-
-
-def _unpacked(chunk: Chunk) -> list[McapRecord]:
-    """The records in a chunk, once it is known that they do not fill the memory."""
-    content = frame_content_size(chunk.data) if chunk.compression == "zstd" else len(chunk.data)
-    if max(chunk.uncompressed_size, content) > _LARGEST_CHUNK_BYTES:
-        raise ShapeError("chunk", (chunk.uncompressed_size, content), f"at most {_LARGEST_CHUNK_BYTES} bytes")
-    return breakup_chunk(chunk, validate_crc=True)
-
-
-def _last_whole_record(raw: bytes) -> int:
-    """Where the last record ends that is there in full."""
-    end = len(MCAP0_MAGIC)
-    while end + _RECORD_HEAD.size <= len(raw):
-        _, length = _RECORD_HEAD.unpack_from(raw, end)
-        if end + _RECORD_HEAD.size + length > len(raw):
-            break
-        end += _RECORD_HEAD.size + length
-    return end
 
 
 def _rows(message: Any, path: Path) -> list[dict[str, Any]]:

@@ -14,7 +14,7 @@ from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.methods import colours, label, ordered
 from pedpred.storage.windows import Windows
 
-READING = "below the dashed line: too sure,\nabove it: too careful"
+_READING = "below the dashed line: too sure,\nabove it: too careful"
 _SHARES = np.linspace(0.0, 0.99, 100)
 _CORNERS = 40
 
@@ -33,7 +33,7 @@ def calibration_figure(windows: Sequence[Windows], title: str, step_s: float = 0
         title: what was evaluated.
         step_s: duration of a prediction step, s.
     """
-    figure = blank(9.6, 3.6)
+    figure = blank(9.6, 2.9)
     names = told_by(windows)
     distance2 = {name: _distances(windows, name) for name in names}
     panels = shown_steps(distance2[names[0]].shape[1])
@@ -48,7 +48,7 @@ def calibration_figure(windows: Sequence[Windows], title: str, step_s: float = 0
         Line2D([], [], color=colour, marker="o", markersize=4.0, label=label(name))
         for name, colour in colours(names).items()
     ]
-    figure.legend(handles=handles, loc="outside right upper", title=READING, alignment="left")
+    figure.legend(handles=handles, loc="outside right center", title=_READING, alignment="left")
     return figure
 
 

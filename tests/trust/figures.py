@@ -12,9 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
+from pedpred.baselines.registry import baseline
 from pedpred.command.evaluation import COLLISION_M, MOVING_MPS
 from pedpred.command.prediction import robot_for
-from pedpred.evaluation.compare import compare
+from pedpred.evaluation.compare import seen_together
+from pedpred.evaluation.metrics import displacement
+from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract
 from pedpred.files import write_json
 from pedpred.online.assessment import assess
@@ -26,7 +29,7 @@ from tests.simulated import SOCIAL_FORCE, scene_of, short
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMITTED = Path(__file__).with_name("figures.json")
-MODEL = ROOT / "models" / "online" / "main_int8"
+MODEL = ROOT / "models" / "online" / "main_lean"
 TOLERANCE = 0.02
 """Relative. Other processors round otherwise: a simulation makes that larger with every second, and integer
 networks are multiplied by other instructions."""
@@ -34,23 +37,23 @@ SECONDS = 20.0
 """Of simulation: so short that differences in rounding are still small."""
 
 
-def errors_m(scores: dict) -> dict[str, float]:
-    """Mean displacement error of every method, m."""
-    return {method: round(float(np.mean(own.error_m)), 5) for method, own in scores.items()}
-
-
 def as_on_a_robot(scene: Scene) -> dict[str, float]:
-    """The committed network and what only continues the present motion, as `pedpred evaluate` does it."""
+    """Mean errors, m, of the committed network and of what only continues the present motion."""
     predictor = robot_for(scene, MODEL)
-    return errors_m(assess(scene, predictor, replayed(scene, predictor), MOVING_MPS, COLLISION_M))
+    scores = assess(scene, predictor, replayed(scene, predictor), MOVING_MPS, COLLISION_M)
+    return {method: round(float(own.error_m.mean()), 5) for method, own in scores.items()}
 
 
-def by_its_own_forces(scene: Scene) -> dict[str, float]:
-    """The simulator as a forecaster of what it simulated."""
+def by_its_own_forces(scene: Scene) -> float:
+    """Mean error, m, of the simulator as a forecaster of what it simulated."""
     sizes = FeatureSettings()
     table = extract(scene, follow(scene.recording, "truth", None, 0.2), sizes)
-    limits = {"moving_mps": MOVING_MPS, "collision_m": COLLISION_M}
-    return errors_m(compare(scene, table, sizes, {}, ["social_force"], limits, SOCIAL_FORCE)[1])
+    ahead_s = (np.arange(sizes.horizon_steps) + 1) * sizes.dt_s
+    together = seen_together(table)
+    paths = baseline("social_force")(scene, table, together, ahead_s, SOCIAL_FORCE)
+    window = table.window[together]
+    truth = true_paths(table.select(table.window), sizes.dt_s)
+    return round(float(displacement(paths[window], truth).mean()), 5)
 
 
 def measured() -> dict[str, dict[str, float]]:
@@ -60,7 +63,7 @@ def measured() -> dict[str, dict[str, float]]:
     crossing = read_scene(ROOT / "examples" / "crossing")
     return {
         "crossing": as_on_a_robot(crossing),
-        "office": as_on_a_robot(office) | by_its_own_forces(office),
+        "office": as_on_a_robot(office) | {"social_force": by_its_own_forces(office)},
     }
 
 

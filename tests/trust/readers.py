@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores
 
 from pedpred import config
@@ -100,6 +101,19 @@ READERS = {
         lambda folder: make_bag(folder / "hall", Stores.ROS2_HUMBLE),
         ("hall/metadata.yaml", "hall/hall.db3"),
         lambda folder: read_bag(folder / "hall"),
+    ),
+    "ROS 2 bag (MCAP)": Reader(
+        lambda folder: make_bag(folder / "hall", Stores.ROS2_HUMBLE, storage=StoragePlugin.MCAP),
+        ("hall/metadata.yaml", "hall/hall.mcap"),
+        lambda folder: read_bag(folder / "hall"),
+    ),
+    "MCAP bag": Reader(
+        lambda folder: write_recording(place(), folder / "place.mcap"),
+        ("place.mcap",),
+        lambda folder: read_bag(folder / "place.mcap"),
+    ),
+    "open MCAP bag": Reader(
+        make_open_recording, ("place.mcap",), lambda folder: read_bag(folder / "place.mcap")
     ),
     "archive": Reader(make_archive, ("mirror.tar", "mirror.tgz"), read_archive),
     "params": Reader(make_project, ("params.yaml", "dvc.yaml"), read_project),
