@@ -53,7 +53,7 @@ def project(tmp_path, monkeypatch):
     params = yaml.safe_load(text)
     params["evaluation"]["real"] = {"crossing": "main"}  # the raw data of the others are not part of this
     torch.manual_seed(0)
-    settings = {"kind": "autoencoder", "settings": {"latent": 64}}
+    settings = {"kind": "autoencoder", "settings": {"latent": 64}, "cells": 60}
     write_checkpoint(Path("models/autoencoder"), GridAutoencoder(64).state_dict(), settings)
     for name, model in params["models"].items():
         network = MotionLstm(

@@ -16,6 +16,7 @@ from joblib import Parallel, delayed
 from PIL import Image
 
 from pedpred.datasets.motion import load_motion_data
+from pedpred.datasets.split import split_sequences
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, extract, extract_blocks, unpack_crops
 from pedpred.storage.columns import read_columns, write_blocks, write_columns
@@ -81,7 +82,7 @@ def test_the_number_of_workers_changes_no_byte(tmp_path):
         write_scene(dataclasses.replace(scene, name=f"room{seed}"), tmp_path / f"scenes/room{seed}")
     for workers in (1, 2):
         Parallel(n_jobs=workers)(
-            delayed(features_into)(tmp_path / str(workers), folder, SETTINGS, SOURCE, 0.2)
+            delayed(features_into)(tmp_path / str(workers), folder, "", SETTINGS, SOURCE, 0.2)
             for folder in (tmp_path / "scenes").iterdir()
         )
     one, two = ({p.name: p.read_bytes() for p in (tmp_path / n).iterdir()} for n in ("1", "2"))
@@ -209,7 +210,20 @@ def test_codes_must_belong_to_the_features(shard):
     write_codes([np.ones((len(table), 392), np.float16)], folder / "codes", "walled")
     data = load_motion_data(folder, folder / "codes")
     assert len(data.sequences) == 3 * len(np.unique(table.track_id))
-    assert set(data.track) == set(range(len(np.unique(table.track_id))))
+    assert set(data.track) == set(table.track_id)
+
+
+def test_a_variant_is_validated_with_its_track(tmp_path):
+    scene, tracks = walled()
+    write_scene(scene, tmp_path / "scene")
+    for name in ("walled", "walled_mirrored"):
+        write_shard([extract(scene, tracks, SETTINGS)], tmp_path, name)
+    write_manifest(tmp_path, SETTINGS, dict.fromkeys(("walled", "walled_mirrored"), tmp_path / "scene"))
+    data = load_motion_data(tmp_path, None)
+    owner = dict(zip(data.sequences[:, 0].tolist(), data.track.tolist(), strict=True))
+    halves = split_sequences(data, "track", 0.5, np.random.default_rng(0))
+    training, validation = ({owner[first] for first in half[:, 0].tolist()} for half in halves)
+    assert training and validation and not training & validation
 
 
 def test_the_example_in_the_readme_draws_a_grid_and_an_angular_grid(tmp_path, monkeypatch):
