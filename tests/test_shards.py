@@ -223,7 +223,9 @@ def test_a_variant_is_validated_with_its_track(tmp_path):
     owner = dict(zip(data.sequences[:, 0].tolist(), data.track.tolist(), strict=True))
     halves = split_sequences(data, "track", 0.5, np.random.default_rng(0))
     training, validation = ({owner[first] for first in half[:, 0].tolist()} for half in halves)
-    assert training and validation and not training & validation
+    assert training
+    assert validation
+    assert not training & validation
 
 
 def test_the_example_in_the_readme_draws_a_grid_and_an_angular_grid(tmp_path, monkeypatch):
