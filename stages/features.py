@@ -51,8 +51,10 @@ def main(cfg: DictConfig) -> None:
     groups = plain(cfg)
     standstill_mps = groups["features"].pop("standstill_mps")
     source = groups["scenes"][key]
-    clocks = 1 if groups["protocol"]["leaks"] else source["clocks"]  # resampled tracks have one clock
-    settings = FeatureSettings(**groups["protocol"], **groups["features"], clocks=clocks)
+    true = source["tracker"]["kind"] == "truth"  # states need no differences, so that none can leak
+    protocol = groups["protocol"] | {"leaks": groups["protocol"]["leaks"] and not true}
+    clocks = 1 if protocol["leaks"] else source["clocks"]  # resampled tracks have one clock
+    settings = FeatureSettings(**protocol, **groups["features"], clocks=clocks)
     folders = scene_folders(Path("data/scenes") / key)
     if unknown := sorted(set(source["variants"]) - set(VARIANTS)):
         raise ConfigError(f"scenes.{key}.variants", unknown, f"choose among {', '.join(VARIANTS)}")

@@ -12,11 +12,12 @@ from pedpred.tracking.tracks import TIME_TOLERANCE_S, births
 
 
 def resampled(scene: Scene, dt_s: float, lost_after_s: float = 2.0) -> Scene:
-    """Positions every `dt_s` from a cubic spline through each whole track, velocities as central differences.
+    """Positions and velocities every `dt_s` from cubic splines through each whole track.
 
-    Both leak: the spline bends towards annotations that are still to come, and
-        v(t) = (p(t + dt_s) - p(t - dt_s)) / (2 dt_s)
-    contains the next step itself. Ends of a track use one-sided differences. Tracks of one annotation vanish.
+    The velocities at the annotations are central differences, as in the velocity columns of the ETH files,
+        v(t_k) = (p(t_{k+1}) - p(t_{k-1})) / (t_{k+1} - t_{k-1})
+    (weighted where the spacing changes, one-sided at the ends of a track). Both leak: v contains the next
+    annotation itself, and the splines bend towards all to come. Tracks of one annotation vanish.
 
     Args:
         scene: annotated at any rate.
@@ -34,8 +35,9 @@ def resampled(scene: Scene, dt_s: float, lost_after_s: float = 2.0) -> Scene:
         ticks = int((time_s[b - 1] - time_s[a] + TIME_TOLERANCE_S) / dt_s) + 1
         if b - a > 1 and ticks > 1:
             now = time_s[a] + np.arange(ticks) * dt_s
-            path = CubicSpline(time_s[a:b], position[a:b])(now)
-            parts.append((now, np.full(ticks, track_id[a]), path, np.gradient(path, dt_s, axis=0)))
+            velocity = np.gradient(position[a:b], time_s[a:b], axis=0)
+            path, pace = (CubicSpline(time_s[a:b], values)(now) for values in (position[a:b], velocity))
+            parts.append((now, np.full(ticks, track_id[a]), path, pace))
     empty = (np.zeros(0), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2)))
     columns = [np.concatenate(column) for column in zip(empty, *parts, strict=True)]
     return replace(scene, recording=Recording(*columns), detection_dt_s=dt_s)
