@@ -101,7 +101,7 @@ def load_motion_data(features: Path, codes: Path | None) -> MotionData:
     settings, shards = read_manifest(features)
     scenes = {digest: index for index, digest in enumerate(dict.fromkeys(shards.values()))}
     columns = {name: MappedRows(name) for name in NETWORK_COLUMNS}
-    code = MappedRows("code") if codes is not None else None
+    code = MappedRows("code")
     sequences, scene, track = [], [], []
     rows = 0
     for name, digest in shards.items():
@@ -114,14 +114,14 @@ def load_motion_data(features: Path, codes: Path | None) -> MotionData:
             for column, values in network_columns(table, settings).items():
                 columns[column].append(values)
             rows += len(table)
-        if codes is not None and code is not None:
+        if codes is not None:
             code.extend(read_codes(codes, name))
             if len(code) != rows:
                 problem = f"{len(code) - begin} rows beside {rows - begin} rows of features"
                 raise StorageError(codes / f"{name}.parquet", "code", problem, "Encode it again (dvc repro)")
     return MotionData(
         **{name: torch.from_numpy(column.array()) for name, column in columns.items()},
-        code=None if code is None else torch.from_numpy(code.array()),
+        code=None if codes is None else torch.from_numpy(code.array()),
         sequences=np.concatenate(sequences),
         scene=np.concatenate(scene),
         track=np.concatenate(track),

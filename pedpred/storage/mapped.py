@@ -50,7 +50,7 @@ class MappedRows:
             expected = f"{(len(rows), *like.shape[1:])} {like.dtype} as before"
             raise ShapeError(f"{self._name} ({rows.dtype})", rows.shape, expected)
         self._like = like
-        data = memoryview(np.ascontiguousarray(rows).reshape(-1).view(np.uint8))
+        data = np.ascontiguousarray(rows).reshape(-1).view(np.uint8).data
         while len(data):
             data = data[self._file.write(data) :]
         self._rows += len(rows)
