@@ -27,7 +27,7 @@ from pedpred.storage.shards import read_manifest, read_shard
 
 def validation_rooms(share: float, seed: int) -> list[str]:
     """The rooms that the main training keeps for validation; see `pedpred.datasets.split`."""
-    _, names = read_manifest(Path("data/features/main"))
+    names = list(read_manifest(Path("data/features/main"))[1])
     order = np.random.default_rng(seed).permutation(len(names))
     return [names[i] for i in order[: max(1, round(share * len(names)))]]
 
@@ -71,7 +71,7 @@ def rows(model: Path, count: int) -> Iterator[dict[str, Any]]:
     """Validation rooms, then test rooms."""
     main = read_params(Path(".")).training.main
     yield compared(model, "main", validation_rooms(main.validation_share, main.seed)[:count])
-    _, names = read_manifest(Path("data/features/sim_test"))
+    names = list(read_manifest(Path("data/features/sim_test"))[1])
     yield compared(model, "sim_test", names[:count])
 
 

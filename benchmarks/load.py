@@ -2,9 +2,11 @@
 
 Every stage up to one epoch of training runs as the pipeline runs it, in a temporary folder, first with a
 minute of simulation, then with each of the given sizes (24 rooms an hour, as shipped). The table says how
-much memory its largest process had at most and how many rows it got done per second of the processor, beyond
-what the minute took; then how both changed from the first size to the last. The processor's seconds are those
-of all threads, so that a busy machine changes little.
+much anonymous memory the processes of a stage held at most and how many rows they got done per second of the
+processor, beyond what the minute took; then how both changed from the first size to the last. Anonymous is
+what a process cannot do without: pages of mapped files are not counted, since the system takes them back
+whenever it needs the room (`benchmarks.watch`; Linux only). The processor's seconds are those of all threads,
+so that a busy machine changes little.
 """
 
 from __future__ import annotations
@@ -79,14 +81,17 @@ def compared(sizes: dict[float, Size], least: Size) -> list[dict[str, Any]]:
         rows, usage = sizes[hours]
         return (rows - least[0]) / (usage[stage].cpu_s - least[1][stage].cpu_s)
 
+    def anonymous(stage: str, hours: float) -> float:
+        return sizes[hours][1][stage].anonymous_mib or math.nan
+
     lines = []
     for stage in least[1]:
         fixed = stage == "pretrain_autoencoder"  # as many steps at every size
-        for hours, (rows, usage) in sizes.items():
-            line = {"stage": stage, "hours": hours, "rows": rows, "peak MiB": usage[stage].peak_mib}
+        for hours, (rows, _) in sizes.items():
+            line = {"stage": stage, "hours": hours, "rows": rows, "anonymous MiB": anonymous(stage, hours)}
             line["rows per CPU s"] = "" if fixed else speed(stage, hours)
             again = hours == last and last > first
-            line["memory x"] = usage[stage].peak_mib / sizes[first][1][stage].peak_mib if again else ""
+            line["memory x"] = anonymous(stage, last) / anonymous(stage, first) if again else ""
             line["speed x"] = speed(stage, last) / speed(stage, first) if again and not fixed else ""
             lines.append(line)
     return lines

@@ -14,12 +14,7 @@ from typing import Any
 
 import numpy as np
 
-_WATCH = (
-    "import json, resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, stdout=sys.stderr); "
-    "used = resource.getrusage(resource.RUSAGE_CHILDREN); "
-    "print(json.dumps([used.ru_utime + used.ru_stime, used.ru_maxrss / 1024]))"
-)
-"""A small process in between: a child counts the memory of its parent until it has begun."""
+_WATCH = Path(__file__).with_name("watch.py")
 
 
 @dataclass(frozen=True)
@@ -29,12 +24,15 @@ class Usage:
     Attributes:
         wall_s: from its start to its end, s.
         cpu_s: of the processor, all processes and threads, s.
-        peak_mib: memory of the largest process, MiB.
+        peak_mib: memory of the largest process, mapped files included, MiB.
+        anonymous_mib: memory that all processes held together without mapped files, MiB; see
+            `benchmarks.watch`.
     """
 
     wall_s: float
     cpu_s: float
     peak_mib: float
+    anonymous_mib: float | None
 
 
 def median_ms(function: Callable[[], object], budget_s: float = 1.0) -> float:
@@ -53,10 +51,10 @@ def used(
     command: Sequence[str], folder: Path | None = None, environment: Mapping[str, str] | None = None
 ) -> Usage:
     """Run a command in a folder and say what it took."""
-    watched = [sys.executable, "-c", _WATCH, *command]
+    watched = [sys.executable, str(_WATCH), *command]
     start = time.perf_counter()
     done = subprocess.run(watched, cwd=folder, env=environment, stdout=subprocess.PIPE, check=True)
-    return Usage(time.perf_counter() - start, *json.loads(done.stdout))
+    return Usage(time.perf_counter() - start, **json.loads(done.stdout))
 
 
 def run_measured(command: Sequence[str], environment: dict[str, str] | None = None) -> tuple[float, float]:

@@ -2,15 +2,18 @@
 
 Reading: `decoding` is the one place where what a decoder raises on strange bytes becomes an error that names
 the file, and `read_bytes`, `read_json`, `read_yaml` and `read_picture` take no more than they can handle.
-Writing: `aside` lets a file appear under its name only when all of it is there.
+Writing: `aside` lets a file appear under its name only when all of it is there; what nobody needs later goes
+to a file that is `nameless`.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +25,9 @@ from pedpred.errors import FileError, PedpredError, ShapeError
 
 MOST_PIXELS = 2**26
 """Of a picture or a map: 400 m x 400 m in cells of 5 cm."""
+
+SCRATCH = Path("build")
+"""On the project's disk: where a system keeps temporary files is often its memory."""
 
 _LARGEST_BYTES = 2**30
 _LARGEST_JSON_BYTES = 2**22
@@ -125,6 +131,18 @@ def aside(path: Path) -> Iterator[Path]:
         new.replace(path)
     finally:
         new.unlink(missing_ok=True)
+
+
+def nameless() -> FileIO:
+    """A file to write and read in `SCRATCH` that ends with its last user: a kill -9 leaves nothing behind.
+
+    It is not buffered, so that a full disk is told by `write` and never later.
+
+    Raises:
+        OSError: the folder cannot be made or written to.
+    """
+    SCRATCH.mkdir(exist_ok=True)
+    return tempfile.TemporaryFile(buffering=0, dir=SCRATCH)
 
 
 def write_text(path: Path, text: str) -> None:

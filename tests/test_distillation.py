@@ -10,6 +10,7 @@ from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.models import GridEncoder
 from pedpred.models.encoding import encode, load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
+from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import write_codes, write_manifest, write_shard
 from pedpred.tracking import follow
 from pedpred.training.distillation import DistillationSettings, distil, unexplained
@@ -74,7 +75,9 @@ def test_crops_and_codes_stay_together_and_rooms_apart(tmp_path):
         write_shard(blocks, tmp_path / "features", name)
         bits = np.concatenate([block.occupancy for block in blocks])
         write_codes([_code_of(bits)], tmp_path / "codes", name)
-    write_manifest(tmp_path / "features", settings, {name: tmp_path for name in ("a", "b", "c")})
+        write_scene(scene, tmp_path / "scenes" / name)
+    scenes = {name: tmp_path / "scenes" / name for name in ("a", "b", "c")}
+    write_manifest(tmp_path / "features", settings, scenes)
 
     def divided(share):
         return coded_crops_of(tmp_path / "features", tmp_path / "codes", share, 2, np.random.default_rng(0))

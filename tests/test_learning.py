@@ -13,7 +13,7 @@ from pedpred.datasets import MotionData, split_sequences, stream_lanes
 from pedpred.errors import ConfigError, StorageError
 from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
 from pedpred.models.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
-from pedpred.models.rolling import roll
+from pedpred.models.rolling import roll, rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.training import (
     AutoencoderSettings,
@@ -144,6 +144,22 @@ def test_rolling_whole_tracks_does_not_depend_on_their_company():
     for a, b in zip(together, alone, strict=True):
         torch.testing.assert_close(a[40:60], b[40:60], atol=1e-5, rtol=1e-4)
         assert not b[:40].any()
+
+
+def test_rolling_block_by_block_tells_every_row_once(monkeypatch):
+    data = toy_data(np.random.default_rng(0))
+    network = MotionLstm(SMALL).eval()
+    whole = roll(network, data, data.sequences)
+    monkeypatch.setattr("pedpred.models.rolling._TRACKS_AT_ONCE", 4)
+    monkeypatch.setattr("pedpred.models.rolling._STEPS_AT_ONCE", 7)
+    blocks = list(rolled(network, data, data.sequences[1:]))
+    assert max(len(rows) for rows, _ in blocks) == 4 * 7
+    rows = torch.cat([rows for rows, _ in blocks])
+    assert sorted(rows.tolist()) == list(range(20, 120))
+    velocities = torch.cat([motion.velocities for _, motion in blocks])
+    torch.testing.assert_close(velocities, whole.velocities[rows], atol=1e-5, rtol=1e-4)
+    spread = torch.cat([motion.spread for _, motion in blocks])
+    torch.testing.assert_close(spread, whole.spread[rows], atol=1e-5, rtol=1e-4)
 
 
 def test_padding_counts_neither_in_loss_nor_in_gradient():

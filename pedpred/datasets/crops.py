@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from pedpred.errors import ConfigError, ShapeError
 from pedpred.features import FeatureSettings
+from pedpred.storage.mapped import MappedRows
 from pedpred.storage.shards import read_codes, read_crops, read_manifest
 
 
@@ -24,13 +26,20 @@ def crops_of(
         rng: decides which.
 
     Returns:
-        Training crops [M, bytes], validation crops [V, bytes], and the cells per side of a crop.
+        Training crops [M, bytes], which lie on disk (`MappedRows`), validation crops [V, bytes], and the
+        cells per side of a crop.
     """
-    settings, order, held = _divided(features, validation_share, rng)
-    parts = [np.concatenate(list(read_crops(features, name, settings))) for name in order]
-    validation = np.concatenate(parts[:held])
+    settings, *halves = _divided(features, validation_share, rng)
+
+    def mapped(shards: list[str]) -> np.ndarray:
+        rows = MappedRows("occupancy")
+        for name in shards:
+            rows.extend(read_crops(features, name, settings))
+        return rows.array()
+
+    training, validation = map(mapped, halves)
     chosen = rng.permutation(len(validation))[:validation_crops]
-    return np.concatenate(parts[held:]), validation[chosen], settings.grid_cells
+    return training, validation[chosen], settings.grid_cells
 
 
 @dataclass(frozen=True)
@@ -71,29 +80,41 @@ def coded_crops_of(
         StorageError: a file cannot be read.
         ShapeError: features and codes do not belong together.
     """
-    settings, order, held = _divided(features, validation_share, rng)
-    parts = [
-        CodedCrops(
-            np.concatenate(list(read_crops(features, name, settings)))[::every].copy(),
-            read_codes(codes, name)[::every].copy(),
-            settings.grid_cells,
-        )
-        for name in order
-    ]
+    settings, *halves = _divided(features, validation_share, rng)
 
-    def joined(some: list[CodedCrops]) -> CodedCrops:
-        packed, code = (np.concatenate([getattr(p, k) for p in some]) for k in ("packed", "code"))
-        return CodedCrops(packed, code, settings.grid_cells)
+    def coded(shards: list[str]) -> CodedCrops:
+        packed, code = MappedRows("occupancy"), MappedRows("code")
+        for name in shards:
+            packed.extend(_thinned(read_crops(features, name, settings), every))
+            code.extend(_thinned(read_codes(codes, name), every))
+            if len(code) != len(packed):
+                raise ShapeError(f"code up to {name}", (len(code),), f"[{len(packed)}]")
+        return CodedCrops(packed.array(), code.array(), settings.grid_cells)
 
-    return joined(parts[held:]), joined(parts[:held])
+    training, validation = map(coded, halves)
+    return training, validation
+
+
+def _thinned(blocks: Iterable[np.ndarray], every: int) -> Iterator[np.ndarray]:
+    """Each so manieth row, counted through all blocks."""
+    seen = 0
+    for block in blocks:
+        yield block[-seen % every :: every]
+        seen += len(block)
 
 
 def _divided(
     features: Path, validation_share: float, rng: np.random.Generator
-) -> tuple[FeatureSettings, list[str], int]:
-    """Sizes, the scenes in random order, and how many of the first ones are for validation."""
-    settings, names = read_manifest(features)
-    held = max(1, round(validation_share * len(names)))
-    if held >= len(names):
-        raise ConfigError("validation_share", validation_share, f"{features} has {len(names)} scenes only")
-    return settings, [names[i] for i in rng.permutation(len(names))], held
+) -> tuple[FeatureSettings, list[str], list[str]]:
+    """Sizes, and the shards for training and for validation in random order; variants of a scene together."""
+    settings, shards = read_manifest(features)
+    scenes = list(dict.fromkeys(shards.values()))
+    held = max(1, round(validation_share * len(scenes)))
+    if held >= len(scenes):
+        raise ConfigError("validation_share", validation_share, f"{features} has {len(scenes)} scenes only")
+    order = [scenes[i] for i in rng.permutation(len(scenes))]
+    training, validation = (
+        [name for scene in half for name in shards if shards[name] == scene]
+        for half in (order[held:], order[:held])
+    )
+    return settings, training, validation

@@ -1,4 +1,4 @@
-"""All rows of a data set in memory, and the tracks that run through them."""
+"""All rows of a data set, mapped from disk, and the tracks that run through them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ import torch
 
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.storage.shards import read_codes, read_manifest, read_shard
+from pedpred.storage.mapped import MappedRows
+from pedpred.storage.shards import read_codes, read_manifest, read_shard_blocks
+
+NETWORK_COLUMNS = ("velocity", "angular", "future", "future_steps")
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class MotionData:
         code: frozen encoder's output, where it was asked for; half precision from disk. [M, C]
         empty_code: the encoder's output of a crop without obstacles; zeros when it is not given. [C] float32
         sequences: rows [first, last) of each (scene, track, clock). [S, 2]
-        scene: index of the scene that each sequence belongs to. [S]
+        scene: index of the scene that each sequence belongs to; its variants share it. [S]
         track: id of the track that each sequence belongs to; variants of a scene share it. [S]
         dt_s: time between steps, s.
     """
@@ -87,34 +90,38 @@ def sequences_of(table: FeatureTable) -> np.ndarray:
 
 
 def load_motion_data(features: Path, codes: Path | None) -> MotionData:
-    """Read all shards of a feature folder, with the encoder's outputs when a folder is given.
+    """All shards of a feature folder, with the encoder's outputs when a folder is given.
+
+    Rows come block by block and lie on disk (`MappedRows`); only the sequences take memory.
 
     Raises:
         StorageError: a shard or manifest cannot be read, or features and codes do not belong together.
+        OSError: the disk is full.
     """
-    settings, names = read_manifest(features)
-    tables, code, sequences, scene, track = [], [], [], [], []
+    settings, shards = read_manifest(features)
+    scenes = {digest: index for index, digest in enumerate(dict.fromkeys(shards.values()))}
+    columns = {name: MappedRows(name) for name in NETWORK_COLUMNS}
+    code = MappedRows("code")
+    sequences, scene, track = [], [], []
     rows = 0
-    for index, name in enumerate(names):
-        table = read_shard(features, name, settings)
-        spans = sequences_of(table)
-        sequences.append(spans + rows)
-        scene.append(np.full(len(spans), index))
-        track.append(table.track_id[spans[:, 0]])
-        rows += len(table)
-        tables.append(network_columns(table, settings))
+    for name, digest in shards.items():
+        begin = rows
+        for table in read_shard_blocks(features, name, settings):
+            spans = sequences_of(table)
+            sequences.append(spans + rows)
+            scene.append(np.full(len(spans), scenes[digest]))
+            track.append(table.track_id[spans[:, 0]])
+            for column, values in network_columns(table, settings).items():
+                columns[column].append(values)
+            rows += len(table)
         if codes is not None:
-            code.append(read_codes(codes, name))
-            if len(code[-1]) != len(table):
-                problem = f"{len(code[-1])} rows beside {len(table)} rows of features"
+            code.extend(read_codes(codes, name))
+            if len(code) != rows:
+                problem = f"{len(code) - begin} rows beside {rows - begin} rows of features"
                 raise StorageError(codes / f"{name}.parquet", "code", problem, "Encode it again (dvc repro)")
-    columns = [torch.from_numpy(np.concatenate(parts)) for parts in zip(*tables, strict=True)]
     return MotionData(
-        velocity=columns[0],
-        angular=columns[1],
-        future=columns[2],
-        future_steps=columns[3],
-        code=torch.from_numpy(np.concatenate(code)) if codes is not None else None,
+        **{name: torch.from_numpy(column.array()) for name, column in columns.items()},
+        code=None if codes is None else torch.from_numpy(code.array()),
         sequences=np.concatenate(sequences),
         scene=np.concatenate(scene),
         track=np.concatenate(track),
@@ -122,7 +129,11 @@ def load_motion_data(features: Path, codes: Path | None) -> MotionData:
     )
 
 
-def network_columns(table: FeatureTable, settings: FeatureSettings) -> tuple[np.ndarray, ...]:
-    """What the network needs of a feature table: velocity, angular, future, future_steps."""
-    angular = 1.0 - table.angular_grid / np.float32(settings.max_range_m)
-    return table.velocity, angular, table.future.copy(), table.future_steps.astype(np.int64)
+def network_columns(table: FeatureTable, settings: FeatureSettings) -> dict[str, np.ndarray]:
+    """What the network needs of a feature table: `NETWORK_COLUMNS`."""
+    return {
+        "velocity": table.velocity,
+        "angular": 1.0 - table.angular_grid / np.float32(settings.max_range_m),
+        "future": table.future.copy(),
+        "future_steps": table.future_steps.astype(np.int64),
+    }

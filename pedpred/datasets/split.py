@@ -15,8 +15,8 @@ def split_sequences(
 
     Args:
         data: the data set.
-        by: "scene" keeps whole arrangements apart, "track" whole tracks (all their clocks, in all
-            variants of the scene).
+        by: "scene" keeps whole arrangements apart, "track" whole tracks (all their clocks); both in all
+            variants of the scene.
         validation_share: share of the scenes or tracks that is kept for validation; at least one.
         rng: decides which.
 

@@ -50,12 +50,8 @@ def forecast_motion(
         Covariance of the position at the end of each step, m^2; None if the network tells none. [M, P, 2, 2]
     """
     spans = sequences_of(table)
-    velocity, angular, future, future_steps = map(torch.from_numpy, network_columns(table, settings))
     data = MotionData(
-        velocity=velocity,
-        angular=angular,
-        future=future,
-        future_steps=future_steps,
+        **{name: torch.from_numpy(column) for name, column in network_columns(table, settings).items()},
         code=torch.from_numpy(codes.copy()),
         sequences=spans,
         scene=np.zeros(len(spans), dtype=np.int64),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import torch
 
@@ -14,30 +16,45 @@ _STEPS_AT_ONCE = 32
 
 @torch.inference_mode()
 def roll(network: MotionLstm, data: MotionData, sequences: np.ndarray) -> Motion:
-    """Forecast at every step of some sequences.
-
-    Args:
-        network: in evaluation mode.
-        data: inputs.
-        sequences: rows [first, last) of each track. [S, 2]
+    """Forecast at every step of some sequences; arguments of `rolled`.
 
     Returns:
         Motion in agent frames for the rows of `data`; 0 for rows that are in no sequence. [M, ...]
     """
     velocities = torch.zeros_like(data.future)
     spread = None if network.uncertainty is None else velocities.new_zeros(*velocities.shape[:2], 3)
+    for rows, motion in rolled(network, data, sequences):
+        velocities[rows] = motion.velocities
+        if spread is not None and motion.spread is not None:
+            spread[rows] = motion.spread
+    return Motion(velocities, spread)
+
+
+def rolled(
+    network: MotionLstm, data: MotionData, sequences: np.ndarray
+) -> Iterator[tuple[torch.Tensor, Motion]]:
+    """Forecast at every step of some sequences, a block of rows after the other, which bounds the memory.
+
+    Args:
+        network: in evaluation mode.
+        data: inputs.
+        sequences: rows [first, last) of each track. [S, 2]
+
+    Yields:
+        Rows [m], each row of a sequence once, and the motion there in agent frames. [m, ...]
+    """
     by_length = sequences[np.argsort(sequences[:, 0] - sequences[:, 1], kind="stable")]
     for at in range(0, len(by_length), _TRACKS_AT_ONCE):
         first, last = by_length[at : at + _TRACKS_AT_ONCE].T
         state = network.start(len(first))
         for begin in range(0, int((last - first).max()), _STEPS_AT_ONCE):
-            rows = first[:, None] + begin + np.arange(_STEPS_AT_ONCE)
-            rows = torch.from_numpy(np.where(rows < last[:, None], rows, -1)).to(velocities.device)
-            motion, state = network(data.inputs(rows), state)
-            velocities[rows[rows >= 0]] = motion.velocities[rows >= 0]
-            if spread is not None:
-                spread[rows[rows >= 0]] = motion.spread[rows >= 0]
-    return Motion(velocities, spread)
+            steps = first[:, None] + begin + np.arange(_STEPS_AT_ONCE)
+            rows = torch.from_numpy(np.where(steps < last[:, None], steps, -1)).to(data.future.device)
+            with torch.inference_mode():  # not around `yield`: it would hold in the caller, too
+                motion, state = network(data.inputs(rows), state)
+            real = rows >= 0
+            spread = None if motion.spread is None else motion.spread[real]
+            yield rows[real], Motion(motion.velocities[real], spread)
 
 
 def displacements(velocities: torch.Tensor, truth: torch.Tensor, dt_s: float) -> torch.Tensor:

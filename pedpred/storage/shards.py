@@ -13,7 +13,7 @@ import numpy as np
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.files import decoding, read_json, write_json
-from pedpred.storage.columns import read_blocks, read_columns, write_blocks
+from pedpred.storage.columns import read_blocks, write_blocks
 
 FEATURE_SCHEMA = 2
 _NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
@@ -111,8 +111,8 @@ def _digest(scene: Path) -> str:
     return digest.hexdigest()
 
 
-def read_manifest(folder: Path) -> tuple[FeatureSettings, list[str]]:
-    """Sizes and shard names of a feature folder.
+def read_manifest(folder: Path) -> tuple[FeatureSettings, dict[str, str]]:
+    """Sizes of a feature folder and its shards: name -> digest of its scene, which variants share.
 
     Raises:
         StorageError: the manifest is missing, damaged or of another schema version.
@@ -123,7 +123,8 @@ def read_manifest(folder: Path) -> tuple[FeatureSettings, list[str]]:
     with decoding(wording):
         if about["schema"] != FEATURE_SCHEMA:
             raise StorageError(path, "schema", f"{about['schema']!r}, expected {FEATURE_SCHEMA}", _REMEDY)
-        return FeatureSettings(**about["settings"]), list(dict(about["shards"]))
+        scenes = {name: str(shard["scene_sha256"]) for name, shard in about["shards"].items()}
+        return FeatureSettings(**about["settings"]), scenes
 
 
 def read_shard(folder: Path, name: str, settings: FeatureSettings) -> FeatureTable:
@@ -153,9 +154,11 @@ def read_crops(folder: Path, name: str, settings: FeatureSettings) -> Iterator[n
     return (columns["occupancy"] for columns in _blocks(folder / f"{name}.parquet", wanted))
 
 
-def _blocks(path: Path, wanted: Mapping[str, Column]) -> Iterator[dict[str, np.ndarray]]:
+def _blocks(
+    path: Path, wanted: Mapping[str, Column], version: int | None = FEATURE_SCHEMA
+) -> Iterator[dict[str, np.ndarray]]:
     shapes = {name: column.shape for name, column in wanted.items()}
-    for columns in read_blocks(path, shapes, FEATURE_SCHEMA):
+    for columns in read_blocks(path, shapes, version):
         for name, column in wanted.items():
             if columns[name].dtype != column.dtype:
                 problem = f"it is {columns[name].dtype}, expected {column.dtype}"
@@ -168,10 +171,7 @@ def write_codes(blocks: Iterable[np.ndarray], folder: Path, name: str) -> None:
     write_blocks(({"code": codes} for codes in blocks), folder / f"{name}.parquet")
 
 
-def read_codes(folder: Path, name: str) -> np.ndarray:
-    """Read the encoder's outputs of one scene. [M, C] float16; errors of `read_columns`."""
-    path = folder / f"{name}.parquet"
-    codes = read_columns(path, {"code": (-1,)})["code"]
-    if codes.dtype != np.float16:
-        raise StorageError(path, "column code", f"it is {codes.dtype}, expected float16", _REMEDY)
-    return codes
+def read_codes(folder: Path, name: str) -> Iterator[np.ndarray]:
+    """Read the encoder's outputs of one scene, block by block: [m, C] float16; errors of `read_blocks`."""
+    wanted = {"code": Column("float16", (-1,))}
+    return (columns["code"] for columns in _blocks(folder / f"{name}.parquet", wanted, version=None))

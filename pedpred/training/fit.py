@@ -16,9 +16,9 @@ from pedpred.datasets.motion import load_motion_data
 from pedpred.datasets.split import split_sequences
 from pedpred.files import aside
 from pedpred.models import MotionLstm, MotionSettings
-from pedpred.models.autoencoder import read_autoencoder
-from pedpred.models.encoding import encode
+from pedpred.models.encoding import encode, load_encoder
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
+from pedpred.storage.shards import read_manifest
 from pedpred.training.machine import Machine
 from pedpred.training.recurrent import TrainingSettings, train_motion
 
@@ -70,7 +70,7 @@ def fit(
     codes, autoencoder = grid if "grid" in network.settings.channels else (None, None)
     data = load_motion_data(features, codes)
     if autoencoder is not None:
-        data = replace(data, empty_code=empty_code(autoencoder))
+        data = replace(data, empty_code=empty_code(autoencoder, read_manifest(features)[0].grid_cells))
     by, share = split
     training, validation = split_sequences(data, by, share, np.random.default_rng(settings.seed))
     about = {
@@ -89,11 +89,15 @@ def fit(
     return pd.DataFrame(curve), about
 
 
-def empty_code(autoencoder: Path) -> torch.Tensor:
-    """What the frozen convolutions make of a crop without obstacles: unmapped ground is free. [C] float32."""
-    network, cells = read_autoencoder(autoencoder)
+def empty_code(encoder: Path, cells: int) -> torch.Tensor:
+    """What the frozen convolutions make of a crop without obstacles: unmapped ground is free. [C] float32.
+
+    Args:
+        encoder: checkpoint of the auto-encoder.
+        cells: per side of a crop.
+    """
     free = np.zeros((1, cells * cells // 8), np.uint8)
-    return torch.from_numpy(encode(network.encoder, free, cells)[0])
+    return torch.from_numpy(encode(load_encoder(encoder), free, cells)[0])
 
 
 def write_phase(network: MotionLstm, about: dict, curve: pd.DataFrame, out: Path, curve_path: Path) -> None:

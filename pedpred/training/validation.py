@@ -7,7 +7,7 @@ import torch
 
 from pedpred.datasets.motion import MotionData
 from pedpred.models.motion import MotionLstm
-from pedpred.models.rolling import displacements, roll
+from pedpred.models.rolling import displacements, rolled
 from pedpred.models.uncertainty import negative_log_density
 from pedpred.training.machine import ALONE, Machine
 from pedpred.training.progress import Progress
@@ -44,17 +44,15 @@ def validation(
         validation_ade_m: average displacement error, m; and, where the network tells its uncertainty,
         validation_nll: negative log likelihood of the true positions, nats.
     """
-    mine = sequences[machine.rank :: machine.size]
-    rows = np.concatenate([np.arange(a, b) for a, b in mine]) if len(mine) else np.zeros(0, np.int64)
-    known = torch.from_numpy(rows).to(data.future.device)
-    known = known[data.known(known).all(dim=-1)]
-    motion = roll(network, data, mine)
-    error = displacements(motion.velocities[known], data.future[known], data.dt_s)
-    found = {"validation_ade_m": torch.linalg.vector_norm(error, dim=-1)}
-    if motion.spread is not None:
-        found["validation_nll"] = negative_log_density(error, motion.spread[known])
-    sums = [value.double().sum() for value in found.values()]
-    *totals, count = machine.total(
-        torch.stack([*sums, sums[0].new_tensor(found["validation_ade_m"].numel())])
-    ).tolist()
-    return {name: total / count if count else float("nan") for name, total in zip(found, totals, strict=True)}
+    names = ["validation_ade_m"] + ["validation_nll"] * (network.uncertainty is not None)
+    sums = torch.zeros(len(names) + 1, dtype=torch.float64, device=data.future.device)  # and how many
+    for rows, motion in rolled(network, data, sequences[machine.rank :: machine.size]):
+        known = data.known(rows).all(dim=-1)
+        error = displacements(motion.velocities[known], data.future[rows[known]], data.dt_s)
+        values = [torch.linalg.vector_norm(error, dim=-1)]
+        if motion.spread is not None:
+            values.append(negative_log_density(error, motion.spread[known]))
+        counted = sums.new_tensor(values[0].numel())
+        sums += torch.stack([*(value.double().sum() for value in values), counted])
+    *totals, count = machine.total(sums).tolist()
+    return {name: total / count if count else float("nan") for name, total in zip(names, totals, strict=True)}

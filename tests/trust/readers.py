@@ -70,7 +70,7 @@ READERS = {
     "codes": Reader(
         lambda folder: write_codes([np.ones((9, 32), np.float16)], folder, "place"),
         ("place.parquet",),
-        lambda folder: read_codes(folder, "place"),
+        lambda folder: list(read_codes(folder, "place")),
     ),
     "forecasts": Reader(
         make_windows, ("place.parquet",), lambda folder: read_windows(folder / "place.parquet")

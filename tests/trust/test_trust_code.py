@@ -84,8 +84,12 @@ def test_every_version_is_exact_and_released():
 
 
 def test_files_are_written_through_one_door():
-    """Whatever is written appears whole: by `pedpred.files`, or beside it under a name that `aside` gave."""
+    """Whatever is written appears whole: by `pedpred.files`, or beside it under a name that `aside` gave.
+
+    What has no name is made by `pedpred.files` alone.
+    """
     writing = re.compile(r"(\w[\w.()/\" {}]*)\.(write_text|write_bytes)\(")
     for path in SOURCES:
+        assert ("TemporaryFile" in path.read_text()) == (path == ROOT / "pedpred/files.py")
         found = {match[0] for match in writing.findall(path.read_text())}
         assert found <= {"new"}, f"{path.relative_to(ROOT)} writes {found - {'new'}} at once"

@@ -1,0 +1,74 @@
+"""Tables larger than memory: their rows lie in files without a name that are mapped, not read.
+
+The system brings in the pages that are looked at and takes them back when it needs the room, so a data set of
+any size takes no memory of its own. The rows are written, not assigned through the mapping: a full disk is
+then an `OSError` like any other, where a mapping would end the process by a signal.
+"""
+
+from __future__ import annotations
+
+import mmap
+import weakref
+from collections.abc import Iterable
+
+import numpy as np
+
+from pedpred.errors import ShapeError
+from pedpred.files import nameless
+
+
+class MappedRows:
+    """An array that grows by blocks of rows on disk, [M, ...]."""
+
+    def __init__(self, name: str) -> None:
+        """Begin without rows, and without a width until the first block has told it.
+
+        Args:
+            name: of the array, for errors.
+
+        Raises:
+            OSError: no file can be made in the scratch folder, see `nameless`.
+        """
+        self._name, self._file = name, nameless()
+        weakref.finalize(self, self._file.close)  # a mapping outlives its file
+        self._rows = 0
+        self._like: np.ndarray | None = None  # a block without rows
+
+    def __len__(self) -> int:
+        """Rows so far."""
+        return self._rows
+
+    def append(self, rows: np.ndarray) -> None:
+        """Add rows behind the others, [m, ...].
+
+        Raises:
+            ShapeError: they are of another width or type than those before.
+            OSError: the disk is full.
+        """
+        like = rows[:0].copy() if self._like is None else self._like
+        if (rows.shape[1:], rows.dtype) != (like.shape[1:], like.dtype):
+            expected = f"{(len(rows), *like.shape[1:])} {like.dtype} as before"
+            raise ShapeError(f"{self._name} ({rows.dtype})", rows.shape, expected)
+        self._like = like
+        data = np.ascontiguousarray(rows).reshape(-1).view(np.uint8).data
+        while len(data):
+            data = data[self._file.write(data) :]
+        self._rows += len(rows)
+
+    def extend(self, blocks: Iterable[np.ndarray]) -> None:
+        """Add block after block, see `append`."""
+        for rows in blocks:
+            self.append(rows)
+
+    def array(self) -> np.ndarray:
+        """All rows that have been added, as long as someone holds the array: [M, ...].
+
+        Raises:
+            ShapeError: no block was ever added.
+        """
+        if self._like is None:
+            raise ShapeError(self._name, (), "at least one block of rows")
+        if not self._file.tell():  # nothing cannot be mapped
+            return np.zeros((self._rows, *self._like.shape[1:]), self._like.dtype)
+        mapped = mmap.mmap(self._file.fileno(), 0)
+        return np.frombuffer(mapped, self._like.dtype).reshape(self._rows, *self._like.shape[1:])

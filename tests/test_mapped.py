@@ -1,0 +1,187 @@
+"""Data sets larger than memory: rows on disk are the rows that came, and leave nothing behind."""
+
+import errno
+import itertools
+import os
+import sys
+import tempfile
+import tracemalloc
+from io import FileIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks.timing import used
+from pedpred.datasets.crops import coded_crops_of, crops_of
+from pedpred.datasets.motion import NETWORK_COLUMNS, load_motion_data, network_columns
+from pedpred.datasets.split import split_sequences
+from pedpred.errors import ShapeError, StorageError
+from pedpred.features import FeatureSettings, extract_blocks
+from pedpred.storage import mapped
+from pedpred.storage.mapped import MappedRows
+from pedpred.storage.scenes import write_scene
+from pedpred.storage.shards import read_shard, write_codes, write_manifest, write_shard
+from pedpred.tracking import KalmanSettings, follow
+from tests.worlds import walled_scene
+
+ROOT = Path(__file__).parents[1]
+SETTINGS = FeatureSettings()
+SHARDS = {"a": "a", "a_mirrored": "a", "b": "b", "b_mirrored": "b", "c": "c", "c_mirrored": "c"}
+"""Every shard and the scene that it shows."""
+ON_DISK = """
+import sys, time
+import numpy as np
+from pedpred.storage.mapped import MappedRows
+rows, blocks = MappedRows("rows"), int(sys.argv[1])
+for block in range(blocks):
+    rows.append(np.full((2**16, 64), block, np.float32))
+assert rows.array().max() == blocks - 1
+time.sleep(0.1)
+"""
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """Three scenes with a variant each, in shards of several blocks; a row's codes are its crop's bits."""
+    folder = tmp_path_factory.mktemp("stored")
+    for index, (name, scene_name) in enumerate(SHARDS.items()):
+        scene = walled_scene(np.random.default_rng(index))
+        tracks = follow(scene.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2)
+        blocks = list(extract_blocks(scene, tracks, SETTINGS, rows=100))
+        assert len(blocks) > 1
+        write_shard(blocks, folder, name)
+        write_codes((code_of(block.occupancy) for block in blocks), folder / "codes", name)
+        write_scene(scene, folder / "scenes" / scene_name)
+    write_manifest(folder, SETTINGS, {name: folder / "scenes" / scene for name, scene in SHARDS.items()})
+    return folder
+
+
+def code_of(packed):
+    return np.bitwise_count(packed[:, :9]).astype(np.float16)
+
+
+@given(
+    st.lists(st.integers(0, 5), min_size=1, max_size=6),
+    st.sampled_from([(), (3,), (2, 2), (0,)]),
+    st.sampled_from([np.float16, np.float32, np.int64, np.uint8, bool]),
+)
+def test_mapped_rows_are_the_rows_that_came(lengths, shape, dtype):
+    rng = np.random.default_rng(sum(lengths))
+    blocks = [rng.integers(0, 2, (length, *shape)).astype(dtype) for length in lengths]
+    rows = MappedRows("rows")
+    rows.extend(blocks)
+    array = rows.array()
+    assert len(rows) == sum(lengths)
+    assert array.dtype == dtype
+    del rows  # the array outlives what made it
+    np.testing.assert_array_equal(array, np.concatenate(blocks))
+    assert not any(Path("build").iterdir())  # not even while they are in use
+
+
+def test_a_block_that_does_not_fit_is_refused():
+    rows = MappedRows("code")
+    with pytest.raises(ShapeError, match="at least one block"):
+        rows.array()
+    rows.append(np.zeros((2, 3), np.float32))
+    for other in (np.zeros((2, 4), np.float32), np.zeros((2, 3), np.float16)):
+        with pytest.raises(ShapeError, match=r"code .* expected \(2, 3\) float32 as before"):
+            rows.append(other)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a file that is always full")
+def test_a_full_disk_is_an_error_when_rows_are_added(monkeypatch):
+    monkeypatch.setattr(mapped, "nameless", lambda: FileIO("/dev/full", "r+"))
+    with pytest.raises(OSError, match="No space") as caught:
+        MappedRows("rows").append(np.zeros(3))
+    assert caught.value.errno == errno.ENOSPC
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
+def test_rows_on_disk_are_no_memory_of_the_process(tmp_path):
+    """Twenty blocks of sixteen megabytes: what holds one block and numpy would not hold them all."""
+    command = [sys.executable, "-c", ON_DISK, "20"]
+    usage = used(command, tmp_path, os.environ | {"PYTHONPATH": str(ROOT)})
+    assert 16 < usage.anonymous_mib < 240
+    assert usage.peak_mib > 320  # where mapped pages count, all are seen
+
+
+def test_a_data_set_is_its_shards_one_behind_the_other(stored):
+    data = load_motion_data(stored, stored / "codes")
+    tables = [read_shard(stored, name, SETTINGS) for name in SHARDS]
+    for name in NETWORK_COLUMNS:
+        expected = np.concatenate([network_columns(table, SETTINGS)[name] for table in tables])
+        np.testing.assert_array_equal(getattr(data, name).numpy(), expected)
+    np.testing.assert_array_equal(
+        data.code.numpy(), np.concatenate([code_of(table.occupancy) for table in tables])
+    )
+    starts = np.flatnonzero(np.concatenate([table.step for table in tables]) == 0)
+    np.testing.assert_array_equal(data.sequences[:, 0], starts)
+    np.testing.assert_array_equal(data.sequences[:, 1], [*starts[1:], len(data.velocity)])
+    np.testing.assert_array_equal(data.track, np.concatenate([t.track_id for t in tables])[starts])
+
+
+def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
+    def peak(copies):
+        scenes = {f"copy{i}": stored / "scenes" / "a" for i in range(copies)}
+        folder = tmp_path / str(copies)
+        for part, name in itertools.product((folder, folder / "codes"), scenes):
+            part.mkdir(parents=True, exist_ok=True)
+            source = stored / part.relative_to(folder) / "a.parquet"
+            (part / f"{name}.parquet").symlink_to(source)
+        write_manifest(folder, SETTINGS, scenes)
+        tracemalloc.start()
+        data = load_motion_data(folder, folder / "codes")
+        found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found, sum(t.nbytes for t in (data.angular, data.future, data.code))
+
+    (little, _), (much, rows_take) = peak(2), peak(20)
+    assert much < little + 0.2 * rows_take
+
+
+def test_a_cut_shard_is_named(stored, tmp_path):
+    for part in ("a.parquet", "codes/a.parquet"):
+        folder = Path(tempfile.mkdtemp(dir=tmp_path))
+        for name in ("a.parquet", "codes/a.parquet"):
+            whole = (stored / name).read_bytes()
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_bytes(whole[: len(whole) // 2] if name == part else whole)
+        write_manifest(folder, SETTINGS, {"a": stored / "scenes" / "a"})
+        with pytest.raises(StorageError, match=part):
+            load_motion_data(folder, folder / "codes")
+    assert not any(Path("build").iterdir())
+
+
+@pytest.mark.parametrize("by", ["scene", "track"])
+def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
+    data = load_motion_data(stored, None)
+    for seed in range(5):
+        halves = split_sequences(data, by, 0.3, np.random.default_rng(seed))
+        owner = dict(zip(data.sequences[:, 0].tolist(), getattr(data, by).tolist(), strict=True))
+        training, validation = ({owner[first] for first in half[:, 0].tolist()} for half in halves)
+        assert training.isdisjoint(validation)
+        assert training | validation == set(owner.values())
+    assert set(data.scene) == {0, 1, 2}  # not six
+
+
+def test_crops_are_divided_as_sequences_are(stored):
+    """The same draw keeps the same scenes for validation, with all their variants and in the same order."""
+    data = load_motion_data(stored, None)
+    _, held = split_sequences(data, "scene", 0.3, np.random.default_rng(3))
+    rows = np.concatenate([np.arange(first, last) for first, last in held])
+    packed = np.concatenate([read_shard(stored, name, SETTINGS).occupancy for name in SHARDS])
+    training, validation = coded_crops_of(stored, stored / "codes", 0.3, 1, np.random.default_rng(3))
+    np.testing.assert_array_equal(validation.packed, packed[rows])
+    assert len(training) == len(packed) - len(rows)
+    alone, chosen, cells = crops_of(stored, 0.3, 10, np.random.default_rng(3))
+    np.testing.assert_array_equal(alone, training.packed)
+    assert (len(chosen), cells) == (10, SETTINGS.grid_cells)
