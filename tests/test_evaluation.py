@@ -142,7 +142,8 @@ def test_unknown_baseline_is_named():
 
 
 def test_a_scene_without_windows_says_so():
-    scene, options = walled_scene(np.random.default_rng(1)), {"moving_mps": 0.3, "collision_m": 0.2}
+    scene = walled_scene(np.random.default_rng(1))
+    options = {"moving_mps": 0.3, "collision_m": 0.2, "imagined_goals": 1}
     table = table_of(scene)
     table = dataclasses.replace(table, window=np.zeros(len(table), bool))
     with pytest.raises(ValueRuleError, match="nobody in walled is detected 4 times and 3 s longer"):

@@ -7,22 +7,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from scipy.spatial.distance import pdist
 
-from pedpred.baselines.beliefs import Belief, arrival, gone_on, walking, weighed
+from pedpred.baselines.beliefs import Belief, arrival, gone_on, unexplained, walking, weighed
+from pedpred.baselines.candidates import drawn_anew, own_pool
 from pedpred.baselines.goal_blind import drawn_plans, geometric_median, goal_blind_paths
 from pedpred.baselines.influences import Influences, Observations, between, others_push
+from pedpred.baselines.registry import Question, baseline
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.metrics import displacement
 from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract
 from pedpred.simulation import forces, kernel
 from pedpred.simulation.ground import ground_of
+from pedpred.simulation.places import open_cells
 from pedpred.simulation.routing import directions_at, routes_to
 from pedpred.tracking import follow
 from tests.simulated import SETTINGS, SOCIAL_FORCE, drawn, scene_of, short
 
 PEOPLE = 8
-MOVING = walking(0.3, SETTINGS, ~np.eye(3, dtype=bool))
+MOVING = walking(0.3, SETTINGS, ~np.eye(3, dtype=bool), 0.0)
+AHEAD_S = 0.3 * np.arange(1, 11)
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +37,22 @@ def walked():
     return scene, extract(scene, follow(scene.recording, "truth", None, 0.2), FeatureSettings())
 
 
-def forecast(scene, table, rows):
+def among(candidates, scene, table, rows):
     rng = np.random.default_rng(3)
-    return goal_blind_paths(scene, table, rows, SOCIAL_FORCE, 10, 0.3, rng, draws=4)
+    return goal_blind_paths(scene.occupancy, table, rows, candidates, SOCIAL_FORCE, 10, 0.3, rng, draws=4)
+
+
+def forecast(scene, table, rows):
+    return among(own_pool(scene), scene, table, rows)
+
+
+def unseen(scene, table, rows):
+    return baseline("goal_unseen")(Question(scene, table, rows, AHEAD_S, SOCIAL_FORCE, 12))
+
+
+def imagined(count, seed=0):
+    rng = np.random.default_rng(seed)
+    return drawn_anew(drawn("columns").occupancy(), SETTINGS.crowd.clearance_m, count, rng)
 
 
 def at_step(table, *steps):
@@ -51,13 +69,59 @@ def test_whose_goal_is_which_is_never_read(walked):
     np.testing.assert_array_equal(strange, forecast(scene, table, rows))
 
 
-def test_the_future_is_never_read(walked):
+def test_who_sees_a_room_for_the_first_time_reads_nobodys_goal(walked):
+    scene, table = walked
+    aimless = dataclasses.replace(scene, recording=dataclasses.replace(scene.recording, goal=None))
+    rows = at_step(table, 40)
+    np.testing.assert_array_equal(unseen(aimless, table, rows), unseen(scene, table, rows))
+
+
+@pytest.mark.parametrize("method", [forecast, unseen])
+def test_the_future_is_never_read(walked, method):
     scene, table = walked
     rows, past = at_step(table, 40), np.flatnonzero(table.step <= 40)
     cut = table.select(past)
-    np.testing.assert_array_equal(
-        forecast(scene, cut, np.searchsorted(past, rows)), forecast(scene, table, rows)
-    )
+    np.testing.assert_array_equal(method(scene, cut, np.searchsorted(past, rows)), method(scene, table, rows))
+
+
+def test_candidates_that_hardly_stand_for_more_than_themselves_forecast_as_the_pool_does(walked):
+    scene, table = walked
+    rows, pool = at_step(table, 40), own_pool(scene)
+    nearly = dataclasses.replace(pool, spread_m=1e-6)
+    np.testing.assert_allclose(among(nearly, scene, table, rows), among(pool, scene, table, rows), atol=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 12, 60])
+def test_drawn_candidates_lie_where_people_can_want_to_go_and_share_the_ground(count):
+    found, ground = imagined(count), ground_of(drawn("columns").occupancy())
+    cells = open_cells(ground, SETTINGS.crowd.clearance_m)
+    assert len(found.position) == count
+    assert {tuple(place) for place in found.position} <= {tuple(cell) for cell in cells}
+    area_m2 = len(cells) * ground.resolution_m**2
+    assert count * np.pi * found.spread_m**2 == pytest.approx(area_m2)
+    assert pdist(found.position).min(initial=np.inf) >= found.spread_m
+
+
+def test_candidates_are_another_draw_with_another_seed_and_the_same_with_the_same():
+    np.testing.assert_array_equal(imagined(20, 5).position, imagined(20, 5).position)
+    assert not np.isin(imagined(20, 5).position, imagined(20, 6).position).all()
+
+
+def test_no_candidate_at_all_is_refused():
+    with pytest.raises(ValueRuleError, match="at least 1"):
+        imagined(0)
+
+
+def test_a_goal_beside_its_candidate_surprises_less_the_farther_away_it_is():
+    prior = Belief(np.full((1, 3), 1 / 3), np.full((1, 3), 1.3), np.full((1, 3), 0.05))
+    places = np.array([[1.0, 0.0], [4.0, 0.0], [16.0, 0.0]])
+    known, vague = MOVING, dataclasses.replace(MOVING, spread_m=0.4)
+    extra = [
+        unexplained(prior, np.zeros((1, 2)), places, np.zeros((1, 3)), model)[0] for model in (known, vague)
+    ]
+    np.testing.assert_array_equal(extra[0], MOVING.noise_mps**2)
+    misled = (1 - MOVING.keep) * 1.3 * 0.2 / places[:, 0]
+    np.testing.assert_allclose(extra[1] - extra[0], misled**2)
 
 
 def test_the_past_tells_where_people_go(walked):
@@ -86,7 +150,7 @@ def test_weighing_is_bayes_rule_for_a_linear_gaussian_model():
     acting = Influences(direction, rng.normal(0, 0.02, (1, 3, 2)))
     start = Observations(np.zeros((1, 2)), np.array([[1.2, 0.0]]))
     end = Observations(np.zeros((1, 2)), np.array([[1.22, 0.05]]))
-    found = weighed(prior, start, end, acting, np.zeros((1, 3)), MOVING)
+    found = weighed(prior, start, end, acting, np.full((1, 3), MOVING.noise_mps**2), MOVING)
     likelihood = []
     for goal in range(3):
         gain = (1 - MOVING.keep) * direction[0, goal]
@@ -118,7 +182,7 @@ def test_going_on_keeps_probability_and_the_moments_of_the_speed(seed):
 def test_a_goal_that_is_reached_is_left_for_one_that_may_follow():
     belief = Belief(np.array([[1.0, 0.0, 0.0]]), np.full((1, 3), 1.3), np.full((1, 3), 0.01))
     goals = np.array([[1.0, 0.4], [5.0, 0.0], [9.0, 0.0]])
-    passed = arrival(np.zeros((1, 2)), np.array([[2.0, 0.0]]), goals, 0.5)
+    passed = arrival(np.zeros((1, 2)), np.array([[2.0, 0.0]]), goals, MOVING)
     np.testing.assert_allclose(gone_on(belief, passed, MOVING.following).probability, [[0.0, 0.5, 0.5]])
 
 

@@ -43,7 +43,7 @@ MEETING = {
     "lstm_nogrid": 0.50,
     "lstm": 0.40,
 }
-IN_SIMULATION = MEETING | {"goal_blind": 0.15}
+IN_SIMULATION = MEETING | {"goal_blind": 0.15, "goal_unseen": 0.35}
 
 
 def measures(ade_m, gap_m=None, spread_m=0.01):
@@ -75,15 +75,17 @@ def verdicts(findings):
 
 def test_met_expectations_are_called_met():
     findings = simulation_findings(metrics_of(IN_SIMULATION))
-    assert verdicts(findings) == ["met"] * 5
-    assert "All 5 expectations" in summed_up([("here", finding) for finding in findings])
+    assert verdicts(findings) == ["met"] * 7
+    assert "All 7 expectations" in summed_up([("here", finding) for finding in findings])
 
 
 @pytest.mark.parametrize(
     ("changed", "missed"),
     [
         ({"social_force": 0.16}, "SF, true goal below SF, goal inferred"),
-        ({"goal_blind": 0.45}, "SF, goal inferred below LSTM"),
+        ({"goal_blind": 0.36}, "SF, goal inferred below SF, goal and targets inferred"),
+        ({"goal_unseen": 0.41}, "SF, goal and targets inferred below LSTM"),
+        ({"goal_unseen": 0.33}, "LSTM / SF, goal and targets inferred at most 1.20"),
         ({"lstm": 0.51}, "LSTM below LSTM-noGrid"),
         ({"lstm_nogrid": 0.61}, "LSTM-noGrid below Kalman CV"),
         ({"lstm": 0.45}, "LSTM-noGrid / LSTM at least 1.15"),
@@ -156,7 +158,7 @@ def test_an_ellipse_is_drawn_where_its_share_ends(share):
 def test_methods_keep_order_and_colour_whoever_else_is_there():
     assert ordered(["zebra", "lstm", "cv", "aaa"]) == ["cv", "lstm", "aaa", "zebra"]
     assert colours(["lstm", "mine"])["lstm"] == colours(["lstm", "cv", "other"])["lstm"]
-    assert len(set(colours([*MEETING, "goal_blind", "mine", "other"]).values())) == 9
+    assert len(set(colours([*MEETING, "goal_blind", "goal_unseen", "mine", "other"]).values())) == 10
 
 
 @pytest.mark.parametrize("page", [simulation_page, real_page])

@@ -68,6 +68,7 @@ class Walking:
         speed_mps: mean of desired speeds before any observation.
         speed_deviation_mps: their standard deviation.
         following: probability of each goal to follow another. [G, G]
+        spread_m: a goal may lie this far from the place that stands for it; 0 = it is that place.
         forces: constants of the model.
     """
 
@@ -78,10 +79,11 @@ class Walking:
     speed_mps: float
     speed_deviation_mps: float
     following: np.ndarray
+    spread_m: float
     forces: ForceSettings
 
 
-def walking(dt_s: float, model: SocialForceSettings, allowed: np.ndarray) -> Walking:
+def walking(dt_s: float, model: SocialForceSettings, allowed: np.ndarray, spread_m: float) -> Walking:
     """The simulator's constants as the filter needs them.
 
     The acceleration noise is held for h and drawn anew, so the variance of the velocity after T is
@@ -91,6 +93,7 @@ def walking(dt_s: float, model: SocialForceSettings, allowed: np.ndarray) -> Wal
         dt_s: time between two observations, s.
         model: that people walk by.
         allowed: which goals may follow which. [G, G] bool
+        spread_m: see `Walking`.
     """
     tau, hold, step_s = model.forces.relaxation_time_s, model.clock.noise_hold_s, model.clock.step_s
     draws = np.arange(max(round(dt_s / hold), 1))
@@ -103,6 +106,7 @@ def walking(dt_s: float, model: SocialForceSettings, allowed: np.ndarray) -> Wal
         model.crowd.mean_speed_mps,
         model.crowd.speed_deviation_mps,
         allowed / allowed.sum(axis=1, keepdims=True),
+        spread_m,
         model.forces,
     )
 
@@ -136,11 +140,36 @@ def beliefs(
             acting = influences_between(
                 start, end, model.dt_s, prior.probability, ground, routes, model.forces
             )
-            arrived = arrival(start.position, end.position, routes.target, model.reach_m)
-            posterior = gone_on(weighed(prior, start, end, acting, arrived, model), arrived, model.following)
+            arrived = arrival(start.position, end.position, routes.target, model)
+            noise = unexplained(prior, start.position, routes.target, arrived, model)
+            posterior = gone_on(weighed(prior, start, end, acting, noise, model), arrived, model.following)
             for name, values in vars(posterior).items():
                 getattr(belief, name)[now] = values
     return belief
+
+
+def unexplained(
+    prior: Belief, position: np.ndarray, places: np.ndarray, arrived: np.ndarray, model: Walking
+) -> np.ndarray:
+    """Variance of each component of the velocity about the one that a goal foresees.
+
+    Besides the noise, a goal somewhere within h of the place that stands for it, at the distance d: a point
+    of a disc lies h / 2 aside (root mean square), so the direction is wrong by h / (2 d).
+
+    Args:
+        prior: belief at the start. [N, G]
+        position: at the start, m. [N, 2]
+        places: that stand for the goals, m. [G, 2]
+        arrived: probability to have reached a goal in between. [N, G]
+        model: how people walk.
+
+    Returns:
+        s^2, m^2/s^2. [N, G]
+    """
+    noise = np.where(arrived > 0, _ARRIVING_MPS, model.noise_mps) ** 2
+    apart = np.linalg.norm(position[:, None] - places, axis=-1)
+    astray = model.spread_m / (2.0 * np.maximum(apart, model.reach_m))
+    return noise + ((1.0 - model.keep) * prior.speed_mps * astray) ** 2
 
 
 def weighed(
@@ -148,7 +177,7 @@ def weighed(
     start: Observations,
     end: Observations,
     acting: Influences,
-    arrived: np.ndarray,
+    noise: np.ndarray,
     model: Walking,
 ) -> Belief:
     """Bayes' rule for goals and desired speeds, given the velocity at the end of an interval.
@@ -161,10 +190,9 @@ def weighed(
         start: of the interval. [N]
         end: of the interval. [N]
         acting: forces in between. [N, G]
-        arrived: probability to have reached a goal in between. [N, G]
+        noise: s^2, m^2/s^2. [N, G]
         model: how people walk.
     """
-    noise = np.where(arrived > 0, _ARRIVING_MPS, model.noise_mps) ** 2
     gain = (1.0 - model.keep) * acting.direction
     foreseen = model.keep * start.velocity[:, None] + gain * prior.speed_mps[..., None]
     foreseen += (1.0 - model.keep) * model.forces.relaxation_time_s * acting.push
@@ -183,23 +211,26 @@ def weighed(
     )
 
 
-def arrival(start: np.ndarray, end: np.ndarray, goals: np.ndarray, reach_m: float) -> np.ndarray:
+def arrival(start: np.ndarray, end: np.ndarray, places: np.ndarray, model: Walking) -> np.ndarray:
     """Probability that goals were reached on straight segments: 1 within reach, blurred at its edge.
+
+    The edge is as wide as the disc in which a goal may lie, or as paths are uncertain.
 
     Args:
         start: of the segments, m. [N, 2]
         end: of the segments, m. [N, 2]
-        goals: m. [G, 2]
-        reach_m: a goal is reached at this distance.
+        places: that stand for the goals, m. [G, 2]
+        model: how people walk.
 
     Returns:
         [N, G]
     """
-    along, to = (end - start)[:, None], goals[None] - start[:, None]
+    along, to = (end - start)[:, None], places[None] - start[:, None]
     length = np.maximum((along**2).sum(axis=-1), 1e-12)
     share = np.clip((to * along).sum(axis=-1) / length, 0.0, 1.0)
     nearest = np.linalg.norm(to - share[..., None] * along, axis=-1)
-    return np.clip((reach_m - nearest) / _BLUR_M + 0.5, 0.0, 1.0)
+    blur_m = max(_BLUR_M, 2.0 * model.spread_m)
+    return np.clip((model.reach_m - nearest) / blur_m + 0.5, 0.0, 1.0)
 
 
 def gone_on(belief: Belief, arrived: np.ndarray, following: np.ndarray) -> Belief:

@@ -1,9 +1,14 @@
 """Social forces without oracle knowledge: goals and desired speeds are inferred from the motion so far.
 
-The model is the simulator's own and the pool of goals is the room's, but whose goal is which is a belief
-(`beliefs.py`). Several joint draws from everybody's belief are rolled out, and each pedestrian is forecast
-where the mean distance to its drawn futures is least. That comes close to the best that any forecaster can
-do who does not know the individual goals, so it is the yardstick of learned ones.
+The model is the simulator's own, but who is heading for which of some candidates is a belief (`beliefs.py`).
+Several joint draws from everybody's belief are rolled out, and each pedestrian is forecast where the mean
+distance to its drawn futures is least. What the candidates are (`candidates.py`) makes two yardsticks:
+
+* the room's own pool of targets (`goal_blind`): close to the best of whoever knows where people of this
+  room go, but not who goes where;
+* places drawn anew as the simulator draws targets (`goal_unseen`): close to the best of whoever knows how
+  people walk and the map, and sees this room for the first time. A learned forecaster knows no more. What
+  it could learn from watching others arrive, for they share the room's targets, is left out in both.
 """
 
 from __future__ import annotations
@@ -14,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from pedpred.baselines.beliefs import beliefs, walking
+from pedpred.baselines.candidates import Candidates
 from pedpred.baselines.influences import Observations
 from pedpred.baselines.together import rolled_out
-from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable
 from pedpred.geometry import rotate
-from pedpred.scenes import Scene
+from pedpred.scenes import OccupancyMap
 from pedpred.simulation.crowd import crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.routing import routes_to
@@ -31,9 +36,10 @@ _AS_NEAR_AS_M = 1e-3
 
 
 def goal_blind_paths(
-    scene: Scene,
+    occupancy: OccupancyMap,
     table: FeatureTable,
     rows: np.ndarray,
+    candidates: Candidates,
     settings: Mapping[str, Any],
     horizon_steps: int,
     dt_s: float,
@@ -43,9 +49,10 @@ def goal_blind_paths(
     """Future paths of pedestrians of whom only the past is known.
 
     Args:
-        scene: obstacles, and the pool of goals: every place that anybody in the recording wanted to reach.
+        occupancy: obstacles.
         table: the tracked past of everybody, sorted by track and step.
         rows: what to forecast: everybody at some instants. [R]
+        candidates: where anybody may be heading.
         settings: configuration group `social_force`.
         horizon_steps: P.
         dt_s: time between two steps of the table and of the horizon, s.
@@ -54,19 +61,12 @@ def goal_blind_paths(
 
     Returns:
         World positions, m. [R, P, 2]
-
-    Raises:
-        ValueRuleError: the recording knows no goals, so there is no pool.
     """
-    if scene.recording.goal is None:
-        raise ValueRuleError(
-            "recording.goal", None, f"scene '{scene.name}' has no pool of goals to infer from"
-        )
     model = social_force_settings(settings)
-    ground = ground_of(scene.occupancy)
-    routes = routes_to(np.unique(scene.recording.goal, axis=0), ground, model.routing)
-    pool = routes.target
-    moving = walking(dt_s, model, successors(pool, np.arange(len(pool)), model.crowd.least_leg_m))
+    ground = ground_of(occupancy)
+    routes = routes_to(candidates.position, ground, model.routing)
+    allowed = successors(routes.target, np.arange(len(routes.target)), model.crowd.least_leg_m)
+    moving = walking(dt_s, model, allowed, candidates.spread_m)
     seen = Observations(table.position, rotate(table.velocity, table.heading_rad).astype(np.float64))
     belief = beliefs(seen, table.step, table.time_s, ground, routes, moving).at(rows)
     here, time_s = seen.at(rows), table.time_s[rows]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.baselines.registry import baseline
+from pedpred.baselines.registry import Question, baseline
 from pedpred.evaluation.scores import (
     Scores,
     score,
@@ -41,7 +41,7 @@ def compare(
         networks: what each network forecasts at every row, agent frames: velocities, m/s [M, P, 2], and
             the covariance of positions, m^2 [M, P, 2, 2], or None.
         baselines: names of the untrained methods.
-        options: `evaluation` configuration: moving_mps, collision_m.
+        options: `evaluation` configuration: moving_mps, collision_m, imagined_goals.
         social_force: settings of the social-force model at this place.
         kalman: covariance that the tracker gives its own forecast, m^2 [P, 2, 2]; None when the tracked
             states are true.
@@ -57,8 +57,9 @@ def compare(
     windows = table.select(window)
     paths, covariances = {}, {}
     together = seen_together(table)
+    asked = Question(scene, table, together, ahead_s, social_force, options["imagined_goals"])
     for name in baselines:
-        everybody = baseline(name)(scene, table, together, ahead_s, social_force)
+        everybody = baseline(name)(asked)
         paths[name] = everybody[np.searchsorted(together, window)]
     if kalman is not None:
         covariances["kalman_cv"] = np.tile(kalman, (len(window), 1, 1, 1))

@@ -18,6 +18,7 @@ LABELS = {
     "kalman_cv": "Kalman CV",
     "social_force": "SF, true goal",
     "goal_blind": "SF, goal inferred",
+    "goal_unseen": "SF, goal and targets inferred",
     "lstm_nogrid": "LSTM-noGrid",
     "lstm": "LSTM",
 }
@@ -30,6 +31,7 @@ _COLOURS = {
     "kalman_cv": "#0072B2",
     "social_force": "#009E73",
     "goal_blind": "#56B4E9",
+    "goal_unseen": "#F0E442",
     "lstm_nogrid": "#E69F00",
     "lstm": "#D55E00",
 }

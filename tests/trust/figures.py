@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.baselines.registry import baseline
+from pedpred.baselines.registry import Question, baseline
 from pedpred.command.evaluation import COLLISION_M, MOVING_MPS
 from pedpred.command.prediction import robot_for
 from pedpred.evaluation.compare import seen_together
@@ -50,7 +50,7 @@ def by_its_own_forces(scene: Scene) -> float:
     table = extract(scene, follow(scene.recording, "truth", None, 0.2), sizes)
     ahead_s = (np.arange(sizes.horizon_steps) + 1) * sizes.dt_s
     together = seen_together(table)
-    paths = baseline("social_force")(scene, table, together, ahead_s, SOCIAL_FORCE)
+    paths = baseline("social_force")(Question(scene, table, together, ahead_s, SOCIAL_FORCE, 0))
     window = table.window[together]
     truth = true_paths(table.select(table.window), sizes.dt_s)
     return round(float(displacement(paths[window], truth).mean()), 5)
