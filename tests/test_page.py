@@ -199,7 +199,7 @@ def test_a_page_is_the_same_twice_and_needs_nothing_else(hall, text):
 
 
 def test_the_page_says_what_was_missed(text):
-    assert "<strong>1 of 9 expectations is missed</strong>" in text
+    assert "<strong>1 of 11 expectations is missed</strong>" in text
     assert "could not be reproduced" in text
 
 
