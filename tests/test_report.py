@@ -83,9 +83,9 @@ def test_met_expectations_are_called_met():
     ("changed", "missed"),
     [
         ({"social_force": 0.16}, "SF, true goal below SF, goal inferred"),
-        ({"goal_blind": 0.36}, "SF, goal inferred below SF, goal and targets inferred"),
-        ({"goal_unseen": 0.41}, "SF, goal and targets inferred below LSTM"),
-        ({"goal_unseen": 0.33}, "LSTM / SF, goal and targets inferred at most 1.20"),
+        ({"goal_blind": 0.36}, "SF, goal inferred below SF, room unseen"),
+        ({"goal_unseen": 0.41}, "SF, room unseen below LSTM"),
+        ({"goal_unseen": 0.33}, "LSTM / SF, room unseen at most 1.20"),
         ({"lstm": 0.51}, "LSTM below LSTM-noGrid"),
         ({"lstm_nogrid": 0.61}, "LSTM-noGrid below Kalman CV"),
         ({"lstm": 0.45}, "LSTM-noGrid / LSTM at least 1.15"),

@@ -33,8 +33,8 @@ CROWD = {"sim": 8, "real": 4}
 """How many moving people an instant needs to be shown."""
 SHOWN_S = {"sim": 60.0, "real": float("inf")}
 """How much of a recording the pictures of arrangements show, s."""
-SHEET_S, SHEET_COLUMNS = 30.0, 10
-"""The same for rooms that share a picture, and how many of them stand side by side, s."""
+SHEET_S, SHEET_COLUMNS, SHEET_ROWS = 30.0, 10, 8
+"""The same for rooms that share a picture, s; how many of them stand side by side, and in how many rows."""
 
 _LEGEND = (
     "Circles: people, filled the one whom the picture is about; arrows: where the present velocity leads "
@@ -168,10 +168,10 @@ def _trained_in(data_sets: Mapping[str, Sequence[Scene]]) -> list[Section]:
     """The rooms of every other simulated data set, on one sheet each."""
     pictures = []
     for name, scenes in data_sets.items():
-        columns = min(SHEET_COLUMNS, len(scenes))
-        which = f"{scenes[0].name} to {scenes[-1].name}, row by row" if len(scenes) > 1 else scenes[0].name
-        caption = f"{name}: {which}; tracks of the first {SHEET_S:.0f} s."
-        pictures.append(Picture(f"rooms_{name}", caption, contact_sheet(scenes, SHEET_S, columns)))
+        few, columns = scenes[: SHEET_COLUMNS * SHEET_ROWS], min(SHEET_COLUMNS, len(scenes))
+        which = f"{few[0].name} to {few[-1].name}, row by row" if len(few) > 1 else few[0].name
+        caption = f"{name}: {which}, of {len(scenes)}; tracks of the first {SHEET_S:.0f} s."
+        pictures.append(Picture(f"rooms_{name}", caption, contact_sheet(few, SHEET_S, columns)))
     return [Section("Rooms that the networks were trained in", pictures)] if pictures else []
 
 

@@ -18,7 +18,7 @@ LABELS = {
     "kalman_cv": "Kalman CV",
     "social_force": "SF, true goal",
     "goal_blind": "SF, goal inferred",
-    "goal_unseen": "SF, goal and targets inferred",
+    "goal_unseen": "SF, room unseen",
     "lstm_nogrid": "LSTM-noGrid",
     "lstm": "LSTM",
 }

@@ -23,6 +23,7 @@ RAW = "fetch"
 """The stage without which no real place can be had."""
 TOY = """\
 autoencoder: {steps: 24, validate_every: 6, validation_crops: 100}
+lean: {steps: 20, validate_every: 10}
 training:
   corridor: {steps: 40, validate_every: 5, lanes: 8}
   main: {steps: 40, validate_every: 5, lanes: 8}
