@@ -33,6 +33,7 @@ tune: setup ## fit tracker and social forces to each real place again (writes co
 	python -m pedpred.config
 
 reproduce: setup ## raw data -> networks -> reports/; does only what is out of date
+	@python -m stages.mend_lock
 	@python -m pedpred.config --check
 	@dvc repro --keep-going || { dvc repro --quiet --single-item fetch; exit 1; }
 

@@ -64,7 +64,9 @@ class Project:
         return replace(self, usual_s=usual_s)
 
     def mended(self, *stages: str) -> str:
-        """Reproduce stages; what is wrong afterwards, empty if nothing."""
+        """Reproduce stages as `make reproduce` does; what is wrong afterwards, empty if nothing."""
+        mend = [sys.executable, "-m", "stages.mend_lock"]
+        subprocess.run(mend, cwd=self.folder, env=environment(), check=True, **SILENT)
         done = dvc(self.folder, "repro", "--no-run-cache", *stages)
         return f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else self.differing(self.folder)
 
