@@ -63,11 +63,11 @@ class Project:
             sys.exit(f"undisturbed, a second run gives {problem}")
         return replace(self, usual_s=usual_s)
 
-    def mended(self, *stages: str) -> str:
-        """Reproduce stages as `make reproduce` does; what is wrong afterwards, empty if nothing."""
+    def mended(self) -> str:
+        """Reproduce all as `make reproduce` does; what is wrong afterwards, empty if nothing."""
         mend = [sys.executable, "-m", "stages.mend_lock"]
         subprocess.run(mend, cwd=self.folder, env=environment(), check=True, **SILENT)
-        done = dvc(self.folder, "repro", "--no-run-cache", *stages)
+        done = dvc(self.folder, "repro", "--no-run-cache", *self.stages)
         return f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else self.differing(self.folder)
 
     def differing(self, folder: Path) -> str:
