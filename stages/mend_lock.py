@@ -18,7 +18,8 @@ from dvc.utils.strictyaml import YAMLValidationError, validate
 from pedpred.files import write_text
 
 LOCK = Path("dvc.lock")
-ENTRY = re.compile(r" {2}[^ -]")
+ENTRY = re.compile(r" {2}[^\s-]")
+"""First line of a stage's entry."""
 
 
 def accepted(text: str) -> dict[str, Any] | None:
@@ -33,9 +34,7 @@ def mended(text: str) -> str:
     """The longest beginning of a lock file, up to the end of an entry, that DVC accepts; may be empty."""
     lines = text.splitlines(keepends=True)
     while lines and accepted("".join(lines)) is None:
-        entries = [
-            at for at, line in enumerate(lines) if line[:2] == "  " and line[2:3] not in (" ", "-", "")
-        ]
+        entries = [at for at, line in enumerate(lines) if ENTRY.match(line)]
         lines = lines[: entries[-1]] if entries else []
     return "".join(lines)
 
