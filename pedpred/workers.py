@@ -17,33 +17,39 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 from joblib import Parallel, delayed, parallel_config
 from tqdm import tqdm
 
 from pedpred.errors import ConfigError, WorkerError
 
+Result = TypeVar("Result")
 
-def in_parallel(job: Callable[..., Any], tasks: Sequence[Iterable[Any]], title: str, unit: str) -> None:
-    """Call `job(*task)` for every task, in any order, beside a progress bar.
+
+def in_parallel(
+    job: Callable[..., Result], tasks: Sequence[Iterable[Any]], title: str, unit: str
+) -> list[Result]:
+    """Call `job(*task)` for every task, several at a time, beside a progress bar.
 
     Args:
-        job: does its work by side effects, such as writing a file of its own.
+        job: returns little; what is large it writes to a file of its own.
         tasks: the arguments of each call.
         title: what the progress bar says.
         unit: what one task is.
+
+    Returns:
+        What the jobs returned, in the order of the tasks.
 
     Raises:
         ConfigError: there is no such backend.
         WorkerError: a worker process was killed.
     """
     with backend(os.environ.get("PEDPRED_BACKEND")):
-        workers = Parallel(n_jobs=int(os.environ.get("PEDPRED_JOBS", -1)), return_as="generator_unordered")
+        workers = Parallel(n_jobs=int(os.environ.get("PEDPRED_JOBS", -1)), return_as="generator")
         done = workers(delayed(job)(*task) for task in tasks)
         try:
-            for _ in tqdm(done, total=len(tasks), desc=title, unit=unit):
-                pass
+            return list(tqdm(done, total=len(tasks), desc=title, unit=unit))
         except BrokenProcessPool as cause:
             raise WorkerError(title) from cause
 

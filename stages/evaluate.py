@@ -1,26 +1,29 @@
 """evaluate_sim, evaluate_place: every forecaster in every window of the test scenes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from omegaconf import DictConfig
-from tqdm import tqdm
 
 from pedpred.baselines.kinematic import kalman_covariance
 from pedpred.config import plain, stage, stage_key
 from pedpred.evaluation.compare import compare
+from pedpred.evaluation.scores import Scores
 from pedpred.evaluation.summary import figures
 from pedpred.features import FeatureSettings
 from pedpred.files import write_json
+from pedpred.models import GridEncoder, MotionLstm
 from pedpred.models.encoding import encode, load_encoder
 from pedpred.models.forecasting import forecast_motion, load_motion_lstm
 from pedpred.storage.columns import write_columns
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import read_manifest, read_shard
 from pedpred.tracking import KalmanSettings
+from pedpred.workers import in_parallel
 
 
 def kalman_spread(
@@ -35,31 +38,71 @@ def kalman_spread(
     return kalman_covariance(KalmanSettings(**tracker), interval_s, ahead_s)
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """What all scenes of a test set are forecast with.
+
+    Attributes:
+        features: folder of their shards.
+        settings: of the features.
+        source: configuration of the scenes.
+        encoder: frozen convolutions.
+        networks: by name.
+        baselines: names of the untrained methods.
+        options: `evaluation` configuration.
+        out: folder for the forecasts.
+    """
+
+    features: Path
+    settings: FeatureSettings
+    source: Mapping[str, Any]
+    encoder: GridEncoder
+    networks: Mapping[str, MotionLstm]
+    baselines: Sequence[str]
+    options: Mapping[str, Any]
+    out: Path
+
+
+def compared_in(folder: Path, common: Comparison) -> tuple[str, dict[str, Scores]]:
+    """One worker's job, on one thread, whatever their number: write the forecasts of one scene.
+
+    Returns:
+        Name of the scene, and the scores of each method there.
+    """
+    torch.set_num_threads(1)
+    scene, settings = read_scene(folder), common.settings
+    table = read_shard(common.features, scene.name, settings)
+    codes = encode(common.encoder, table.occupancy, settings.grid_cells)
+    forecasts = {m: forecast_motion(n, table, codes, settings) for m, n in common.networks.items()}
+    kalman = kalman_spread(common.source, scene.detection_dt_s, settings)
+    social_force = common.source["social_force"]
+    columns, scores = compare(
+        scene, table, settings, forecasts, common.baselines, common.options, social_force, kalman
+    )
+    write_columns(columns, common.out / f"{scene.name}.parquet")
+    return scene.name, scores
+
+
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write metrics and data/forecasts/<name>; `name` is sim or real, `place` one of its test sets."""
-    name, options = stage_key(cfg), cfg.evaluation
-    torch.set_num_threads(options.threads)
+    """Write metrics and data/forecasts/<name>, several scenes at once (see `pedpred.workers`).
+
+    `name` is sim or real, `place` one of its test sets.
+    """
+    name, options = stage_key(cfg), plain(cfg.evaluation)
     out = Path(cfg.get("out", f"data/forecasts/{name}"))
     metrics: dict = {}
     encoder = load_encoder(Path("models/autoencoder"))
     place = cfg.get("place")
-    for test, phase in ({place: options[name][place]} if place else options[name]).items():
-        networks = {model: load_motion_lstm(Path("models") / phase / model) for model in options.models}
-        baselines, social_force = list(options.baselines[name]), plain(cfg.scenes[test].social_force)
-        settings, _ = read_manifest(Path("data/features") / test)
-        scores = {}
-        for folder in tqdm(scene_folders(Path("data/scenes") / test), desc=f"evaluate {test}"):
-            scene = read_scene(folder)
-            table = read_shard(Path("data/features") / test, scene.name, settings)
-            codes = encode(encoder, table.occupancy, settings.grid_cells)
-            forecasts = {m: forecast_motion(n, table, codes, settings) for m, n in networks.items()}
-            kalman = kalman_spread(plain(cfg.scenes[test]), scene.detection_dt_s, settings)
-            columns, scores[scene.name] = compare(
-                scene, table, settings, forecasts, baselines, options, social_force, kalman
-            )
-            write_columns(columns, out / f"{scene.name}.parquet")
-        metrics |= figures(test, scores, options.bootstrap, options.seed, settings.leaks)
+    for key, phase in ({place: options[name][place]} if place else options[name]).items():
+        networks = {model: load_motion_lstm(Path("models") / phase / model) for model in options["models"]}
+        features, source = Path("data/features") / key, plain(cfg.scenes[key])
+        settings, _ = read_manifest(features)
+        baselines = options["baselines"][name]
+        common = Comparison(features, settings, source, encoder, networks, baselines, options, out)
+        folders = scene_folders(Path("data/scenes") / key)
+        scores = dict(in_parallel(compared_in, [(f, common) for f in folders], f"evaluate {key}", "scene"))
+        metrics |= figures(key, scores, options["bootstrap"], options["seed"], settings.leaks)
     write_json(Path(cfg.get("metrics", f"reports/metrics/{name}.json")), metrics)
 
 

@@ -1,6 +1,7 @@
 """Wherever the work is done, the results are the same bytes."""
 
 import hashlib
+import time
 
 import dask
 import pytest
@@ -34,6 +35,17 @@ def test_two_processes_give_the_same_bytes(alone, tmp_path, monkeypatch):
     monkeypatch.setenv("PEDPRED_JOBS", "2")
     assert len(alone) == 12  # three scenes of four files
     assert simulated_into(tmp_path) == alone
+
+
+def named_late(name, seconds):
+    time.sleep(seconds)
+    return name
+
+
+def test_results_come_in_the_order_of_the_tasks(monkeypatch):
+    monkeypatch.setenv("PEDPRED_JOBS", "2")
+    tasks = [("slow", 0.3), ("fast", 0.0), ("last", 0.0)]
+    assert in_parallel(named_late, tasks, "wait", "task") == ["slow", "fast", "last"]
 
 
 @pytest.fixture
