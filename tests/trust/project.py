@@ -52,7 +52,7 @@ class Project:
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """What `dvc repro` is asked for: nothing, that is all, if it can be (DVC parses dvc.lock for each)."""
+        """What to ask of `dvc repro`: nothing, that is all, if it can be (DVC parses dvc.lock for each)."""
         return () if self.raw else tuple(self.stages)
 
     def timed(self, stages: Iterable[str]) -> Project:
