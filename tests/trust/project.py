@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import networkx as nx
+import yaml
 from dvc.repo import Repo
 from tqdm import tqdm
 
@@ -70,12 +71,23 @@ class Project:
             sys.exit(f"undisturbed, a second run gives {problem}")
         return replace(self, usual_s=usual_s)
 
-    def mended(self) -> str:
-        """Reproduce all as `make reproduce` does; what is wrong afterwards, empty if nothing."""
+    def mended(self, stage: str) -> str:
+        """Reproduce all as `make reproduce` does, a stage anew; what is wrong afterwards, empty if nothing.
+
+        Stages whose entries a kill has cut off dvc.lock may come from DVC's run cache, the given one not.
+        """
         mend = [sys.executable, "-m", "stages.mend_lock"]
         subprocess.run(mend, cwd=self.folder, env=environment(), check=True, **SILENT)
-        done = dvc(self.folder, "repro", "--no-run-cache", *self.targets)
-        return f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else self.differing(self.folder)
+        lock = self.folder / "dvc.lock"
+        known = yaml.safe_load(lock.read_text())["stages"] if lock.exists() else {}
+        anew = ["--no-run-cache"]
+        whole = known.keys() >= self.stages.keys()
+        asked = [[*anew, *self.targets]] if whole else [[*anew, "--single-item", stage], self.targets]
+        for arguments in asked:
+            done = dvc(self.folder, "repro", *arguments)
+            if done.returncode:
+                return f"dvc repro fails: {done.stderr[-500:]}"
+        return self.differing(self.folder)
 
     def differing(self, folder: Path) -> str:
         """Which results in a folder are not the expected ones, empty if all are."""
