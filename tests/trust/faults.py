@@ -143,7 +143,7 @@ def elsewhere(project: Project) -> str:
     """Another folder, one worker, another time zone, another language; what is wrong, empty if nothing."""
     other = project.folder.with_name("else where")
     toy(other)
-    done = dvc(other, "repro", *project.stages, env=environment(**KIRITIMATI))
+    done = dvc(other, "repro", *project.targets, env=environment(**KIRITIMATI))
     problem = f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else project.differing(other)
     if not problem:
         shutil.rmtree(other)
@@ -183,7 +183,7 @@ def tried(fault: Fault, project: Project, stage: str, rng: np.random.Generator) 
         did, complaint = fault(project, stage, rng), ""
     except AssertionError as failure:
         did, complaint = "failed", str(failure)
-    return did, complaint or project.mended()
+    return did, complaint or project.mended(stage)
 
 
 def main() -> None:

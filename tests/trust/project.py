@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import networkx as nx
+import yaml
 from dvc.repo import Repo
 from tqdm import tqdm
 
@@ -39,14 +40,21 @@ class Project:
     Attributes:
         folder: where it is.
         stages: the command of every stage by its name, in the order in which they run.
+        raw: whether the raw recordings were at hand; without them not all of dvc.yaml can be reproduced.
         expected: checksum of every file of the results.
         usual_s: how long the stages that faults befall take undisturbed, DVC included, s.
     """
 
     folder: Path
     stages: dict[str, str]
+    raw: bool
     expected: dict[str, str]
     usual_s: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """What to ask of `dvc repro`: nothing, that is all, if it can be (DVC parses dvc.lock for each)."""
+        return () if self.raw else tuple(self.stages)
 
     def timed(self, stages: Iterable[str]) -> Project:
         """The project with the usual times of some stages.
@@ -63,12 +71,23 @@ class Project:
             sys.exit(f"undisturbed, a second run gives {problem}")
         return replace(self, usual_s=usual_s)
 
-    def mended(self) -> str:
-        """Reproduce all as `make reproduce` does; what is wrong afterwards, empty if nothing."""
+    def mended(self, stage: str) -> str:
+        """Reproduce all as `make reproduce` does, a stage anew; what is wrong afterwards, empty if nothing.
+
+        Stages whose entries a kill has cut off dvc.lock may come from DVC's run cache, the given one not.
+        """
         mend = [sys.executable, "-m", "stages.mend_lock"]
         subprocess.run(mend, cwd=self.folder, env=environment(), check=True, **SILENT)
-        done = dvc(self.folder, "repro", "--no-run-cache", *self.stages)
-        return f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else self.differing(self.folder)
+        lock = self.folder / "dvc.lock"
+        known = yaml.safe_load(lock.read_text())["stages"] if lock.exists() else {}
+        anew = ["--no-run-cache"]
+        whole = known.keys() >= self.stages.keys()
+        asked = [[*anew, *self.targets]] if whole else [[*anew, "--single-item", stage], self.targets]
+        for arguments in asked:
+            done = dvc(self.folder, "repro", *arguments)
+            if done.returncode:
+                return f"dvc repro fails: {done.stderr[-500:]}"
+        return self.differing(self.folder)
 
     def differing(self, folder: Path) -> str:
         """Which results in a folder are not the expected ones, empty if all are."""
@@ -156,13 +175,14 @@ def made(folder: Path) -> Project:
     """
     toy(folder)
     raw = dvc(folder, "repro", RAW).returncode == 0
-    stages = pipeline(folder, raw)
-    done = dvc(folder, "repro", *stages)
+    project = Project(folder, pipeline(folder, raw), raw, {})
+    done = dvc(folder, "repro", *project.targets)
     if done.returncode:
         sys.exit(f"the pipeline fails undisturbed:\n{done.stdout[-2000:]}\n{done.stderr}")
-    return Project(folder, stages, results(folder))
+    return replace(project, expected=results(folder))
 
 
 def found(folder: Path) -> Project:
     """A copy that has been reproduced before."""
-    return Project(folder, pipeline(folder, (folder / "data/raw/ewap").exists()), results(folder))
+    raw = (folder / "data/raw/ewap").exists()
+    return Project(folder, pipeline(folder, raw), raw, results(folder))
