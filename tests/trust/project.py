@@ -72,22 +72,17 @@ class Project:
         return replace(self, usual_s=usual_s)
 
     def mended(self, stage: str) -> str:
-        """Reproduce all as `make reproduce` does, a stage anew; what is wrong afterwards, empty if nothing.
+        """Reproduce all as `make reproduce` does; what is wrong afterwards, empty if nothing.
 
-        Stages whose entries a kill has cut off dvc.lock may come from DVC's run cache, the given one not.
+        Stages whose entries a kill has cut off dvc.lock come from DVC's run cache, `stage` does not.
         """
+        for run in (self.folder / ".dvc/cache/runs").glob("*/*/*"):
+            if yaml.safe_load(run.read_text())["cmd"] == self.stages[stage]:
+                run.unlink()
         mend = [sys.executable, "-m", "stages.mend_lock"]
         subprocess.run(mend, cwd=self.folder, env=environment(), check=True, **SILENT)
-        lock = self.folder / "dvc.lock"
-        known = yaml.safe_load(lock.read_text())["stages"] if lock.exists() else {}
-        anew = ["--no-run-cache"]
-        whole = known.keys() >= self.stages.keys()
-        asked = [[*anew, *self.targets]] if whole else [[*anew, "--single-item", stage], self.targets]
-        for arguments in asked:
-            done = dvc(self.folder, "repro", *arguments)
-            if done.returncode:
-                return f"dvc repro fails: {done.stderr[-500:]}"
-        return self.differing(self.folder)
+        done = dvc(self.folder, "repro", *self.targets)
+        return f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else self.differing(self.folder)
 
     def differing(self, folder: Path) -> str:
         """Which results in a folder are not the expected ones, empty if all are."""
