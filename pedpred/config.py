@@ -34,6 +34,9 @@ from pedpred.files import decoding, read_yaml, write_text
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
 _DISK_REMEDY = "make room on the disk or the folder writable, then run dvc repro again"
 
+LOCK, KEPT = Path("dvc.lock"), Path("build/dvc.lock")
+"""Checksums of all results as DVC writes them, in place, and as they stood when a stage last began."""
+
 
 def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
     """Turn `main(cfg)` into a stage's entry point.
@@ -56,6 +59,7 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
 
         if address:
             with _explained(address):
+                keep_lock(root)
                 params = read_params(root)
             run(params)
         else:
@@ -124,6 +128,12 @@ def stage_key(cfg: DictConfig) -> str:
 def plain(node: DictConfig) -> dict[str, Any]:
     """A part of the configuration as an ordinary dictionary, for those who know nothing of stages."""
     return cast(dict[str, Any], OmegaConf.to_container(node, resolve=True))
+
+
+def keep_lock(root: Path) -> None:
+    """Copy dvc.lock, which DVC leaves alone while a stage runs, for `stages.mend_lock`."""
+    if (root / LOCK).exists():
+        write_text(root / KEPT, (root / LOCK).read_text())
 
 
 def declared(cfg: DictConfig, root: Path, address: str, arguments: list[str]) -> DictConfig:

@@ -1,7 +1,8 @@
 """Take back what a killed `dvc repro` left half written in dvc.lock; `make reproduce` begins with it.
 
-DVC writes the file in place. After a kill in that moment it ends within a stage's entry, and DVC refuses it.
-The entries before are whole, so they stay; stages without one come from DVC's run cache or run again.
+DVC writes the file in place: after a kill in that moment it ends within a stage's entry, and the entries
+behind are gone. Every stage keeps a copy of the file when it begins, which has them. An entry is no more than
+a claim: DVC compares it with the files, and runs the stage again where they differ.
 """
 
 from __future__ import annotations
@@ -9,48 +10,50 @@ from __future__ import annotations
 import logging
 import re
 from pathlib import Path
-from typing import Any
 
 import yaml
 from dvc.schema import COMPILED_LOCKFILE_SCHEMA
 from dvc.utils.strictyaml import YAMLValidationError, validate
 
+from pedpred.config import KEPT, LOCK, keep_lock
 from pedpred.files import write_text
 
-LOCK = Path("dvc.lock")
-ENTRY = re.compile(r" {2}[^\s-]")
-"""First line of a stage's entry."""
+_ENTRY = re.compile(r"^(?= {2}[^\s-])", re.MULTILINE)
 
 
-def accepted(text: str) -> dict[str, Any] | None:
-    """The lock file's contents, None where DVC would refuse them."""
+def whole(text: str) -> bool:
+    """Whether a lock file ends where it should, as far as can be seen, and DVC accepts it."""
     try:
-        return validate(yaml.safe_load(text), COMPILED_LOCKFILE_SCHEMA)
+        validate(yaml.safe_load(text), COMPILED_LOCKFILE_SCHEMA)
     except (yaml.YAMLError, YAMLValidationError):
-        return None
+        return False
+    return text.endswith("\n")
 
 
-def mended(text: str) -> str:
-    """The longest beginning of a lock file, up to the end of an entry, that DVC accepts; may be empty."""
-    lines = text.splitlines(keepends=True)
-    while lines and accepted("".join(lines)) is None:
-        entries = [at for at, line in enumerate(lines) if ENTRY.match(line)]
-        lines = lines[: entries[-1]] if entries else []
-    return "".join(lines)
+def mended(cut: str, earlier: str) -> str:
+    """A lock file without the entry in which it was cut, completed from an earlier one; may be empty."""
+    head, *entries = _ENTRY.split(cut)
+    earlier_head, *known = _ENTRY.split(earlier)
+    found = {name(entry): entry for entry in entries[:-1]}
+    lost = {name(entry): entry for entry in known if name(entry) not in found}
+    head = head if entries else earlier_head
+    return "".join([head, *found.values(), *lost.values()]) if found or lost else ""
+
+
+def name(entry: str) -> str:
+    """Of an entry's stage."""
+    return entry.partition("\n")[0]
 
 
 def main() -> None:
-    """Mend dvc.lock, if it needs that."""
-    if not LOCK.exists():
-        return
-    text = LOCK.read_text()
-    if accepted(text) is not None:
-        return
-    logging.warning("dvc.lock ended in the middle of an entry, as after a kill; its whole entries stay")
-    if kept := mended(text):
-        write_text(LOCK, kept)
-    else:
-        LOCK.unlink()
+    """Mend dvc.lock, if it needs that, and keep a copy for the next time."""
+    if LOCK.exists() and not whole(text := LOCK.read_text()):
+        logging.warning("dvc.lock ends in the middle, as after a kill; what was lost comes from %s", KEPT)
+        if kept := mended(text, KEPT.read_text() if KEPT.exists() else ""):
+            write_text(LOCK, kept)
+        else:
+            LOCK.unlink()
+    keep_lock(Path())
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """dvc.lock after a kill in the middle of its writing."""
 
-from pathlib import Path
-
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stages.mend_lock import LOCK, accepted, main, mended
+from pedpred.config import KEPT, LOCK, keep_lock
+from stages.mend_lock import main, mended, whole
 
 WHOLE = """\
 schema: '2.0'
@@ -37,14 +37,29 @@ stages:
 """
 
 
-@given(st.integers(0, len(WHOLE)))
-def test_a_lock_that_is_cut_anywhere_keeps_its_whole_entries(at):
-    kept = mended(WHOLE[:at])
+def stages(text):
+    return yaml.safe_load(text)["stages"] if text else {}
+
+
+@given(st.integers(0, len(WHOLE) - 1))
+def test_a_lock_that_is_cut_anywhere_is_completed_from_the_copy(at):
+    assert not whole(WHOLE[:at]) or WHOLE[at - 1] == "\n"  # the end of a line may look like the end
+    assert mended(WHOLE[:at], WHOLE) == WHOLE
+
+
+@given(st.integers(0, len(WHOLE) - 1))
+def test_without_a_copy_the_whole_entries_stay(at):
+    kept = mended(WHOLE[:at], "")
     assert WHOLE.startswith(kept)
-    entries = list(((accepted(kept) or {}) if kept else {}).get("stages", {}).items())
-    assert entries[:-1] == list(accepted(WHOLE)["stages"].items())[: len(entries)][:-1]
-    if WHOLE[:at].count("features@eth:\n"):
-        assert entries
+    assert not kept or whole(kept)
+    begun = sum(at >= WHOLE.index(name) + len("  c") for name in ("  config", "  features@eth"))
+    assert len(stages(kept)) == max(0, begun - 1)
+
+
+def test_what_was_written_after_the_copy_stays():
+    newer = WHOLE.replace("size: 0", "size: 7")
+    cut = newer[: newer.index("data/features/eth")]
+    assert stages(mended(cut, WHOLE)) == stages(newer)
 
 
 def test_a_whole_lock_stays_as_it_is(tmp_path, monkeypatch):
@@ -53,7 +68,7 @@ def test_a_whole_lock_stays_as_it_is(tmp_path, monkeypatch):
     assert not LOCK.exists()
     LOCK.write_text(WHOLE)
     main()
-    assert Path("dvc.lock").read_text() == WHOLE
+    assert LOCK.read_text() == KEPT.read_text() == WHOLE
 
 
 def test_a_cut_lock_is_mended_in_place_and_an_empty_one_is_gone(tmp_path, monkeypatch):
@@ -61,6 +76,15 @@ def test_a_cut_lock_is_mended_in_place_and_an_empty_one_is_gone(tmp_path, monkey
     LOCK.write_text(WHOLE[: WHOLE.index("data/features/eth")])
     main()
     assert LOCK.read_text() == WHOLE[: WHOLE.index("  features@eth")]
+    KEPT.unlink()
     LOCK.write_text("schema")
     main()
     assert not LOCK.exists()
+
+
+def test_a_stage_keeps_the_lock_that_it_finds(tmp_path):
+    keep_lock(tmp_path)
+    assert not (tmp_path / KEPT).exists()
+    (tmp_path / LOCK).write_text(WHOLE)
+    keep_lock(tmp_path)
+    assert (tmp_path / KEPT).read_text() == WHOLE

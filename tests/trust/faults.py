@@ -183,7 +183,7 @@ def tried(fault: Fault, project: Project, stage: str, rng: np.random.Generator) 
         did, complaint = fault(project, stage, rng), ""
     except AssertionError as failure:
         did, complaint = "failed", str(failure)
-    return did, complaint or project.mended(stage)
+    return did, complaint or project.mended()
 
 
 def main() -> None:
