@@ -38,6 +38,7 @@ REASONS = {
     "matplotlib": "figures",
     "onnx": "writing the exported network",
     "pedpy": "reference measures of crowds (density, flow)",
+    "ruamel.yaml.clib": "DVC parses dvc.lock in half the time",
     "safetensors": "weights without pickle",
     "scikit-fmm": "distance to a goal around obstacles",
     "torch": "training",
