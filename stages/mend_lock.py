@@ -1,23 +1,28 @@
-"""Take back what a killed `dvc repro` left half written in dvc.lock; `make reproduce` begins with it.
+"""Mend what a killed `dvc repro` left half written of its own; `make reproduce` begins with it.
 
 DVC writes the file in place: after a kill in that moment it ends within a stage's entry, and the entries
 behind are gone. Every stage keeps a copy of the file when it begins, which has them. An entry is no more than
-a claim: DVC compares it with the files, and runs the stage again where they differ.
+a claim: DVC compares it with the files, and runs the stage again where they differ. The note of what DVC is
+reading and writing just now (rwlock) suffers likewise, and is worth nothing after a kill.
 """
 
 from __future__ import annotations
 
+import json
 import logging
 import re
 from pathlib import Path
 
 import yaml
+from dvc.lock import make_lock
 from dvc.schema import COMPILED_LOCKFILE_SCHEMA
 from dvc.utils.strictyaml import YAMLValidationError, validate
 
 from pedpred.config import KEPT, LOCK, keep_lock
 from pedpred.files import write_text
 
+RUNNING = Path(".dvc/tmp/rwlock")
+"""Who reads and writes what, of all DVC commands that run here."""
 _ENTRY = re.compile(r"^(?= {2}[^\s-])", re.MULTILINE)
 
 
@@ -45,8 +50,21 @@ def name(entry: str) -> str:
     return entry.partition("\n")[0]
 
 
+def forget_the_killed() -> None:
+    """Remove the note of what is read and written, if nobody can read it."""
+    if not RUNNING.exists():
+        return
+    with make_lock(f"{RUNNING}.lock", tmp_dir=str(RUNNING.parent)):  # as DVC does before it looks
+        try:
+            json.loads(RUNNING.read_text())
+        except ValueError:
+            logging.warning("%s ends in the middle, as after a kill; it is forgotten", RUNNING)
+            RUNNING.unlink()
+
+
 def main() -> None:
-    """Mend dvc.lock, if it needs that, and keep a copy for the next time."""
+    """Mend both files, if they need that, and keep a copy of dvc.lock for the next time."""
+    forget_the_killed()
     if LOCK.exists() and not whole(text := LOCK.read_text()):
         logging.warning("dvc.lock ends in the middle, as after a kill; what was lost comes from %s", KEPT)
         if kept := mended(text, KEPT.read_text() if KEPT.exists() else ""):

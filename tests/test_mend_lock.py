@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.config import KEPT, LOCK, keep_lock
-from stages.mend_lock import main, mended, whole
+from stages.mend_lock import RUNNING, main, mended, whole
 
 WHOLE = """\
 schema: '2.0'
@@ -88,3 +88,15 @@ def test_a_stage_keeps_the_lock_that_it_finds(tmp_path):
     (tmp_path / LOCK).write_text(WHOLE)
     keep_lock(tmp_path)
     assert (tmp_path / KEPT).read_text() == WHOLE
+
+
+def test_a_cut_note_of_who_writes_is_forgotten_and_a_whole_one_stays(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    RUNNING.parent.mkdir(parents=True)
+    note = '{"write": {"data": {"pid": 7, "cmd": "dvc repro"}}, "read": {}}'
+    RUNNING.write_text(note)
+    main()
+    assert RUNNING.read_text() == note
+    RUNNING.write_text(note[:-9])
+    main()
+    assert not RUNNING.exists()

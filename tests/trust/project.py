@@ -111,9 +111,8 @@ def dvc(
 def started(folder: Path, stage: str, **options: Any) -> subprocess.Popen:
     """Begin a stage anew, in a session of its own."""
     command = ["dvc", "repro", "--force", "--no-run-cache", "--single-item", stage]
-    return subprocess.Popen(
-        command, cwd=folder, env=environment(), start_new_session=True, **(SILENT | options)
-    )
+    chosen = {"env": environment()} | SILENT | options
+    return subprocess.Popen(command, cwd=folder, start_new_session=True, **chosen)
 
 
 def results(folder: Path) -> dict[str, str]:
