@@ -46,7 +46,7 @@ smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
 test: setup ## run the tests
 	python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder
 
-trust: setup ## damaged files, killed stages: what is promised, tried at length (an hour and a half)
+trust: setup ## damaged files, killed stages: what is promised, tried at length (one to two hours)
 	python -m tests.trust.campaign
 	python -m tests.trust.faults
 

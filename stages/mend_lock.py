@@ -1,8 +1,8 @@
 """Mend what a killed `dvc repro` left half written of its own; `make reproduce` begins with it.
 
-DVC writes the file in place: after a kill in that moment it ends within a stage's entry, and the entries
-behind are gone. Every stage keeps a copy of the file when it begins, which has them. An entry is no more than
-a claim: DVC compares it with the files, and runs the stage again where they differ. The note of what DVC is
+DVC writes dvc.lock in place: after a kill in that moment it ends within a stage's entry, and the entries
+behind are gone. Every stage keeps a copy of it when it begins, which has them. An entry is no more than a
+claim: DVC compares it with the files, and runs the stage again where they differ. The note of what DVC is
 reading and writing just now (rwlock) suffers likewise, and is worth nothing after a kill.
 """
 
