@@ -1,7 +1,7 @@
 """Ten times as much simulation through the pipeline: `python -m benchmarks.load --hours 5 50`.
 
 Every stage up to one epoch of training runs as the pipeline runs it, in a temporary folder, first with a
-minute of simulation, then with each of the given sizes (24 rooms an hour, as shipped). The table says how
+minute of simulation, then with each of the given sizes (60 rooms an hour, as shipped). The table says how
 much anonymous memory the processes of a stage held at most and how many rows they got done per second of the
 processor, beyond what the minute took; then how both changed from the first size to the last. Anonymous is
 what a process cannot do without: pages of mapped files are not counted, since the system takes them back
@@ -25,7 +25,7 @@ from benchmarks.timing import Usage, keep, tell, used
 
 ROOT = Path(__file__).resolve().parents[1]
 MINUTE_H = 1 / 60
-ROOMS_PER_HOUR = 24
+ROOMS_PER_HOUR = 60
 TRAINING_SHARE, LANES, SUB_SEQUENCE = 0.9, 64, 10
 """As in conf/training: of the phase that starts from an auto-encoder."""
 Size = tuple[int, dict[str, Usage]]

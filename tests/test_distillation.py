@@ -13,7 +13,7 @@ from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import write_codes, write_manifest, write_shard
 from pedpred.tracking import follow
-from pedpred.training.distillation import DistillationSettings, distil, unexplained
+from pedpred.training.distillation import DistillationSettings, batch, distil, unexplained, validate
 from tests.exported import TRACKER
 from tests.worlds import walled_scene
 
@@ -56,6 +56,19 @@ def test_the_teacher_misses_nothing_and_a_constant_everything(taught):
     mean.code = lambda images: exact.mean(dim=0).expand(len(images), -1)
     missed = unexplained(mean, images.float(), exact)
     np.testing.assert_allclose([missed[key].item() for key in ("code", "latent")], 1.0, rtol=1e-5)
+
+
+def test_validation_in_blocks_is_that_of_all_crops_at_once(taught, monkeypatch):
+    teacher, crops = taught
+    student = GridEncoder(16, (4, 6))
+    student.fc.load_state_dict(teacher.fc.state_dict())
+    whole = validate(student, crops)
+    monkeypatch.setattr("pedpred.training.distillation._CROPS_AT_ONCE", 7)  # of 40: the last block is short
+    blocks = validate(student, crops)
+    direct = unexplained(student, *batch(crops, np.arange(len(crops))))
+    for name, share in direct.items():
+        assert whole[f"validation_{name}_missed"] == pytest.approx(share.item(), rel=1e-5)
+        assert blocks[f"validation_{name}_missed"] == pytest.approx(share.item(), rel=1e-5)
 
 
 def test_a_narrow_encoder_comes_back_from_disk(taught, tmp_path):

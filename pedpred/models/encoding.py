@@ -42,8 +42,10 @@ def encode(encoder: GridEncoder, packed: np.ndarray, cells: int) -> np.ndarray:
         Codes. [M, 392] float32
     """
     fast = encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    codes = [np.zeros((0, encoder.fc.in_features), np.float32)]
+    # Filled, not collected: small pieces kept between the layers' large outputs make the heap grow.
+    codes = np.empty((len(packed), encoder.fc.in_features), np.float32)
     for at in range(0, len(packed), _CROPS_AT_ONCE):
-        crops = torch.from_numpy(unpack_crops(packed[at : at + _CROPS_AT_ONCE], cells)).to(torch.float32)
-        codes.append(fast.code(crops).numpy())
-    return np.concatenate(codes)
+        batch = slice(at, at + _CROPS_AT_ONCE)
+        crops = torch.from_numpy(unpack_crops(packed[batch], cells)).to(torch.float32)
+        codes[batch] = fast.code(crops).numpy()
+    return codes

@@ -19,6 +19,9 @@ from pedpred.features import unpack_crops
 from pedpred.models import GridEncoder
 from pedpred.training.schedule import learning_rate
 
+_SEEN_AS = ("code", "latent")
+_CROPS_AT_ONCE = 256
+
 
 @dataclass(frozen=True)
 class DistillationSettings:
@@ -92,20 +95,25 @@ def unexplained(student: GridEncoder, crops: Tensor, codes: Tensor) -> Mapping[s
         crops: [N, cells, cells]
         codes: the teacher's. [N, C]
     """
-    missed = student.code(crops) - codes
-    spread = codes - codes.mean(dim=0)
+    missed, spread = squares(student, crops, codes, codes.mean(dim=0))
+    return dict(zip(_SEEN_AS, missed / spread, strict=True))
+
+
+def squares(student: GridEncoder, crops: Tensor, codes: Tensor, mean: Tensor) -> Tensor:
+    """What `unexplained` divides, [missed, spread] x [code, latent]: sum |c - c'|^2 and sum |c - mean|^2."""
+    parts = (student.code(crops) - codes, codes - mean)
     weight = student.fc.weight
-    return {
-        "code": missed.square().sum() / spread.square().sum(),
-        "latent": (missed @ weight.T).square().sum() / (spread @ weight.T).square().sum(),
-    }
+    return torch.stack([torch.stack([p.square().sum(), (p @ weight.T).square().sum()]) for p in parts])
 
 
 @torch.inference_mode()
 def validate(student: GridEncoder, crops: CodedCrops) -> dict[str, float]:
-    """What a student misses of all crops, see `unexplained`."""
-    shares = unexplained(student, *batch(crops, np.arange(len(crops))))
-    return {f"validation_{name}_missed": float(share) for name, share in shares.items()}
+    """What a student misses of all crops, see `unexplained`, with some of them in memory at a time."""
+    mean = torch.from_numpy(np.mean(crops.code, axis=0, dtype=np.float64).astype(np.float32))
+    blocks = np.split(np.arange(len(crops)), range(_CROPS_AT_ONCE, len(crops), _CROPS_AT_ONCE))
+    parts = torch.stack([squares(student, *batch(crops, rows), mean) for rows in blocks])
+    missed, spread = parts.double().sum(dim=0)
+    return {f"validation_{n}_missed": float(s) for n, s in zip(_SEEN_AS, missed / spread, strict=True)}
 
 
 def batch(crops: CodedCrops, rows: np.ndarray) -> tuple[Tensor, Tensor]:
