@@ -78,7 +78,7 @@ def ablation_sections(asked: Path, found: Path) -> list[Section]:
     for path in sorted(found.glob("*.json")):
         ablation = read_ablation(asked / f"{path.stem}.yaml")
         figure = ablation_figure(ablation, json.loads(path.read_text()))
-        caption = f"`python -m stages.ablate {path.stem}`; bars: 95 % intervals over tracks."
+        caption = f"Made by python -m stages.ablate {path.stem}; bars: 95 % intervals over tracks."
         sections.append(Section(ablation.title, [Picture(path.stem, caption, figure)]))
     return sections
 
@@ -108,7 +108,7 @@ def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> Fi
     """Error of every method over the points, with its 95 % interval."""
     figure = blank(6.0, 3.4)
     axes = figure.subplots()
-    tone = colours([*ablation.references, *ablation.methods])
+    tone, mark = colours([*ablation.references, *ablation.methods]), "o-" if ablation.axis else "o"
     places = {name: float(name) if ablation.axis else k for k, name in enumerate(ablation.points)}
     for method in (*ablation.references, *ablation.methods):
         mine = [row for row in rows if row["method"] == method]
@@ -117,7 +117,7 @@ def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> Fi
             [value - row["ade_ci95_m"][0] for value, row in zip(y, mine, strict=True)],
             [row["ade_ci95_m"][1] - value for value, row in zip(y, mine, strict=True)],
         ]
-        axes.errorbar(x, y, yerr=spread, fmt="o-", color=tone[method], label=label(method), capsize=2)
+        axes.errorbar(x, y, yerr=spread, fmt=mark, color=tone[method], label=label(method), capsize=2)
     if ablation.axis:
         axes.set_xscale("log")
     axes.set_xticks(list(places.values()), list(places), minor=False)
