@@ -17,6 +17,7 @@ import math
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ ROOMS_PER_HOUR = 60
 LANES, SUB_SEQUENCE = 64, 10
 """As in conf/training: of the phase that starts from an auto-encoder."""
 HELD_OUT = 0.5
+EPOCH = "train, one epoch"
 Size = tuple[int, dict[str, Usage]]
 """Rows of a simulation, and what each stage used on it."""
 
@@ -60,8 +62,8 @@ def rows_of(folder: Path) -> int:
     return sum(pq.read_metadata(shard).num_rows for shard in shards)
 
 
-def measured(hours: float) -> Size:
-    """Every stage at one size, in a folder that is thrown away."""
+def measured(hours: float, stages: Sequence[str]) -> Size:
+    """These stages at one size, in a folder that is thrown away."""
     outer = {k: v for k, v in os.environ.items() if not k.startswith("DVC_")}
     alone = {"PYTHONPATH": str(ROOT), "PEDPRED_JOBS": "1"}  # all in one process, to see what it holds
     environment = outer | alone
@@ -71,9 +73,9 @@ def measured(hours: float) -> Size:
         def run(stage: str, overrides: list[str]) -> Usage:
             return used([sys.executable, "-m", f"stages.{stage}", *overrides], folder, environment)
 
-        usage = {stage: run(stage, overrides) for stage, overrides in commands(hours).items()}
+        usage = {stage: run(stage, commands(hours)[stage]) for stage in stages if stage != EPOCH}
         rows = rows_of(folder)
-        return rows, usage | {"train, one epoch": run("train", epoch(rows))}
+        return rows, usage | ({EPOCH: run("train", epoch(rows))} if EPOCH in stages else {})
 
 
 def compared(sizes: dict[float, Size], least: Size) -> list[dict[str, Any]]:
@@ -102,12 +104,15 @@ def compared(sizes: dict[float, Size], least: Size) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Measure and print."""
+    every = [*commands(MINUTE_H), EPOCH]
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--hours", type=float, nargs="+", default=[5.0, 50.0], help="of simulation")
+    parser.add_argument("--until", choices=every[1:], default=EPOCH, help="the last stage to run")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    least = [measured(MINUTE_H) for _ in range(2)][-1]
-    lines = compared({hours: measured(hours) for hours in sorted(given.hours)}, least)
+    stages = every[: every.index(given.until) + 1]
+    least = [measured(MINUTE_H, stages) for _ in range(2)][-1]
+    lines = compared({hours: measured(hours, stages) for hours in sorted(given.hours)}, least)
     tell("a larger simulation", lines)
     keep({"load": lines}, given.json)
 
