@@ -30,7 +30,7 @@ MINUTE_H = 1 / 60
 ROOMS_PER_HOUR = 60
 LANES, SUB_SEQUENCE = 64, 10
 """As in conf/training: of the phase that starts from an auto-encoder."""
-HELD_OUT = 0.5
+HELD_OUT = 0.5  # of the rooms, for validation
 EPOCH = "train, one epoch"
 Size = tuple[int, dict[str, Usage]]
 """Rows of a simulation, and what each stage used on it."""
