@@ -26,19 +26,19 @@ params: setup ## write params.yaml from conf/
 
 tune: setup ## fit tracker and social forces to each real place again (writes conf/, about ten minutes)
 	dvc repro $(PLACES:%=ingest@%)
-	for place in $(PLACES); do python -m stages.tune_tracker +name=$$place || exit; done
+	for place in $(PLACES); do python -m tools.tune_tracker +name=$$place || exit; done
 	python -m pedpred.config
 	dvc repro $(PLACES:%=features@%)
-	for place in $(PLACES); do python -m stages.fit_social_force +name=$$place || exit; done
+	for place in $(PLACES); do python -m tools.fit_social_force +name=$$place || exit; done
 	python -m pedpred.config
 
 reproduce: setup ## raw data -> networks -> reports/; does only what is out of date
-	@python -m stages.mend_lock
+	@python -m tools.mend_lock
 	@python -m pedpred.config --check
 	@dvc repro --keep-going || { dvc repro --quiet --single-item fetch; exit 1; }
 
 compare: setup ## which metrics moved beyond their intervals since REV=<revision>; fails when some got worse
-	@python -m stages.compare $(REV)
+	@python -m tools.compare $(REV)
 
 smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
 	@.ci/smoke

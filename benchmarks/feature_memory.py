@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.features import FeatureSettings, extract, extract_blocks
-from pedpred.scenes import Recording, Scene
+from pedpred.scenes import Scene, Trajectories
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_shard, read_shard_blocks, write_shard
 from pedpred.tracking import KalmanSettings, follow
@@ -25,14 +25,14 @@ NOISE = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05)
 
 def repeated(scene: Scene, copies: int) -> Scene:
     """The scene's recording many times, one after the other; every copy has tracks of its own."""
-    one = scene.recording
+    one = scene.trajectories
     copy = np.repeat(np.arange(copies), len(one))
     rows = np.tile(np.arange(len(one)), copies)
     values = {field.name: getattr(one, field.name) for field in dataclasses.fields(one)}
     columns = {name: value[rows] for name, value in values.items() if value is not None}
     columns["time_s"] = columns["time_s"] + copy * (np.ptp(one.time_s) + 10.0)
     columns["track_id"] = columns["track_id"] + copy * (np.ptp(one.track_id) + 1)
-    return dataclasses.replace(scene, recording=Recording(**columns))
+    return dataclasses.replace(scene, trajectories=Trajectories(**columns))
 
 
 def main() -> None:
@@ -41,7 +41,7 @@ def main() -> None:
     if not copies:
         return
     scene, settings = repeated(read_scene(folder), copies), FeatureSettings()
-    tracks = follow(scene.recording, "kalman", NOISE, 0.2)
+    tracks = follow(scene.trajectories, "kalman", NOISE, 0.2)
     with tempfile.TemporaryDirectory() as out:
         if way == "stream":
             write_shard(extract_blocks(scene, tracks, settings), Path(out), scene.name)

@@ -3,8 +3,8 @@
 `python -m benchmarks.online [--model models/online/finetune_eth] [--json FILE]`. One thread, every frame a
 new detection of everybody, 0.3 s apart, so that each frame takes a remembered step. The bound is the
 network's multiply-adds at the matrix rate that numpy reaches here; the convolutions are two thirds of them.
-Beside it: the lean export (<model>_lean), the full network in torch, eager, without features, and the
-paper's 51 ms for 20 pedestrians on an i7-4810MQ. `--hour` shows that memory stays flat.
+Beside it: the distilled export (<model>_distilled), the full network in torch, eager, without features,
+and the paper's 51 ms for 20 pedestrians on an i7-4810MQ. `--hour` shows that memory stays flat.
 
 `python -m benchmarks.online --replay` compares forecasts instead of times, see `benchmarks.replay`.
 """
@@ -28,7 +28,7 @@ import torch
 from benchmarks.features import room
 from benchmarks.replay import differences
 from benchmarks.timing import keep, median_ms, tell
-from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.networks import GridAutoencoder, MotionLstm, MotionSettings
 from pedpred.online import OnlinePredictor
 
 CROWDS = (1, 20, 200, 1000)
@@ -47,7 +47,7 @@ def multiply_adds(settings: MotionSettings) -> int:
     widths = {"state": 2, "grid": 392, "angular": 72}
     total = convolutions if "grid" in settings.channels else 0
     for name, channel in settings.channels.items():
-        total += widths[name] * channel.embedding + 4 * channel.lstm * (channel.embedding + channel.lstm)
+        total += widths[name] * channel.projection + 4 * channel.lstm * (channel.projection + channel.lstm)
     fused = sum(channel.lstm for channel in settings.channels.values())
     total += 4 * settings.joint * (fused + settings.joint) + settings.joint * settings.head
     return total + settings.head * 2 * settings.horizon_steps
@@ -107,7 +107,7 @@ def eager_ms(settings: MotionSettings, count: int) -> float:
 
     @torch.inference_mode()
     def step() -> None:
-        network({**inputs, "grid": encoder.code(crops)[:, None]}, state)
+        network({**inputs, "grid": encoder.embedding(crops)[:, None]}, state)
 
     return median_ms(step)
 
@@ -129,7 +129,7 @@ def main() -> None:
     settings = MotionSettings.parse(
         json.loads((options.model / "model.json").read_text())["origin"]["network"]
     )
-    rate, lean = matrix_rate(), options.model.with_name(f"{options.model.name}_lean")
+    rate, distilled = matrix_rate(), options.model.with_name(f"{options.model.name}_distilled")
     rows = []
     for count in CROWDS:
         times = update_times_ms(options.model, count, 1010 if count <= 20 else 110)
@@ -140,7 +140,7 @@ def main() -> None:
                 "median_ms": float(np.median(times)),
                 "p99_ms": float(np.percentile(times, 99)),
                 "p99/median": float(np.percentile(times, 99) / np.median(times)),
-                "lean_ms": float(np.median(update_times_ms(lean, count, 110))),
+                "lean_ms": float(np.median(update_times_ms(distilled, count, 110))),
                 "bound_ms": bound,
                 "median/bound": float(np.median(times)) / bound,
                 "torch_eager_ms": eager_ms(settings, count),

@@ -40,7 +40,7 @@ def differences(models: Path) -> Iterator[dict[str, Any]]:
         features, _ = read_manifest(Path("data/features", place.split("/")[0]))
         settings = OnlineSettings.as_offline(features, scene.detection_dt_s)
         robot = OnlinePredictor.load(models / phase, settings)
-        frames = len(np.unique(scene.recording.time_s))
+        frames = len(np.unique(scene.trajectories.time_s))
         forecasts = tqdm(replayed(scene, robot, kind == "sim"), total=frames, desc=place, unit="frame")
         offline = windows.paths["lstm"]
         online, _ = paths_at(forecasts, windows.track_id, windows.time_s, offline.shape[1])
@@ -48,7 +48,7 @@ def differences(models: Path) -> Iterator[dict[str, Any]]:
         yield {
             "scene": place,
             "network": phase,
-            "clocks": features.clocks,
+            "phase_offsets": features.phase_offsets,
             "windows": len(windows),
             "median_m": float(np.median(apart)),
             "largest_m": float(apart.max()),

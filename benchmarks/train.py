@@ -26,9 +26,9 @@ from torch import Tensor
 from benchmarks.timing import keep, tell
 from pedpred.config import plain, read_params
 from pedpred.datasets import MotionData
-from pedpred.models import MotionLstm, MotionSettings
-from pedpred.models.motion import INPUT_WIDTHS
-from pedpred.training.machine import Machine, machine
+from pedpred.networks import MotionLstm, MotionSettings
+from pedpred.networks.lstm import INPUT_WIDTHS
+from pedpred.training.distributed import DistributedContext, distributed_context
 from pedpred.training.progress import Progress
 from pedpred.training.recurrent import TrainingSettings, adamw, training_batches, training_step
 from pedpred.training.variation import looked_up
@@ -53,7 +53,7 @@ def random_data(settings: MotionSettings, rng: np.random.Generator) -> MotionDat
         angular=numbers(widths["angular"]),
         future=numbers(settings.horizon_steps, 2),
         future_steps=torch.from_numpy(rng.integers(0, settings.horizon_steps + 1, rows)),
-        code=numbers(widths["grid"]).to(torch.float16) if with_grid else None,
+        embedding=numbers(widths["grid"]).to(torch.float16) if with_grid else None,
         sequences=np.stack([edges[:-1], edges[1:]], axis=-1),
         scene=np.zeros(TRACKS, np.int64),
         track=np.arange(TRACKS),
@@ -117,7 +117,7 @@ def _wait(device: torch.device) -> None:
 
 
 def measured(
-    name: str, settings: MotionSettings, training: TrainingSettings, here: Machine
+    name: str, settings: MotionSettings, training: TrainingSettings, here: DistributedContext
 ) -> dict[str, Any]:
     """One row of the table: a model on the machine with the present number of threads."""
     torch.manual_seed(0)
@@ -170,7 +170,7 @@ def main() -> None:
     phase = {k: v for k, v in plain(cfg.training.main).items() if not k.startswith("validation")}
     training = TrainingSettings.parse(phase)
     rows = []
-    with machine(options.device, options.autocast) as here:
+    with distributed_context(options.device, options.autocast) as here:
         for threads in (1, 2) if options.device == "cpu" else (1,):
             torch.set_num_threads(threads)
             for name, widths in plain(cfg.models).items():

@@ -1,6 +1,6 @@
 """A ROS 2 node: tracked people and a map in, everybody's next three seconds out as lines.
 
-    python examples/ros2_node.py --model models/online/main_lean --type people_msgs/msg/People
+    python examples/ros2_node.py --model models/online/main_distilled --type people_msgs/msg/People
 
 Subscribes to the people (any type of `pedpred.bags.ADAPTERS`) and to `/map`, publishes `/predictions`
 (visualization_msgs/MarkerArray) in the people's frame. People and map must be in one frame that does not
@@ -13,9 +13,9 @@ import argparse
 from importlib import import_module
 from typing import Any
 
-from pedpred.bags import ADAPTERS, Names, seconds
 from pedpred.online import OnlinePredictor
-from pedpred.recording.reader import occupancy_of
+from pedpred.ros import ADAPTERS, Names, seconds
+from pedpred.ros.reader import occupancy_of
 from pedpred.scenes import Forecast
 
 

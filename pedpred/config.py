@@ -29,7 +29,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from pedpred.errors import ConfigError, PedpredError
-from pedpred.files import decoding, read_yaml, write_text
+from pedpred.files import read_yaml, translate_errors, write_text
 
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
 _DISK_REMEDY = "make room on the disk or the folder writable, then run dvc repro again"
@@ -90,7 +90,7 @@ def read_params(root: Path) -> DictConfig:
         ConfigError: the file is missing or damaged.
     """
     params = _read_yaml(root / "params.yaml")
-    with decoding(partial(ConfigError, "params", str(root / "params.yaml"))):
+    with translate_errors(partial(ConfigError, "params", str(root / "params.yaml"))):
         return OmegaConf.create(params)
 
 
@@ -131,7 +131,7 @@ def plain(node: DictConfig) -> dict[str, Any]:
 
 
 def keep_lock(root: Path) -> None:
-    """Copy dvc.lock, which DVC leaves alone while a stage runs, for `stages.mend_lock`."""
+    """Copy dvc.lock, which DVC leaves alone while a stage runs, for `tools.mend_lock`."""
     if (root / LOCK).exists():
         write_text(root / KEPT, (root / LOCK).read_text())
 
@@ -153,7 +153,7 @@ def only(cfg: DictConfig, keys: Iterable[str]) -> DictConfig:
     kept = OmegaConf.create()
     missing = object()
     for key in keys:
-        with decoding(partial(ConfigError, key, "params.yaml")):
+        with translate_errors(partial(ConfigError, key, "params.yaml")):
             value = OmegaConf.select(cfg, key, default=missing)
         if value is missing:
             raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
@@ -169,7 +169,7 @@ def declared_params(root: Path, address: str) -> list[str]:
     """
     name, _, key = address.rpartition("/")[2].rpartition(":")[2].partition("@")
     pipeline, known_values = _read_yaml(root / "dvc.yaml"), _read_yaml(root / "params.yaml")
-    with decoding(partial(ConfigError, address, str(root / "dvc.yaml"))):
+    with translate_errors(partial(ConfigError, address, str(root / "dvc.yaml"))):
         entry = pipeline["stages"].get(name, {"foreach": []})
         for variables in pipeline.get("vars", []):
             known_values |= variables
@@ -217,7 +217,7 @@ def composed(conf: Path, overrides: list[str]) -> str:
         ConfigError: conf/ or an override names a key or an option that does not exist.
     """
     with (
-        decoding(partial(ConfigError, " ".join(overrides) or "config", str(conf))),
+        translate_errors(partial(ConfigError, " ".join(overrides) or "config", str(conf))),
         hydra.initialize_config_dir(str(conf.resolve()), version_base="1.3"),
     ):
         return OmegaConf.to_yaml(hydra.compose("config", overrides=overrides), resolve=True)

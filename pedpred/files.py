@@ -1,9 +1,9 @@
 """Files on disk, as safely as they can be had: foreign ones are read within bounds, ours are written whole.
 
-Reading: `decoding` is the one place where what a decoder raises on strange bytes becomes an error that names
-the file, and `read_bytes`, `read_json`, `read_yaml` and `read_picture` take no more than they can handle.
-Writing: `aside` lets a file appear under its name only when all of it is there; what nobody needs later goes
-to a file that is `nameless`.
+Reading: `translate_errors` turns what a decoder raises on damaged bytes into an error that names the file;
+`read_bytes`, `read_json`, `read_yaml` and `read_picture` are bounded in size.
+Writing: `atomic_write` lets a file appear under its name only when it is complete; scratch data go to a file
+that is `nameless`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Wording = Callable[[str], PedpredError]
 
 
 @contextmanager
-def decoding(wording: Wording) -> Iterator[None]:
+def translate_errors(wording: Wording) -> Iterator[None]:
     """Say whatever goes wrong inside as an error that names the file; the cause is chained.
 
     Decoders of foreign bytes document no complete list of what they raise, so that any `Exception` counts;
@@ -82,18 +82,18 @@ def read_json(path: Path, wording: Wording) -> dict[str, Any]:
 
     Args:
         path: the file.
-        wording: of the error, see `decoding`.
+        wording: of the error, see `translate_errors`.
 
     Raises:
         FileError: the file is missing, too large, no JSON or holds another thing than an object.
     """
-    with decoding(wording):
+    with translate_errors(wording):
         return _mapping(json.loads(read_bytes(path, _LARGEST_JSON_BYTES)))
 
 
 def read_yaml(path: Path, wording: Wording) -> dict[str, Any]:
     """The mapping in a YAML file; arguments and errors of `read_json`. No tag makes an object."""
-    with decoding(wording):
+    with translate_errors(wording):
         return _mapping(yaml.safe_load(read_bytes(path, _LARGEST_YAML_BYTES)))
 
 
@@ -111,14 +111,14 @@ def read_picture(path: Path, mode: str, wording: Wording) -> np.ndarray:
     Raises:
         FileError: the file is missing, no picture, damaged or has more than `MOST_PIXELS`.
     """
-    with decoding(wording), Image.open(path, formats=_PICTURES) as image:
+    with translate_errors(wording), Image.open(path, formats=_PICTURES) as image:
         if math.prod(image.size) > MOST_PIXELS:
             raise ShapeError(path.name, image.size, f"at most {MOST_PIXELS} pixels")
         return np.asarray(image.convert(mode))
 
 
 @contextmanager
-def aside(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """A path beside `path` to write to; what was written takes the place of `path` when the block ends well.
 
     Both are in one folder, so that taking the place is one step of the file system: whoever is killed in the
@@ -146,11 +146,11 @@ def nameless() -> FileIO:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file (UTF-8) as a whole; see `aside`."""
-    with aside(path) as new:
+    """Write a text file (UTF-8) as a whole; see `atomic_write`."""
+    with atomic_write(path) as new:
         new.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, content: object) -> None:
-    """Write JSON as a whole, one value per line, in the given order; see `aside`."""
+    """Write JSON as a whole, one value per line, in the given order; see `atomic_write`."""
     write_text(path, json.dumps(content, indent=1) + "\n")

@@ -1,4 +1,4 @@
-"""distil_encoder: a narrow encoder learns the full one's codes, for the lean export."""
+"""distil_encoder: a narrow encoder learns the full one's codes, for the distilled export."""
 
 from pathlib import Path
 
@@ -8,8 +8,8 @@ import torch
 from omegaconf import DictConfig
 
 from pedpred.config import plain, stage
-from pedpred.datasets.crops import coded_crops_of
-from pedpred.models.encoding import load_encoder
+from pedpred.datasets.crops import embedded_crops_of
+from pedpred.networks.encoding import load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.distillation import DistillationSettings, distil
 from pedpred.training.fit import write_curve
@@ -17,14 +17,14 @@ from pedpred.training.fit import write_curve
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/features/main, data/codes/main and models/autoencoder, write models/lean."""
-    options = plain(cfg.lean)
+    """Read data/features/main, data/embeddings/main and models/autoencoder, write models/distilled."""
+    options = plain(cfg.distilled)
     torch.set_num_threads(options.pop("threads"))
     share, every = options.pop("validation_share"), options.pop("every")
     settings = DistillationSettings(**options | {"widths": tuple(options["widths"])})
-    training, validation = coded_crops_of(
+    training, validation = embedded_crops_of(
         Path("data/features/main"),
-        Path("data/codes/main"),
+        Path("data/embeddings/main"),
         share,
         every,
         np.random.default_rng(settings.seed),
@@ -32,7 +32,7 @@ def main(cfg: DictConfig) -> None:
     encoder, curve = distil(load_encoder(Path("models/autoencoder")), training, validation, settings)
     about = {"kind": "encoder", "settings": options | {"latent": encoder.fc.out_features}}
     weights = {f"encoder.{name}": value for name, value in encoder.state_dict().items()}
-    out = Path(cfg.get("out", "models/lean"))
+    out = Path(cfg.get("out", "models/distilled"))
     write_checkpoint(out, weights, about)
     write_curve(pd.DataFrame(curve), out / "curve.tsv")
 

@@ -10,13 +10,13 @@ from omegaconf import DictConfig
 
 from pedpred.config import stage, stage_key
 from pedpred.features.table import FeatureSettings
-from pedpred.models import GridEncoder
-from pedpred.models.encoding import encode, load_encoder
-from pedpred.storage.shards import read_crops, read_manifest, write_codes
+from pedpred.networks import GridEncoder
+from pedpred.networks.encoding import encode, load_encoder
+from pedpred.storage.shards import read_crops, read_manifest, write_embeddings
 from pedpred.workers import in_parallel
 
 
-def codes_into(
+def embed_into(
     out: Path, features: Path, shard: str, settings: FeatureSettings, encoder: GridEncoder
 ) -> None:
     """One worker's job, on one thread, whatever their number: the codes of one scene, in half precision.
@@ -25,19 +25,19 @@ def codes_into(
     """
     torch.set_num_threads(1)
     crops = read_crops(features, shard, settings)
-    codes = (encode(encoder, block, settings.grid_cells).astype(np.float16) for block in crops)
-    write_codes(codes, out, shard)
+    embeddings = (encode(encoder, block, settings.grid_cells).astype(np.float16) for block in crops)
+    write_embeddings(embeddings, out, shard)
 
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/features/<name> and models/autoencoder, write data/codes/<name>, several scenes at once."""
+    """Read data/features/<name> and models/autoencoder, write data/embeddings/<name>, scenes in parallel."""
     name = stage_key(cfg)
     encoder = load_encoder(Path("models/autoencoder"))
-    features, out = Path("data/features") / name, Path(cfg.get("out", f"data/codes/{name}"))
+    features, out = Path("data/features") / name, Path(cfg.get("out", f"data/embeddings/{name}"))
     settings, shards = read_manifest(features)
     tasks = [(out, features, shard, settings, encoder) for shard in shards]
-    in_parallel(codes_into, tasks, f"codes of {name}", "scene")
+    in_parallel(embed_into, tasks, f"codes of {name}", "scene")
 
 
 if __name__ == "__main__":

@@ -16,9 +16,9 @@ from pedpred.evaluation.scores import Scores
 from pedpred.evaluation.summary import figures
 from pedpred.features import FeatureSettings
 from pedpred.files import write_json
-from pedpred.models import GridEncoder, MotionLstm
-from pedpred.models.encoding import encode, load_encoder
-from pedpred.models.forecasting import forecast_motion, load_motion_lstm
+from pedpred.networks import GridEncoder, MotionLstm
+from pedpred.networks.encoding import encode, load_encoder
+from pedpred.networks.forecasting import forecast_motion, load_motion_lstm
 from pedpred.storage.columns import write_columns
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import read_manifest, read_shard
@@ -31,7 +31,7 @@ def kalman_spread(
 ) -> np.ndarray | None:
     """What the tracker of these features says of its own forecast, m^2 [P, 2, 2]; None of true states."""
     tracker = dict(source["tracker"])
-    if settings.leaks or tracker.pop("kind") != "kalman":
+    if settings.noncausal or tracker.pop("kind") != "kalman":
         return None
     interval_s = detection_dt_s * source["sensor"]["every"]
     ahead_s = (np.arange(settings.horizon_steps) + 1) * settings.dt_s
@@ -72,8 +72,8 @@ def compared_in(folder: Path, common: Comparison) -> tuple[str, dict[str, Scores
     torch.set_num_threads(1)
     scene, settings = read_scene(folder), common.settings
     table = read_shard(common.features, scene.name, settings)
-    codes = encode(common.encoder, table.occupancy, settings.grid_cells)
-    forecasts = {m: forecast_motion(n, table, codes, settings) for m, n in common.networks.items()}
+    embeddings = encode(common.encoder, table.occupancy, settings.grid_cells)
+    forecasts = {m: forecast_motion(n, table, embeddings, settings) for m, n in common.networks.items()}
     kalman = kalman_spread(common.source, scene.detection_dt_s, settings)
     social_force = common.source["social_force"]
     columns, scores = compare(
@@ -102,7 +102,7 @@ def main(cfg: DictConfig) -> None:
         common = Comparison(features, settings, source, encoder, networks, baselines, options, out)
         folders = scene_folders(Path("data/scenes") / key)
         scores = dict(in_parallel(compared_in, [(f, common) for f in folders], f"evaluate {key}", "scene"))
-        metrics |= figures(key, scores, options["bootstrap"], options["seed"], settings.leaks)
+        metrics |= figures(key, scores, options["bootstrap"], options["seed"], settings.noncausal)
     write_json(Path(cfg.get("metrics", f"reports/metrics/{name}.json")), metrics)
 
 

@@ -17,8 +17,8 @@ def main(cfg: DictConfig) -> None:
     options, figures = cfg.literature, {}
     for place in options.places:
         tracker = {k: v for k, v in cfg.scenes[place].tracker.items() if k != "kind"}
-        recording = read_scene(Path("data/scenes") / place).recording
-        found = stretches(recording, options.observed_steps, options.predicted_steps, options.step_s)
+        trajectories = read_scene(Path("data/scenes") / place).trajectories
+        found = stretches(trajectories, options.observed_steps, options.predicted_steps, options.step_s)
         figures[place] = {
             name: measures(found, forecast(found), options.bootstrap, options.seed)
             for name, forecast in methods(KalmanSettings(**tracker)).items()

@@ -13,9 +13,10 @@ from pedpred.config import plain, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.scenes import VARIANTS
+from pedpred.simulation.sensor import SensorSettings, sensed
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import write_manifest, write_shard
-from pedpred.tracking import KalmanSettings, SensorSettings, follow, resampled, sensed
+from pedpred.tracking import KalmanSettings, follow, resampled
 from pedpred.workers import in_parallel
 
 
@@ -28,14 +29,14 @@ def features_into(
         real = replace(VARIANTS[variant](real), name=shard_name(folder, variant))
     tracker, sensor = dict(source["tracker"]), SensorSettings(**source["sensor"])
     scene = real
-    if settings.leaks:
+    if settings.noncausal:
         scene, tracker = resampled(real, settings.dt_s, settings.lost_after_s), {"kind": "truth"}
     elif sensor != SensorSettings():
         scene = sensed(real, sensor, np.random.default_rng([sensor.seed, zlib.crc32(real.name.encode())]))
     kind = tracker.pop("kind")
     kalman = KalmanSettings(**tracker) if tracker else None
-    tracks = follow(scene.recording, kind, kalman, standstill_mps, settings.lost_after_s)
-    write_shard(extract_blocks(scene, tracks, settings, truth=real.recording), out, scene.name)
+    tracks = follow(scene.trajectories, kind, kalman, standstill_mps, settings.lost_after_s)
+    write_shard(extract_blocks(scene, tracks, settings, truth=real.trajectories), out, scene.name)
 
 
 def shard_name(folder: Path, variant: str) -> str:
@@ -52,9 +53,9 @@ def main(cfg: DictConfig) -> None:
     standstill_mps = groups["features"].pop("standstill_mps")
     source = groups["scenes"][key]
     true = source["tracker"]["kind"] == "truth"  # states need no differences, so that none can leak
-    protocol = groups["protocol"] | {"leaks": groups["protocol"]["leaks"] and not true}
-    clocks = 1 if protocol["leaks"] else source["clocks"]  # resampled tracks have one clock
-    settings = FeatureSettings(**protocol, **groups["features"], clocks=clocks)
+    protocol = groups["protocol"] | {"noncausal": groups["protocol"]["noncausal"] and not true}
+    phase_offsets = 1 if protocol["noncausal"] else source["phase_offsets"]  # resampled tracks have one clock
+    settings = FeatureSettings(**protocol, **groups["features"], phase_offsets=phase_offsets)
     folders = scene_folders(Path("data/scenes") / key)
     if unknown := sorted(set(source["variants"]) - set(VARIANTS)):
         raise ConfigError(f"scenes.{key}.variants", unknown, f"choose among {', '.join(VARIANTS)}")

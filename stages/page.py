@@ -10,10 +10,10 @@ from pedpred.config import stage
 from pedpred.errors import StorageError
 from pedpred.files import read_json, write_text
 from pedpred.report.ablation import ablation_sections
-from pedpred.report.crowd import flow_section
 from pedpred.report.gallery import real_gallery, simulation_gallery
 from pedpred.report.page.build import Contents, page
-from pedpred.report.page.replay import replay
+from pedpred.report.page.player import replay
+from pedpred.report.simulation_page import flow_section
 from stages.report import gathered
 
 GALLERIES = {"sim": ("Simulated people", simulation_gallery), "real": ("Real people", real_gallery)}

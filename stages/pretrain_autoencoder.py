@@ -10,8 +10,8 @@ from omegaconf import DictConfig
 from pedpred.config import plain, stage
 from pedpred.datasets.crops import crops_of
 from pedpred.storage.checkpoints import write_checkpoint
-from pedpred.training.autoencoder import AutoencoderSettings, train_autoencoder
 from pedpred.training.fit import write_curve
+from pedpred.training.pretraining import AutoencoderSettings, train_autoencoder
 
 
 @stage

@@ -6,10 +6,10 @@ from matplotlib.colors import to_rgb
 from omegaconf import DictConfig
 
 from pedpred.config import plain, stage
-from pedpred.recording import write_recording
-from pedpred.recording.foxglove import write_layout
 from pedpred.report.animation import Animation, write_animation
 from pedpred.report.methods import colours
+from pedpred.ros import write_recording
+from pedpred.ros.foxglove import write_layout
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.windows import read_windows
 

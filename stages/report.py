@@ -6,11 +6,11 @@ from omegaconf import DictConfig
 
 from pedpred.config import stage, stage_key
 from pedpred.files import write_json, write_text
-from pedpred.models.autoencoder import read_autoencoder
+from pedpred.networks.autoencoder import read_autoencoder
 from pedpred.report.canvas import write_png
 from pedpred.report.curves import read_curve
 from pedpred.report.gallery import real_gallery, simulation_gallery
-from pedpred.report.metrics import read_metrics
+from pedpred.report.measures import read_metrics
 from pedpred.report.overview import errors_m, horizon_table, overall
 from pedpred.report.pages import real_page, simulation_page
 from pedpred.storage.scenes import read_scenes

@@ -6,9 +6,9 @@ import torch
 from omegaconf import DictConfig
 
 from pedpred.config import plain, stage, stage_key
-from pedpred.models import MotionSettings
+from pedpred.networks import MotionSettings
+from pedpred.training.distributed import distributed_context
 from pedpred.training.fit import fit, initialised, write_phase
-from pedpred.training.machine import machine
 from pedpred.training.recurrent import TrainingSettings
 
 PREVIOUS = {
@@ -32,8 +32,8 @@ def main(cfg: DictConfig) -> None:
         settings.seed,
     )
     title = f"{cfg.phase} of {name} on {cfg.data}"
-    grid = (Path("data/codes") / cfg.data, Path("models/autoencoder"))
-    with machine(cfg.training.device, cfg.training.autocast) as here:
+    grid = (Path("data/embeddings") / cfg.data, Path("models/autoencoder"))
+    with distributed_context(cfg.training.device, cfg.training.autocast) as here:
         curve, about = fit(network, Path("data/features") / cfg.data, grid, split, settings, title, here)
     if not here.writes:
         return

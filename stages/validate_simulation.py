@@ -6,12 +6,12 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from pedpred.config import plain, stage
-from pedpred.evaluation.crowd_flow import FlowSettings, corridor_flow
-from pedpred.evaluation.walking import walking
 from pedpred.files import write_json, write_text
 from pedpred.report.canvas import write_png
-from pedpred.report.crowd import crowd_page, flow_figure, lanes_figure
+from pedpred.report.simulation_page import crowd_page, flow_figure, lanes_figure
+from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow
 from pedpred.simulation.settings import social_force_settings
+from pedpred.simulation.walking import walking
 from pedpred.storage.scenes import read_scene, scene_folders
 
 SETS = ("corridor", "main", "sim_test")

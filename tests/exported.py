@@ -3,8 +3,8 @@
 import torch
 
 from pedpred.features import FeatureSettings
-from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
-from pedpred.models.export import export_onnx
+from pedpred.networks import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.networks.export import export_onnx
 from pedpred.online.network import ModelDescription, write_description
 from pedpred.tracking import KalmanSettings
 
@@ -12,9 +12,9 @@ TRACKER = KalmanSettings(acceleration_noise=0.05, position_noise_m=0.05)
 NETWORK = MotionSettings.parse(
     {
         "channels": {
-            "state": {"embedding": 8, "lstm": 8},
-            "grid": {"embedding": 64, "lstm": 16},
-            "angular": {"embedding": 16, "lstm": 16},
+            "state": {"projection": 8, "lstm": 8},
+            "grid": {"projection": 64, "lstm": 16},
+            "angular": {"projection": 16, "lstm": 16},
         },
         "joint": 32,
         "head": 16,

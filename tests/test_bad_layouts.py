@@ -184,7 +184,7 @@ def test_as_many_people_as_find_room_are_admitted_and_start():
     most = int(asked_for(den(), drawn=["columns"], pedestrians=900).split("only ")[1].split()[0])
     at_once = social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "warm_up_s": 0.0}})
     scene = scene_of(short(0.3, pedestrians=most, seed=1)[0], at_once)
-    assert len(np.unique(scene.recording.track_id)) == most
+    assert len(np.unique(scene.trajectories.track_id)) == most
 
 
 @pytest.mark.parametrize(

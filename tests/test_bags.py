@@ -14,10 +14,9 @@ from rosbags import rosbag1, rosbag2
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from pedpred.bags import ADAPTERS, Names, read_bag
 from pedpred.command import main
 from pedpred.errors import SourceError
-from pedpred.recording import write_recording
+from pedpred.ros import ADAPTERS, Names, read_bag, write_recording
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.worlds import walled_scene
 
@@ -131,9 +130,9 @@ def stream(store, kind, frame="map"):
 
 def check(scene, names=tuple(PATHS)):
     for name, path in zip(names, PATHS.values(), strict=True):
-        rows = scene.recording.track_id == name
-        np.testing.assert_allclose(scene.recording.time_s[rows], [0.0, 0.5, 1.0])
-        np.testing.assert_allclose(scene.recording.position[rows], path)
+        rows = scene.trajectories.track_id == name
+        np.testing.assert_allclose(scene.trajectories.time_s[rows], [0.0, 0.5, 1.0])
+        np.testing.assert_allclose(scene.trajectories.position[rows], path)
     assert np.argwhere(scene.occupancy.occupied).tolist() == [[1, 0]]
     assert scene.occupancy.occupied.shape == (3, 2)
     np.testing.assert_allclose(scene.occupancy.origin, [-1.0, 2.0])
@@ -170,7 +169,7 @@ def test_a_bag_becomes_a_scene_folder_with_another_map(ros2, tmp_path):
     ]
     main(command)
     scene = read_scene(tmp_path / "scene")
-    assert scene.recording.track_id.tolist() == [3, 8] * 3
+    assert scene.trajectories.track_id.tolist() == [3, 8] * 3
     np.testing.assert_array_equal(scene.occupancy.occupied, world.occupancy.occupied)
 
 
@@ -211,8 +210,8 @@ def test_the_standard_types_read_every_standard_message_of_a_recording(tmp_path)
                 read.people += len(message.people)
                 assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == time_ns
             assert message.__msgtype__ == connection.msgtype
-    assert read.people == len(scene.recording)
-    assert read.standard == 2 + len(np.unique(scene.recording.time_s))
+    assert read.people == len(scene.trajectories)
+    assert read.standard == 2 + len(np.unique(scene.trajectories.time_s))
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
@@ -221,7 +220,7 @@ def test_chunks_may_be_compressed_in_every_way(compression, tmp_path):
     write_recording(world, tmp_path / "zstd.mcap")
     repacked(tmp_path / "zstd.mcap", tmp_path / "hall.mcap", compression)
     np.testing.assert_array_equal(
-        read_bag(tmp_path / "hall.mcap").recording.track_id, world.recording.track_id
+        read_bag(tmp_path / "hall.mcap").trajectories.track_id, world.trajectories.track_id
     )
 
 
@@ -234,9 +233,9 @@ def test_a_bag_that_is_cut_is_read_up_to_the_cut(share, tmp_path):
     (tmp_path / "hall.mcap").write_bytes(raw[: int(share * len(raw))])
     with pytest.warns(UserWarning, match="cut: read up to byte"):
         scene = read_bag(tmp_path / "hall.mcap")
-    count = len(scene.recording)
-    assert 0 < count < len(world.recording) or share > 0.9
-    np.testing.assert_array_equal(scene.recording.track_id, world.recording.track_id[:count])
+    count = len(scene.trajectories)
+    assert 0 < count < len(world.trajectories) or share > 0.9
+    np.testing.assert_array_equal(scene.trajectories.track_id, world.trajectories.track_id[:count])
 
 
 @pytest.mark.parametrize("compression", ["", "lz4", "zstd"])

@@ -15,7 +15,7 @@ from pedpred.evaluation.calibration import (
     squared_mahalanobis,
 )
 from pedpred.geometry import rotate, rotated_covariance
-from pedpred.scenes import Recording
+from pedpred.scenes import Trajectories
 from pedpred.tracking import KalmanSettings, follow
 
 TRACKER = KalmanSettings(acceleration_noise=0.02, position_noise_m=0.05)
@@ -87,8 +87,8 @@ def test_the_trackers_own_covariance_holds_in_the_trackers_own_world():
     q, r = TRACKER.acceleration_noise, TRACKER.position_noise_m
     seen = walks(rng, 4000, known + ahead, dt_s, q, r)
     track_id, step = (axis.ravel() for axis in np.mgrid[:4000, :known])
-    recording = Recording(step * dt_s, track_id, seen[:, :known].reshape(-1, 2))
-    tracks = follow(recording, "kalman", TRACKER, 0.2)
+    trajectories = Trajectories(step * dt_s, track_id, seen[:, :known].reshape(-1, 2))
+    tracks = follow(trajectories, "kalman", TRACKER, 0.2)
     last = tracks.age == known - 1
     forecast = tracks.position[last] + ahead * dt_s * tracks.velocity[last]
     covariance = kalman_covariance(TRACKER, dt_s, np.array([ahead * dt_s]))

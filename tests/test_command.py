@@ -52,9 +52,11 @@ def test_predictions_in_a_recording_are_those_of_the_predictor(scene, tmp_path, 
     robot = OnlinePredictor.load(model[0], OnlineSettings(max_age_s=0.5))
     robot.set_map(world.occupancy)
     compared = 0
-    for now in np.unique(world.recording.time_s):
-        here = world.recording.time_s == now
-        forecast = robot.update(float(now), world.recording.track_id[here], world.recording.position[here])
+    for now in np.unique(world.trajectories.time_s):
+        here = world.trajectories.time_s == now
+        forecast = robot.update(
+            float(now), world.trajectories.track_id[here], world.trajectories.position[here]
+        )
         for track, path in zip(forecast.track_id.tolist(), forecast.position, strict=True):
             np.testing.assert_allclose(lines[round(now * 1e9), int(track)][1:], path, atol=1e-6)
             compared += 1
@@ -109,7 +111,7 @@ def test_own_tracks_in_a_table_are_measured(tmp_path, model, capsys):
         ["evaluate", str(tmp_path / "hall.csv"), "--model", str(model[0]), "--json", str(tmp_path / "e.json")]
     )
     figures = json.loads((tmp_path / "e.json").read_text())["hall"]
-    assert set(figures) == {"cv", "cacc", "kalman_cv", "network"}
+    assert set(figures) == {"cv", "ca", "kalman_cv", "network"}
     last = int((29 * 0.2 - 3.0) / 0.2)
     assert {own["windows"] for own in figures.values()} == {2 * (last + 1 - 3)}
     assert figures["cv"]["ade_m"] == pytest.approx(0.0, abs=1e-4)
@@ -153,7 +155,7 @@ def test_the_walk_through_of_the_readme_runs(model, tmp_path, monkeypatch):
     page = (root / "README.md").read_text().partition("## Your own recordings")[2]
     lines = page.partition("```sh\n")[2].partition("```")[0].splitlines()
     (tmp_path / "models/online").mkdir(parents=True)
-    (tmp_path / "models/online/main_lean").symlink_to(model[0])
+    (tmp_path / "models/online/main_distilled").symlink_to(model[0])
     (tmp_path / "examples").symlink_to(root / "examples")
     monkeypatch.chdir(tmp_path)
     for line in lines:

@@ -86,16 +86,16 @@ def repository(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("ade_m", "code", "told"), [(0.6, 1, "1 worse"), (0.52, 0, "1 moved within"), (0.4, 0, "1 better")]
+    ("ade_m", "embedding", "told"), [(0.6, 1, "1 worse"), (0.52, 0, "1 moved within"), (0.4, 0, "1 better")]
 )
-def test_the_gate_fails_when_a_figure_got_worse(repository, monkeypatch, capsys, ade_m, code, told):
+def test_the_gate_fails_when_a_figure_got_worse(repository, monkeypatch, capsys, ade_m, embedding, told):
     (repository / "sim.json").write_text(json.dumps(changed(ade_m=ade_m)["sim"]))
     assert metrics_at("HEAD", repository) == {"sim": BEFORE["sim"]}
     assert metrics_now(repository)["sim"]["hall"]["lstm"]["ade_m"] == ade_m
     monkeypatch.setattr(sys, "argv", ["compare", "HEAD", "--folder", str(repository)])
     with pytest.raises(SystemExit) as ended:
         compare.main()
-    assert ended.value.code == code
+    assert ended.value.embedding == embedding
     assert told in capsys.readouterr().out
 
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from pedpred.datasets.crops import CodedCrops, coded_crops_of
+from pedpred.datasets.crops import EmbeddedCrops, embedded_crops_of
 from pedpred.errors import ConfigError, ShapeError
 from pedpred.features import FeatureSettings, extract_blocks
-from pedpred.models import GridEncoder
-from pedpred.models.encoding import encode, load_encoder
+from pedpred.networks import GridEncoder
+from pedpred.networks.encoding import encode, load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.scenes import write_scene
-from pedpred.storage.shards import write_codes, write_manifest, write_shard
+from pedpred.storage.shards import write_embeddings, write_manifest, write_shard
 from pedpred.tracking import follow
 from pedpred.training.distillation import DistillationSettings, batch, distil, unexplained, validate
 from tests.exported import TRACKER
@@ -32,13 +32,13 @@ def taught():
         x, y = rng.integers(0, 40, 2)
         crop[x : x + 20, y : y + 20] = 1
     packed = np.packbits(cells.reshape(len(cells), -1), axis=-1, bitorder="little")
-    return teacher, CodedCrops(packed, encode(teacher, packed, 60).astype(np.float16), 60)
+    return teacher, EmbeddedCrops(packed, encode(teacher, packed, 60).astype(np.float16), 60)
 
 
 def test_a_narrow_encoder_learns_and_repeats(taught):
     teacher, crops = taught
     student, curve = distil(teacher, crops, crops, SHORT)
-    for share in ("validation_code_missed", "validation_latent_missed"):
+    for share in ("validation_embedding_missed", "validation_latent_missed"):
         assert curve[-1][share] < 0.3 * curve[0][share]
     assert student.conv1.out_channels == 8
     assert torch.equal(student.fc.weight, teacher.fc.weight)
@@ -49,13 +49,13 @@ def test_a_narrow_encoder_learns_and_repeats(taught):
 def test_the_teacher_misses_nothing_and_a_constant_everything(taught):
     teacher, crops = taught
     images = torch.from_numpy(np.unpackbits(crops.packed, axis=-1, bitorder="little")).reshape(-1, 60, 60)
-    exact = teacher.code(images.float()).detach()
-    assert unexplained(teacher, images.float(), exact)["code"] < 1e-10
+    exact = teacher.embedding(images.float()).detach()
+    assert unexplained(teacher, images.float(), exact)["embedding"] < 1e-10
     mean = GridEncoder(16)
     mean.fc.load_state_dict(teacher.fc.state_dict())
-    mean.code = lambda images: exact.mean(dim=0).expand(len(images), -1)
+    mean.embedding = lambda images: exact.mean(dim=0).expand(len(images), -1)
     missed = unexplained(mean, images.float(), exact)
-    np.testing.assert_allclose([missed[key].item() for key in ("code", "latent")], 1.0, rtol=1e-5)
+    np.testing.assert_allclose([missed[key].item() for key in ("embedding", "latent")], 1.0, rtol=1e-5)
 
 
 def test_validation_in_blocks_is_that_of_all_crops_at_once(taught, monkeypatch):
@@ -84,25 +84,27 @@ def test_crops_and_codes_stay_together_and_rooms_apart(tmp_path):
     settings = FeatureSettings()
     for index, name in enumerate(("a", "b", "c")):
         scene = walled_scene(np.random.default_rng(index))
-        blocks = list(extract_blocks(scene, follow(scene.recording, "kalman", TRACKER, 0.2), settings))
+        blocks = list(extract_blocks(scene, follow(scene.trajectories, "kalman", TRACKER, 0.2), settings))
         write_shard(blocks, tmp_path / "features", name)
         bits = np.concatenate([block.occupancy for block in blocks])
-        write_codes([_code_of(bits)], tmp_path / "codes", name)
+        write_embeddings([_code_of(bits)], tmp_path / "embeddings", name)
         write_scene(scene, tmp_path / "scenes" / name)
     scenes = {name: tmp_path / "scenes" / name for name in ("a", "b", "c")}
     write_manifest(tmp_path / "features", settings, scenes)
 
     def divided(share):
-        return coded_crops_of(tmp_path / "features", tmp_path / "codes", share, 2, np.random.default_rng(0))
+        return embedded_crops_of(
+            tmp_path / "features", tmp_path / "embeddings", share, 2, np.random.default_rng(0)
+        )
 
     training, validation = divided(0.3)
     assert len(training) > len(validation) > 0
     for part in (training, validation):
-        np.testing.assert_array_equal(part.code, _code_of(part.packed))
+        np.testing.assert_array_equal(part.embedding, _code_of(part.packed))
     with pytest.raises(ConfigError, match="validation_share"):
         divided(1.0)
-    with pytest.raises(ShapeError, match="code"):
-        CodedCrops(training.packed, training.code[1:], training.cells)
+    with pytest.raises(ShapeError, match="embedding"):
+        EmbeddedCrops(training.packed, training.embedding[1:], training.cells)
 
 
 def _code_of(packed):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pedpred.report.encounters import before_obstacle, depth_m, mutual_avoidance
-from pedpred.scenes import OccupancyMap, Recording, Scene
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.windows import RANGE_M, Windows
 
 AHEAD_S = (np.arange(10) + 1)[:, None] * 0.3
@@ -56,7 +56,7 @@ def test_others_do_not_meet_so(velocities, aside_m):
 def hall():
     occupied = np.zeros((100, 100), bool)
     occupied[40:60, 40:60] = True
-    nobody = Recording(np.zeros(0), np.zeros(0, int), np.zeros((0, 2)))
+    nobody = Trajectories(np.zeros(0), np.zeros(0, int), np.zeros((0, 2)))
     return Scene("hall", nobody, OccupancyMap(occupied, np.zeros(2), 0.1), 0.4)
 
 

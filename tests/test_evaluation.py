@@ -15,7 +15,7 @@ from pedpred.evaluation.compare import compare, seen_together
 from pedpred.evaluation.metrics import bootstrap_interval, displacement, inside_obstacle, too_close
 from pedpred.evaluation.scores import true_paths, world_paths
 from pedpred.features import FeatureSettings, extract
-from pedpred.scenes import Recording, Scene
+from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import KalmanSettings, follow
 from tests.worlds import empty_map, walled_scene
 
@@ -24,7 +24,9 @@ AHEAD_S = (np.arange(10) + 1) * 0.3
 
 def table_of(scene):
     return extract(
-        scene, follow(scene.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2), FeatureSettings(clocks=3)
+        scene,
+        follow(scene.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2),
+        FeatureSettings(phase_offsets=3),
     )
 
 
@@ -108,7 +110,7 @@ def test_baselines_are_exact_on_what_they_assume():
     time_s = np.arange(40) * 0.4
     for bend, forecast in ((0.0, constant_velocity), (0.2, constant_acceleration)):
         x = 1.2 * time_s + 0.5 * bend * time_s**2
-        walk = Recording(time_s, np.zeros(40), np.stack([x, 0 * x], axis=-1))
+        walk = Trajectories(time_s, np.zeros(40), np.stack([x, 0 * x], axis=-1))
         table = table_of(Scene("walk", walk, empty_map(), 0.4))
         windows = table.select(table.window)
         error = displacement(forecast(windows, AHEAD_S), true_paths(windows, 0.3))
@@ -147,4 +149,4 @@ def test_a_scene_without_windows_says_so():
     table = table_of(scene)
     table = dataclasses.replace(table, window=np.zeros(len(table), bool))
     with pytest.raises(ValueRuleError, match="nobody in walled is detected 4 times and 3 s longer"):
-        compare(scene, table, FeatureSettings(clocks=3), {}, ["cv"], options, {}, None)
+        compare(scene, table, FeatureSettings(phase_offsets=3), {}, ["cv"], options, {}, None)

@@ -71,34 +71,34 @@ def real(request, ewap_folder):
 
 def test_real_detections(real):
     scene, facts, _ = real
-    recording = scene.recording
-    assert len(recording) == facts["rows"]
-    assert len(np.unique(recording.track_id)) == facts["tracks"]
-    assert len(np.unique(recording.time_s)) == facts["instants"]
-    assert np.ptp(recording.time_s) == pytest.approx(facts["duration_s"], abs=0.05)
+    trajectories = scene.trajectories
+    assert len(trajectories) == facts["rows"]
+    assert len(np.unique(trajectories.track_id)) == facts["tracks"]
+    assert len(np.unique(trajectories.time_s)) == facts["instants"]
+    assert np.ptp(trajectories.time_s) == pytest.approx(facts["duration_s"], abs=0.05)
     assert scene.detection_dt_s == pytest.approx(0.4)
-    extent = [recording.position.min(axis=0), recording.position.max(axis=0)]
+    extent = [trajectories.position.min(axis=0), trajectories.position.max(axis=0)]
     np.testing.assert_allclose(extent, facts["extent"], atol=0.006)
 
 
 def test_real_tracks_have_no_holes(real):
-    recording = real[0].recording
-    order = np.lexsort((recording.time_s, recording.track_id))
-    same = np.diff(recording.track_id[order]) == 0
-    np.testing.assert_allclose(np.diff(recording.time_s[order])[same], 0.4)
+    trajectories = real[0].trajectories
+    order = np.lexsort((trajectories.time_s, trajectories.track_id))
+    same = np.diff(trajectories.track_id[order]) == 0
+    np.testing.assert_allclose(np.diff(trajectories.time_s[order])[same], 0.4)
 
 
 def test_real_groups(real):
     scene, facts, _ = real
-    groups = np.unique(scene.recording.group_id)
+    groups = np.unique(scene.trajectories.group_id)
     assert groups.tolist() == [ALONE, *range(facts["groups"])]
-    members = [np.unique(scene.recording.track_id[scene.recording.group_id == g]) for g in groups[1:]]
+    members = [np.unique(scene.trajectories.track_id[scene.trajectories.group_id == g]) for g in groups[1:]]
     assert min(map(len, members)) >= 2
 
 
 def test_real_obstacles(real):
     scene, facts, _ = real
-    occupancy, position = scene.occupancy, scene.recording.position
+    occupancy, position = scene.occupancy, scene.trajectories.position
     assert occupancy.occupied.sum() == facts["occupied"]
     assert occupancy.is_occupied(position).sum() == facts["points_on_obstacles"]
     cells = occupancy.center_of(np.argwhere(occupancy.occupied))
@@ -112,7 +112,7 @@ def test_real_annotations_are_whole_pixels(real):
     scene, facts, _ = real
     assert isinstance(scene.camera, Camera)
     assert scene.camera.picture.shape == facts["picture"]
-    pixels = scene.camera.homography.to_image(scene.recording.position)
+    pixels = scene.camera.homography.to_image(scene.trajectories.position)
     np.testing.assert_allclose(pixels, np.rint(pixels), atol=3e-5)
     assert (pixels > -0.5).all()
     assert (pixels < np.array(facts["picture"][:2]) - 0.5).all()
@@ -124,7 +124,7 @@ def test_wrong_pixel_order_would_be_noticed(real):
     wrong = Homography(scene.camera.homography.matrix[:, [1, 0, 2]], first_pixel=1)
     with Image.open(folder / "map.png") as image:
         blocked = np.asarray(image) > 127
-    points = scene.recording.position
+    points = scene.trajectories.position
     occupancy = occupancy_from_image(blocked, wrong, points, scene.occupancy.resolution_m, 1.0)
     pixels = wrong.to_image(points)
     outside = ~((pixels > -0.5) & (pixels < np.array(blocked.shape) - 0.5)).all(axis=1)
@@ -151,8 +151,8 @@ def test_real_windows_and_the_errors_of_constant_velocity(real):
     """The honest protocol's windows, and the tracker tuned on the *other* place."""
     scene, facts, _ = real
     (other,) = set(FACTS) - {scene.name}
-    tracks = follow(scene.recording, "kalman", tracker_tuned_on(other), 0.2)
-    table = extract(scene, tracks, FeatureSettings(clocks=3))
+    tracks = follow(scene.trajectories, "kalman", tracker_tuned_on(other), 0.2)
+    table = extract(scene, tracks, FeatureSettings(phase_offsets=3))
     windows = table.select(table.window)
     assert len(windows) == facts["windows"]
     assert len(np.unique(windows.track_id)) == facts["window_tracks"]
@@ -166,8 +166,8 @@ def test_the_committed_tracker_is_what_its_command_finds(real):
     """Perturbing any parameter of conf/tracker/tuned_on_<place> makes the place's detections less likely."""
     scene = real[0]
     committed = tracker_tuned_on(scene.name)
-    best = log_likelihood(scene.recording, committed, 8)
+    best = log_likelihood(scene.trajectories, committed, 8)
     for name, value in vars(committed).items():
         for factor in (0.95, 1.05):
             other = dataclasses.replace(committed, **{name: value * factor})
-            assert log_likelihood(scene.recording, other, 8) < best + 1e-7, (name, factor)
+            assert log_likelihood(scene.trajectories, other, 8) < best + 1e-7, (name, factor)

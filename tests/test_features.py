@@ -25,18 +25,19 @@ from pedpred.features import (
 )
 from pedpred.features.targets import future_velocities
 from pedpred.geometry import rotate, to_world
-from pedpred.scenes import OccupancyMap, Recording, Scene
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.simulation.sensor import SensorSettings, sensed
 from pedpred.sources import SOURCES as EWAP
-from pedpred.tracking import KalmanSettings, SensorSettings, follow, resampled, sensed
+from pedpred.tracking import KalmanSettings, follow, resampled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 from tests.worlds import empty_map, walled_scene
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 KALMAN = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
 SOURCES = {
-    "annotations": dict(kind="kalman", kalman=KALMAN, dt_s=0.4, clocks=3, truth=False),
-    "simulation": dict(kind="truth", kalman=None, dt_s=0.3, clocks=1, truth=True),
-    "sensor": dict(kind="kalman", kalman=KALMAN, dt_s=0.1, clocks=1, truth=False, detections=60),
+    "annotations": dict(kind="kalman", kalman=KALMAN, dt_s=0.4, phase_offsets=3, truth=False),
+    "simulation": dict(kind="truth", kalman=None, dt_s=0.3, phase_offsets=1, truth=True),
+    "sensor": dict(kind="kalman", kalman=KALMAN, dt_s=0.1, phase_offsets=1, truth=False, detections=60),
 }
 SENSOR = SensorSettings(every=2, position_noise_m=0.1, quantum_m=0.02, drop_out_share=0.1, switch_share=0.2)
 INPUTS = (
@@ -52,36 +53,36 @@ INPUTS = (
 
 
 def table_of(scene, source, truth=None):
-    tracks = follow(scene.recording, source["kind"], source["kalman"], 0.2)
-    return extract(scene, tracks, FeatureSettings(clocks=source["clocks"]), truth)
+    tracks = follow(scene.trajectories, source["kind"], source["kalman"], 0.2)
+    return extract(scene, tracks, FeatureSettings(phase_offsets=source["phase_offsets"]), truth)
 
 
 def paper_table(scene):
     """The leaky protocol."""
     prepared = resampled(scene, 0.3)
-    tracks = follow(prepared.recording, "truth", None, 0.2)
-    return extract(prepared, tracks, FeatureSettings(leaks=True), scene.recording)
+    tracks = follow(prepared.trajectories, "truth", None, 0.2)
+    return extract(prepared, tracks, FeatureSettings(noncausal=True), scene.trajectories)
 
 
 def otherwise_later(scene, now, rng):
     """The scene with every detection after `now` moved, some of them gone and somebody else come."""
-    recording = scene.recording
-    later = recording.time_s > now + TIME_TOLERANCE_S
-    moved = {"position": recording.position + later[:, None] * rng.normal(0, 3, (len(later), 2))}
-    if recording.velocity is not None:
-        moved["velocity"] = recording.velocity + later[:, None] * rng.normal(0, 3, (len(later), 2))
-    changed = dataclasses.replace(recording, **moved).select(~later | (rng.random(len(later)) < 0.7))
+    trajectories = scene.trajectories
+    later = trajectories.time_s > now + TIME_TOLERANCE_S
+    moved = {"position": trajectories.position + later[:, None] * rng.normal(0, 3, (len(later), 2))}
+    if trajectories.velocity is not None:
+        moved["velocity"] = trajectories.velocity + later[:, None] * rng.normal(0, 3, (len(later), 2))
+    changed = dataclasses.replace(trajectories, **moved).select(~later | (rng.random(len(later)) < 0.7))
     new = changed.select(changed.time_s > now + TIME_TOLERANCE_S)
     new = dataclasses.replace(new, track_id=new.track_id + 100, position=new.position + 1.0)
     columns = {f.name: (getattr(changed, f.name), getattr(new, f.name)) for f in dataclasses.fields(new)}
     both = {name: np.concatenate(pair) for name, pair in columns.items() if pair[0] is not None}
-    return dataclasses.replace(scene, recording=Recording(**both))
+    return dataclasses.replace(scene, trajectories=Trajectories(**both))
 
 
 def inputs_until(before, after, now):
     """Rows of the same (track, clock, step) up to `now` in both tables; nobody's may be missing."""
     old, new = (
-        {(t.track_id[r], t.clock[r], t.step[r]): r for r in np.flatnonzero(t.time_s <= now)}
+        {(t.track_id[r], t.phase[r], t.step[r]): r for r in np.flatnonzero(t.time_s <= now)}
         for t in (before, after)
     )
     common = sorted(old.keys() & new.keys())
@@ -133,9 +134,9 @@ def minute_of(ewap_folder, place):
     """The first minute of a real recording."""
     about = yaml.safe_load((CONF / "scenes" / f"{place}.yaml").read_text())
     scene = EWAP["ewap"](ewap_folder / about["sequence"], place, about)
-    start = scene.recording.time_s.min()
-    minute = scene.recording.select(scene.recording.time_s < start + 60.0)
-    return dataclasses.replace(scene, recording=dataclasses.replace(minute, time_s=minute.time_s - start))
+    start = scene.trajectories.time_s.min()
+    minute = scene.trajectories.select(scene.trajectories.time_s < start + 60.0)
+    return dataclasses.replace(scene, trajectories=dataclasses.replace(minute, time_s=minute.time_s - start))
 
 
 @settings(max_examples=25)
@@ -144,10 +145,10 @@ def test_velocities_targets_and_neighbours_do_not_see_the_world_frame(seed, turn
     rng = np.random.default_rng(seed)
     scene = walled_scene(rng)
     shift = rng.uniform(-50, 50, 2)
-    recording = dataclasses.replace(
-        scene.recording, position=rotate(scene.recording.position, np.float64(turn)) + shift
+    trajectories = dataclasses.replace(
+        scene.trajectories, position=rotate(scene.trajectories.position, np.float64(turn)) + shift
     )
-    turned = dataclasses.replace(scene, recording=recording)
+    turned = dataclasses.replace(scene, trajectories=trajectories)
     a, b = (table_of(s, SOURCES["annotations"]) for s in (scene, turned))
     walking = np.hypot(*a.velocity.T) > 0.25  # a pedestrian that never moved looks along world x
     np.testing.assert_allclose(a.velocity[walking], b.velocity[walking], atol=1e-5)
@@ -255,7 +256,9 @@ def test_apg_equals_its_definition(seed, cells, largest_turn):
 
 
 def test_nobody_sees_itself_and_an_empty_crowd_is_far_away():
-    one = Recording(np.arange(20) * 0.4, np.zeros(20), np.stack([np.arange(20) * 0.5, np.zeros(20)], axis=-1))
+    one = Trajectories(
+        np.arange(20) * 0.4, np.zeros(20), np.stack([np.arange(20) * 0.5, np.zeros(20)], axis=-1)
+    )
     table = table_of(Scene("alone", one, empty_map(), 0.4), SOURCES["annotations"])
     assert len(table) > 20
     assert (table.angular_grid == 6.0).all()
@@ -274,7 +277,7 @@ def test_clocks_cover_every_annotation_once():
     table = table_of(scene, SOURCES["annotations"])
     annotated = {
         (int(t), round(s / 0.4))
-        for t, s in zip(scene.recording.track_id, scene.recording.time_s, strict=True)
+        for t, s in zip(scene.trajectories.track_id, scene.trajectories.time_s, strict=True)
     }
     on = np.abs(table.time_s / 0.4 - np.round(table.time_s / 0.4)) < 1e-6
     covered = list(
@@ -285,13 +288,13 @@ def test_clocks_cover_every_annotation_once():
 
 
 def test_a_track_of_one_detection_and_an_empty_recording_have_an_answer():
-    lonely = Recording(np.array([1.0]), np.array([7]), np.array([[50.0, 50.0]]))  # and outside the map
+    lonely = Trajectories(np.array([1.0]), np.array([7]), np.array([[50.0, 50.0]]))  # and outside the map
     table = table_of(Scene("one", lonely, empty_map(), 0.4), SOURCES["annotations"])
     assert len(table) == 1
     assert not table.window.any()
     assert not table.occupancy.any()
     assert table.future_steps.tolist() == [0]
-    nothing = Recording(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
+    nothing = Trajectories(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
     assert len(table_of(Scene("none", nothing, empty_map(), 0.4), SOURCES["annotations"])) == 0
 
 
@@ -301,11 +304,11 @@ def test_online_equals_offline_bit_by_bit(source):
     source = SOURCES[source]
     scene = walled_scene(np.random.default_rng(3), source["dt_s"], source["truth"], detections=14)
     table = table_of(scene, source)
-    sizes = FeatureSettings(clocks=source["clocks"])
+    sizes = FeatureSettings(phase_offsets=source["phase_offsets"])
     max_age_s = scene.detection_dt_s * sizes.max_age_intervals
     compared = 0
     for now in np.unique(table.time_s):
-        heard = scene.recording.select(scene.recording.time_s <= now + TIME_TOLERANCE_S)
+        heard = scene.trajectories.select(scene.trajectories.time_s <= now + TIME_TOLERANCE_S)
         frame = frame_at(follow(heard, source["kind"], source["kalman"], 0.2), now, max_age_s)
         seen = observe_frame(frame, scene.occupancy, sizes)
         rows = np.flatnonzero(table.time_s == now)
@@ -321,8 +324,8 @@ def test_online_equals_offline_bit_by_bit(source):
 
 def test_blocks_hold_whole_tracks_and_together_the_table():
     scene = walled_scene(np.random.default_rng(0), tracks=6)
-    tracks = follow(scene.recording, "kalman", KALMAN, 0.2)
-    sizes = FeatureSettings(clocks=3)
+    tracks = follow(scene.trajectories, "kalman", KALMAN, 0.2)
+    sizes = FeatureSettings(phase_offsets=3)
     whole = extract(scene, tracks, sizes)
     for rows in (1, 350, 10**6):
         blocks = list(extract_blocks(scene, tracks, sizes, rows))
@@ -370,10 +373,10 @@ def test_a_life_ends_with_a_long_silence():
     """An id that comes back is somebody new: no motion, no target and no window reaches over the gap."""
     time_s = np.concatenate([np.arange(20) * 0.4, 20.0 + np.arange(20) * 0.4])
     x = np.concatenate([np.arange(20) * 0.4, 9.0 - np.arange(20) * 0.4])
-    back = Recording(time_s, np.zeros(40), np.stack([x, 0 * x], axis=-1))
+    back = Trajectories(time_s, np.zeros(40), np.stack([x, 0 * x], axis=-1))
     table = table_of(Scene("back", back, empty_map(), 0.4), SOURCES["annotations"])
     assert not ((table.time_s > 7.6 + 1e-3) & (table.time_s < 20.0 - 1e-3)).any()
-    reborn = (table.clock == 0) & (np.abs(table.time_s - 20.0) < 1e-3)
+    reborn = (table.phase == 0) & (np.abs(table.time_s - 20.0) < 1e-3)
     assert table.step[reborn].tolist() == [0]
     assert not table.velocity[reborn].any()
     assert not table.last_velocity[reborn].any()
@@ -389,11 +392,11 @@ def test_targets_are_the_truth_whatever_the_sensor_says():
     rng = np.random.default_rng(4)
     scene = walled_scene(rng, 0.1, tracks=6, detections=100, noise_m=0.0)
     seen = sensed(scene, SENSOR, rng)
-    tracks = follow(seen.recording, "kalman", KALMAN, 0.2)
+    tracks = follow(seen.trajectories, "kalman", KALMAN, 0.2)
     assert (tracks.person_id != tracks.track_id).any()
-    table = extract(seen, tracks, FeatureSettings(), scene.recording)
+    table = extract(seen, tracks, FeatureSettings(), scene.trajectories)
     row = tracks.last_row(table.track_id, table.time_s)
-    own = follow(scene.recording, "kalman", KALMAN, 0.2)
+    own = follow(scene.trajectories, "kalman", KALMAN, 0.2)
     ahead = own.last_row(tracks.person_id[row], table.time_s + 0.3)
     landed = table.position + rotate(table.future[:, 0] * 0.3, table.heading_rad)
     known = table.future_steps > 0

@@ -13,7 +13,7 @@ from pedpred.baselines.beliefs import Belief, arrival, gone_on, unexplained, wal
 from pedpred.baselines.candidates import drawn_anew, own_pool
 from pedpred.baselines.goal_blind import drawn_plans, geometric_median, goal_blind_paths
 from pedpred.baselines.influences import Influences, Observations, between, others_push
-from pedpred.baselines.registry import Question, baseline
+from pedpred.baselines.registry import ForecastRequest, baseline
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.metrics import displacement
 from pedpred.evaluation.scores import true_paths
@@ -34,7 +34,7 @@ AHEAD_S = 0.3 * np.arange(1, 11)
 def walked():
     """A simulated scene and its feature table, noise-free states."""
     scene = scene_of(short(30.0, pedestrians=PEOPLE)[0])
-    return scene, extract(scene, follow(scene.recording, "truth", None, 0.2), FeatureSettings())
+    return scene, extract(scene, follow(scene.trajectories, "truth", None, 0.2), FeatureSettings())
 
 
 def among(candidates, scene, table, rows):
@@ -47,7 +47,7 @@ def forecast(scene, table, rows):
 
 
 def unseen(scene, table, rows):
-    return baseline("goal_unseen")(Question(scene, table, rows, AHEAD_S, SOCIAL_FORCE, 12))
+    return baseline("goal_unseen")(ForecastRequest(scene, table, rows, AHEAD_S, SOCIAL_FORCE, 12))
 
 
 def imagined(count, seed=0):
@@ -61,17 +61,17 @@ def at_step(table, *steps):
 
 def test_whose_goal_is_which_is_never_read(walked):
     scene, table = walked
-    shuffled = np.random.default_rng(0).permutation(scene.recording.goal)
-    speeds = scene.recording.desired_speed_mps[::-1] + 1.0
-    other = dataclasses.replace(scene.recording, goal=shuffled, desired_speed_mps=speeds)
+    shuffled = np.random.default_rng(0).permutation(scene.trajectories.goal)
+    speeds = scene.trajectories.desired_speed_mps[::-1] + 1.0
+    other = dataclasses.replace(scene.trajectories, goal=shuffled, desired_speed_mps=speeds)
     rows = at_step(table, 40)
-    strange = forecast(dataclasses.replace(scene, recording=other), table, rows)
+    strange = forecast(dataclasses.replace(scene, trajectories=other), table, rows)
     np.testing.assert_array_equal(strange, forecast(scene, table, rows))
 
 
 def test_who_sees_a_room_for_the_first_time_reads_nobodys_goal(walked):
     scene, table = walked
-    aimless = dataclasses.replace(scene, recording=dataclasses.replace(scene.recording, goal=None))
+    aimless = dataclasses.replace(scene, trajectories=dataclasses.replace(scene.trajectories, goal=None))
     rows = at_step(table, 40)
     np.testing.assert_array_equal(unseen(aimless, table, rows), unseen(scene, table, rows))
 
@@ -136,7 +136,7 @@ def test_the_past_tells_where_people_go(walked):
 
 def test_a_scene_without_goals_is_refused(walked):
     scene, table = walked
-    aimless = dataclasses.replace(scene, recording=dataclasses.replace(scene.recording, goal=None))
+    aimless = dataclasses.replace(scene, trajectories=dataclasses.replace(scene.trajectories, goal=None))
     with pytest.raises(ValueRuleError, match=r"recording\.goal"):
         forecast(aimless, table, at_step(table, 40))
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pedpred.baselines.fitting import FITTED, fitted
-from pedpred.baselines.social_force import intentions, outset
+from pedpred.baselines.social_force import initial_state, intentions
 from pedpred.errors import ShapeError
-from pedpred.scenes import OccupancyMap, Recording, Scene
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation import groups, kernel
 from pedpred.simulation.settings import SocialForceSettings
 from tests.simulated import SETTINGS
@@ -57,19 +57,19 @@ def crowded_pavement(group):
     velocity = np.array([[1.3, 0], [1.3, 0], [-1.3, 0], [-1.3, 0]])
     position = np.tile(start, (31, 1)) + np.tile(velocity, (31, 1)) * time_s[:, None]
     place = OccupancyMap(np.zeros((160, 100), dtype=bool), np.zeros(2), 0.1)
-    recording = Recording(time_s, np.tile(np.arange(4), 31), position, group_id=np.tile(group, 31))
+    trajectories = Trajectories(time_s, np.tile(np.arange(4), 31), position, group_id=np.tile(group, 31))
     first = np.arange(4)
-    return Scene("pavement", recording, place, 0.3), (first, np.zeros(4), start, velocity)
+    return Scene("pavement", trajectories, place, 0.3), (first, np.zeros(4), start, velocity)
 
 
 def start_of(group):
     scene, now = crowded_pavement(group)
-    return outset(scene, *now, SETTINGS.routing)
+    return initial_state(scene, *now, SETTINGS.routing)
 
 
 def test_annotated_groups_reach_the_rollout():
     scene, (track, time_s, _, velocity) = crowded_pavement([7, 7, 2, -1])
-    assert intentions(scene.recording, track, time_s, velocity).group.tolist() == [7, 7, 2, -1]
+    assert intentions(scene.trajectories, track, time_s, velocity).group.tolist() == [7, 7, 2, -1]
     together, alone = (start_of(group).paths(SETTINGS, 10, 0.3) for group in ([7, 7, 2, -1], [-1] * 4))
     gaps = [np.linalg.norm(paths[0] - paths[1], axis=-1).max() for paths in (together, alone)]
     assert gaps[0] < gaps[1]

@@ -68,8 +68,8 @@ def test_what_runs_on_a_robot_needs_the_light_install_alone():
     files = [
         path for room in ("command", "online", "bags") for path in (ROOT / "pedpred" / room).glob("*.py")
     ]
-    code = {ROOT / name for path in files for name in code_behind(path)}
-    outside = {module.partition(".")[0] for path in code for module, _ in imported(path)} - {"pedpred"}
+    embedding = {ROOT / name for path in files for name in code_behind(path)}
+    outside = {module.partition(".")[0] for path in embedding for module, _ in imported(path)} - {"pedpred"}
     needed = {called.get(name, name) for name in outside - sys.stdlib_module_names}
     assert needed == {re.match(r"[\w-]+", requirement)[0] for requirement in wanted}
 

@@ -140,7 +140,7 @@ def test_a_layout_of_ones_own_is_a_file_a_line_and_a_command(tmp_path):
     (todo,) = arrangements(cfg["scenes"][cfg["name"]], cfg["layouts"], cfg["clutter"], SETTINGS)
     assert f"{cfg['out']}/{todo.name}" == info[-1]
     scene = scene_of(replace(todo, duration_s=6.0))
-    assert len(scene.recording) == 20 * 20
+    assert len(scene.trajectories) == 20 * 20
     assert scene.occupancy.is_occupied([[6.0, 1.0], [2.5, 6.0], [13.8, 8.8]]).all()
     assert not scene.occupancy.is_occupied([6.0, 3.0])
 

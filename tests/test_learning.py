@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from pedpred.datasets import MotionData, split_sequences, stream_lanes
 from pedpred.errors import ConfigError, StorageError
-from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
-from pedpred.models.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
-from pedpred.models.rolling import roll, rolled
+from pedpred.networks import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.networks.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
+from pedpred.networks.rolling import roll, rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.training import (
     AutoencoderSettings,
@@ -27,7 +27,7 @@ from pedpred.training.schedule import learning_rate
 
 SMALL = MotionSettings.parse(
     {
-        "channels": {"state": {"embedding": 8, "lstm": 8}, "angular": {"embedding": 8, "lstm": 8}},
+        "channels": {"state": {"projection": 8, "lstm": 8}, "angular": {"projection": 8, "lstm": 8}},
         "joint": 16,
         "head": 16,
         "horizon_steps": 4,
@@ -63,7 +63,7 @@ def toy_data(rng, tracks=6, length=20):
         angular=torch.zeros(rows, 72),
         future=torch.tensor(future, dtype=torch.float32),
         future_steps=torch.full((rows,), 4),
-        code=None,
+        embedding=None,
         sequences=np.stack([edges[:-1], edges[1:]], axis=-1),
         scene=np.arange(tracks) // 2,
         track=np.arange(tracks),
@@ -150,8 +150,8 @@ def test_rolling_block_by_block_tells_every_row_once(monkeypatch):
     data = toy_data(np.random.default_rng(0))
     network = MotionLstm(SMALL).eval()
     whole = roll(network, data, data.sequences)
-    monkeypatch.setattr("pedpred.models.rolling._TRACKS_AT_ONCE", 4)
-    monkeypatch.setattr("pedpred.models.rolling._STEPS_AT_ONCE", 7)
+    monkeypatch.setattr("pedpred.networks.rolling._TRACKS_AT_ONCE", 4)
+    monkeypatch.setattr("pedpred.networks.rolling._STEPS_AT_ONCE", 7)
     blocks = list(rolled(network, data, data.sequences[1:]))
     assert max(len(rows) for rows, _ in blocks) == 4 * 7
     rows = torch.cat([rows for rows, _ in blocks])
@@ -246,7 +246,7 @@ def test_splits_keep_scenes_and_tracks_whole():
 
 
 def test_unknown_channel_is_named():
-    plain = SMALL.plain() | {"channels": {"smell": {"embedding": 1, "lstm": 1}}}
+    plain = SMALL.plain() | {"channels": {"smell": {"projection": 1, "lstm": 1}}}
     with pytest.raises(ConfigError, match="smell"):
         MotionSettings.parse(plain)
 
@@ -270,7 +270,7 @@ def test_checkpoint_round_trip_and_damage(tmp_path):
 def test_decoder_uses_the_encoders_weights():
     network = GridAutoencoder()
     names = {name for name, _ in network.named_parameters()}
-    assert {n for n in names if "encoder" not in n} == {"code_bias", "bias1", "bias2", "bias3"}
+    assert {n for n in names if "encoder" not in n} == {"embedding_bias", "bias1", "bias2", "bias3"}
     crops = (torch.rand(2, 60, 60) > 0.8).float()
     assert network(crops).shape == crops.shape
     before = network(crops)
@@ -278,7 +278,7 @@ def test_decoder_uses_the_encoders_weights():
         network.encoder.conv1.weight.zero_()
     assert not torch.equal(network(crops), before)
     assert (network(crops) == 0).all()  # its last layer is the encoder's first
-    assert network.encoder.code(crops).shape == (2, 392)
+    assert network.encoder.embedding(crops).shape == (2, 392)
     assert reconstruction_loss(crops, crops).item() == 0
     assert intersection_over_union(crops, crops) == 1
     assert intersection_over_union(crops, 1 - crops) == 0

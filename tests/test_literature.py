@@ -8,7 +8,7 @@ import yaml
 
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.literature import filtered, last_bend, last_step, measures, methods, stretches
-from pedpred.scenes import Recording
+from pedpred.scenes import Trajectories
 from pedpred.sources import SOURCES
 from pedpred.tracking import KalmanSettings
 
@@ -18,11 +18,13 @@ SETTINGS = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initia
 
 def walk(positions, step_s=0.4, track=7, start_s=0.0):
     positions = np.asarray(positions, float)
-    return Recording(start_s + step_s * np.arange(len(positions)), np.full(len(positions), track), positions)
+    return Trajectories(
+        start_s + step_s * np.arange(len(positions)), np.full(len(positions), track), positions
+    )
 
 
 def joined(*recordings):
-    return Recording(
+    return Trajectories(
         *(np.concatenate([vars(r)[n] for r in recordings]) for n in ("time_s", "track_id", "position"))
     )
 
@@ -71,14 +73,16 @@ def test_forecasts_see_the_window_alone():
 @pytest.mark.parametrize(("place", "ade_m", "fde_m"), [("eth", 0.678, 1.344), ("hotel", 0.344, 0.657)])
 def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_m, fde_m):
     settings = yaml.safe_load((CONF / "scenes" / f"{place}.yaml").read_text())
-    recording = SOURCES[settings["source"]](ewap_folder / settings["sequence"], place, settings).recording
+    trajectories = SOURCES[settings["source"]](
+        ewap_folder / settings["sequence"], place, settings
+    ).trajectories
     errors = []
-    for track in np.unique(recording.track_id):
-        path = recording.position[recording.track_id == track]  # in time's order, and without holes
+    for track in np.unique(trajectories.track_id):
+        path = trajectories.position[trajectories.track_id == track]  # in time's order, and without holes
         for k in range(len(path) - 19):
             going = path[k + 7] + np.outer(np.arange(1, 13), path[k + 7] - path[k + 6])
             errors.append(np.hypot(*(going - path[k + 8 : k + 20]).T))
-    found = stretches(recording, 8, 12, 0.4)
+    found = stretches(trajectories, 8, 12, 0.4)
     figures = measures(found, last_step(found), 10, 0)
     assert figures["windows"] == len(errors)
     assert figures["ade_m"] == pytest.approx(np.mean(errors), abs=1e-5) == pytest.approx(ade_m, abs=5e-4)

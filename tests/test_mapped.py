@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.timing import used
-from pedpred.datasets.crops import coded_crops_of, crops_of
+from pedpred.datasets.crops import crops_of, embedded_crops_of
 from pedpred.datasets.motion import NETWORK_COLUMNS, load_motion_data, network_columns
 from pedpred.datasets.split import split_sequences
 from pedpred.errors import ShapeError, StorageError
@@ -23,7 +23,7 @@ from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.storage import mapped
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.scenes import write_scene
-from pedpred.storage.shards import read_shard, write_codes, write_manifest, write_shard
+from pedpred.storage.shards import read_shard, write_embeddings, write_manifest, write_shard
 from pedpred.tracking import KalmanSettings, follow
 from tests.worlds import walled_scene
 
@@ -55,11 +55,11 @@ def stored(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stored")
     for index, (name, scene_name) in enumerate(SHARDS.items()):
         scene = walled_scene(np.random.default_rng(index))
-        tracks = follow(scene.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2)
+        tracks = follow(scene.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2)
         blocks = list(extract_blocks(scene, tracks, SETTINGS, rows=100))
         assert len(blocks) > 1
         write_shard(blocks, folder, name)
-        write_codes((code_of(block.occupancy) for block in blocks), folder / "codes", name)
+        write_embeddings((code_of(block.occupancy) for block in blocks), folder / "embeddings", name)
         write_scene(scene, folder / "scenes" / scene_name)
     write_manifest(folder, SETTINGS, {name: folder / "scenes" / scene for name, scene in SHARDS.items()})
     return folder
@@ -88,7 +88,7 @@ def test_mapped_rows_are_the_rows_that_came(lengths, shape, dtype):
 
 
 def test_a_block_that_does_not_fit_is_refused():
-    rows = MappedRows("code")
+    rows = MappedRows("embedding")
     with pytest.raises(ShapeError, match="at least one block"):
         rows.array()
     rows.append(np.zeros((2, 3), np.float32))
@@ -115,13 +115,13 @@ def test_rows_on_disk_are_no_memory_of_the_process(tmp_path):
 
 
 def test_a_data_set_is_its_shards_one_behind_the_other(stored):
-    data = load_motion_data(stored, stored / "codes")
+    data = load_motion_data(stored, stored / "embeddings")
     tables = [read_shard(stored, name, SETTINGS) for name in SHARDS]
     for name in NETWORK_COLUMNS:
         expected = np.concatenate([network_columns(table, SETTINGS)[name] for table in tables])
         np.testing.assert_array_equal(getattr(data, name).numpy(), expected)
     np.testing.assert_array_equal(
-        data.code.numpy(), np.concatenate([code_of(table.occupancy) for table in tables])
+        data.embedding.numpy(), np.concatenate([code_of(table.occupancy) for table in tables])
     )
     starts = np.flatnonzero(np.concatenate([table.step for table in tables]) == 0)
     np.testing.assert_array_equal(data.sequences[:, 0], starts)
@@ -133,16 +133,16 @@ def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
     def peak(copies):
         scenes = {f"copy{i}": stored / "scenes" / "a" for i in range(copies)}
         folder = tmp_path / str(copies)
-        for part, name in itertools.product((folder, folder / "codes"), scenes):
+        for part, name in itertools.product((folder, folder / "embeddings"), scenes):
             part.mkdir(parents=True, exist_ok=True)
             source = stored / part.relative_to(folder) / "a.parquet"
             (part / f"{name}.parquet").symlink_to(source)
         write_manifest(folder, SETTINGS, scenes)
         tracemalloc.start()
-        data = load_motion_data(folder, folder / "codes")
+        data = load_motion_data(folder, folder / "embeddings")
         found = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        return found, sum(t.nbytes for t in (data.angular, data.future, data.code))
+        return found, sum(t.nbytes for t in (data.angular, data.future, data.embedding))
 
     (little, _), (much, rows_take) = peak(2), peak(20)
     assert much < little + 0.2 * rows_take
@@ -157,7 +157,7 @@ def test_a_cut_shard_is_named(stored, tmp_path):
             (folder / name).write_bytes(whole[: len(whole) // 2] if name == part else whole)
         write_manifest(folder, SETTINGS, {"a": stored / "scenes" / "a"})
         with pytest.raises(StorageError, match=part):
-            load_motion_data(folder, folder / "codes")
+            load_motion_data(folder, folder / "embeddings")
     assert not any(Path("build").iterdir())
 
 
@@ -179,7 +179,7 @@ def test_crops_are_divided_as_sequences_are(stored):
     _, held = split_sequences(data, "scene", 0.3, np.random.default_rng(3))
     rows = np.concatenate([np.arange(first, last) for first, last in held])
     packed = np.concatenate([read_shard(stored, name, SETTINGS).occupancy for name in SHARDS])
-    training, validation = coded_crops_of(stored, stored / "codes", 0.3, 1, np.random.default_rng(3))
+    training, validation = embedded_crops_of(stored, stored / "embeddings", 0.3, 1, np.random.default_rng(3))
     np.testing.assert_array_equal(validation.packed, packed[rows])
     assert len(training) == len(packed) - len(rows)
     alone, chosen, cells = crops_of(stored, 0.3, 10, np.random.default_rng(3))

@@ -52,8 +52,8 @@ def test_every_figure_by_hand():
 def test_scores_depend_on_neither_order_nor_batch():
     """Batches are whole instants: who runs into whom is asked of everybody at an instant."""
     scene = walled_scene(np.random.default_rng(5), detections=40)
-    tracks = follow(scene.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2)
-    table = extract(scene, tracks, FeatureSettings(clocks=3))
+    tracks = follow(scene.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2)
+    table = extract(scene, tracks, FeatureSettings(phase_offsets=3))
     windows = table.select(table.window)
     rng = np.random.default_rng(6)
     paths, truth = (rng.uniform(-1.5, 1.5, (len(windows), 10, 2)) for _ in range(2))

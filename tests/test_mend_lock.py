@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.config import KEPT, LOCK, keep_lock
-from stages.mend_lock import RUNNING, main, mended, whole
+from tools.mend_lock import RUNNING, main, mended, whole
 
 WHOLE = """\
 schema: '2.0'

@@ -10,7 +10,7 @@ import pytest
 
 from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
-from pedpred.models.export import export_int8
+from pedpred.networks.export import export_int8
 from pedpred.online import OnlinePredictor
 from pedpred.online.network import write_description
 from pedpred.scenes import OccupancyMap
@@ -136,27 +136,27 @@ def test_a_description_comes_back_as_it_was(model):
 
 def test_eight_bits_are_nearly_as_good(model, tmp_path):
     """Along a walk, so that errors could build up in the memory; the same bytes each time."""
-    for name in ("lean", "again"):
+    for name in ("distilled", "again"):
         export_int8(model[0] / "network.onnx", tmp_path / name / "network.onnx")
-    graphs = [(tmp_path / name / "network.onnx").read_bytes() for name in ("lean", "again")]
+    graphs = [(tmp_path / name / "network.onnx").read_bytes() for name in ("distilled", "again")]
     assert graphs[0] == graphs[1]
     assert len(graphs[0]) < (model[0] / "network.onnx").stat().st_size
-    write_description(tmp_path / "lean", OnlinePredictor.load(model[0]).description, {})
-    robots = [OnlinePredictor.load(folder) for folder in (model[0], tmp_path / "lean")]
+    write_description(tmp_path / "distilled", OnlinePredictor.load(model[0]).description, {})
+    robots = [OnlinePredictor.load(folder) for folder in (model[0], tmp_path / "distilled")]
     for k in range(20):
         now = 0.3 * k
-        full, lean = (robot.update(now, [4, 9], [[now, 0.0], [5.0 - now, 1.0]]) for robot in robots)
+        full, distilled = (robot.update(now, [4, 9], [[now, 0.0], [5.0 - now, 1.0]]) for robot in robots)
     step_m = np.linalg.norm(np.diff(full.position, axis=1), axis=-1).mean()
-    assert 0.0 < np.linalg.norm(full.position - lean.position, axis=-1).mean() < 0.5 * step_m
+    assert 0.0 < np.linalg.norm(full.position - distilled.position, axis=-1).mean() < 0.5 * step_m
 
 
 def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
     page = (Path(__file__).parents[1] / "README.md").read_text().partition("## On the robot")[2]
-    code = page.partition("```python\n")[2].partition("```")[0]
+    embedding = page.partition("```python\n")[2].partition("```")[0]
     (tmp_path / "models/online").mkdir(parents=True)
     (tmp_path / "models/online/finetune_eth").symlink_to(model[0])
     monkeypatch.chdir(tmp_path)
     names: dict = {}
-    exec(code, names)
+    exec(embedding, names)
     assert names["forecast"].track_id.tolist() == [4, 7]
     assert names["forecast"].position.shape == (2, 10, 2)

@@ -12,7 +12,7 @@ import yaml
 from omegaconf import OmegaConf
 
 from pedpred import config
-from pedpred.models import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.networks import GridAutoencoder, MotionLstm, MotionSettings
 from pedpred.storage.checkpoints import write_checkpoint
 from tests.conftest import ROOT
 

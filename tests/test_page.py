@@ -14,11 +14,11 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 from pedpred.errors import ValueRuleError
-from pedpred.models.autoencoder import GridAutoencoder
+from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.gallery import simulation_gallery
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.charts import box_plot, line_plot, whiskers
-from pedpred.report.page.replay import ANGULAR_LEVELS, replay
+from pedpred.report.page.player import ANGULAR_LEVELS, replay
 from pedpred.storage.windows import RANGE_M
 from tests.test_report import IN_SIMULATION, MEETING, curve_tables, metrics_of, wall_scene, windows_of
 
@@ -35,7 +35,7 @@ def hall(tmp_path_factory):
 
 def contents_of(scene, windows):
     metrics = {"sim_test": metrics_of(IN_SIMULATION), "sim_test_hall": metrics_of(IN_SIMULATION)}
-    real = {"eth": metrics_of(MEETING | {"lstm": 0.65, "cacc": 9.0}), "hotel": metrics_of(MEETING)}
+    real = {"eth": metrics_of(MEETING | {"lstm": 0.65, "ca": 9.0}), "hotel": metrics_of(MEETING)}
     gallery = simulation_gallery(metrics, {"sim_test": [scene]}, {"hall": windows}, {}, GridAutoencoder(8))
     few = {name: real["eth"][name] | {"fde_ci95_m": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
     literature = {"eth": few, "hotel": few}
@@ -101,7 +101,7 @@ def test_what_does_not_fit_a_replay_is_refused(hall):
 
 
 def test_boxes_and_whiskers_lie_at_their_values():
-    methods = metrics_of(MEETING | {"cacc": 9.0})
+    methods = metrics_of(MEETING | {"ca": 9.0})
     plot = box_plot(methods, "here")
     zero, tick = plot.frame.y_ticks[0], plot.frame.y_ticks[1]
     height = {value: zero[0] + (tick[0] - zero[0]) * value / float(tick[1]) for value in (0.0, 1.0)}
@@ -109,11 +109,11 @@ def test_boxes_and_whiskers_lie_at_their_values():
     for where, field in (("mean", "per_step_m"), ("bottom", "per_step_q25_m"), ("median", "per_step_q50_m")):
         expected = height[0.0] + (height[1.0] - height[0.0]) * found[field][6]
         assert getattr(box, where) == pytest.approx(expected, abs=0.06)
-    assert plot.beyond == "cacc"
+    assert plot.beyond == "ca"
     marks = whiskers(methods)
-    assert marks["cacc"].beyond
+    assert marks["ca"].beyond
     assert marks["lstm"].middle / marks["cv"].middle == pytest.approx(0.4 / 0.7)
-    assert not any(mark.beyond for name, mark in marks.items() if name != "cacc")
+    assert not any(mark.beyond for name, mark in marks.items() if name != "ca")
 
 
 def test_a_line_ends_where_its_series_ends():
@@ -330,7 +330,7 @@ def test_a_figure_tells_its_interval_and_a_method_can_be_taken_out(visit_at):
     visit = visit_at(390)
     visit.page.locator('[data-metric="eth.lstm.ade_m"]').first.click()
     assert "0.630 to 0.680 m" in visit.page.inner_text("#tip")
-    shown = visit.page.locator('.boxes [data-method="cacc"]').first
+    shown = visit.page.locator('.boxes [data-method="ca"]').first
     assert shown.is_visible()
-    visit.page.locator('.legend input[value="cacc"]').evaluate("box => box.click()")
+    visit.page.locator('.legend input[value="ca"]').evaluate("box => box.click()")
     assert not shown.is_visible()

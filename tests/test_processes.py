@@ -11,9 +11,9 @@ import torch
 from safetensors.torch import load_file
 
 from pedpred.errors import ConfigError
-from pedpred.models import MotionLstm
+from pedpred.networks import MotionLstm
 from pedpred.training import train_motion
-from pedpred.training.machine import ALONE, Machine, machine
+from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
 from pedpred.training.progress import Progress
 from pedpred.training.recurrent import training_batches, training_step
 from pedpred.training.variation import Variation
@@ -42,7 +42,7 @@ def one_of_two(rank, port, folder):
         "MASTER_PORT": port,
     }
     os.environ.update({name: str(value) for name, value in place.items()})
-    with machine("cpu", False) as here:
+    with distributed_context("cpu", False) as here:
         curve = train(here, folder)
     torch.save(curve, folder / f"curve{rank}.pt")
 
@@ -69,21 +69,21 @@ def test_two_processes_learn_what_one_does_with_all_lanes(tmp_path):
 
 
 def test_lanes_are_divided_evenly_or_refused():
-    shares = [Machine(ALONE.device, rank=rank, size=4).share(64) for rank in range(4)]
+    shares = [DistributedContext(ALONE.device, rank=rank, size=4).share(64) for rank in range(4)]
     assert [i for share in shares for i in range(64)[share]] == list(range(64))
     with pytest.raises(ConfigError, match=r"lanes.*multiple of the number of processes, 3"):
-        Machine(ALONE.device, size=3).share(64)
+        DistributedContext(ALONE.device, size=3).share(64)
 
 
 def test_devices_that_are_not_there_or_not_meant_are_named():
-    with pytest.raises(ConfigError, match=r"training\.device.*'tpu'"), machine("tpu", False):
+    with pytest.raises(ConfigError, match=r"training\.device.*'tpu'"), distributed_context("tpu", False):
         pass
-    with pytest.raises(ConfigError, match=r"training\.autocast"), machine("cpu", True):
+    with pytest.raises(ConfigError, match=r"training\.autocast"), distributed_context("cpu", True):
         pass
     if not torch.cuda.is_available():
-        with pytest.raises(ConfigError, match="no CUDA device"), machine("cuda", False):
+        with pytest.raises(ConfigError, match="no CUDA device"), distributed_context("cuda", False):
             pass
-        with machine("auto", False) as here:
+        with distributed_context("auto", False) as here:
             assert here == ALONE
 
 
@@ -96,7 +96,7 @@ def test_a_data_set_moves_as_a_whole():
 
 def test_a_training_step_stays_on_its_device():
     """Nothing in a step makes a tensor elsewhere, or looks at a value: on "meta" both would fail."""
-    far = Machine(torch.device("meta"))
+    far = DistributedContext(torch.device("meta"))
     network, data = MotionLstm(SMALL).to(far.device), toy_data(np.random.default_rng(0)).to(far.device)
     optimizer = torch.optim.SGD(network.parameters())
     progress = Progress(0, network.start(4))

@@ -17,11 +17,11 @@ from PIL import Image
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.evaluation.calibration import radius2, squared_mahalanobis
 from pedpred.geometry import rotate
-from pedpred.recording import read_recording, write_recording
-from pedpred.recording.foxglove import write_layout
-from pedpred.recording.interfaces import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
 from pedpred.report.animation import Animation, busiest_start, positions_at, write_animation
-from pedpred.scenes import OccupancyMap, Recording, Scene
+from pedpred.ros import read_recording, write_recording
+from pedpred.ros.foxglove import write_layout
+from pedpred.ros.interfaces import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.windows import Windows
 from tests.worlds import walled_scene
 
@@ -37,17 +37,17 @@ def small_scene(tracks=3, detections=12):
 
 def walking_on(scene):
     """One window per detection, forecast and truth straight ahead along the true velocity."""
-    recording = scene.recording
-    rows = len(recording)
-    heading = np.arctan2(recording.velocity[:, 1], recording.velocity[:, 0])
+    trajectories = scene.trajectories
+    rows = len(trajectories)
+    heading = np.arctan2(trajectories.velocity[:, 1], trajectories.velocity[:, 0])
     ahead_s = 0.3 * np.arange(1, STEPS + 1)[:, None]
-    path = recording.position[:, None] + ahead_s * recording.velocity[:, None]
+    path = trajectories.position[:, None] + ahead_s * trajectories.velocity[:, None]
     grid, angular = np.zeros((rows, 2), np.uint8), np.full((rows, 8), 6.0)
-    own = rotate(recording.velocity, -heading)
+    own = rotate(trajectories.velocity, -heading)
     return Windows(
-        recording.track_id,
-        recording.time_s,
-        recording.position,
+        trajectories.track_id,
+        trajectories.time_s,
+        trajectories.position,
         heading,
         own,
         grid,
@@ -58,9 +58,9 @@ def walking_on(scene):
 
 
 def assert_same(scene, other):
-    for field in fields(Recording):
+    for field in fields(Trajectories):
         np.testing.assert_array_equal(
-            getattr(scene.recording, field.name), getattr(other.recording, field.name)
+            getattr(scene.trajectories, field.name), getattr(other.trajectories, field.name)
         )
     np.testing.assert_array_equal(scene.occupancy.occupied, other.occupancy.occupied)
     np.testing.assert_array_equal(scene.occupancy.origin, other.occupancy.origin)
@@ -88,10 +88,10 @@ def scenes(draw):
     values["desired_speed_mps"] = draw(arrays(float, rows, elements=numbers))
     values["group_id"] = draw(arrays(np.int64, rows, elements=st.integers(-1, 2**31)))
     kept = {name: value for name, value in values.items() if rows and (name in known or name == "position")}
-    recording = Recording(time_s, track, **({"position": np.zeros((0, 2))} | kept))
+    trajectories = Trajectories(time_s, track, **({"position": np.zeros((0, 2))} | kept))
     occupied = draw(arrays(bool, st.tuples(st.integers(1, 5), st.integers(1, 5))))
     place = OccupancyMap(occupied, draw(arrays(float, 2, elements=numbers)), draw(st.floats(1e-3, 10)))
-    return Scene("anywhere", recording, place, draw(st.floats(1e-3, 10)))
+    return Scene("anywhere", trajectories, place, draw(st.floats(1e-3, 10)))
 
 
 @given(scenes())
@@ -111,7 +111,7 @@ def test_every_message_can_be_read_and_carries_its_time_and_frame(tmp_path):
     times = [message.log_time for _, _, message, _ in messages]
     assert times == sorted(times)
     assert len([channel for _, channel, _, _ in messages if channel.topic == MAP]) == 1
-    instants = iter(np.unique(scene.recording.time_s))
+    instants = iter(np.unique(scene.trajectories.time_s))
     for _, channel, message, content in messages:
         nested = {MARKERS: "markers", FRAMES: "transforms"}.get(channel.topic)
         for part in getattr(content, nested) if nested else [content]:
@@ -137,18 +137,18 @@ def test_markers_show_people_where_they_are_and_paths_where_they_lead(tmp_path, 
         by_name = {marker.ns: marker for marker in markers}
         assert set(by_name) == {"people", "velocity", *LINES}
         at = by_name["people"].pose.position
-        assert (at.x, at.y) == tuple(scene.recording.position[row])
+        assert (at.x, at.y) == tuple(scene.trajectories.position[row])
         for name in LINES:
             path = [(point.x, point.y) for point in by_name[name].points]
             np.testing.assert_array_equal(path, [windows.position[row], *windows.truth[row]])
         start, end = ((point.x, point.y) for point in by_name["velocity"].points)
-        np.testing.assert_allclose(np.subtract(end, start), 0.75 * scene.recording.velocity[row])
+        np.testing.assert_allclose(np.subtract(end, start), 0.75 * scene.trajectories.velocity[row])
 
 
 def test_an_error_ellipse_ends_where_its_share_ends(tmp_path):
     scene = small_scene(tracks=1)
     windows, covariance = walking_on(scene), np.array([[0.5, 0.2], [0.2, 0.3]])
-    spread = np.tile(covariance, (len(scene.recording), STEPS, 1, 1))
+    spread = np.tile(covariance, (len(scene.trajectories), STEPS, 1, 1))
     write_recording(scene, tmp_path / "scene.mcap", replace(windows, covariances={"lstm": spread}), SHOWN)
     drawn = [c for _, channel, _, c in decoded(tmp_path / "scene.mcap")[1] if channel.topic == MARKERS]
     for row, content in enumerate(drawn):
@@ -180,7 +180,7 @@ def test_same_scene_same_bytes(tmp_path):
 
 
 def test_a_recording_cut_at_any_byte_is_read_up_to_there(tmp_path, monkeypatch):
-    monkeypatch.setattr("pedpred.recording.writer._CHUNK_BYTES", 1000)
+    monkeypatch.setattr("pedpred.ros.writer._CHUNK_BYTES", 1000)
     scene = walled_scene(np.random.default_rng(1), tracks=2, detections=20)
     scene = replace(scene, occupancy=OccupancyMap(np.eye(3, dtype=bool), np.zeros(2), 0.1))
     whole, path = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
@@ -190,12 +190,12 @@ def test_a_recording_cut_at_any_byte_is_read_up_to_there(tmp_path, monkeypatch):
         path.write_bytes(raw[:end])
         try:
             with pytest.warns(UserWarning, match=f"cut.* of {end}$"):
-                found.append(len(read_recording(path).recording))
+                found.append(len(read_recording(path).trajectories))
         except SourceError:
             assert not found, "an error only where nothing of map or people lies before the cut"
     assert found == sorted(found)
     assert len(set(found)) > 3
-    assert found[-1] == len(scene.recording)
+    assert found[-1] == len(scene.trajectories)
 
 
 def test_altered_bytes_are_noticed(tmp_path):
@@ -238,8 +238,8 @@ def test_people_of_others_need_no_tags(tmp_path):
             writer.write_message(PEOPLE, schemas[TYPES[PEOPLE]], message, log_time=sec)
     scene = read_recording(path)
     assert (scene.name, scene.detection_dt_s, scene.occupancy.resolution_m) == ("theirs", 1.0, 0.1)
-    np.testing.assert_array_equal(scene.recording.time_s, [3, 4, 5])
-    np.testing.assert_array_equal(scene.recording.velocity, [[0.5, 0]] * 3)
+    np.testing.assert_array_equal(scene.trajectories.time_s, [3, 4, 5])
+    np.testing.assert_array_equal(scene.trajectories.velocity, [[0.5, 0]] * 3)
     np.testing.assert_array_equal(scene.occupancy.occupied, [[False], [True]])
 
 
@@ -254,7 +254,7 @@ def test_what_cannot_be_written_is_named(tmp_path):
     scene = small_scene()
     with pytest.raises(ValueRuleError, match="lstm"):
         write_recording(scene, tmp_path / "x.mcap", None, SHOWN)
-    early = replace(scene, recording=replace(scene.recording, time_s=scene.recording.time_s - 100))
+    early = replace(scene, trajectories=replace(scene.trajectories, time_s=scene.trajectories.time_s - 100))
     with pytest.raises(ValueRuleError, match="time_s = -"):
         write_recording(early, tmp_path / "x.mcap")
 
@@ -271,11 +271,11 @@ def test_the_layout_shows_the_topics_that_are_written(tmp_path):
 
 def test_people_move_on_the_line_between_two_detections_and_vanish_in_gaps():
     time_s, position = np.array([0.0, 0.4, 2.0]), np.array([[0.0, 0.0], [0.4, 0.8], [2.0, 0.0]])
-    recording = Recording(time_s, np.zeros(3), position)
-    np.testing.assert_allclose(positions_at(recording, 0.1, 0.6)[0], [0.1, 0.2])
-    np.testing.assert_allclose(positions_at(recording, 0.4, 0.6)[0], [0.4, 0.8])
-    assert positions_at(recording, 1.0, 0.6) == {}
-    assert positions_at(recording, 2.3, 0.6) == {}
+    trajectories = Trajectories(time_s, np.zeros(3), position)
+    np.testing.assert_allclose(positions_at(trajectories, 0.1, 0.6)[0], [0.1, 0.2])
+    np.testing.assert_allclose(positions_at(trajectories, 0.4, 0.6)[0], [0.4, 0.8])
+    assert positions_at(trajectories, 1.0, 0.6) == {}
+    assert positions_at(trajectories, 2.3, 0.6) == {}
 
 
 def test_the_busiest_stretch_is_found():

@@ -8,8 +8,8 @@ import yaml
 
 from pedpred.evaluation.scores import world_covariance, world_paths
 from pedpred.features import FeatureSettings, extract
-from pedpred.models.encoding import encode
-from pedpred.models.forecasting import forecast_motion
+from pedpred.networks.encoding import encode
+from pedpred.networks.forecasting import forecast_motion
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import paths_at, replayed
 from pedpred.sources import SOURCES
@@ -19,12 +19,12 @@ from tests.exported import TRACKER
 from tests.worlds import walled_scene
 
 
-def offline_and_online(scene, kind, clocks, model):
+def offline_and_online(scene, kind, phase_offsets, model):
     """The feature table, (path, covariance) of each row from the whole table, and from a
     replay (NaN between frames)."""
     folder, network, encoder = model
-    settings = FeatureSettings(clocks=clocks)
-    tracks = follow(scene.recording, kind, TRACKER if kind == "kalman" else None, 0.2)
+    settings = FeatureSettings(phase_offsets=phase_offsets)
+    tracks = follow(scene.trajectories, kind, TRACKER if kind == "kalman" else None, 0.2)
     table = extract(scene, tracks, settings)
     velocities, covariance = forecast_motion(network, table, encode(encoder, table.occupancy, 60), settings)
     robot = OnlinePredictor.load(folder, OnlineSettings.as_offline(settings, scene.detection_dt_s))
@@ -34,13 +34,13 @@ def offline_and_online(scene, kind, clocks, model):
 
 
 @pytest.mark.parametrize(
-    ("kind", "dt_s", "clocks"), [("kalman", 0.4, 3), ("kalman", 0.1, 1), ("truth", 0.3, 1)]
+    ("kind", "dt_s", "phase_offsets"), [("kalman", 0.4, 3), ("kalman", 0.1, 1), ("truth", 0.3, 1)]
 )
-def test_a_replay_gives_the_offline_forecasts(model, kind, dt_s, clocks):
+def test_a_replay_gives_the_offline_forecasts(model, kind, dt_s, phase_offsets):
     """At every step that coincides with a detection: annotations, a fast tracker, a simulation."""
     scene = walled_scene(np.random.default_rng(1), dt_s, kind == "truth", detections=int(10 / dt_s))
-    table, offline, online = offline_and_online(scene, kind, clocks, model)
-    instants = np.unique(scene.recording.time_s)
+    table, offline, online = offline_and_online(scene, kind, phase_offsets, model)
+    instants = np.unique(scene.trajectories.time_s)
     detected = np.abs(table.time_s[:, None] - instants).min(axis=1) < 1e-6
     assert detected.sum() > 20
     for replay, whole in zip(online, offline, strict=True):  # paths, covariances
@@ -53,10 +53,10 @@ def test_real_recordings_give_the_offline_forecasts(place, ewap_folder, model):
     """Every evaluation window of the first 40 seconds, on three clocks that are one detection apart."""
     about = yaml.safe_load((ROOT / f"conf/scenes/{place}.yaml").read_text())
     scene = SOURCES[about["source"]](ewap_folder / about["sequence"], place, about)
-    early = scene.recording.time_s < scene.recording.time_s[0] + 40.0
-    scene = dataclasses.replace(scene, recording=scene.recording.select(early))
-    table, offline, online = offline_and_online(scene, "kalman", about["clocks"], model)
+    early = scene.trajectories.time_s < scene.trajectories.time_s[0] + 40.0
+    scene = dataclasses.replace(scene, trajectories=scene.trajectories.select(early))
+    table, offline, online = offline_and_online(scene, "kalman", about["phase_offsets"], model)
     assert table.window.sum() > 100
-    assert set(table.clock[table.window]) == set(range(about["clocks"]))
+    assert set(table.phase[table.window]) == set(range(about["phase_offsets"]))
     for replay, whole in zip(online, offline, strict=True):
         np.testing.assert_allclose(replay[table.window], whole[table.window], atol=1e-4, rtol=1e-4)

@@ -14,8 +14,8 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.evaluation.calibration import radius2, squared_mahalanobis
 from pedpred.features import occupancy_crops
 from pedpred.geometry import Homography, to_world
-from pedpred.models.autoencoder import GridAutoencoder
-from pedpred.report.calibration import ellipse
+from pedpred.networks.autoencoder import GridAutoencoder
+from pedpred.report.calibration_plots import ellipse
 from pedpred.report.canvas import png_bytes
 from pedpred.report.curves import curves_figure, stage_and_model
 from pedpred.report.findings import real_findings, simulation_findings, summed_up
@@ -23,21 +23,21 @@ from pedpred.report.gallery import real_gallery, simulation_gallery
 from pedpred.report.horizon import horizon_figure
 from pedpred.report.inputs import angular_cell_edges, draw_angular_grid, grid_image
 from pedpred.report.instants import choose
+from pedpred.report.measures import read_metrics
 from pedpred.report.methods import colours, ordered
-from pedpred.report.metrics import read_metrics
 from pedpred.report.overview import errors_m, horizon_table, overall
 from pedpred.report.pages import Picture, Section, answer, joined, real_page, simulation_page
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
 from pedpred.report.reconstructions import evenly_chosen, reconstructed
 from pedpred.report.tables import calibration_table, methods_table
-from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.storage.columns import write_columns
 from pedpred.storage.windows import RANGE_M, Windows, read_windows
 
 STEPS = 10
 MEETING = {
     "cv": 0.70,
-    "cacc": 0.80,
+    "ca": 0.80,
     "kalman_cv": 0.60,
     "social_force": 0.07,
     "lstm_nogrid": 0.50,
@@ -165,7 +165,7 @@ def test_methods_keep_order_and_colour_whoever_else_is_there():
 def test_a_page_of_leaky_figures_says_so_first(page):
     methods = metrics_of(MEETING)
     honest = page({"sim_test": methods}, [], "sim")
-    marked = page({"sim_test": {name: m | {"leaks": True} for name, m in methods.items()}}, [], "sim")
+    marked = page({"sim_test": {name: m | {"noncausal": True} for name, m in methods.items()}}, [], "sim")
     assert "nothing on this page is a forecast" not in honest
     assert "nothing on this page is a forecast" in marked.partition("|")[0]
 
@@ -223,8 +223,8 @@ def wall_scene(name="hall", camera=None):
     occupied[120:140, 40:60] = True
     times, tracks = np.meshgrid(np.arange(40) * 0.3, np.arange(6), indexing="ij")
     position = np.stack([2.0 + times + tracks * 0.1, 3.0 + 2.0 * tracks], axis=-1).reshape(-1, 2)
-    recording = Recording(times.ravel(), tracks.ravel(), position)
-    return Scene(name, recording, OccupancyMap(occupied, np.zeros(2), 0.1), 0.3, camera)
+    trajectories = Trajectories(times.ravel(), tracks.ravel(), position)
+    return Scene(name, trajectories, OccupancyMap(occupied, np.zeros(2), 0.1), 0.3, camera)
 
 
 def columns_of(scene, walkers=5, planted_s=None):
@@ -384,7 +384,7 @@ def test_curves_are_sorted_into_stages_and_models():
 
 def galleries(folder):
     scene = wall_scene()
-    metrics = {"sim_test": metrics_of(MEETING), "hall": metrics_of(MEETING | {"cacc": 9.0})}
+    metrics = {"sim_test": metrics_of(MEETING), "hall": metrics_of(MEETING | {"ca": 9.0})}
     windows = {"hall": windows_of(folder, scene, planted_s=0.9)}
     matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
     picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
@@ -447,9 +447,9 @@ def test_forecasts_of_an_unknown_scene_are_refused(tmp_path):
 
 
 def test_a_method_far_beyond_the_others_does_not_set_the_scale():
-    top = horizon_figure(metrics_of(MEETING | {"cacc": 9.0}), "x").axes[0].get_ylim()[1]
+    top = horizon_figure(metrics_of(MEETING | {"ca": 9.0}), "x").axes[0].get_ylim()[1]
     assert top < 1.3 * 1.9 * 0.7 * 1.5
-    legend = horizon_figure(metrics_of(MEETING | {"cacc": 9.0}), "x").legends[0]
+    legend = horizon_figure(metrics_of(MEETING | {"ca": 9.0}), "x").legends[0]
     assert "beyond" in legend.get_texts()[1].get_text()
 
 

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 from pedpred.errors import StorageError
 from pedpred.geometry import Homography
-from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import (
     read_map,
     read_scene,
@@ -31,7 +31,7 @@ number = st.floats(-1e6, 1e6)
 def scenes(draw):
     rows = draw(st.integers(0, 6))
     column, pairs = arrays(np.float64, rows, elements=number), arrays(np.float64, (rows, 2), elements=number)
-    recording = Recording(
+    trajectories = Trajectories(
         time_s=draw(column),
         track_id=np.arange(rows) * 3,
         position=draw(pairs),
@@ -46,7 +46,7 @@ def scenes(draw):
     )
     picture = draw(st.none() | arrays(np.uint8, (2, 3, 3)))
     camera = None if picture is None else Camera(Homography(np.diag([0.1, 0.3, 1.0]), 1), picture)
-    return Scene("place", recording, occupancy, draw(st.floats(0.01, 2.0)), camera)
+    return Scene("place", trajectories, occupancy, draw(st.floats(0.01, 2.0)), camera)
 
 
 def assert_same(left, right):
@@ -69,8 +69,8 @@ def test_disk_round_trip_changes_nothing(tmp_path, scene):
 
 @pytest.fixture
 def folder(tmp_path):
-    recording = Recording([0.0, 0.4], [1, 1], [[0.0, 0.0], [0.5, 0.0]])
-    write_scene(Scene("place", recording, OccupancyMap(np.eye(2), [0, 0], 0.1), 0.4), tmp_path / "place")
+    trajectories = Trajectories([0.0, 0.4], [1, 1], [[0.0, 0.0], [0.5, 0.0]])
+    write_scene(Scene("place", trajectories, OccupancyMap(np.eye(2), [0, 0], 0.1), 0.4), tmp_path / "place")
     return tmp_path / "place"
 
 
@@ -150,20 +150,20 @@ def test_tracks_may_be_a_csv_table_and_the_map_missing(tmp_path, scene):
     write_scene(scene, tmp_path / "place")
     for name in ("tracks.parquet", "map.yaml", "map.pgm"):
         (tmp_path / "place" / name).unlink()
-    tracks_table(scene.recording).to_csv(tmp_path / "place/tracks.csv", index=False)
+    tracks_table(scene.trajectories).to_csv(tmp_path / "place/tracks.csv", index=False)
     own = read_scene(tmp_path / "place")
-    assert_same(own.recording, scene.recording)
+    assert_same(own.trajectories, scene.trajectories)
     assert not own.occupancy.occupied.any()
-    inside = own.occupancy.cell_of(own.recording.position)
+    inside = own.occupancy.cell_of(own.trajectories.position)
     assert ((inside >= 0) & (inside < own.occupancy.occupied.shape)).all()
 
 
 def test_a_csv_table_may_have_short_names_in_any_order(tmp_path):
     (tmp_path / "tracks.csv").write_text("y, x, id, time\n2.0, 1.0, 7, 0.5\n2.5, 1.5, 7, 0.0\n")
-    recording = read_tracks_csv(tmp_path / "tracks.csv")
-    np.testing.assert_array_equal(recording.time_s, [0.0, 0.5])
-    np.testing.assert_array_equal(recording.position, [[1.5, 2.5], [1.0, 2.0]])
-    assert recording.usual_interval_s() == 0.5
+    trajectories = read_tracks_csv(tmp_path / "tracks.csv")
+    np.testing.assert_array_equal(trajectories.time_s, [0.0, 0.5])
+    np.testing.assert_array_equal(trajectories.position, [[1.5, 2.5], [1.0, 2.0]])
+    assert trajectories.usual_interval_s() == 0.5
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 
 
 @st.composite
@@ -58,13 +58,13 @@ def test_map_is_valid_from_birth(occupied, origin, resolution_m, error, field):
         OccupancyMap(occupied, origin, resolution_m)
 
 
-def recording(**changed):
+def trajectories(**changed):
     values = {"time_s": [1.0, 0.0, 0.0], "track_id": [1, 2, 1], "position": [[1, 1], [2, 0], [0, 0]]}
-    return Recording(**(values | changed))
+    return Trajectories(**(values | changed))
 
 
 def test_recording_is_sorted_by_time_then_track():
-    sorted_ = recording(group_id=[7, 8, 7])
+    sorted_ = trajectories(group_id=[7, 8, 7])
     assert sorted_.time_s.tolist() == [0.0, 0.0, 1.0]
     assert sorted_.track_id.tolist() == [1, 2, 1]
     assert sorted_.position.tolist() == [[0, 0], [2, 0], [1, 1]]
@@ -72,14 +72,14 @@ def test_recording_is_sorted_by_time_then_track():
 
 
 def test_selected_rows_stay_together():
-    first = recording(goal=[[1, 2], [3, 4], [5, 6]])
+    first = trajectories(goal=[[1, 2], [3, 4], [5, 6]])
     second = first.select(first.track_id == 1)
     assert second.position.tolist() == [[0, 0], [1, 1]]
     assert second.goal.tolist() == [[5, 6], [1, 2]]
 
 
 def test_a_recording_may_be_empty():
-    assert len(Recording(np.zeros(0), np.zeros(0), np.zeros((0, 2)))) == 0
+    assert len(Trajectories(np.zeros(0), np.zeros(0), np.zeros((0, 2)))) == 0
 
 
 @pytest.mark.parametrize(
@@ -96,14 +96,14 @@ def test_a_recording_may_be_empty():
 )
 def test_recording_is_valid_from_birth(changed, error, named):
     with pytest.raises(error, match=named):
-        recording(**changed)
+        trajectories(**changed)
 
 
 def test_scene_is_valid_from_birth():
     occupancy = OccupancyMap(np.zeros((1, 1)), [0, 0], 1.0)
     with pytest.raises(ValueRuleError, match="name"):
-        Scene("a/b", recording(), occupancy, 0.4)
+        Scene("a/b", trajectories(), occupancy, 0.4)
     with pytest.raises(ValueRuleError, match="detection_dt_s"):
-        Scene("a", recording(), occupancy, 0.0)
+        Scene("a", trajectories(), occupancy, 0.0)
     with pytest.raises(ShapeError, match="picture"):
         Camera(None, np.zeros((2, 2), dtype=np.uint8))

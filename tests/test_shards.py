@@ -28,7 +28,7 @@ from pedpred.storage.shards import (
     read_manifest,
     read_shard,
     read_shard_blocks,
-    write_codes,
+    write_embeddings,
     write_manifest,
     write_shard,
 )
@@ -36,7 +36,7 @@ from pedpred.tracking import KalmanSettings, follow
 from stages.features import features_into
 from tests.worlds import walled_scene
 
-SETTINGS = FeatureSettings(clocks=3)
+SETTINGS = FeatureSettings(phase_offsets=3)
 SOURCE = {
     "tracker": {"kind": "kalman", "acceleration_noise": 0.1, "position_noise_m": 0.1},
     "sensor": {"position_noise_m": 0.05, "drop_out_share": 0.1, "switch_share": 0.1},
@@ -45,7 +45,7 @@ SOURCE = {
 
 def walled(seed=0, **options):
     scene = walled_scene(np.random.default_rng(seed), **options)
-    return scene, follow(scene.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2)
+    return scene, follow(scene.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2)
 
 
 @pytest.fixture
@@ -102,8 +102,8 @@ def test_a_row_group_holds_whole_tracks(shard):
 
 def test_a_scene_of_nobody_survives(tmp_path):
     scene, _ = walled()
-    nobody = dataclasses.replace(scene, recording=scene.recording.select(np.arange(0)))
-    empty = extract(nobody, follow(nobody.recording, "kalman", KalmanSettings(0.1, 0.1), 0.2), SETTINGS)
+    nobody = dataclasses.replace(scene, trajectories=scene.trajectories.select(np.arange(0)))
+    empty = extract(nobody, follow(nobody.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2), SETTINGS)
     write_shard([empty], tmp_path, "nobody")
     assert len(read_shard(tmp_path, "nobody", SETTINGS)) == 0
 
@@ -140,9 +140,11 @@ def test_pandas_reads_it(shard):
 
 
 def test_half_floats_survive(tmp_path):
-    codes = np.random.default_rng(0).normal(size=(7, 392)).astype(np.float16)
-    write_codes([codes[:3], codes[3:]], tmp_path, "a")
-    np.testing.assert_array_equal(read_columns(tmp_path / "a.parquet", {"code": (-1,)})["code"], codes)
+    embeddings = np.random.default_rng(0).normal(size=(7, 392)).astype(np.float16)
+    write_embeddings([embeddings[:3], embeddings[3:]], tmp_path, "a")
+    np.testing.assert_array_equal(
+        read_columns(tmp_path / "a.parquet", {"embedding": (-1,)})["embedding"], embeddings
+    )
 
 
 def test_damage_is_named(shard):
@@ -204,11 +206,11 @@ def test_the_manifest_describes_every_column_and_changes_with_the_scene(shard):
 
 def test_codes_must_belong_to_the_features(shard):
     folder, table = shard
-    write_codes([np.zeros((len(table) - 1, 392), np.float16)], folder / "codes", "walled")
+    write_embeddings([np.zeros((len(table) - 1, 392), np.float16)], folder / "embeddings", "walled")
     with pytest.raises(StorageError, match="rows"):
-        load_motion_data(folder, folder / "codes")
-    write_codes([np.ones((len(table), 392), np.float16)], folder / "codes", "walled")
-    data = load_motion_data(folder, folder / "codes")
+        load_motion_data(folder, folder / "embeddings")
+    write_embeddings([np.ones((len(table), 392), np.float16)], folder / "embeddings", "walled")
+    data = load_motion_data(folder, folder / "embeddings")
     assert len(data.sequences) == 3 * len(np.unique(table.track_id))
     assert set(data.track) == set(table.track_id)
 

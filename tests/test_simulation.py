@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from pedpred.errors import ConfigError
-from pedpred.evaluation.walking import walking
-from pedpred.report.crowd import walking_findings
+from pedpred.report.simulation_page import walking_findings
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.kernel import advance
@@ -13,12 +12,13 @@ from pedpred.simulation.places import drawn_targets
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
 from pedpred.simulation.simulator import desired_speeds, rollout, visiting_plans
+from pedpred.simulation.walking import walking
 from pedpred.storage.scenes import tracks_table
 from tests.simulated import DRAWN, EMPTY_ROOM, QUIET, SETTINGS, SOCIAL_FORCE, drawn, pool, scene_of, short
 
 
 def tables_equal(first, second):
-    return tracks_table(first.recording).equals(tracks_table(second.recording))
+    return tracks_table(first.trajectories).equals(tracks_table(second.trajectories))
 
 
 @pytest.mark.parametrize("name", sorted(DRAWN))
@@ -44,11 +44,11 @@ def test_people_in_random_rooms_walk_as_people_do():
 
 def test_records_have_the_stated_clock_and_goals_of_the_pool():
     scene = scene_of(short(9.0)[0])
-    times = np.unique(scene.recording.time_s)
+    times = np.unique(scene.trajectories.time_s)
     np.testing.assert_allclose(times, 0.3 * np.arange(30))
     assert scene.detection_dt_s == 0.3
-    assert len(scene.recording) == 30 * 20
-    assert len(np.unique(scene.recording.goal, axis=0)) <= SETTINGS.crowd.targets
+    assert len(scene.trajectories) == 30 * 20
+    assert len(np.unique(scene.trajectories.goal, axis=0)) <= SETTINGS.crowd.targets
 
 
 def test_the_same_seed_gives_the_same_walk_and_another_seed_another():

@@ -3,27 +3,27 @@
 import numpy as np
 import pytest
 
-from pedpred.baselines.social_force import intentions, outset
+from pedpred.baselines.social_force import initial_state, intentions
 from pedpred.errors import ValueRuleError
-from pedpred.scenes import OccupancyMap, Recording, Scene
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from tests.simulated import QUIET, SETTINGS, scene_of, short
 
 HORIZON = 10
 
 
 def paths_of(scene, track_id, time_s, position, velocity, steps=5):
-    start = outset(scene, np.array(track_id), time_s, position, velocity, SETTINGS.routing)
+    start = initial_state(scene, np.array(track_id), time_s, position, velocity, SETTINGS.routing)
     return start.paths(SETTINGS, steps, 0.3)
 
 
 def forecast(scene, rows):
-    r = scene.recording
+    r = scene.trajectories
     return paths_of(scene, r.track_id[rows], r.time_s[rows], r.position[rows], r.velocity[rows], HORIZON)
 
 
 def errors(scene, people):
     """Error of the forecaster and of constant velocity on every instant with a full future. [T, N, P]"""
-    r = scene.recording
+    r = scene.trajectories
     steps = len(r) // people - HORIZON
     position = r.position.reshape(-1, people, 2)
     truth = np.stack([position[n : n + steps] for n in range(1, HORIZON + 1)], axis=2)
@@ -50,7 +50,7 @@ def test_with_noise_the_error_is_far_below_constant_velocity():
 
 def test_rows_of_other_instants_do_not_matter():
     scene = scene_of(short(9.0, pedestrians=5)[0])
-    rows = np.arange(len(scene.recording))
+    rows = np.arange(len(scene.trajectories))
     some = rows[(rows // 5) % 3 == 1][::-1]
     np.testing.assert_array_equal(forecast(scene, some), forecast(scene, rows)[some])
 
@@ -62,14 +62,14 @@ def pavement(velocity):
     position = start + np.tile(velocity, (10, 1)) * time_s[:, None]
     occupied = np.zeros((60, 60), dtype=bool)
     occupied[:, :3] = True
-    recording = Recording(time_s, np.tile([4, 9], 10), position)
-    return Scene("pavement", recording, OccupancyMap(occupied, np.zeros(2), 0.1), 0.4)
+    trajectories = Trajectories(time_s, np.tile([4, 9], 10), position)
+    return Scene("pavement", trajectories, OccupancyMap(occupied, np.zeros(2), 0.1), 0.4)
 
 
 def test_without_known_goals_the_end_of_the_track_is_the_goal():
     velocity = np.array([[1.0, 0.0], [1.1, 0.9]])
     scene = pavement(velocity)
-    r = scene.recording
+    r = scene.trajectories
     tracked = np.tile(velocity, (10, 1))
     paths = paths_of(scene, r.track_id, r.time_s, r.position, tracked)
     assert np.isfinite(paths).all()
@@ -80,14 +80,14 @@ def test_without_known_goals_the_end_of_the_track_is_the_goal():
 def test_the_last_row_of_a_track_still_gets_a_path():
     velocity = np.array([[1.0, 0.0], [0.0, 0.0]])
     scene = pavement(velocity)
-    here = scene.recording.position[-2:]
+    here = scene.trajectories.position[-2:]
     paths = paths_of(scene, [4, 9], [3.6, 3.6], here, velocity)
     assert np.linalg.norm(paths - here[:, None], axis=-1).max() < 1.0
 
 
 def test_a_goal_inside_an_obstacle_is_approached():
     scene = pavement(np.array([[0.0, -0.5], [1.0, 0.0]]))  # ends at y = 0.2 m, inside the wall
-    assert scene.occupancy.is_occupied(scene.recording.position[-2])
+    assert scene.occupancy.is_occupied(scene.trajectories.position[-2])
     paths = paths_of(scene, [4], [0.0], [[1.0, 2.0]], [[0.0, -1.0]], HORIZON)
     assert np.isfinite(paths).all()
     assert not scene.occupancy.is_occupied(paths).any()
@@ -96,14 +96,14 @@ def test_a_goal_inside_an_obstacle_is_approached():
 
 def test_the_plan_is_the_recorded_sequence_of_goals():
     goal = np.array([[1.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 0.0]])
-    recording = Recording(
+    trajectories = Trajectories(
         0.3 * np.arange(4),
         np.zeros(4, dtype=int),
         np.zeros((4, 2)),
         goal=goal,
         desired_speed_mps=np.full(4, 1.2),
     )
-    wanted = intentions(recording, np.array([0, 0]), np.array([0.3, 0.9]), np.zeros((2, 2)))
+    wanted = intentions(trajectories, np.array([0, 0]), np.array([0.3, 0.9]), np.zeros((2, 2)))
     assert wanted.goals[wanted.plan[0, :3]].tolist() == [[1.0, 0.0], [2.0, 0.0], [1.0, 0.0]]
     assert wanted.plan[:, -1].tolist() == [-1, -1]
     assert (wanted.plan[1, 1:] == -1).all()

@@ -41,11 +41,11 @@ def test_tiny_sequence(folder):
     scene = read_sequence(folder, "tiny", SETTINGS)
     assert scene.name == "tiny"
     assert scene.detection_dt_s == 0.4
-    assert scene.recording.time_s.tolist() == [0.4, 0.4, 0.8]
-    assert scene.recording.track_id.tolist() == [1, 2, 1]
-    assert scene.recording.position.tolist() == [[2, 3], [4, 6], [2.5, 3]]
-    assert scene.recording.group_id.tolist() == [0, 0, 0]
-    assert scene.recording.velocity is None
+    assert scene.trajectories.time_s.tolist() == [0.4, 0.4, 0.8]
+    assert scene.trajectories.track_id.tolist() == [1, 2, 1]
+    assert scene.trajectories.position.tolist() == [[2, 3], [4, 6], [2.5, 3]]
+    assert scene.trajectories.group_id.tolist() == [0, 0, 0]
+    assert scene.trajectories.velocity is None
     assert scene.camera is None
 
 
@@ -54,8 +54,8 @@ def test_velocity_columns_are_never_used(folder):
     before = read_sequence(folder, "tiny", SETTINGS)
     change("obsmat.txt", "\n".join(ROWS).replace("9 0 9", "-5 0 7"))(folder)
     after = read_sequence(folder, "tiny", SETTINGS)
-    assert (before.recording.position == after.recording.position).all()
-    assert after.recording.velocity is None
+    assert (before.trajectories.position == after.trajectories.position).all()
+    assert after.trajectories.velocity is None
 
 
 def test_tiny_map_has_the_wall_across_large_x(folder):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.errors import ConfigError, ValueRuleError
-from pedpred.scenes import Recording
+from pedpred.scenes import Trajectories
 from pedpred.tracking import (
     KalmanSettings,
     SensorSettings,
@@ -44,16 +44,16 @@ def test_one_step_equals_the_textbook_matrices():
 def test_a_straight_walk_is_learned_exactly_in_the_long_run(seed):
     rng = np.random.default_rng(seed)
     velocity, time_s = rng.uniform(-1.5, 1.5, 2), np.cumsum(rng.uniform(0.05, 0.5, 200))
-    walk = Recording(time_s, np.zeros(200), time_s[:, None] * velocity)
+    walk = Trajectories(time_s, np.zeros(200), time_s[:, None] * velocity)
     tracks = follow(walk, "kalman", SETTINGS, 0.2)
     np.testing.assert_allclose(tracks.velocity[-1], velocity, atol=1e-3)
 
 
 @given(st.integers(0, 2**32 - 1))
 def test_tracks_do_not_depend_on_each_other(seed):
-    recording = wandering(np.random.default_rng(seed))
-    both = follow(recording, "kalman", SETTINGS, 0.2)
-    one = follow(recording.select(recording.track_id == 11), "kalman", SETTINGS, 0.2)
+    trajectories = wandering(np.random.default_rng(seed))
+    both = follow(trajectories, "kalman", SETTINGS, 0.2)
+    one = follow(trajectories.select(trajectories.track_id == 11), "kalman", SETTINGS, 0.2)
     np.testing.assert_array_equal(both.position[both.track_id == 11], one.position)
     np.testing.assert_array_equal(both.heading_rad[both.track_id == 11], one.heading_rad)
 
@@ -61,7 +61,7 @@ def test_tracks_do_not_depend_on_each_other(seed):
 def test_heading_holds_while_standing_and_never_looks_ahead():
     time_s = np.arange(12) * 0.3
     x = np.array([0, 0, 0, 0.4, 0.8, 1.2, 1.2, 1.2, 1.2, 1.2, 1.2, 1.2])
-    stand_go_stand = Recording(
+    stand_go_stand = Trajectories(
         time_s,
         np.zeros(12),
         np.stack([0 * x, x], axis=-1),
@@ -72,8 +72,8 @@ def test_heading_holds_while_standing_and_never_looks_ahead():
 
 
 def test_last_row_is_the_latest_detection_of_that_track():
-    recording = wandering(np.random.default_rng(3))
-    tracks = follow(recording, "kalman", SETTINGS, 0.2)
+    trajectories = wandering(np.random.default_rng(3))
+    tracks = follow(trajectories, "kalman", SETTINGS, 0.2)
     rng = np.random.default_rng(4)
     track_id, time_s = rng.integers(9, 16, 300), rng.uniform(-2, 20, 300)
     for row, track, now in zip(tracks.last_row(track_id, time_s), track_id, time_s, strict=True):
@@ -113,12 +113,12 @@ def test_the_filter_knows_how_wrong_it_is():
 
 
 def test_tuning_finds_the_noise_that_was_put_in():
-    recording = model_walks(np.random.default_rng(1), 0.2, 0.05)
+    trajectories = model_walks(np.random.default_rng(1), 0.2, 0.05)
     for ahead in (1, 4):
-        found = tuned(recording, ahead)
+        found = tuned(trajectories, ahead)
         assert found.acceleration_noise == pytest.approx(0.2, rel=0.15)
         assert found.position_noise_m == pytest.approx(0.05, rel=0.15)
-        assert log_likelihood(recording, found, ahead) > log_likelihood(recording, SETTINGS, ahead)
+        assert log_likelihood(trajectories, found, ahead) > log_likelihood(trajectories, SETTINGS, ahead)
 
 
 def model_walks(rng, q, r, tracks=60, detections=60):
@@ -133,38 +133,42 @@ def model_walks(rng, q, r, tracks=60, detections=60):
         velocity = velocity + np.sqrt(q * h) * a
         seen.append(position + rng.normal(0, r, position.shape))
     track_id = np.repeat(np.arange(tracks), detections)
-    return Recording(np.cumsum(dt_s, axis=1).ravel(), track_id, np.stack(seen, axis=1).reshape(-1, 2))
+    return Trajectories(np.cumsum(dt_s, axis=1).ravel(), track_id, np.stack(seen, axis=1).reshape(-1, 2))
 
 
 def test_an_id_that_comes_back_is_born_anew():
     time_s = np.array([0.0, 0.4, 0.8, 5.0, 5.4])
     x = np.array([0.0, 0.5, 1.0, 9.0, 8.5])
-    tracks = follow(Recording(time_s, np.zeros(5), np.stack([x, x], axis=-1)), "kalman", SETTINGS, 0.2, 2.0)
+    tracks = follow(
+        Trajectories(time_s, np.zeros(5), np.stack([x, x], axis=-1)), "kalman", SETTINGS, 0.2, 2.0
+    )
     assert tracks.age.tolist() == [0, 1, 2, 0, 1]
     assert tracks.life.tolist() == [0, 0, 0, 1, 1]
     assert tracks.velocity[3].tolist() == [0.0, 0.0]
     assert tracks.heading_rad[3] == 0.0
-    patient = follow(Recording(time_s, np.zeros(5), np.stack([x, x], axis=-1)), "kalman", SETTINGS, 0.2, 10.0)
+    patient = follow(
+        Trajectories(time_s, np.zeros(5), np.stack([x, x], axis=-1)), "kalman", SETTINGS, 0.2, 10.0
+    )
     assert patient.age.tolist() == [0, 1, 2, 3, 4]
 
 
 def test_detections_in_any_order_give_the_same_tracks():
     """Time running backwards in a file is no error: stamps say when, rows do not."""
-    recording = wandering(np.random.default_rng(0))
-    shuffled = recording.select(np.random.default_rng(1).permutation(len(recording)))
-    a, b = (follow(r, "kalman", SETTINGS, 0.2) for r in (recording, shuffled))
+    trajectories = wandering(np.random.default_rng(0))
+    shuffled = trajectories.select(np.random.default_rng(1).permutation(len(trajectories)))
+    a, b = (follow(r, "kalman", SETTINGS, 0.2) for r in (trajectories, shuffled))
     np.testing.assert_array_equal(a.position, b.position)
 
 
 def test_what_no_tracker_could_make_sense_of_is_refused():
     here, ids = np.zeros((2, 2)), np.array([1, 1])
     with pytest.raises(ValueRuleError, match=r"position\[1\].*finite"):
-        Recording(np.array([0.0, 1.0]), ids, np.array([[0.0, 0.0], [np.nan, 0.0]]))
+        Trajectories(np.array([0.0, 1.0]), ids, np.array([[0.0, 0.0], [np.nan, 0.0]]))
     with pytest.raises(ValueRuleError, match=r"time_s\[0\].*finite"):
-        Recording(np.array([np.inf, 1.0]), ids, here)
+        Trajectories(np.array([np.inf, 1.0]), ids, here)
     with pytest.raises(ValueRuleError, match=r"track 1 at 1\.0 s.*unique"):
-        Recording(np.array([1.0, 1.0]), ids, here)
-    nobody = Recording(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
+        Trajectories(np.array([1.0, 1.0]), ids, here)
+    nobody = Trajectories(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
     assert len(follow(nobody, "kalman", SETTINGS, 0.2).age) == 0
 
 
@@ -173,9 +177,9 @@ def test_what_no_tracker_could_make_sense_of_is_refused():
 
 def test_a_perfect_sensor_changes_no_detection():
     scene = walled_scene(np.random.default_rng(0))
-    seen = sensed(scene, SensorSettings(), np.random.default_rng(1)).recording
+    seen = sensed(scene, SensorSettings(), np.random.default_rng(1)).trajectories
     for name in ("time_s", "track_id", "position"):
-        np.testing.assert_array_equal(getattr(seen, name), getattr(scene.recording, name))
+        np.testing.assert_array_equal(getattr(seen, name), getattr(scene.trajectories, name))
     np.testing.assert_array_equal(seen.person_id, seen.track_id)
 
 
@@ -184,9 +188,9 @@ def test_a_sensor_is_as_bad_as_it_says():
     faults = SensorSettings(
         position_noise_m=0.2, quantum_m=0.01, drop_out_share=0.3, switch_share=0.5, switch_range_m=9.0
     )
-    seen = sensed(scene, faults, np.random.default_rng(1)).recording
-    assert len(seen) / len(scene.recording) == pytest.approx(0.7, abs=0.02)
-    true = follow(scene.recording, "kalman", SETTINGS, 0.2)
+    seen = sensed(scene, faults, np.random.default_rng(1)).trajectories
+    assert len(seen) / len(scene.trajectories) == pytest.approx(0.7, abs=0.02)
+    true = follow(scene.trajectories, "kalman", SETTINGS, 0.2)
     miss = seen.position - true.detection[true.last_row(seen.person_id, seen.time_s)]
     assert miss.std() == pytest.approx(0.2, rel=0.05)
     np.testing.assert_allclose(seen.position / 0.01, np.round(seen.position / 0.01), atol=1e-6)
@@ -199,7 +203,9 @@ def test_a_sensor_is_as_bad_as_it_says():
 def test_a_slow_sensor_sees_every_third_instant():
     scene = walled_scene(np.random.default_rng(0))
     seen = sensed(scene, SensorSettings(every=3), np.random.default_rng(1))
-    np.testing.assert_array_equal(np.unique(seen.recording.time_s), np.unique(scene.recording.time_s)[::3])
+    np.testing.assert_array_equal(
+        np.unique(seen.trajectories.time_s), np.unique(scene.trajectories.time_s)[::3]
+    )
     assert seen.detection_dt_s == pytest.approx(1.2)
 
 
@@ -211,8 +217,8 @@ def test_an_impossible_sensor_is_named(fault):
 
 def test_resampling_goes_through_the_annotations_and_knows_the_next_one():
     scene = walled_scene(np.random.default_rng(0), dt_s=0.4)
-    table = resampled(scene, 0.1).recording
-    own = scene.recording
+    table = resampled(scene, 0.1).trajectories
+    own = scene.trajectories
     for track in np.unique(own.track_id):
         path, seen = table.select(table.track_id == track), own.select(own.track_id == track)
         np.testing.assert_allclose(path.position[::4], seen.position, atol=1e-9)

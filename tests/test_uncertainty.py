@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from pedpred.datasets import MotionData
 from pedpred.errors import ConfigError
-from pedpred.models import MotionLstm, MotionSettings
-from pedpred.models.rolling import displacements, roll
-from pedpred.models.uncertainty import FLOOR_M, GaussianHead, covariance_of, negative_log_density
+from pedpred.networks import MotionLstm, MotionSettings
+from pedpred.networks.gaussian import FLOOR_M, GaussianHead, covariance_of, negative_log_density
+from pedpred.networks.rolling import displacements, roll
 from pedpred.training import TrainingSettings, train_motion
 
 MEAN_ONLY = MotionSettings.parse(
     {
-        "channels": {"state": {"embedding": 8, "lstm": 8}},
+        "channels": {"state": {"projection": 8, "lstm": 8}},
         "joint": 16,
         "head": 16,
         "horizon_steps": 3,
@@ -52,7 +52,7 @@ def noisy_walks(error_m, tracks=12, length=30, dt_s=0.3):
         angular=torch.zeros(rows, 72),
         future=straight + steps,
         future_steps=torch.full((rows,), 3),
-        code=None,
+        embedding=None,
         sequences=np.stack([edges[:-1], edges[1:]], axis=-1),
         scene=np.zeros(tracks, int),
         track=np.arange(tracks),

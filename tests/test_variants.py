@@ -15,16 +15,16 @@ from tests.worlds import walled_scene
 
 def features(scene):
     """Features from the true states, so that nothing but the world differs."""
-    return extract(scene, follow(scene.recording, "truth", None, 0.2), FeatureSettings())
+    return extract(scene, follow(scene.trajectories, "truth", None, 0.2), FeatureSettings())
 
 
 @given(st.sampled_from(sorted(VARIANTS)), st.integers(0, 9))
 def test_a_variant_of_a_variant_is_the_scene(name, seed):
     scene = walled_scene(np.random.default_rng(seed), truth=True)
     twice = VARIANTS[name](VARIANTS[name](scene))
-    np.testing.assert_allclose(twice.recording.time_s, scene.recording.time_s, atol=1e-9)
-    np.testing.assert_array_equal(twice.recording.position, scene.recording.position)
-    np.testing.assert_array_equal(twice.recording.velocity, scene.recording.velocity)
+    np.testing.assert_allclose(twice.trajectories.time_s, scene.trajectories.time_s, atol=1e-9)
+    np.testing.assert_array_equal(twice.trajectories.position, scene.trajectories.position)
+    np.testing.assert_array_equal(twice.trajectories.velocity, scene.trajectories.velocity)
     np.testing.assert_array_equal(twice.occupancy.occupied, scene.occupancy.occupied)
     np.testing.assert_allclose(twice.occupancy.origin, scene.occupancy.origin, atol=1e-9)
 
@@ -54,7 +54,7 @@ def test_a_mirrored_person_sees_the_mirror_image():
 
 def test_who_walks_backwards_goes_where_they_came_from():
     scene = walled_scene(np.random.default_rng(3), truth=True)
-    people, back = scene.recording, VARIANTS["backwards"](scene).recording
+    people, back = scene.trajectories, VARIANTS["backwards"](scene).trajectories
     one = people.track_id == people.track_id[0]
     same = back.track_id == people.track_id[0]
     np.testing.assert_array_equal(back.position[same], people.position[one][::-1])
@@ -64,6 +64,6 @@ def test_who_walks_backwards_goes_where_they_came_from():
 
 def test_an_empty_scene_has_variants():
     scene = walled_scene(np.random.default_rng(3), truth=True)
-    nobody = {k: None if v is None else v[:0] for k, v in vars(scene.recording).items()}
+    nobody = {k: None if v is None else v[:0] for k, v in vars(scene.trajectories).items()}
     for variant in VARIANTS.values():
-        assert len(variant(replace(scene, recording=type(scene.recording)(**nobody))).recording) == 0
+        assert len(variant(replace(scene, trajectories=type(scene.trajectories)(**nobody))).trajectories) == 0

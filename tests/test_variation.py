@@ -22,12 +22,12 @@ def some_data(rng):
         angular=torch.from_numpy(rng.random((ROWS, 6), np.float32)) + 0.1,
         future=torch.from_numpy(rng.random((ROWS, HORIZON, 2), np.float32)),
         future_steps=torch.full((ROWS,), HORIZON),
-        code=torch.from_numpy(rng.random((ROWS, 7), np.float32)).to(torch.float16),
+        embedding=torch.from_numpy(rng.random((ROWS, 7), np.float32)).to(torch.float16),
         sequences=np.array([[0, ROWS]]),
         scene=np.zeros(1, int),
         track=np.zeros(1, int),
         dt_s=0.3,
-        empty_code=torch.arange(7, dtype=torch.float32) + 2.0,
+        empty_embedding=torch.arange(7, dtype=torch.float32) + 2.0,
     )
 
 
@@ -51,7 +51,7 @@ def test_nothing_varies_by_default():
 
 
 def test_strange_lanes_are_mirrored_beside_the_obstacles_of_their_neighbour():
-    (plain, future), (other, target), batch, _ = both(Variation(strange_share=0.5))
+    (plain, future), (other, target), batch, _ = both(Variation(map_swap=0.5))
     strange = batch.chance[:, 0] < 0.5
     assert 0 < strange.sum() < len(strange)
     for lane, mirrored in enumerate(strange):
@@ -64,7 +64,7 @@ def test_strange_lanes_are_mirrored_beside_the_obstacles_of_their_neighbour():
 
 
 def test_a_pace_scales_what_was_and_what_will_be():
-    (plain, future), (other, target), batch, _ = both(Variation(pace_range=(0.5, 1.5)))
+    (plain, future), (other, target), batch, _ = both(Variation(speed_scale=(0.5, 1.5)))
     factor = torch.from_numpy(0.5 + batch.chance[:, 1])
     torch.testing.assert_close(other["state"], plain["state"] * factor[:, None, None])
     torch.testing.assert_close(target, future * factor[:, None, None, None])
@@ -92,7 +92,7 @@ def test_noise_is_on_the_velocity_seen_and_not_on_what_will_be():
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
 def test_unseen_people_and_unmapped_ground_are_empty_and_the_rest_is_untouched(seed, share):
-    variation = Variation(unseen_share=share, unmapped_share=share)
+    variation = Variation(neighbour_dropout=share, map_dropout=share)
     (plain, future), (other, target), _, drawn = both(variation, seed)
     unseen, unmapped = drawn.crowd < 0, drawn.scenery < 0
     assert not other["angular"][unseen].any()
@@ -109,7 +109,7 @@ def test_unseen_people_and_unmapped_ground_are_empty_and_the_rest_is_untouched(s
 
 def test_about_the_share_asked_for_is_hidden():
     batch = LaneBatch(np.zeros((400, 10), int), np.zeros(400, bool), np.ones((400, 3), np.float32))
-    drawn = varied(batch, Variation(unseen_share=0.25, unmapped_share=0.5), np.random.default_rng(0))
+    drawn = varied(batch, Variation(neighbour_dropout=0.25, map_dropout=0.5), np.random.default_rng(0))
     assert (drawn.crowd < 0).float().mean() == pytest.approx(0.25, abs=0.03)
     assert (drawn.scenery < 0).float().mean() == pytest.approx(0.5, abs=0.1)
 
@@ -128,11 +128,11 @@ def test_lanes_shared_among_processes_vary_as_they_would_together():
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("strange_share", 1.5),
-        ("unseen_share", -0.1),
-        ("unmapped_share", float("nan")),
+        ("map_swap", 1.5),
+        ("neighbour_dropout", -0.1),
+        ("map_dropout", float("nan")),
         ("velocity_noise_mps", -1.0),
-        ("pace_range", (1.2, 0.8)),
+        ("speed_scale", (1.2, 0.8)),
     ],
 )
 def test_an_impossible_variation_is_named(field, value):

@@ -8,11 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation.crowd_flow import FlowSettings, corridor_flow, lane_order
-from pedpred.evaluation.walking import Walking, walking
 from pedpred.report.canvas import png_bytes
-from pedpred.report.crowd import crowd_page, flow_figure, lanes_figure, walking_findings, weidmann_speed_mps
-from pedpred.scenes import Recording, Scene
+from pedpred.report.simulation_page import (
+    crowd_page,
+    flow_figure,
+    lanes_figure,
+    walking_findings,
+    weidmann_speed_mps,
+)
+from pedpred.scenes import Scene, Trajectories
+from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow, lane_order
+from pedpred.simulation.walking import Walking, walking
 from tests.simulated import EMPTY_ROOM, SETTINGS, read, scene_of, short
 
 FLOW = FlowSettings(**read("validation/corridor_flow"))
@@ -23,7 +29,7 @@ def walked(paths, goals, dt_s=0.3):
     position, goal = (np.swapaxes(np.array(a, dtype=float), 0, 1) for a in (paths, goals))
     velocity = np.diff(position, axis=0, prepend=2 * position[:1] - position[1:2]) / dt_s
     instants, people, _ = position.shape
-    recording = Recording(
+    trajectories = Trajectories(
         np.repeat(np.arange(instants) * dt_s, people),
         np.tile(np.arange(people), instants),
         position.reshape(-1, 2),
@@ -31,7 +37,7 @@ def walked(paths, goals, dt_s=0.3):
         goal=goal.reshape(-1, 2),
         desired_speed_mps=np.ones(instants * people),
     )
-    return Scene("walked", recording, EMPTY_ROOM.occupancy(), dt_s)
+    return Scene("walked", trajectories, EMPTY_ROOM.occupancy(), dt_s)
 
 
 def line(start, step, count):
@@ -75,7 +81,7 @@ def test_counts_of_scenes_add_up():
 def test_people_without_known_goals_are_refused():
     scene = walked([line((2.0, 4.0), (0.3, 0.0), 3)], [[[9.0, 4.0]] * 3])
     with pytest.raises(ValueRuleError, match="only simulated scenes"):
-        walking([replace(scene, recording=replace(scene.recording, goal=None))], SETTINGS)
+        walking([replace(scene, trajectories=replace(scene.trajectories, goal=None))], SETTINGS)
 
 
 def test_separate_lanes_are_perfect_order():
@@ -102,7 +108,7 @@ def test_a_small_experiment_becomes_a_page():
     assert [row["people"] for row in rows] == [6, 50]
     assert 0.2 < rows[1]["density_per_m2"] < 0.8
     assert rows[1]["speed_mps"] < 1.8
-    assert len(np.unique(clearest.recording.track_id)) == 50
+    assert len(np.unique(clearest.trajectories.track_id)) == 50
     assert corridor_flow(small, SETTINGS)[0] == rows or np.isnan(rows[0]["lane_order"])
     assert png_bytes(flow_figure(rows)).startswith(b"\x89PNG")
     assert png_bytes(lanes_figure(clearest)).startswith(b"\x89PNG")

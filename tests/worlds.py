@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pedpred.scenes import OccupancyMap, Recording, Scene
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
 
 
 def empty_map(size_m=20.0, resolution_m=0.1):
@@ -25,7 +25,7 @@ def wandering(rng, tracks=4, detections=40, dt_s=0.4, noise_m=0.05, truth=False)
         positions.append(position + rng.normal(0, noise_m, position.shape))
         velocities.append(velocity)
     velocity = np.concatenate(velocities) if truth else None
-    return Recording(np.concatenate(times), np.concatenate(ids), np.concatenate(positions), velocity)
+    return Trajectories(np.concatenate(times), np.concatenate(ids), np.concatenate(positions), velocity)
 
 
 def walled_scene(rng, dt_s=0.4, truth=False, **options):
@@ -35,5 +35,5 @@ def walled_scene(rng, dt_s=0.4, truth=False, **options):
     for _ in range(12):
         x, y = rng.integers(0, 180, 2)
         occupied[x : x + 12, y : y + 5] = True
-    recording = wandering(rng, dt_s=dt_s, truth=truth, **options)
-    return Scene("walled", recording, OccupancyMap(occupied, room.origin, room.resolution_m), dt_s)
+    trajectories = wandering(rng, dt_s=dt_s, truth=truth, **options)
+    return Scene("walled", trajectories, OccupancyMap(occupied, room.origin, room.resolution_m), dt_s)

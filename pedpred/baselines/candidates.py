@@ -37,11 +37,11 @@ def own_pool(scene: Scene) -> Candidates:
     Raises:
         ValueRuleError: the recording knows no goals, so there is no pool.
     """
-    if scene.recording.goal is None:
+    if scene.trajectories.goal is None:
         raise ValueRuleError(
             "recording.goal", None, f"scene '{scene.name}' has no pool of goals to infer from"
         )
-    return Candidates(np.unique(scene.recording.goal, axis=0), 0.0)
+    return Candidates(np.unique(scene.trajectories.goal, axis=0), 0.0)
 
 
 def drawn_anew(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from pedpred.baselines.social_force import Outset
+from pedpred.baselines.social_force import InitialState
 from pedpred.errors import ShapeError
 from pedpred.simulation.settings import SocialForceSettings
 
@@ -45,7 +45,7 @@ class Fit:
 
 
 def fitted(
-    start: Outset,
+    start: InitialState,
     asked: np.ndarray,
     truth: np.ndarray,
     model: SocialForceSettings,

@@ -52,7 +52,7 @@ def kalman_covariance(tracker: KalmanSettings, interval_s: float, ahead_s: np.nd
 
 KINEMATIC: dict[str, Callable[[FeatureTable, np.ndarray], np.ndarray]] = {
     "cv": constant_velocity,
-    "cacc": constant_acceleration,
+    "ca": constant_acceleration,
     "kalman_cv": kalman_velocity,
 }
 """(feature table, times ahead [P] s) -> paths [M, P, 2], world, m"""

@@ -11,14 +11,14 @@ import numpy as np
 from pedpred.baselines.candidates import Candidates, drawn_anew, own_pool
 from pedpred.baselines.goal_blind import goal_blind_paths
 from pedpred.baselines.kinematic import KINEMATIC
-from pedpred.baselines.social_force import outset_of
+from pedpred.baselines.social_force import initial_state_of
 from pedpred.errors import ConfigError
 from pedpred.features import FeatureTable
 from pedpred.scenes import Scene
 from pedpred.simulation.settings import social_force_settings
 
 
-class Question(NamedTuple):
+class ForecastRequest(NamedTuple):
     """What a baseline is asked to forecast, and all that it may look at.
 
     Attributes:
@@ -38,33 +38,33 @@ class Question(NamedTuple):
     imagined_goals: int
 
 
-Baseline = Callable[[Question], np.ndarray]
+Baseline = Callable[[ForecastRequest], np.ndarray]
 """-> paths [R, P, 2], world, m"""
 
 
-def _social_force(asked: Question) -> np.ndarray:
+def _social_force(asked: ForecastRequest) -> np.ndarray:
     model = social_force_settings(asked.social_force)
-    outset = outset_of(asked.scene, asked.table.select(asked.rows), model.routing)
-    return outset.paths(model, len(asked.ahead_s), float(asked.ahead_s[0]))
+    initial_state = initial_state_of(asked.scene, asked.table.select(asked.rows), model.routing)
+    return initial_state.paths(model, len(asked.ahead_s), float(asked.ahead_s[0]))
 
 
-def _goal_blind(asked: Question) -> np.ndarray:
+def _goal_blind(asked: ForecastRequest) -> np.ndarray:
     return _inferring(asked, own_pool(asked.scene), _chance(asked))
 
 
-def _goal_unseen(asked: Question) -> np.ndarray:
+def _goal_unseen(asked: ForecastRequest) -> np.ndarray:
     rng, crowd = _chance(asked), social_force_settings(asked.social_force).crowd
     drawn = drawn_anew(asked.scene.occupancy, crowd.clearance_m, asked.imagined_goals, rng)
     return _inferring(asked, drawn, rng)
 
 
-def _inferring(asked: Question, candidates: Candidates, rng: np.random.Generator) -> np.ndarray:
+def _inferring(asked: ForecastRequest, candidates: Candidates, rng: np.random.Generator) -> np.ndarray:
     steps, dt_s = len(asked.ahead_s), float(asked.ahead_s[0])
     occupancy, settings = asked.scene.occupancy, asked.social_force
     return goal_blind_paths(occupancy, asked.table, asked.rows, candidates, settings, steps, dt_s, rng)
 
 
-def _chance(asked: Question) -> np.random.Generator:
+def _chance(asked: ForecastRequest) -> np.random.Generator:
     return np.random.default_rng(zlib.crc32(asked.scene.name.encode()))
 
 

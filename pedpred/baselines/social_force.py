@@ -16,7 +16,7 @@ from pedpred.baselines.together import SAME_TIME_S, rolled_out
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable
 from pedpred.geometry import rotate
-from pedpred.scenes import OccupancyMap, Recording, Scene
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.crowd import Crowd, crowd_of
 from pedpred.simulation.ground import Ground, ground_of
 from pedpred.simulation.routing import Routes, RoutingSettings, routes_to
@@ -42,7 +42,7 @@ class Intentions(NamedTuple):
     group: np.ndarray
 
 
-class Outset(NamedTuple):
+class InitialState(NamedTuple):
     """Everything that futures begin from, whatever the forces.
 
     Attributes:
@@ -62,20 +62,20 @@ class Outset(NamedTuple):
         return rolled_out(self.crowd, self.time_s, self.ground, self.routes, model, horizon_steps, dt_s)
 
 
-def outset_of(scene: Scene, table: FeatureTable, routing: RoutingSettings) -> Outset:
-    """`outset` of the rows of a feature table."""
+def initial_state_of(scene: Scene, table: FeatureTable, routing: RoutingSettings) -> InitialState:
+    """`initial_state` of the rows of a feature table."""
     velocity = rotate(table.velocity, table.heading_rad)
-    return outset(scene, table.track_id, table.time_s, table.position, velocity, routing)
+    return initial_state(scene, table.track_id, table.time_s, table.position, velocity, routing)
 
 
-def outset(
+def initial_state(
     scene: Scene,
     track_id: np.ndarray,
     time_s: np.ndarray,
     position: np.ndarray,
     velocity: np.ndarray,
     routing: RoutingSettings,
-) -> Outset:
+) -> InitialState:
     """Pedestrians who know where they are going, and the ways there.
 
     Rows of the same instant walk together, so give all who are present, not just those of interest.
@@ -93,28 +93,28 @@ def outset(
     """
     position, velocity = (np.asarray(v, dtype=np.float64).reshape(-1, 2) for v in (position, velocity))
     time_s = np.asarray(time_s, dtype=np.float64)
-    wanted = intentions(scene.recording, np.asarray(track_id), time_s, velocity)
+    wanted = intentions(scene.trajectories, np.asarray(track_id), time_s, velocity)
     ground = _surroundings(scene.occupancy, np.vstack([position, wanted.goals]), routing.resolution_m)
     crowd = crowd_of(position, velocity, wanted.desired_speed, wanted.plan, wanted.group)
-    return Outset(crowd, time_s, ground, routes_to(wanted.goals, ground, routing))
+    return InitialState(crowd, time_s, ground, routes_to(wanted.goals, ground, routing))
 
 
 def intentions(
-    recording: Recording, track_id: np.ndarray, time_s: np.ndarray, velocity: np.ndarray
+    trajectories: Trajectories, track_id: np.ndarray, time_s: np.ndarray, velocity: np.ndarray
 ) -> Intentions:
     """True goals, speeds and groups where the recording has them, else track ends, tracked speeds, nobody.
 
     Args:
-        recording: of the scene.
+        trajectories: of the scene.
         track_id: whose row. [W]
         time_s: the instant. [W]
         velocity: tracked, m/s. [W, 2]
     """
-    known = recording.goal is not None
-    order = np.lexsort((recording.time_s, recording.track_id))  # each track in one piece
-    track = recording.track_id[order]
-    place = (recording.position if recording.goal is None else recording.goal)[order]
-    now = _latest_rows(track, recording.time_s[order], track_id, time_s)
+    known = trajectories.goal is not None
+    order = np.lexsort((trajectories.time_s, trajectories.track_id))  # each track in one piece
+    track = trajectories.track_id[order]
+    place = (trajectories.position if trajectories.goal is None else trajectories.goal)[order]
+    now = _latest_rows(track, trajectories.time_s[order], track_id, time_s)
     changes = np.diff(track) != 0
     if known:
         changes |= (np.diff(place, axis=0) != 0).any(axis=1)
@@ -127,9 +127,9 @@ def intentions(
     plan = np.full(valid.shape, -1, dtype=np.int64)
     plan[valid] = used.ravel()
     speed = np.linalg.norm(velocity, axis=-1)
-    if recording.desired_speed_mps is not None:
-        speed = recording.desired_speed_mps[order][now]
-    group = np.full(len(now), -1) if recording.group_id is None else recording.group_id[order][now]
+    if trajectories.desired_speed_mps is not None:
+        speed = trajectories.desired_speed_mps[order][now]
+    group = np.full(len(now), -1) if trajectories.group_id is None else trajectories.group_id[order][now]
     return Intentions(goals, plan, speed, group)
 
 

@@ -12,8 +12,8 @@ from tqdm import tqdm
 from pedpred.command.scenes import read_any, refuse_overwriting
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import as_windows, replayed
-from pedpred.recording import write_recording
-from pedpred.recording.foxglove import write_layout
+from pedpred.ros import write_recording
+from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import Forecast, Scene
 
 _METHOD = "pedpred"
@@ -37,5 +37,5 @@ def robot_for(scene: Scene, model: Path) -> OnlinePredictor:
 
 def with_progress(scene: Scene, predictor: OnlinePredictor) -> Iterator[Forecast]:
     """The forecasts of a replay, under a progress bar."""
-    frames = len(np.unique(scene.recording.time_s))
+    frames = len(np.unique(scene.trajectories.time_s))
     yield from tqdm(replayed(scene, predictor), total=frames, desc=f"replay {scene.name}", unit="frame")

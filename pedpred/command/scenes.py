@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.bags import is_bag, read_bag
 from pedpred.errors import StorageError, ValueRuleError
-from pedpred.recording import read_recording, write_recording
-from pedpred.recording.foxglove import write_layout
+from pedpred.ros import is_bag, read_bag, read_recording, write_recording
+from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene
 from pedpred.storage.scenes import read_map, read_scene, read_tracks_csv, write_scene
 
@@ -33,27 +32,29 @@ def read_any(path: Path, topic: str | None = None) -> Scene:
         return read_scene(path)
     if path.suffix != ".csv":
         return read_recording(path)
-    recording = read_tracks_csv(path)
+    trajectories = read_tracks_csv(path)
     try:
-        dt_s = recording.usual_interval_s()
+        dt_s = trajectories.usual_interval_s()
     except ValueRuleError as cause:
         raise StorageError(path, "table", str(cause), "A track needs several detections") from cause
-    return Scene(path.stem, recording, OccupancyMap.free_around(recording.position), dt_s)
+    return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
 
 
 def info(given: argparse.Namespace) -> None:
     """Say what a scene holds."""
     scene = read_any(given.scene)
-    recording, occupancy = scene.recording, scene.occupancy
-    tracks, instants = (len(np.unique(values)) for values in (recording.track_id, recording.time_s))
-    span_s = float(np.ptp(recording.time_s)) if len(recording) else 0.0
+    trajectories, occupancy = scene.trajectories, scene.occupancy
+    tracks, instants = (len(np.unique(values)) for values in (trajectories.track_id, trajectories.time_s))
+    span_s = float(np.ptp(trajectories.time_s)) if len(trajectories) else 0.0
     known = [
-        n for n in ("velocity", "goal", "desired_speed_mps", "group_id") if getattr(recording, n) is not None
+        n
+        for n in ("velocity", "goal", "desired_speed_mps", "group_id")
+        if getattr(trajectories, n) is not None
     ]
     width, height = occupancy.extent_m
     lines = {
         "name": scene.name,
-        "detections": f"{len(recording)} of {tracks} tracks, {instants} instants",
+        "detections": f"{len(trajectories)} of {tracks} tracks, {instants} instants",
         "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
         f"{100 * occupancy.occupied.mean():.1f} % occupied",

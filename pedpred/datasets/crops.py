@@ -11,7 +11,7 @@ import numpy as np
 from pedpred.errors import ConfigError, ShapeError
 from pedpred.features import FeatureSettings
 from pedpred.storage.mapped import MappedRows
-from pedpred.storage.shards import read_codes, read_crops, read_manifest
+from pedpred.storage.shards import read_crops, read_embeddings, read_manifest
 
 
 def crops_of(
@@ -43,55 +43,55 @@ def crops_of(
 
 
 @dataclass(frozen=True)
-class CodedCrops:
+class EmbeddedCrops:
     """Crops and what the frozen encoder makes of them.
 
     Attributes:
         packed: bit-packed crops. [M, cells^2 / 8] uint8
-        code: [M, C] float16
+        embedding: [M, C] float16
         cells: per side of a crop.
     """
 
     packed: np.ndarray
-    code: np.ndarray
+    embedding: np.ndarray
     cells: int
 
     def __post_init__(self) -> None:
-        if len(self.packed) != len(self.code):
-            raise ShapeError("code", self.code.shape, f"[{len(self.packed)}, C]")
+        if len(self.packed) != len(self.embedding):
+            raise ShapeError("embedding", self.embedding.shape, f"[{len(self.packed)}, C]")
 
     def __len__(self) -> int:
         return len(self.packed)
 
 
-def coded_crops_of(
-    features: Path, codes: Path, validation_share: float, every: int, rng: np.random.Generator
-) -> tuple[CodedCrops, CodedCrops]:
-    """Training and validation crops with their codes, divided by arrangement as in `crops_of`.
+def embedded_crops_of(
+    features: Path, embeddings: Path, validation_share: float, every: int, rng: np.random.Generator
+) -> tuple[EmbeddedCrops, EmbeddedCrops]:
+    """Training and validation crops with their embeddings, divided by arrangement as in `crops_of`.
 
     Args:
         features: folder of feature shards.
-        codes: folder of the encoder's outputs.
+        embeddings: folder of the encoder's outputs.
         validation_share: share of the arrangements kept for validation; at least one.
         every: only each so manieth row is taken; neighbouring rows show nearly the same.
         rng: decides which arrangements.
 
     Raises:
         StorageError: a file cannot be read.
-        ShapeError: features and codes do not belong together.
+        ShapeError: features and embeddings do not belong together.
     """
     settings, *halves = _divided(features, validation_share, rng)
 
-    def coded(shards: list[str]) -> CodedCrops:
-        packed, code = MappedRows("occupancy"), MappedRows("code")
+    def embedded(shards: list[str]) -> EmbeddedCrops:
+        packed, embedding = MappedRows("occupancy"), MappedRows("embedding")
         for name in shards:
             packed.extend(_thinned(read_crops(features, name, settings), every))
-            code.extend(_thinned(read_codes(codes, name), every))
-            if len(code) != len(packed):
-                raise ShapeError(f"code up to {name}", (len(code),), f"[{len(packed)}]")
-        return CodedCrops(packed.array(), code.array(), settings.grid_cells)
+            embedding.extend(_thinned(read_embeddings(embeddings, name), every))
+            if len(embedding) != len(packed):
+                raise ShapeError(f"embedding up to {name}", (len(embedding),), f"[{len(packed)}]")
+        return EmbeddedCrops(packed.array(), embedding.array(), settings.grid_cells)
 
-    training, validation = map(coded, halves)
+    training, validation = map(embedded, halves)
     return training, validation
 
 

@@ -12,7 +12,7 @@ import torch
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.storage.mapped import MappedRows
-from pedpred.storage.shards import read_codes, read_manifest, read_shard_blocks
+from pedpred.storage.shards import read_embeddings, read_manifest, read_shard_blocks
 
 NETWORK_COLUMNS = ("velocity", "angular", "future", "future_steps")
 
@@ -26,7 +26,7 @@ class MotionData:
         angular: 1 - r / r_max of the angular pedestrian grid. [M, K] float32
         future: targets, agent frame, m/s. [M, P, 2] float32
         future_steps: known steps of each target. [M] int64
-        code: frozen encoder's output, where it was asked for; half precision from disk. [M, C]
+        embedding: frozen encoder's output, where it was asked for; half precision from disk. [M, C]
         empty_code: the encoder's output of a crop without obstacles; zeros when it is not given. [C] float32
         sequences: rows [first, last) of each (scene, track, clock). [S, 2]
         scene: index of the scene that each sequence belongs to; its variants share it. [S]
@@ -38,12 +38,12 @@ class MotionData:
     angular: torch.Tensor
     future: torch.Tensor
     future_steps: torch.Tensor
-    code: torch.Tensor | None
+    embedding: torch.Tensor | None
     sequences: np.ndarray
     scene: np.ndarray
     track: np.ndarray
     dt_s: float
-    empty_code: torch.Tensor | None = None
+    empty_embedding: torch.Tensor | None = None
 
     def to(self, device: torch.device) -> MotionData:
         """The same rows on another device, all of them."""
@@ -61,8 +61,8 @@ class MotionData:
         """
         tables: dict[str, tuple[torch.Tensor, torch.Tensor | None]]
         tables = {"state": (self.velocity, None), "angular": (self.angular, None)}
-        if self.code is not None:
-            tables["grid"] = (self.code, self.empty_code)
+        if self.embedding is not None:
+            tables["grid"] = (self.embedding, self.empty_embedding)
         instead = instead or {}
         return {
             name: _entries(table, instead.get(name, rows), nothing)
@@ -89,19 +89,19 @@ def sequences_of(table: FeatureTable) -> np.ndarray:
     )
 
 
-def load_motion_data(features: Path, codes: Path | None) -> MotionData:
+def load_motion_data(features: Path, embeddings: Path | None) -> MotionData:
     """All shards of a feature folder, with the encoder's outputs when a folder is given.
 
     Rows come block by block and lie on disk (`MappedRows`); only the sequences take memory.
 
     Raises:
-        StorageError: a shard or manifest cannot be read, or features and codes do not belong together.
+        StorageError: a shard or manifest cannot be read, or features and embeddings do not belong together.
         OSError: the disk is full.
     """
     settings, shards = read_manifest(features)
     scenes = {digest: index for index, digest in enumerate(dict.fromkeys(shards.values()))}
     columns = {name: MappedRows(name) for name in NETWORK_COLUMNS}
-    code = MappedRows("code")
+    embedding = MappedRows("embedding")
     sequences, scene, track = [], [], []
     rows = 0
     for name, digest in shards.items():
@@ -114,14 +114,16 @@ def load_motion_data(features: Path, codes: Path | None) -> MotionData:
             for column, values in network_columns(table, settings).items():
                 columns[column].append(values)
             rows += len(table)
-        if codes is not None:
-            code.extend(read_codes(codes, name))
-            if len(code) != rows:
-                problem = f"{len(code) - begin} rows beside {rows - begin} rows of features"
-                raise StorageError(codes / f"{name}.parquet", "code", problem, "Encode it again (dvc repro)")
+        if embeddings is not None:
+            embedding.extend(read_embeddings(embeddings, name))
+            if len(embedding) != rows:
+                problem = f"{len(embedding) - begin} rows beside {rows - begin} rows of features"
+                raise StorageError(
+                    embeddings / f"{name}.parquet", "embedding", problem, "Encode it again (dvc repro)"
+                )
     return MotionData(
         **{name: torch.from_numpy(column.array()) for name, column in columns.items()},
-        code=None if codes is None else torch.from_numpy(code.array()),
+        embedding=None if embeddings is None else torch.from_numpy(embedding.array()),
         sequences=np.concatenate(sequences),
         scene=np.concatenate(scene),
         track=np.concatenate(track),

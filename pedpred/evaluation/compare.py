@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.baselines.registry import Question, baseline
+from pedpred.baselines.registry import ForecastRequest, baseline
 from pedpred.evaluation.scores import (
     Scores,
     score,
@@ -57,7 +57,7 @@ def compare(
     windows = table.select(window)
     paths, covariances = {}, {}
     together = seen_together(table)
-    asked = Question(scene, table, together, ahead_s, social_force, options["imagined_goals"])
+    asked = ForecastRequest(scene, table, together, ahead_s, social_force, options["imagined_goals"])
     for name in baselines:
         everybody = baseline(name)(asked)
         paths[name] = everybody[np.searchsorted(together, window)]
@@ -94,7 +94,7 @@ def forecast_columns(
     """What the pictures need, one row per window; world paths, m [P, 2], and covariances, m^2 [P, 2, 2]."""
     columns = {
         "track_id": windows.track_id,
-        "clock": windows.clock,
+        "phase": windows.phase,
         "step": windows.step,
         "time_s": windows.time_s,
         "x_m": windows.position[:, 0],

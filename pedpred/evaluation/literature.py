@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.evaluation.metrics import bootstrap_interval, displacement
-from pedpred.scenes import Recording
+from pedpred.scenes import Trajectories
 from pedpred.tracking import KalmanSettings, follow
 
 _DIGITS = 5
@@ -52,17 +52,17 @@ class Stretches:
         return self.step_s * (np.arange(self.truth.shape[1]) + 1)
 
 
-def stretches(recording: Recording, observed: int, predicted: int, step_s: float) -> Stretches:
+def stretches(trajectories: Trajectories, observed: int, predicted: int, step_s: float) -> Stretches:
     """All full windows of a recording: no annotation between the first and the last one is missing."""
-    order = np.lexsort((recording.time_s, recording.track_id))
-    track, time_s = recording.track_id[order], recording.time_s[order]
+    order = np.lexsort((trajectories.time_s, trajectories.track_id))
+    track, time_s = trajectories.track_id[order], trajectories.time_s[order]
     follows = (np.diff(track) == 0) & (np.abs(np.diff(time_s) - step_s) < _TOLERANCE_S)
     length = observed + predicted
     if len(track) < length:
         first = np.zeros(0, dtype=np.int64)
     else:
         first = np.flatnonzero(sliding_window_view(follows, length - 1).all(axis=-1))
-    paths = recording.position[order][first[:, None] + np.arange(length)]
+    paths = trajectories.position[order][first[:, None] + np.arange(length)]
     return Stretches(track[first], paths[:, :observed], paths[:, observed:], step_s)
 
 
@@ -82,19 +82,19 @@ def last_bend(found: Stretches) -> np.ndarray:
 def filtered(found: Stretches, settings: KalmanSettings) -> np.ndarray:
     """Constant velocity from the tracker's state after the observed positions alone. [W, P, 2] m."""
     windows, observed = found.seen.shape[:2]
-    recording = Recording(
+    trajectories = Trajectories(
         np.tile(found.step_s * np.arange(observed), windows),
         np.repeat(np.arange(windows), observed),
         found.seen.reshape(-1, 2),
     )
-    tracks = follow(recording, "kalman", settings, standstill_mps=0.0)
+    tracks = follow(trajectories, "kalman", settings, standstill_mps=0.0)
     last = np.arange(1, windows + 1) * observed - 1
     return tracks.position[last][:, None] + tracks.velocity[last][:, None] * found.ahead_s[:, None]
 
 
 def methods(settings: KalmanSettings) -> dict[str, Callable[[Stretches], np.ndarray]]:
     """What can forecast 4.8 s from 8 annotations. The networks cannot: they forecast 3 s, 0.3 s by 0.3 s."""
-    return {"cv": last_step, "cacc": last_bend, "kalman_cv": lambda found: filtered(found, settings)}
+    return {"cv": last_step, "ca": last_bend, "kalman_cv": lambda found: filtered(found, settings)}
 
 
 def measures(found: Stretches, path: np.ndarray, samples: int, seed: int) -> dict[str, float | int | list]:

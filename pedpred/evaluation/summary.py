@@ -18,7 +18,7 @@ _DIGITS = 5
 
 
 def figures(
-    test: str, scores: Mapping[str, Mapping[str, Scores]], samples: int, seed: int, leaks: bool
+    test: str, scores: Mapping[str, Mapping[str, Scores]], samples: int, seed: int, noncausal: bool
 ) -> dict[str, dict[str, Any]]:
     """Metric entries of a test set: all its scenes pooled, and each one when there are several.
 
@@ -27,13 +27,13 @@ def figures(
         scores: scene name -> method -> scores.
         samples: bootstrap replicates.
         seed: of the bootstrap.
-        leaks: the inputs knew the future; every entry says so.
+        noncausal: the inputs knew the future; every entry says so.
     """
     methods = next(iter(scores.values()))
     pools = {test: {m: pooled([s[m] for s in scores.values()]) for m in methods}}
     if len(scores) > 1:
         pools |= {f"{test}_{name}": dict(own) for name, own in scores.items()}
-    mark = {"leaks": True} if leaks else {}
+    mark = {"noncausal": True} if noncausal else {}
     return {
         entry: {m: mark | summary(s, pool[REFERENCE], samples, seed) for m, s in pool.items()}
         for entry, pool in pools.items()

@@ -13,7 +13,7 @@ from pedpred.features.presence import crowd_at, pedestrians_at
 from pedpred.features.table import FeatureSettings, FeatureTable
 from pedpred.features.targets import Futures, future_velocities
 from pedpred.geometry import rotate
-from pedpred.scenes import Recording, Scene
+from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import Tracks
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
@@ -24,14 +24,14 @@ class Steps:
 
     Attributes:
         track_id: [Q]
-        clock: [Q]
+        phase: [Q]
         step: [Q]
         time_s: s. [Q]
         row: the track's last detection at or before `time_s`, as a row of `Tracks`. [Q]
     """
 
     track_id: np.ndarray
-    clock: np.ndarray
+    phase: np.ndarray
     step: np.ndarray
     time_s: np.ndarray
     row: np.ndarray
@@ -42,7 +42,7 @@ class Steps:
 
 
 def extract(
-    scene: Scene, tracks: Tracks, settings: FeatureSettings, truth: Recording | None = None
+    scene: Scene, tracks: Tracks, settings: FeatureSettings, truth: Trajectories | None = None
 ) -> FeatureTable:
     """Compute inputs and targets of all steps of a scene; arguments of `extract_blocks`.
 
@@ -56,7 +56,7 @@ def extract_blocks(
     tracks: Tracks,
     settings: FeatureSettings,
     rows: int = 8192,
-    truth: Recording | None = None,
+    truth: Trajectories | None = None,
 ) -> Iterator[FeatureTable]:
     """The table of `extract` in blocks of whole tracks: a long scene needs no more memory.
 
@@ -67,7 +67,7 @@ def extract_blocks(
         rows: of a block, at most; a longer track is a block of its own. An empty scene is one empty block.
         truth: where people really walk, for the targets; the scene's detections when nobody knows better.
     """
-    futures = Futures.of(scene.recording if truth is None else truth, settings.lost_after_s)
+    futures = Futures.of(scene.trajectories if truth is None else truth, settings.lost_after_s)
     steps = clock_steps(tracks, scene.detection_dt_s, settings)
     crowd = crowd_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
     for block in track_blocks(steps.track_id, rows):
@@ -81,10 +81,10 @@ def extract_at_detections(scene: Scene, tracks: Tracks, settings: FeatureSetting
     For forecasters that any frame may ask, at any rate; arguments of `extract`.
     """
     rows = np.arange(len(tracks.time_s))
-    clock, step = np.zeros(len(rows), np.int8), tracks.age.astype(np.int32)
-    steps = Steps(tracks.track_id, clock, step, tracks.time_s, rows)
+    phase, step = np.zeros(len(rows), np.int8), tracks.age.astype(np.int32)
+    steps = Steps(tracks.track_id, phase, step, tracks.time_s, rows)
     crowd = crowd_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
-    futures = Futures.of(scene.recording, settings.lost_after_s)
+    futures = Futures.of(scene.trajectories, settings.lost_after_s)
     return _features(scene, tracks, settings, steps, crowd, futures)
 
 
@@ -113,7 +113,7 @@ def _features(
     seen_now = np.abs(tracks.time_s[steps.row] - steps.time_s) <= TIME_TOLERANCE_S
     return FeatureTable(
         track_id=steps.track_id,
-        clock=steps.clock,
+        phase=steps.phase,
         step=steps.step,
         time_s=steps.time_s,
         position=walkers.position,
@@ -135,9 +135,9 @@ def clock_steps(tracks: Tracks, detection_dt_s: float, settings: FeatureSettings
     first = np.flatnonzero(tracks.age == 0)
     names, begin = tracks.track_id[first], tracks.time_s[first]
     end = tracks.time_s[np.append(first, len(tracks.time_s))[1:] - 1]
-    track = np.repeat(np.arange(len(names)), settings.clocks)
-    clock = np.tile(np.arange(settings.clocks), len(names))
-    start = begin[track] + clock * detection_dt_s
+    track = np.repeat(np.arange(len(names)), settings.phase_offsets)
+    phase = np.tile(np.arange(settings.phase_offsets), len(names))
+    start = begin[track] + phase * detection_dt_s
     ticks = np.floor((end[track] - start + TIME_TOLERANCE_S) / settings.dt_s).astype(np.int64) + 1
     ticks = np.maximum(ticks, 0)
     sequence = np.repeat(np.arange(len(track)), ticks)
@@ -147,7 +147,7 @@ def clock_steps(tracks: Tracks, detection_dt_s: float, settings: FeatureSettings
     track_id = names[track[sequence]]
     return Steps(
         track_id,
-        clock[sequence].astype(np.int8),
+        phase[sequence].astype(np.int8),
         step.astype(np.int32),
         time_s,
         tracks.last_row(track_id, time_s),

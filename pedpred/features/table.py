@@ -19,27 +19,27 @@ class FeatureSettings:
         dt_s: time between two steps, s.
         horizon_steps: forecast steps P.
         min_history: earlier detections that an evaluation window needs.
-        clocks: step sequences per track, offset by one detection interval each.
+        phase_offsets: step sequences per track, offset by one detection interval each.
         grid_cells: cells per side of the occupancy crop.
         grid_resolution_m: side of a crop cell, m.
         angular_cells: cones K of the angular pedestrian grid.
         max_range_m: range of that grid, m.
         max_age_intervals: a neighbour unseen for this many detection intervals is gone.
         lost_after_s: an id that was silent for longer is somebody new, s.
-        leaks: the inputs know the future (the `paper` protocol); figures from them must say so.
+        noncausal: the inputs know the future (the `paper` protocol); figures from them must say so.
     """
 
     dt_s: float = 0.3
     horizon_steps: int = 10
     min_history: int = 3
-    clocks: int = 1
+    phase_offsets: int = 1
     grid_cells: int = 60
     grid_resolution_m: float = 0.1
     angular_cells: int = 72
     max_range_m: float = 6.0
     max_age_intervals: float = 1.25
     lost_after_s: float = 2.0
-    leaks: bool = False
+    noncausal: bool = False
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -59,7 +59,7 @@ class FeatureTable:
 
     Attributes:
         track_id: [M] int64
-        clock: which of the offset clocks the step belongs to. [M] int8
+        phase: which of the offset clocks the step belongs to. [M] int8
         step: counted from the first step of (life, clock); a life is one stay of one id. [M] int32
         time_s: of the step, s. [M] float64
         position: tracked, m. [M, 2] float64
@@ -76,7 +76,7 @@ class FeatureTable:
     """
 
     track_id: np.ndarray
-    clock: np.ndarray
+    phase: np.ndarray
     step: np.ndarray
     time_s: np.ndarray
     position: np.ndarray

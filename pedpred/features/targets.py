@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from pedpred.scenes import Recording
+from pedpred.scenes import Trajectories
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, births, last_rows
 
 
@@ -47,7 +47,7 @@ class Futures:
     last: np.ndarray
 
     @classmethod
-    def of(cls, truth: Recording, lost_after_s: float) -> Futures:
+    def of(cls, truth: Trajectories, lost_after_s: float) -> Futures:
         """Take a recording apart; nobody's future goes on beyond a silence longer than `lost_after_s`."""
         order = np.lexsort((truth.time_s, truth.track_id))
         person_id, time_s = truth.track_id[order], truth.time_s[order]

@@ -44,7 +44,7 @@ def assess(
         The scores of each method in the same windows.
     """
     about, features = predictor.description, predictor.features
-    tracks = follow(scene.recording, "kalman", about.tracker, about.standstill_mps, features.lost_after_s)
+    tracks = follow(scene.trajectories, "kalman", about.tracker, about.standstill_mps, features.lost_after_s)
     table = extract_at_detections(scene, tracks, features)
     windows = table.select(windows_of(table, features, scene.name))
     ahead_s = (np.arange(features.horizon_steps) + 1) * features.dt_s

@@ -13,7 +13,7 @@ import onnxruntime
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
-from pedpred.files import decoding, read_bytes, read_json, write_json
+from pedpred.files import read_bytes, read_json, translate_errors, write_json
 from pedpred.tracking import KalmanSettings
 
 MODEL_SCHEMA = 1
@@ -90,7 +90,7 @@ def read_description(folder: Path) -> ModelDescription:
     path = folder / _ABOUT
     wording = partial(StorageError, path, "description", remedy=_REMEDY)
     about = read_json(path, wording)
-    with decoding(wording):
+    with translate_errors(wording):
         if about["schema"] != MODEL_SCHEMA:
             raise StorageError(path, "schema", f"{about['schema']!r}, expected {MODEL_SCHEMA}", _REMEDY)
         if about["network_sha256"] != _digest(folder / _GRAPH):
@@ -117,7 +117,7 @@ class ExportedNetwork:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         path = folder / _GRAPH
-        with decoding(partial(StorageError, path, "graph", remedy=_REMEDY)):
+        with translate_errors(partial(StorageError, path, "graph", remedy=_REMEDY)):
             self._session = onnxruntime.InferenceSession(
                 str(path), options, providers=["CPUExecutionProvider"]
             )

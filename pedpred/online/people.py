@@ -42,11 +42,11 @@ class People:
         return len(self.track_id)
 
     @classmethod
-    def nobody(cls, clocks: int, memory: Mapping[str, int]) -> People:
+    def nobody(cls, phase_offsets: int, memory: Mapping[str, int]) -> People:
         """An empty place."""
         none, pairs = np.zeros(0), np.zeros((0, 2))
-        empty = {name: np.zeros((0, clocks, units), np.float32) for name, units in memory.items()}
-        ids, ticks = np.zeros(0, np.int64), np.zeros((0, clocks), np.int64)
+        empty = {name: np.zeros((0, phase_offsets, units), np.float32) for name, units in memory.items()}
+        ids, ticks = np.zeros(0, np.int64), np.zeros((0, phase_offsets), np.int64)
         return cls(ids, none, none, pairs, pairs, np.zeros((0, 3)), none, ticks, empty)
 
     def select(self, rows: np.ndarray) -> People:
@@ -119,11 +119,11 @@ def detected(
 def _newborn(
     people: People, time_s: float, track_id: np.ndarray, belief: Belief, standstill_mps: float
 ) -> People:
-    count, clocks = len(track_id), people.ticks.shape[1]
+    count, phase_offsets = len(track_id), people.ticks.shape[1]
     now = np.full(count, time_s)
     heading = _heading(belief.velocity, np.zeros(count), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
-    ticks = np.zeros((count, clocks), np.int64)
+    ticks = np.zeros((count, phase_offsets), np.int64)
     position, velocity, covariance = belief.position, belief.velocity, belief.covariance
     return People(track_id, now, now.copy(), position, velocity, covariance, heading, ticks, memory)
 
@@ -134,8 +134,8 @@ def _heading(velocity: np.ndarray, before: np.ndarray, standstill_mps: float) ->
     return np.where(moving, np.arctan2(velocity[:, 1], velocity[:, 0]), before)
 
 
-def next_ticks_s(people: People, dt_s: float, clock_offset_s: float) -> np.ndarray:
+def next_ticks_s(people: People, dt_s: float, phase_offset_s: float) -> np.ndarray:
     """When each clock of each person ticks next, on the grid that offline features use, s. [N, C]."""
-    offset = np.arange(people.ticks.shape[1]) * clock_offset_s
+    offset = np.arange(people.ticks.shape[1]) * phase_offset_s
     exact = people.born_s[:, None] + offset + people.ticks * dt_s
     return np.round(exact / TIME_TOLERANCE_S) * TIME_TOLERANCE_S

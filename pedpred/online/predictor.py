@@ -28,20 +28,20 @@ class OnlineSettings:
     Attributes:
         max_age_s: somebody is there while the last detection is at most this old, s.
         snap_s: a step that became due at most this long before a frame is taken with the frame, s.
-        clocks: step sequences per person; one is enough on a robot, offline replays may use more.
-        clock_offset_s: between the clocks of one person, s.
+        phase_offsets: step sequences per person; one is enough on a robot, offline replays may use more.
+        phase_offset_s: between the clocks of one person, s.
     """
 
     max_age_s: float = 0.5
     snap_s: float = 0.05
-    clocks: int = 1
-    clock_offset_s: float = 0.0
+    phase_offsets: int = 1
+    phase_offset_s: float = 0.0
 
     @classmethod
     def as_offline(cls, features: FeatureSettings, detection_dt_s: float) -> OnlineSettings:
         """What makes a replay take the steps of a feature table, for detections `detection_dt_s` apart."""
         age_s = features.max_age_intervals * detection_dt_s
-        return cls(age_s, TIME_TOLERANCE_S, features.clocks, detection_dt_s)
+        return cls(age_s, TIME_TOLERANCE_S, features.phase_offsets, detection_dt_s)
 
 
 class OnlinePredictor:
@@ -81,7 +81,7 @@ class OnlinePredictor:
 
     def reset(self) -> None:
         """Forget everybody; the map stays."""
-        self._people = People.nobody(self._settings.clocks, self._about.memory)
+        self._people = People.nobody(self._settings.phase_offsets, self._about.memory)
         self._now = -np.inf
         self._last = self._forecast(np.zeros(0, int), *self._nothing(), 0.0)
 
@@ -128,13 +128,13 @@ class OnlinePredictor:
             first = due.min()
             if not first < until_s - TIME_TOLERANCE_S:
                 return
-            person, clock = np.nonzero(due <= first + TIME_TOLERANCE_S)
-            self._step(person, clock, first, np.ones(len(person), bool))
+            person, phase = np.nonzero(due <= first + TIME_TOLERANCE_S)
+            self._step(person, phase, first, np.ones(len(person), bool))
 
     def _due(self) -> np.ndarray:
         """Next tick of every clock, s; infinite for those who will be forgotten before. [N, C]."""
         people = self._people
-        due = next_ticks_s(people, self.features.dt_s, self._settings.clock_offset_s)
+        due = next_ticks_s(people, self.features.dt_s, self._settings.phase_offset_s)
         gone = due > (people.seen_s + self.features.lost_after_s)[:, None]
         return np.where(gone, np.inf, due)
 
@@ -144,10 +144,10 @@ class OnlinePredictor:
         due = np.less_equal(self._due(), time_s + TIME_TOLERANCE_S)
         there = np.flatnonzero(people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S)
         ticking = due.any(axis=1)
-        person, clock = np.nonzero(due)
+        person, phase = np.nonzero(due)
         waiting = there[~ticking[there]]
         latest = people.ticks[waiting].argmax(axis=1)
-        rows, lanes = np.concatenate([person, waiting]), np.concatenate([clock, latest])
+        rows, lanes = np.concatenate([person, waiting]), np.concatenate([phase, latest])
         keep = np.arange(len(rows)) < len(person)
         velocities, covariance = self._step(rows, lanes, time_s, keep)
         answer = np.full(len(people), -1)
@@ -157,7 +157,7 @@ class OnlinePredictor:
         return self._forecast(there, velocities[spoken], spread, time_s)
 
     def _step(
-        self, person: np.ndarray, clock: np.ndarray, time_s: float, keep: np.ndarray
+        self, person: np.ndarray, phase: np.ndarray, time_s: float, keep: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Run the network for some (person, clock) and remember the step where `keep`.
 
@@ -169,9 +169,9 @@ class OnlinePredictor:
         if not len(person):
             return self._nothing()
         inputs = self._inputs(people.at(person, time_s), time_s)
-        memory = {name: values[person, clock] for name, values in people.memory.items()}
+        memory = {name: values[person, phase] for name, values in people.memory.items()}
         velocities, covariance, after = self._network.step(inputs, memory)
-        who, which = person[keep], clock[keep]
+        who, which = person[keep], phase[keep]
         for name, values in after.items():
             people.memory[name][who, which] = values[keep]
         people.ticks[who, which] += 1

@@ -23,11 +23,13 @@ def replayed(scene: Scene, predictor: OnlinePredictor, true_velocities: bool = F
     """
     predictor.reset()
     predictor.set_map(scene.occupancy)
-    recording = scene.recording
-    instants, first = np.unique(recording.time_s, return_index=True)
-    for now, rows in zip(instants, np.split(np.arange(len(recording)), first[1:]), strict=True):
-        velocity = recording.velocity[rows] if true_velocities and recording.velocity is not None else None
-        yield predictor.update(float(now), recording.track_id[rows], recording.position[rows], velocity)
+    trajectories = scene.trajectories
+    instants, first = np.unique(trajectories.time_s, return_index=True)
+    for now, rows in zip(instants, np.split(np.arange(len(trajectories)), first[1:]), strict=True):
+        velocity = (
+            trajectories.velocity[rows] if true_velocities and trajectories.velocity is not None else None
+        )
+        yield predictor.update(float(now), trajectories.track_id[rows], trajectories.position[rows], velocity)
 
 
 def paths_at(
@@ -79,7 +81,7 @@ def as_windows(scene: Scene, forecasts: Iterable[Forecast], method: str, lost_af
     path = _joined([forecast.position for forecast in known], (steps, 2), np.float64)
     velocity = _joined([forecast.velocity for forecast in known], (steps, 2), np.float64)[:, :1]
     ahead_s = (np.arange(steps) + 1) * dt_s
-    truth, _ = Futures.of(scene.recording, lost_after_s).after(track_id, time_s, ahead_s)
+    truth, _ = Futures.of(scene.trajectories, lost_after_s).after(track_id, time_s, ahead_s)
     first = velocity.reshape(-1, 2) if steps else np.zeros((0, 2))
     present = path[:, 0] - first * dt_s if steps else np.zeros((0, 2))
     told = [forecast.covariance for forecast in known if forecast.covariance is not None]

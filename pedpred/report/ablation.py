@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pedpred.errors import ConfigError
-from pedpred.files import decoding, read_yaml
+from pedpred.files import read_yaml, translate_errors
 from pedpred.report.canvas import blank, styled
 from pedpred.report.methods import colours, label
 from pedpred.report.pages import Picture, Section
@@ -67,7 +67,7 @@ def read_ablation(path: Path) -> Ablation:
         raise ConfigError("ablation", path.stem, f"there are {known}")
     wording = partial(ConfigError, "ablation", str(path))
     plain = read_yaml(path, wording)
-    with decoding(wording):
+    with translate_errors(wording):
         points = {str(name): overrides for name, overrides in plain.pop("points").items()}
         return Ablation(**plain, points=points)
 
@@ -78,7 +78,7 @@ def ablation_sections(asked: Path, found: Path) -> list[Section]:
     for path in sorted(found.glob("*.json")):
         ablation = read_ablation(asked / f"{path.stem}.yaml")
         figure = ablation_figure(ablation, json.loads(path.read_text()))
-        caption = f"Made by python -m stages.ablate {path.stem}; bars: 95 % intervals over tracks."
+        caption = f"Made by python -m tools.ablate {path.stem}; bars: 95 % intervals over tracks."
         sections.append(Section(ablation.title, [Picture(path.stem, caption, figure)]))
     return sections
 

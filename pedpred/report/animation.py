@@ -10,11 +10,11 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from pedpred.errors import ValueRuleError
-from pedpred.files import aside
+from pedpred.files import atomic_write
 from pedpred.report.canvas import FAINT, INK, OBSTACLE
 from pedpred.report.methods import colours, label
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
-from pedpred.scenes import Recording, Scene
+from pedpred.scenes import Scene, Trajectories
 from pedpred.storage.windows import Windows
 
 _PERSON_RADIUS_M = 0.2
@@ -70,7 +70,7 @@ def write_animation(scene: Scene, windows: Windows, animation: Animation, path: 
     palette = frames[len(frames) // 2].quantize(_SHADES, dither=Image.Dither.NONE)
     first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     duration_ms = round(1000 * animation.frame_s)
-    with aside(path) as new:
+    with atomic_write(path) as new:
         first.save(new, save_all=True, append_images=others, duration=duration_ms, loop=0, optimize=False)
 
 
@@ -87,17 +87,17 @@ def busiest_start(time_s: np.ndarray, duration_s: float) -> float:
     return float(time_s[np.argmax(ends - np.arange(len(time_s)))])
 
 
-def positions_at(recording: Recording, time_s: float, longest_gap_s: float) -> dict[int, np.ndarray]:
+def positions_at(trajectories: Trajectories, time_s: float, longest_gap_s: float) -> dict[int, np.ndarray]:
     """Who is there at an instant, and where (m, world, [2]): on the line between two detections.
 
     A track counts as absent within gaps longer than `longest_gap_s`.
     """
     slack_s = 1e-6
-    near = np.abs(recording.time_s - time_s) <= longest_gap_s + slack_s
+    near = np.abs(trajectories.time_s - time_s) <= longest_gap_s + slack_s
     found = {}
-    for track in np.unique(recording.track_id[near]):
-        mine = near & (recording.track_id == track)
-        clock, position = recording.time_s[mine], recording.position[mine]
+    for track in np.unique(trajectories.track_id[near]):
+        mine = near & (trajectories.track_id == track)
+        clock, position = trajectories.time_s[mine], trajectories.position[mine]
         after = int(np.searchsorted(clock, time_s - slack_s))
         before = int(np.searchsorted(clock, time_s + slack_s, side="right")) - 1
         if before < 0 or after == len(clock) or clock[after] - clock[before] > longest_gap_s + slack_s:
@@ -138,16 +138,16 @@ class _Sheet:
 def _frames(scene: Scene, windows: Windows, animation: Animation) -> Iterator[Image.Image]:
     """One picture per instant."""
     sheet = _Sheet(scene, animation.width_px)
-    recording = scene.recording
+    trajectories = scene.trajectories
     start_s = busiest_start(windows.time_s, animation.duration_s)
     colour = colours(windows.paths)[animation.method]
     for time_s in start_s + np.arange(0.0, animation.duration_s, animation.frame_s):
         picture = sheet.ground.copy()
         draw = ImageDraw.Draw(picture)
-        here = positions_at(recording, time_s, _LONGEST_GAP * scene.detection_dt_s)
-        behind = (recording.time_s <= time_s) & (recording.time_s >= time_s - animation.tail_s)
+        here = positions_at(trajectories, time_s, _LONGEST_GAP * scene.detection_dt_s)
+        behind = (trajectories.time_s <= time_s) & (trajectories.time_s >= time_s - animation.tail_s)
         for track, position in here.items():
-            tail = recording.position[behind & (recording.track_id == track)]
+            tail = trajectories.position[behind & (trajectories.track_id == track)]
             draw.line(sheet.pixels(np.vstack([tail, position])), _TAIL, 2 * _SMOOTHING)
         latest = (windows.time_s <= time_s + 1e-6) & (windows.time_s > time_s - scene.detection_dt_s + 1e-6)
         for row in np.flatnonzero(latest & np.isin(windows.track_id, list(here))):

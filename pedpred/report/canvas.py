@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from pedpred.files import aside
+from pedpred.files import atomic_write
 
 DPI = 110
 LARGEST_BYTES = 60_000
@@ -64,5 +64,5 @@ def png_bytes(figure: Figure) -> bytes:
 
 def write_png(figure: Figure, path: Path) -> None:
     """Write the figure as PNG."""
-    with aside(path) as new:
+    with atomic_write(path) as new:
         new.write_bytes(png_bytes(figure))

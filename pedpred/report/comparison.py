@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import StorageError, ValueRuleError
-from pedpred.files import decoding, read_json
+from pedpred.files import read_json, translate_errors
 from pedpred.report.methods import NOTHING
 from pedpred.report.tables import interval, markdown_table
 
@@ -85,7 +85,9 @@ def metrics_at(revision: str, folder: Path) -> dict[str, Any]:
     found = {}
     for name in filter(lambda name: name.endswith(".json"), _said("ls-tree", folder, revision).splitlines()):
         address = f"{revision}:./{name}"
-        with decoding(partial(StorageError, folder / name, revision, remedy="Compare with another revision")):
+        with translate_errors(
+            partial(StorageError, folder / name, revision, remedy="Compare with another revision")
+        ):
             found[Path(name).stem] = json.loads(_said("show", folder, address))
     return found
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pedpred.errors import StorageError
-from pedpred.files import decoding
+from pedpred.files import translate_errors
 from pedpred.report.canvas import INK, blank, styled
 from pedpred.report.methods import colours, label
 
@@ -31,7 +31,7 @@ def read_curve(path: Path) -> pd.DataFrame:
     Raises:
         StorageError: the file cannot be read or has no column `epoch`.
     """
-    with decoding(partial(StorageError, path, "file", remedy="Train again (dvc repro)")):
+    with translate_errors(partial(StorageError, path, "file", remedy="Train again (dvc repro)")):
         curve = pd.read_csv(path, sep="\t")
     if "epoch" not in curve:
         raise StorageError(path, "column epoch", "it is missing", "Train again (dvc repro)")

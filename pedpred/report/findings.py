@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from pedpred.report.measures import MethodMetrics
 from pedpred.report.methods import MODEL, NOTHING, YARDSTICK, label
-from pedpred.report.metrics import MethodMetrics
 
 GRID_GAIN = 1.15
 """By what factor the error without the obstacle grid is expected to be larger, in simulation."""

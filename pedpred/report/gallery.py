@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 
 from pedpred.errors import ValueRuleError
-from pedpred.models.autoencoder import GridAutoencoder
-from pedpred.report.calibration import calibration_figure, told_by
+from pedpred.networks.autoencoder import GridAutoencoder
+from pedpred.report.calibration_plots import calibration_figure, told_by
 from pedpred.report.curves import curves_figure
 from pedpred.report.encounters import before_obstacle, mutual_avoidance
 from pedpred.report.horizon import horizon_figure
 from pedpred.report.instants import Instant, choose
-from pedpred.report.metrics import MethodMetrics
+from pedpred.report.measures import MethodMetrics
 from pedpred.report.pages import POOLED, Picture, Section
 from pedpred.report.plan import arrangement_figure, contact_sheet
 from pedpred.report.reconstructions import (

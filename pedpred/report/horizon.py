@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from pedpred.report.canvas import blank, styled
+from pedpred.report.measures import MethodMetrics
 from pedpred.report.methods import colours, label, ordered
-from pedpred.report.metrics import MethodMetrics
 
 _OUTLIER = 1.6
 """A method whose last box ends this much above all others' does not set the scale."""

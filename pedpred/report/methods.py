@@ -14,7 +14,7 @@ NOTHING = "-"
 
 LABELS = {
     "cv": "CV",
-    "cacc": "CAcc",
+    "ca": "CAcc",
     "kalman_cv": "Kalman CV",
     "social_force": "SF, true goal",
     "goal_blind": "SF, goal inferred",
@@ -27,7 +27,7 @@ LABELS = {
 # Okabe & Ito's palette, distinguishable with every common colour blindness.
 _COLOURS = {
     "cv": "#7F7F7F",
-    "cacc": "#CC79A7",
+    "ca": "#CC79A7",
     "kalman_cv": "#0072B2",
     "social_force": "#009E73",
     "goal_blind": "#56B4E9",
@@ -38,8 +38,8 @@ _COLOURS = {
 _FURTHER_COLOURS = ("#332288", "#882255", "#44AA99", "#DDCC77")
 
 PAPER_ADE_M = {
-    "sim": {"social_force": 0.071, "lstm": 0.169, "lstm_nogrid": 0.220, "cv": 0.652, "cacc": 0.659},
-    "real": {"social_force": 0.667, "lstm": 0.179, "lstm_nogrid": 0.193, "cv": 0.676, "cacc": 0.682},
+    "sim": {"social_force": 0.071, "lstm": 0.169, "lstm_nogrid": 0.220, "cv": 0.652, "ca": 0.659},
+    "real": {"social_force": 0.667, "lstm": 0.179, "lstm_nogrid": 0.193, "cv": 0.676, "ca": 0.682},
 }
 """Average prediction error, m. Pfeiffer et al. 2018, table I."""
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import pandas as pd
 
+from pedpred.report.measures import LEAKY, MethodMetrics
 from pedpred.report.methods import ordered
-from pedpred.report.metrics import LEAKY, MethodMetrics
 from pedpred.report.pages import POOLED
 
 

@@ -17,8 +17,8 @@ from pedpred.report.findings import (
     simulation_findings,
     summed_up,
 )
+from pedpred.report.measures import LEAKY, MethodMetrics, noncausal
 from pedpred.report.methods import MODEL, PAPER_ADE_M, YARDSTICK, label
-from pedpred.report.metrics import LEAKY, MethodMetrics, leaks
 from pedpred.report.tables import calibration_table, findings_table, interval, methods_table, scenes_table
 
 POOLED = "sim_test"
@@ -30,7 +30,7 @@ READING = (
     "table, measured on its own windows."
 )
 IRREPRODUCIBLE = (
-    f"The paper's own CV ({PAPER_ADE_M['real']['cv']} m) and CAcc ({PAPER_ADE_M['real']['cacc']} m) on real "
+    f"The paper's own CV ({PAPER_ADE_M['real']['cv']} m) and CAcc ({PAPER_ADE_M['real']['ca']} m) on real "
     "data could not be reproduced from its text by any variant tried, so its column is not on the scale of "
     "ours: compare methods within a column, not across."
 )
@@ -89,7 +89,7 @@ def simulation_page(scenes: Mapping[str, MethodMetrics], sections: Sequence[Sect
     findings = [("all arrangements", finding) for finding in simulation_findings(pooled)]
     parts = [
         "# Simulation: arrangements of obstacles that no training saw",
-        *([ALL_LEAKS] if leaks(scenes) else []),
+        *([ALL_LEAKS] if noncausal(scenes) else []),
         f"**{answer(pooled, 'In simulated arrangements that no training saw')}**",
         methods_table(pooled, PAPER_ADE_M["sim"]),
         READING,
@@ -111,7 +111,7 @@ def real_page(scenes: Mapping[str, MethodMetrics], sections: Sequence[Section], 
     answers = [answer(methods, f"At {place[name]}") for name, methods in honest.items()]
     findings = [(name, f) for name, methods in honest.items() for f in real_findings(methods)]
     parts = ["# Real pedestrians: tested where no network was tuned"]
-    parts += [*([ALL_LEAKS] if leaks(scenes) else []), f"**{' '.join(answers)}**"]
+    parts += [*([ALL_LEAKS] if noncausal(scenes) else []), f"**{' '.join(answers)}**"]
     for name, methods in honest.items():
         parts += [f"Tested at {place[name]}:", methods_table(methods, PAPER_ADE_M["real"])]
     parts += [

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from pedpred.geometry import rotate
 from pedpred.report.canvas import FAINT, INK, OBSTACLE, blank, styled
-from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 
 _SHEET_IN, _GAP_M = 11.0, 1.0  # width of a contact sheet, ground between its rooms
 _TRACK_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F")
@@ -67,11 +67,11 @@ def draw_tracks(axes: Axes, paths: Sequence[np.ndarray], width: float = 0.7) -> 
     axes.add_collection(LineCollection(paths, colors=colour, linewidths=width, alpha=0.6))
 
 
-def first_paths(recording: Recording, shown_s: float) -> list[np.ndarray]:
+def first_paths(trajectories: Trajectories, shown_s: float) -> list[np.ndarray]:
     """Each track's positions in the first `shown_s` seconds, in order of time, world frame, m. [M, 2]."""
-    if not len(recording):
+    if not len(trajectories):
         return []
-    shown = recording.select(recording.time_s <= recording.time_s.min() + shown_s)
+    shown = trajectories.select(trajectories.time_s <= trajectories.time_s.min() + shown_s)
     order = np.lexsort((shown.time_s, shown.track_id))
     return np.split(shown.position[order], np.flatnonzero(np.diff(shown.track_id[order])) + 1)
 
@@ -85,7 +85,7 @@ def arrangement_figure(scene: Scene, shown_s: float) -> Figure:
     figure = blank(width, 0.35 + width * (top - bottom) / (right - left))
     axes = figure.subplots()
     draw_ground(axes, scene.occupancy, turns)
-    draw_tracks(axes, [turned(path, turns) for path in first_paths(scene.recording, shown_s)])
+    draw_tracks(axes, [turned(path, turns) for path in first_paths(scene.trajectories, shown_s)])
     return figure
 
 
@@ -102,7 +102,7 @@ def contact_sheet(scenes: Sequence[Scene], shown_s: float, columns: int) -> Figu
         right, top = corner + scene.occupancy.extent_m
         image = scene.occupancy.occupied.T
         axes.imshow(image, extent=(left, right, low, top), interpolation="antialiased", **_OBSTACLES)
-        paths = first_paths(scene.recording, shown_s)
+        paths = first_paths(scene.trajectories, shown_s)
         draw_tracks(
             axes, [path - scene.occupancy.origin + corner for path in paths], width=3.0 / max(columns, 3)
         )

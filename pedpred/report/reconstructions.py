@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from matplotlib.figure import Figure
 
-from pedpred.models.autoencoder import GridAutoencoder, intersection_over_union
+from pedpred.networks.autoencoder import GridAutoencoder, intersection_over_union
 from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.inputs import grid_image
 from pedpred.storage.windows import Windows

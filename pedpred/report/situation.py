@@ -13,11 +13,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
 from pedpred.evaluation.calibration import shown_steps
-from pedpred.report.calibration import ellipse
+from pedpred.report.calibration_plots import ellipse
 from pedpred.report.canvas import INK
 from pedpred.report.instants import Instant
 from pedpred.report.methods import colours, label
-from pedpred.scenes import Recording
+from pedpred.scenes import Trajectories
 from pedpred.storage.windows import Windows
 
 ARROW_S = 0.75
@@ -70,14 +70,14 @@ def _draw_regions(axes: Axes, windows: Windows, rows: np.ndarray, method: str, p
 
 
 def draw_bystanders(
-    axes: Axes, recording: Recording, windows: Windows, instant: Instant, place: Placing
+    axes: Axes, trajectories: Trajectories, windows: Windows, instant: Instant, place: Placing
 ) -> None:
     """People who are there but not evaluated (too short a past or future), as empty grey circles."""
-    stamps = np.unique(recording.time_s)
+    stamps = np.unique(trajectories.time_s)
     nearest = stamps[np.argmin(np.abs(stamps - instant.time_s))]
-    here = (recording.time_s == nearest) & ~np.isin(recording.track_id, windows.track_id[instant.rows])
+    here = (trajectories.time_s == nearest) & ~np.isin(trajectories.track_id, windows.track_id[instant.rows])
     if here.any():
-        at = place(recording.position[here])
+        at = place(trajectories.position[here])
         axes.scatter(
             at[:, 0], at[:, 1], s=70, facecolors="white", edgecolors=_BYSTANDER, linewidths=1.2, zorder=2
         )

@@ -54,7 +54,7 @@ def camera_figure(scene: Scene, windows: Windows, instant: Instant) -> Figure:
     view, plan = figure.add_subplot(layout[:, 0]), figure.add_subplot(layout[:, 1])
     homography = scene.camera.homography
     view.imshow(pale(scene.camera.picture), cmap="gray", vmin=0, vmax=255)
-    draw_bystanders(view, scene.recording, windows, instant, lambda p: homography.to_image(p)[..., ::-1])
+    draw_bystanders(view, scene.trajectories, windows, instant, lambda p: homography.to_image(p)[..., ::-1])
     draw_people(view, windows, instant, SHOWN, lambda p: homography.to_image(p)[..., ::-1])
     view.set(xticks=[], yticks=[], xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
     view.spines[:].set_visible(False)
@@ -80,7 +80,7 @@ def _draw_inputs(figure: Figure, layout: GridSpec, windows: Windows, instant: In
 def _draw_plan(axes: Axes, scene: Scene, windows: Windows, instant: Instant) -> None:
     turns = quarter_turns_of(scene.camera)
     draw_ground(axes, scene.occupancy, turns)
-    draw_bystanders(axes, scene.recording, windows, instant, lambda points: turned(points, turns))
+    draw_bystanders(axes, scene.trajectories, windows, instant, lambda points: turned(points, turns))
     draw_people(axes, windows, instant, SHOWN, lambda points: turned(points, turns))
 
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from pedpred.evaluation.calibration import REGIONS, shown_steps
 from pedpred.report.findings import Finding
+from pedpred.report.measures import MethodMetrics
 from pedpred.report.methods import MODEL, NOTHING, YARDSTICK, label, ordered
-from pedpred.report.metrics import MethodMetrics
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> str:

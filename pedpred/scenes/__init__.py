@@ -1,9 +1,10 @@
-"""The vocabulary: what was seen (`Recording`), where (`OccupancyMap`), and what is forecast."""
+"""The vocabulary: what was seen (`Trajectories`), where (`OccupancyMap`), and what is forecast."""
 
 from pedpred.scenes.forecast import Forecast
 from pedpred.scenes.occupancy import OccupancyMap
-from pedpred.scenes.recording import Recording
+from pedpred.scenes.predictions import Predictions
 from pedpred.scenes.scene import Camera, Scene
+from pedpred.scenes.trajectories import Trajectories
 from pedpred.scenes.variants import VARIANTS
 
-__all__ = ["VARIANTS", "Camera", "Forecast", "OccupancyMap", "Recording", "Scene"]
+__all__ = ["VARIANTS", "Camera", "Forecast", "OccupancyMap", "Predictions", "Scene", "Trajectories"]

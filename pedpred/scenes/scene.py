@@ -9,7 +9,7 @@ import numpy as np
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.scenes.occupancy import OccupancyMap
-from pedpred.scenes.recording import Recording
+from pedpred.scenes.trajectories import Trajectories
 
 
 @dataclass(frozen=True)
@@ -35,14 +35,14 @@ class Scene:
 
     Attributes:
         name: short identifier, also its folder's name.
-        recording: who was where, and when.
+        trajectories: who was where, and when.
         occupancy: the static obstacles.
         detection_dt_s: usual time between two detections of a track, s.
         camera: optional view of the place.
     """
 
     name: str
-    recording: Recording
+    trajectories: Trajectories
     occupancy: OccupancyMap
     detection_dt_s: float
     camera: Camera | None = None

@@ -11,22 +11,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from pedpred.scenes.recording import Recording
 from pedpred.scenes.scene import Scene
+from pedpred.scenes.trajectories import Trajectories
 
 _MIRROR = np.array([-1.0, 1.0])
 
 
 def mirrored(scene: Scene) -> Scene:
     """Left and right exchanged: x becomes -x, for people and obstacles."""
-    places, people = scene.occupancy, scene.recording
+    places, people = scene.occupancy, scene.trajectories
     edge = -(places.origin[0] + places.extent_m[0])
     return replace(
         scene,
         occupancy=replace(
             places, occupied=places.occupied[::-1].copy(), origin=np.array([edge, places.origin[1]])
         ),
-        recording=replace(
+        trajectories=replace(
             people,
             position=people.position * _MIRROR,
             velocity=None if people.velocity is None else people.velocity * _MIRROR,
@@ -38,12 +38,12 @@ def mirrored(scene: Scene) -> Scene:
 
 def backwards(scene: Scene) -> Scene:
     """The recording from its last instant to its first; people who walk backwards have no known goal."""
-    people: Recording = scene.recording
+    people: Trajectories = scene.trajectories
     if not len(people.time_s):
         return replace(scene, camera=None)
     return replace(
         scene,
-        recording=replace(
+        trajectories=replace(
             people,
             time_s=people.time_s.min() + people.time_s.max() - people.time_s,
             velocity=None if people.velocity is None else -people.velocity,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pedpred.errors import ConfigError
-from pedpred.scenes import OccupancyMap, Recording, Scene
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.crowd import Clock, Crowd, crowd_of
 from pedpred.simulation.ground import Ground, ground_of
 from pedpred.simulation.kernel import advance
@@ -61,7 +61,7 @@ def simulate(
     position, velocity, leg = (values[skipped:] for values in recorded)
     goal = routes.target[np.take_along_axis(crowd.plan, leg.T, axis=1).T]
     rows = leg.size
-    recording = Recording(
+    trajectories = Trajectories(
         time_s=np.repeat(np.round(np.arange(len(leg)) * clock.record_s, 9), pedestrians),
         track_id=np.tile(np.arange(pedestrians), len(leg)),
         position=position.reshape(rows, 2),
@@ -69,7 +69,7 @@ def simulate(
         goal=goal.reshape(rows, 2),
         desired_speed_mps=np.tile(crowd.desired_speed, len(leg)),
     )
-    return Scene(name, recording, occupancy, clock.record_s)
+    return Scene(name, trajectories, occupancy, clock.record_s)
 
 
 def rollout(

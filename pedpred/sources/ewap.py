@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import ConfigError, SourceError, ValueRuleError
-from pedpred.files import decoding, read_picture
+from pedpred.files import read_picture, translate_errors
 from pedpred.geometry import Homography
-from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources.obstacles import occupancy_from_image
 from pedpred.sources.text import numbers, text_rows, whole_number
 
@@ -64,7 +64,7 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
     rows = _read_annotations(folder / "obsmat.txt")
     _check_in_picture(folder, rows, homography, blocked.shape)
     groups = _read_groups(folder / "groups.txt", set(rows.track_id.tolist()))
-    recording = Recording(
+    trajectories = Trajectories(
         time_s=rows.frame / settings["frame_rate_hz"],
         track_id=rows.track_id,
         position=rows.position,
@@ -72,7 +72,7 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
     )
     occupancy = _occupancy(folder, blocked, homography, rows.position, settings)
     return Scene(
-        name, recording, occupancy, settings["annotation_frames"] / settings["frame_rate_hz"], camera
+        name, trajectories, occupancy, settings["annotation_frames"] / settings["frame_rate_hz"], camera
     )
 
 
@@ -115,7 +115,7 @@ def _read_homography(path: Path) -> Homography:
     rows = [numbers(path, line, fields, ("h_1", "h_2", "h_3")) for line, fields in text_rows(path)]
     if len(rows) != 3:
         raise SourceError(path, None, f"{len(rows)} rows, expected a 3 x 3 matrix")
-    with decoding(partial(SourceError, path, None)):
+    with translate_errors(partial(SourceError, path, None)):
         return Homography(np.array(rows), first_pixel=_FIRST_PIXEL)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from pedpred.errors import SourceError
-from pedpred.files import decoding, read_bytes
+from pedpred.files import read_bytes, translate_errors
 
 _LARGEST_WHOLE = 2**53
 
@@ -16,7 +16,7 @@ def text_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line number (from 1) and blank-separated fields of each line that has any."""
     if not path.exists():
         raise SourceError(path, None, "the file is missing")
-    with decoding(lambda problem: SourceError(path, None, f"not a readable text file ({problem})")):
+    with translate_errors(lambda problem: SourceError(path, None, f"not a readable text file ({problem})")):
         text = read_bytes(path).decode("ascii")
     for line, content in enumerate(text.splitlines(), start=1):
         if fields := content.split():

@@ -11,14 +11,14 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from pedpred.errors import StorageError
-from pedpred.files import aside, decoding, read_json, write_text
+from pedpred.files import atomic_write, read_json, translate_errors, write_text
 
 _REMEDY = "Train it again (dvc repro)"
 
 
 def write_checkpoint(folder: Path, weights: dict[str, torch.Tensor], about: dict[str, Any]) -> None:
     """Write `weights.safetensors` and `about.json` (what the network is, how it reads its inputs)."""
-    with aside(folder / "weights.safetensors") as new:
+    with atomic_write(folder / "weights.safetensors") as new:
         save_file({k: v.detach().cpu().contiguous() for k, v in weights.items()}, new)
     write_text(folder / "about.json", json.dumps(about, indent=1, sort_keys=True) + "\n")
 
@@ -30,7 +30,7 @@ def read_checkpoint(folder: Path) -> tuple[dict[str, torch.Tensor], dict[str, An
         StorageError: a file is missing or damaged.
     """
     path = folder / "weights.safetensors"
-    with decoding(partial(StorageError, path, "file", remedy=_REMEDY)):
+    with translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)):
         weights = load_file(path)
     about = folder / "about.json"
     return weights, read_json(about, partial(StorageError, about, "file", remedy=_REMEDY))
@@ -42,5 +42,5 @@ def load_weights(module: torch.nn.Module, weights: dict[str, torch.Tensor], fold
     Raises:
         StorageError: names or shapes do not fit, which means the configuration has changed.
     """
-    with decoding(partial(StorageError, folder / "weights.safetensors", "weights", remedy=_REMEDY)):
+    with translate_errors(partial(StorageError, folder / "weights.safetensors", "weights", remedy=_REMEDY)):
         module.load_state_dict(weights, assign=True)

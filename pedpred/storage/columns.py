@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pedpred.errors import StorageError
-from pedpred.files import aside, decoding
+from pedpred.files import atomic_write, translate_errors
 
 _VERSION_KEY = b"pedpred.schema"
 _REMEDY = "Rebuild it with dvc repro"
@@ -43,7 +43,7 @@ def write_blocks(
         split: columns whose floats are stored byte-stream-split, which pays where values do not repeat.
     """
     writer: pq.ParquetWriter | None = None
-    with aside(path) as new, ExitStack() as open_files:
+    with atomic_write(path) as new, ExitStack() as open_files:
         for columns in blocks:
             table = pa.table({n: _to_arrow(np.ascontiguousarray(v)) for n, v in columns.items()})
             if version is not None:
@@ -84,7 +84,7 @@ def read_blocks(
             numbers or of another shape; it names file and field.
     """
     with (
-        decoding(partial(StorageError, path, "file", remedy=_REMEDY)),
+        translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)),
         pq.ParquetFile(path, page_checksum_verification=True) as file,
     ):
         _check(path, file.schema_arrow, shapes, version)

@@ -20,16 +20,16 @@ from PIL import Image
 from pedpred.errors import StorageError
 from pedpred.files import (
     Wording,
-    aside,
-    decoding,
+    atomic_write,
     read_json,
     read_picture,
     read_yaml,
+    translate_errors,
     write_json,
     write_text,
 )
 from pedpred.geometry import Homography
-from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 
 SCENE_SCHEMA = 1
 _PAIRS = {"position": ("x_m", "y_m"), "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
@@ -41,8 +41,8 @@ _REMEDY = "Write the scene again (dvc repro) or correct the file"
 
 def write_scene(scene: Scene, folder: Path) -> None:
     """Write a scene; `read_scene` returns an equal one."""
-    with aside(folder / "tracks.parquet") as new:
-        tracks_table(scene.recording).to_parquet(new, index=False, compression="zstd")
+    with atomic_write(folder / "tracks.parquet") as new:
+        tracks_table(scene.trajectories).to_parquet(new, index=False, compression="zstd")
     write_map(scene.occupancy, folder)
     about: dict[str, object] = {
         "schema": SCENE_SCHEMA,
@@ -66,15 +66,15 @@ def read_scene(folder: Path) -> Scene:
     about = read_json(path, _wording(path, "file"))
     if about.get("schema") != SCENE_SCHEMA:
         raise StorageError(path, "schema", f"{about.get('schema')!r}, expected {SCENE_SCHEMA}", _REMEDY)
-    recording = _read_tracks(folder)
+    trajectories = _read_tracks(folder)
     free = not (folder / "map.yaml").exists()
-    occupancy = OccupancyMap.free_around(recording.position) if free else read_map(folder)
-    with decoding(_wording(path, "scene")):
+    occupancy = OccupancyMap.free_around(trajectories.position) if free else read_map(folder)
+    with translate_errors(_wording(path, "scene")):
         camera, view = None, folder / "reference.png"
         if "homography" in about and view.exists():
             picture = read_picture(view, "RGB", _wording(view, "file"))
             camera = Camera(Homography(np.array(about["homography"]), about["first_pixel"]), picture)
-        return Scene(about["name"], recording, occupancy, about["detection_dt_s"], camera)
+        return Scene(about["name"], trajectories, occupancy, about["detection_dt_s"], camera)
 
 
 def scene_folders(folder: Path) -> list[Path]:
@@ -92,11 +92,11 @@ def read_scenes(folder: Path) -> Iterator[Scene]:
     return (read_scene(path) for path in scene_folders(folder))
 
 
-def tracks_table(recording: Recording) -> pd.DataFrame:
+def tracks_table(trajectories: Trajectories) -> pd.DataFrame:
     """The recording as columns with units in their names."""
     columns: dict[str, np.ndarray] = {}
-    for field in fields(recording):
-        value = getattr(recording, field.name)
+    for field in fields(trajectories):
+        value = getattr(trajectories, field.name)
         if value is None:
             continue
         for column, part in zip(_PAIRS.get(field.name, (field.name,)), np.atleast_2d(value.T), strict=True):
@@ -104,14 +104,14 @@ def tracks_table(recording: Recording) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def tracks_of(table: pd.DataFrame, path: Path) -> Recording:
+def tracks_of(table: pd.DataFrame, path: Path) -> Trajectories:
     """The recording that `tracks_table` made a table of; `path` is where the table was found.
 
     Raises:
         StorageError: a column is missing or holds no numbers; it is named.
     """
     values: dict[str, np.ndarray] = {}
-    for field in fields(Recording):
+    for field in fields(Trajectories):
         columns = _PAIRS.get(field.name, (field.name,))
         missing = [column for column in columns if column not in table]
         if missing and field.name in ("time_s", "track_id", "position"):
@@ -123,7 +123,7 @@ def tracks_of(table: pd.DataFrame, path: Path) -> Recording:
                         path, f"column {column}", f"{table[column].dtype}, not numbers", _REMEDY
                     )
             values[field.name] = table[columns[0] if len(columns) == 1 else list(columns)].to_numpy()
-    return Recording(**values)
+    return Trajectories(**values)
 
 
 def write_map(occupancy: OccupancyMap, folder: Path) -> None:
@@ -150,7 +150,7 @@ def read_map(folder: Path) -> OccupancyMap:
     """
     path = folder / "map.yaml"
     about = read_yaml(path, _wording(path, "map"))
-    with decoding(_wording(path, "map")):
+    with translate_errors(_wording(path, "map")):
         x, y, yaw = about["origin"]
         if yaw:
             raise StorageError(path, "origin", f"yaw is {yaw} rad", "Only maps with yaw 0 are understood")
@@ -163,28 +163,28 @@ def read_map(folder: Path) -> OccupancyMap:
         return OccupancyMap(occupied[::-1].T, np.array([x, y]), float(about["resolution"]))
 
 
-def read_tracks_csv(path: Path) -> Recording:
+def read_tracks_csv(path: Path) -> Trajectories:
     """Detections from CSV with a header: `time`, `id`, `x`, `y` or the names of tracks.parquet, in any order.
 
     Raises:
         StorageError: the file is no table, or a column is missing or holds no numbers; it is named.
     """
-    with decoding(_wording(path, "file")):
+    with translate_errors(_wording(path, "file")):
         table = pd.read_csv(path, skipinitialspace=True)
         table = table.astype(np.float64) if table.empty else table  # no rows, no types
         return tracks_of(table.rename(columns=_SHORT_NAMES), path)
 
 
-def _read_tracks(folder: Path) -> Recording:
+def _read_tracks(folder: Path) -> Trajectories:
     path = folder / "tracks.parquet"
     if not path.exists() and (folder / "tracks.csv").exists():
         return read_tracks_csv(folder / "tracks.csv")
-    with decoding(_wording(path, "file")):
+    with translate_errors(_wording(path, "file")):
         return tracks_of(pd.read_parquet(path), path)
 
 
 def _write_picture(picture: np.ndarray, path: Path) -> None:
-    with aside(path) as new:
+    with atomic_write(path) as new:
         Image.fromarray(picture).save(new)
 
 

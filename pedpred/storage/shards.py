@@ -1,4 +1,4 @@
-"""Feature tables and grid codes on disk: one Parquet shard per scene, one manifest per folder."""
+"""Feature tables and grid embeddings on disk: one Parquet shard per scene, one manifest per folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.files import decoding, read_json, write_json
+from pedpred.files import read_json, translate_errors, write_json
 from pedpred.storage.columns import read_blocks, write_blocks
 
 FEATURE_SCHEMA = 2
@@ -43,7 +43,7 @@ def columns_of(settings: FeatureSettings) -> dict[str, Column]:
     cones = "m, cone k covers [k, k+1) * 2 pi / angular_cells counter-clockwise from the heading"
     by_field = {
         "track_id": Column("int64"),
-        "clock": Column("int8"),
+        "phase": Column("int8"),
         "step": Column("int32", unit="dt_s since the first step of (track_id, clock)"),
         "time_s": Column("float64", unit="s"),
         "position": Column("float64", unit="m, world"),
@@ -120,7 +120,7 @@ def read_manifest(folder: Path) -> tuple[FeatureSettings, dict[str, str]]:
     path = folder / "manifest.json"
     wording = partial(StorageError, path, "manifest", remedy=_REMEDY)
     about = read_json(path, wording)
-    with decoding(wording):
+    with translate_errors(wording):
         if about["schema"] != FEATURE_SCHEMA:
             raise StorageError(path, "schema", f"{about['schema']!r}, expected {FEATURE_SCHEMA}", _REMEDY)
         scenes = {name: str(shard["scene_sha256"]) for name, shard in about["shards"].items()}
@@ -166,12 +166,12 @@ def _blocks(
         yield columns
 
 
-def write_codes(blocks: Iterable[np.ndarray], folder: Path, name: str) -> None:
+def write_embeddings(blocks: Iterable[np.ndarray], folder: Path, name: str) -> None:
     """Write the frozen encoder's outputs, row for row with the shard's blocks. [m, C] float16 each."""
-    write_blocks(({"code": codes} for codes in blocks), folder / f"{name}.parquet")
+    write_blocks(({"embedding": embeddings} for embeddings in blocks), folder / f"{name}.parquet")
 
 
-def read_codes(folder: Path, name: str) -> Iterator[np.ndarray]:
+def read_embeddings(folder: Path, name: str) -> Iterator[np.ndarray]:
     """Read the encoder's outputs of one scene, block by block: [m, C] float16; errors of `read_blocks`."""
-    wanted = {"code": Column("float16", (-1,))}
-    return (columns["code"] for columns in _blocks(folder / f"{name}.parquet", wanted, version=None))
+    wanted = {"embedding": Column("float16", (-1,))}
+    return (columns["embedding"] for columns in _blocks(folder / f"{name}.parquet", wanted, version=None))

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pedpred.errors import StorageError
-from pedpred.files import decoding
+from pedpred.files import translate_errors
 from pedpred.geometry import rotate
 from pedpred.storage.columns import read_columns
 
@@ -79,7 +79,7 @@ def read_windows(path: Path) -> Windows:
     Raises:
         StorageError: the file cannot be read, or a column is missing or has another type; it is named.
     """
-    with decoding(partial(StorageError, path, "file", remedy=_REMEDY)):
+    with translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)):
         types = {column.name: column.type for column in pq.read_schema(path)}
         shapes: dict[str, tuple[int, ...]] = {name: () for name in _PLAIN}
         shapes |= {name: (_width(types, name),) for name in ("grid", "angular_grid")}

@@ -2,21 +2,18 @@
 
 from pedpred.tracking.kalman import Belief, born, predicted, updated
 from pedpred.tracking.resampling import resampled
-from pedpred.tracking.sensor import SensorSettings, sensed
 from pedpred.tracking.tracks import KalmanSettings, Tracks, follow, settled
 from pedpred.tracking.tuning import log_likelihood, tuned
 
 __all__ = [
     "Belief",
     "KalmanSettings",
-    "SensorSettings",
     "Tracks",
     "born",
     "follow",
     "log_likelihood",
     "predicted",
     "resampled",
-    "sensed",
     "settled",
     "tuned",
     "updated",

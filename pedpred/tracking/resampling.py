@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from pedpred.scenes import Recording, Scene
+from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, births
 
 
@@ -24,10 +24,10 @@ def resampled(scene: Scene, dt_s: float, lost_after_s: float = 2.0) -> Scene:
         dt_s: time between the new states, s.
         lost_after_s: an id that was silent for longer is somebody new, s.
     """
-    recording = scene.recording
-    order = np.lexsort((recording.time_s, recording.track_id))
+    trajectories = scene.trajectories
+    order = np.lexsort((trajectories.time_s, trajectories.track_id))
     track_id, time_s, position = (
-        values[order] for values in (recording.track_id, recording.time_s, recording.position)
+        values[order] for values in (trajectories.track_id, trajectories.time_s, trajectories.position)
     )
     first = np.flatnonzero(births(track_id, time_s, lost_after_s))
     parts: list[tuple[np.ndarray, ...]] = []
@@ -40,4 +40,4 @@ def resampled(scene: Scene, dt_s: float, lost_after_s: float = 2.0) -> Scene:
             parts.append((now, np.full(ticks, track_id[a]), path, pace))
     empty = (np.zeros(0), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2)))
     columns = [np.concatenate(column) for column in zip(empty, *parts, strict=True)]
-    return replace(scene, recording=Recording(*columns), detection_dt_s=dt_s)
+    return replace(scene, trajectories=Trajectories(*columns), detection_dt_s=dt_s)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pedpred.errors import ConfigError, ValueRuleError
-from pedpred.scenes import Recording
+from pedpred.scenes import Trajectories
 from pedpred.tracking.kalman import Belief, born, predicted, updated
 
 TIME_TOLERANCE_S = 1e-6
@@ -123,7 +123,7 @@ def births(track_id: np.ndarray, time_s: np.ndarray, lost_after_s: float) -> np.
 
 
 def follow(
-    recording: Recording,
+    trajectories: Trajectories,
     kind: str,
     kalman: KalmanSettings | None,
     standstill_mps: float,
@@ -132,7 +132,7 @@ def follow(
     """Track everybody in a recording, causally. Time stamps may be irregular, tracks may have gaps.
 
     Args:
-        recording: detections.
+        trajectories: detections.
         kind: "kalman" filters the positions; "truth" passes on the states that the recording knows.
         kalman: the filter's parameters, for kind "kalman".
         standstill_mps: below this speed a pedestrian keeps the heading it had, m/s.
@@ -141,17 +141,17 @@ def follow(
     Raises:
         ConfigError: an unknown kind, or "truth" for a recording without velocities.
     """
-    order = np.lexsort((recording.time_s, recording.track_id))
-    track_id, time_s = recording.track_id[order], recording.time_s[order]
-    person_id = track_id if recording.person_id is None else recording.person_id[order]
-    detection = recording.position[order]
+    order = np.lexsort((trajectories.time_s, trajectories.track_id))
+    track_id, time_s = trajectories.track_id[order], trajectories.time_s[order]
+    person_id = track_id if trajectories.person_id is None else trajectories.person_id[order]
+    detection = trajectories.position[order]
     born_here = births(track_id, time_s, lost_after_s)
     first = np.flatnonzero(born_here)
     age = np.arange(len(track_id)) - np.repeat(first, np.diff(first, append=len(track_id)))
     if kind == "kalman" and kalman is not None:
         state = _filtered(time_s, detection, age, kalman)
-    elif kind == "truth" and recording.velocity is not None:
-        state = Belief(detection, recording.velocity[order], np.zeros((len(detection), 3)))
+    elif kind == "truth" and trajectories.velocity is not None:
+        state = Belief(detection, trajectories.velocity[order], np.zeros((len(detection), 3)))
     else:
         raise ConfigError("tracker.kind", kind, "use 'kalman', or 'truth' where the source knows velocities")
     return Tracks(

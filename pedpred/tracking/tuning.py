@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize
 
-from pedpred.scenes import Recording
+from pedpred.scenes import Trajectories
 from pedpred.tracking.tracks import KalmanSettings, follow
 
 _START = KalmanSettings(acceleration_noise=0.1, position_noise_m=0.1, initial_speed_mps=1.0)
 
 
-def log_likelihood(recording: Recording, settings: KalmanSettings, ahead: int) -> float:
+def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: int) -> float:
     """Mean log density of the next `ahead` detections of a pedestrian, each given those up to now.
 
     With innovation n = z - x and S = P_pp + r^2 of the state extrapolated to that detection, both axes alike:
@@ -20,11 +20,11 @@ def log_likelihood(recording: Recording, settings: KalmanSettings, ahead: int) -
     5.4.2); farther, a composite likelihood (Varin, Reid & Firth 2011) of what the tracker is asked for.
 
     Args:
-        recording: detections.
+        trajectories: detections.
         settings: noise parameters.
         ahead: how many detections, counted within a life.
     """
-    tracks = follow(recording, "kalman", settings, standstill_mps=0.0)
+    tracks = follow(trajectories, "kalman", settings, standstill_mps=0.0)
     total, count = 0.0, 0
     for distance in range(1, ahead + 1):
         row = np.arange(len(tracks.life) - distance)
@@ -37,11 +37,11 @@ def log_likelihood(recording: Recording, settings: KalmanSettings, ahead: int) -
     return total / count
 
 
-def tuned(recording: Recording, ahead: int) -> KalmanSettings:
+def tuned(trajectories: Trajectories, ahead: int) -> KalmanSettings:
     """The most likely noise parameters of a recording.
 
     Args:
-        recording: detections of the *training* place.
+        trajectories: detections of the *training* place.
         ahead: see `log_likelihood`.
     """
 
@@ -50,7 +50,7 @@ def tuned(recording: Recording, ahead: int) -> KalmanSettings:
 
     start = [_START.acceleration_noise, _START.position_noise_m, _START.initial_speed_mps]
     found = minimize(
-        lambda x: -log_likelihood(recording, settings(x), ahead),
+        lambda x: -log_likelihood(trajectories, settings(x), ahead),
         np.log(start),
         method="Nelder-Mead",
         options={"xatol": 1e-4, "fatol": 1e-9},

@@ -1,4 +1,4 @@
-"""A narrow encoder learns to give the codes of the full one (distillation, Hinton et al. 2015).
+"""A narrow encoder learns to give the embeddings of the full one (distillation, Hinton et al. 2015).
 
 Two thirds of a forecast's cost are the full encoder's convolutions. The narrow one puts numbers with the same
 meaning in the same places, so every recurrent network works with it as it is, with no training of its own.
@@ -14,12 +14,12 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from pedpred.datasets.crops import CodedCrops
+from pedpred.datasets.crops import EmbeddedCrops
 from pedpred.features import unpack_crops
-from pedpred.models import GridEncoder
+from pedpred.networks import GridEncoder
 from pedpred.training.schedule import learning_rate
 
-_SEEN_AS = ("code", "latent")
+_SEEN_AS = ("embedding", "latent")
 _CROPS_AT_ONCE = 256
 
 
@@ -47,13 +47,13 @@ class DistillationSettings:
 
 
 def distil(
-    teacher: GridEncoder, training: CodedCrops, validation: CodedCrops, settings: DistillationSettings
+    teacher: GridEncoder, training: EmbeddedCrops, validation: EmbeddedCrops, settings: DistillationSettings
 ) -> tuple[GridEncoder, list[dict[str, float]]]:
     """Train a narrow encoder.
 
     Args:
         teacher: pre-trained; its fully connected layer is taken over as it is.
-        training: crops and the teacher's codes.
+        training: crops and the teacher's embeddings.
         validation: those of other arrangements.
         settings: see there.
 
@@ -85,38 +85,40 @@ def distil(
     return student, curve
 
 
-def unexplained(student: GridEncoder, crops: Tensor, codes: Tensor) -> Mapping[str, Tensor]:
+def unexplained(student: GridEncoder, crops: Tensor, embeddings: Tensor) -> Mapping[str, Tensor]:
     """Share of the teacher's variance that a student misses, sum |c - c'|^2 / sum |c - mean c|^2.
 
-    Of the code c, and of the latent features W c, which is what the recurrent network first makes of it.
+    Of the embedding c, and of the latent features W c, which is what the recurrent network first makes of it.
 
     Args:
         student: with the teacher's fully connected layer W.
         crops: [N, cells, cells]
-        codes: the teacher's. [N, C]
+        embeddings: the teacher's. [N, C]
     """
-    missed, spread = squares(student, crops, codes, codes.mean(dim=0))
+    missed, spread = squares(student, crops, embeddings, embeddings.mean(dim=0))
     return dict(zip(_SEEN_AS, missed / spread, strict=True))
 
 
-def squares(student: GridEncoder, crops: Tensor, codes: Tensor, mean: Tensor) -> Tensor:
-    """What `unexplained` divides, [missed, spread] x [code, latent]: sum |c - c'|^2 and sum |c - mean|^2."""
-    parts = (student.code(crops) - codes, codes - mean)
+def squares(student: GridEncoder, crops: Tensor, embeddings: Tensor, mean: Tensor) -> Tensor:
+    """What `unexplained` divides, [missed, spread] x [embedding, latent]: sum |c - c'|^2, |c - mean|^2."""
+    parts = (student.embedding(crops) - embeddings, embeddings - mean)
     weight = student.fc.weight
     return torch.stack([torch.stack([p.square().sum(), (p @ weight.T).square().sum()]) for p in parts])
 
 
 @torch.inference_mode()
-def validate(student: GridEncoder, crops: CodedCrops) -> dict[str, float]:
+def validate(student: GridEncoder, crops: EmbeddedCrops) -> dict[str, float]:
     """What a student misses of all crops, see `unexplained`, with some of them in memory at a time."""
-    mean = torch.from_numpy(np.mean(crops.code, axis=0, dtype=np.float64).astype(np.float32))
+    mean = torch.from_numpy(np.mean(crops.embedding, axis=0, dtype=np.float64).astype(np.float32))
     blocks = np.split(np.arange(len(crops)), range(_CROPS_AT_ONCE, len(crops), _CROPS_AT_ONCE))
     parts = torch.stack([squares(student, *batch(crops, rows), mean) for rows in blocks])
     missed, spread = parts.double().sum(dim=0)
     return {f"validation_{n}_missed": float(s) for n, s in zip(_SEEN_AS, missed / spread, strict=True)}
 
 
-def batch(crops: CodedCrops, rows: np.ndarray) -> tuple[Tensor, Tensor]:
-    """Crops and codes of some rows. [B, cells, cells], [B, C] float32."""
+def batch(crops: EmbeddedCrops, rows: np.ndarray) -> tuple[Tensor, Tensor]:
+    """Crops and embeddings of some rows. [B, cells, cells], [B, C] float32."""
     cells = unpack_crops(crops.packed[rows], crops.cells)
-    return torch.from_numpy(cells).to(torch.float32), torch.from_numpy(crops.code[rows]).to(torch.float32)
+    return torch.from_numpy(cells).to(torch.float32), torch.from_numpy(crops.embedding[rows]).to(
+        torch.float32
+    )

@@ -14,12 +14,12 @@ import torch
 
 from pedpred.datasets.motion import load_motion_data
 from pedpred.datasets.split import split_sequences
-from pedpred.files import aside
-from pedpred.models import MotionLstm, MotionSettings
-from pedpred.models.encoding import encode, load_encoder
+from pedpred.files import atomic_write
+from pedpred.networks import MotionLstm, MotionSettings
+from pedpred.networks.encoding import encode, load_encoder
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.storage.shards import read_manifest
-from pedpred.training.machine import Machine
+from pedpred.training.distributed import DistributedContext
 from pedpred.training.recurrent import TrainingSettings, train_motion
 
 
@@ -39,7 +39,7 @@ def initialised(settings: MotionSettings, previous: Path, seed: int) -> MotionLs
         load_weights(network, weights, previous)
     elif "grid" in settings.channels:
         layer = {k: weights[f"encoder.fc.{k}"] for k in ("weight", "bias")}
-        load_weights(network.embeddings["grid"], layer, previous)
+        load_weights(network.projections["grid"], layer, previous)
     return network
 
 
@@ -50,7 +50,7 @@ def fit(
     split: tuple[str, float],
     settings: TrainingSettings,
     description: str,
-    machine: Machine,
+    context: DistributedContext,
 ) -> tuple[pd.DataFrame, dict]:
     """Load a data set, divide it and train; leaves the best weights in `network`.
 
@@ -62,15 +62,17 @@ def fit(
         split: what is kept whole ("scene" or "track") and the share kept for validation.
         settings: see there.
         description: title of the progress bar.
-        machine: where to train; the network is moved there.
+        context: where to train; the network is moved there.
 
     Returns:
         The curve and the checkpoint's description.
     """
-    codes, autoencoder = grid if "grid" in network.settings.channels else (None, None)
-    data = load_motion_data(features, codes)
+    embeddings, autoencoder = grid if "grid" in network.settings.channels else (None, None)
+    data = load_motion_data(features, embeddings)
     if autoencoder is not None:
-        data = replace(data, empty_code=empty_code(autoencoder, read_manifest(features)[0].grid_cells))
+        data = replace(
+            data, empty_embedding=empty_embedding(autoencoder, read_manifest(features)[0].grid_cells)
+        )
     by, share = split
     training, validation = split_sequences(data, by, share, np.random.default_rng(settings.seed))
     about = {
@@ -81,15 +83,15 @@ def fit(
         "features_sha256": hashlib.sha256((features / "manifest.json").read_bytes()).hexdigest(),
     }
     scratch = Path("build/training") / _digest(network, about)
-    network.to(machine.device)
-    resident = data.to(machine.device)
-    curve = train_motion(network, resident, training, validation, settings, scratch, description, machine)
-    if machine.writes:
+    network.to(context.device)
+    resident = data.to(context.device)
+    curve = train_motion(network, resident, training, validation, settings, scratch, description, context)
+    if context.writes:
         shutil.rmtree(scratch, ignore_errors=True)
     return pd.DataFrame(curve), about
 
 
-def empty_code(encoder: Path, cells: int) -> torch.Tensor:
+def empty_embedding(encoder: Path, cells: int) -> torch.Tensor:
     """What the frozen convolutions make of a crop without obstacles: unmapped ground is free. [C] float32.
 
     Args:
@@ -108,7 +110,7 @@ def write_phase(network: MotionLstm, about: dict, curve: pd.DataFrame, out: Path
 
 def write_curve(curve: pd.DataFrame, path: Path) -> None:
     """Write a training curve as TSV, one row per validation."""
-    with aside(path) as new:
+    with atomic_write(path) as new:
         curve.to_csv(new, sep="\t", index=False, float_format="%.5f")
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from pedpred.models.motion import Motion
-from pedpred.models.rolling import displacements
-from pedpred.models.uncertainty import negative_log_density
+from pedpred.networks.gaussian import negative_log_density
+from pedpred.networks.lstm import Motion
+from pedpred.networks.rolling import displacements
 
 
 def velocity_loss(predicted: Tensor, truth: Tensor, known: Tensor) -> Tensor:

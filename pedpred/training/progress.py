@@ -11,9 +11,9 @@ from typing import Any
 import torch
 from safetensors.torch import load_file, save_file
 
-from pedpred.files import aside
-from pedpred.models.motion import MotionLstm, MotionState
-from pedpred.training.machine import Machine
+from pedpred.files import atomic_write
+from pedpred.networks.lstm import MotionLstm, MotionState
+from pedpred.training.distributed import DistributedContext
 
 
 @dataclass
@@ -39,11 +39,15 @@ class Progress:
 
 
 def save_progress(
-    folder: Path, progress: Progress, network: MotionLstm, optimizer: torch.optim.Optimizer, machine: Machine
+    folder: Path,
+    progress: Progress,
+    network: MotionLstm,
+    optimizer: torch.optim.Optimizer,
+    context: DistributedContext,
 ) -> None:
     """Write everything into `folder`; the old state is replaced in one move. All processes must call it."""
-    state = machine.gathered(progress.state)
-    if not machine.writes:
+    state = context.gathered(progress.state)
+    if not context.writes:
         return
     tensors = {f"network.{k}": v for k, v in network.state_dict().items()}
     tensors |= {f"best.{k}": v for k, v in progress.best.items()}
@@ -52,18 +56,18 @@ def save_progress(
     for index, moments in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{k}": v for k, v in moments.items()}
     about = {"about": json.dumps({"step": progress.step, "curve": progress.curve})}
-    with aside(folder / "progress.safetensors") as new:
+    with atomic_write(folder / "progress.safetensors") as new:
         save_file({k: v.detach().clone().contiguous() for k, v in tensors.items()}, new, metadata=about)
 
 
 def load_progress(
-    folder: Path, network: MotionLstm, optimizer: torch.optim.Optimizer, machine: Machine
+    folder: Path, network: MotionLstm, optimizer: torch.optim.Optimizer, context: DistributedContext
 ) -> Progress | None:
     """Put network and optimiser back to where `folder` says; None when there is nothing."""
     path = folder / "progress.safetensors"
     if not path.exists():
         return None
-    tensors = load_file(path, device=str(machine.device))
+    tensors = load_file(path, device=str(context.device))
     network.load_state_dict(_under(tensors, "network."))
     moments: dict[int, dict[str, torch.Tensor]] = {}
     for key, value in _under(tensors, "optimizer.").items():
@@ -73,7 +77,7 @@ def load_progress(
     parts = _under(tensors, "state.")
     memory = {k[:-2]: (parts[k[:-2] + ".0"], parts[k[:-2] + ".1"]) for k in parts if k.endswith(".0")}
     about: dict[str, Any] = _metadata(path)
-    state = machine.mine(MotionState(memory))
+    state = context.mine(MotionState(memory))
     return Progress(about["step"], state, _under(tensors, "best."), about["curve"])
 
 

@@ -15,9 +15,9 @@ from tqdm import tqdm
 
 from pedpred.datasets.lanes import stream_lanes
 from pedpred.datasets.motion import MotionData
-from pedpred.models.motion import MotionLstm
+from pedpred.networks.lstm import MotionLstm
+from pedpred.training.distributed import ALONE, DistributedContext
 from pedpred.training.loss import spread_loss, velocity_loss
-from pedpred.training.machine import ALONE, Machine
 from pedpred.training.progress import Progress, load_progress, save_progress
 from pedpred.training.schedule import learning_rate
 from pedpred.training.validation import validate
@@ -71,7 +71,7 @@ def train_motion(
     settings: TrainingSettings,
     scratch: Path,
     description: str,
-    machine: Machine = ALONE,
+    context: DistributedContext = ALONE,
 ) -> list[dict[str, float]]:
     """Train by truncated back-propagation through time; leaves the best validated weights in `network`.
 
@@ -83,17 +83,17 @@ def train_motion(
         settings: see there.
         scratch: folder for the state of an unfinished training; where one lies, it is continued.
         description: title of the progress bar.
-        machine: every process of a training calls this with the same arguments but its own machine.
+        context: every process of a training calls this with the same arguments but its own machine.
 
     Returns:
         The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m, validation_nll.
     """
     optimizer = adamw(network, settings)
-    progress = load_progress(scratch, network, optimizer, machine)
+    progress = load_progress(scratch, network, optimizer, context)
     if progress is None:
-        lanes = machine.share(settings.lanes)
+        lanes = context.share(settings.lanes)
         progress = Progress(0, network.start(lanes.stop - lanes.start))
-        validate(network, data, validation, progress, float("nan"), machine)
+        validate(network, data, validation, progress, float("nan"), context)
     batches = training_batches(training, settings, progress.step)
     losses: list[Tensor] = []
     bar = tqdm(
@@ -101,18 +101,18 @@ def train_motion(
         initial=progress.step,
         desc=description,
         unit="step",
-        disable=not machine.writes,
+        disable=not context.writes,
     )
     while progress.step < settings.steps:
-        batch = next(batches).part(machine.share(settings.lanes), machine.device)
-        losses.append(training_step(network, data, batch, optimizer, progress, settings, machine))
+        batch = next(batches).part(context.share(settings.lanes), context.device)
+        losses.append(training_step(network, data, batch, optimizer, progress, settings, context))
         bar.update()
         if progress.step % settings.validate_every == 0 or progress.step == settings.steps:
             train_loss = float(torch.stack(losses).double().mean())  # the only wait for a GPU
-            ade_m = validate(network, data, validation, progress, train_loss, machine)
+            ade_m = validate(network, data, validation, progress, train_loss, context)
             bar.set_postfix_str(f"validation ADE {ade_m:.3f} m")
             losses = []
-            save_progress(scratch, progress, network, optimizer, machine)
+            save_progress(scratch, progress, network, optimizer, context)
     bar.close()
     network.load_state_dict(progress.best)
     return progress.curve
@@ -140,21 +140,21 @@ def training_step(
     optimizer: torch.optim.Optimizer,
     progress: Progress,
     settings: TrainingSettings,
-    machine: Machine,
+    context: DistributedContext,
 ) -> Tensor:
     """One sub-sequence of every lane: forward, backward, update; returns the joint loss, m/s. []."""
-    torch.manual_seed(settings.seed + progress.step + _APART * machine.rank)  # dropout: same when resumed
+    torch.manual_seed(settings.seed + progress.step + _APART * context.rank)  # dropout: same when resumed
     for group in optimizer.param_groups:
         group["lr"] = learning_rate(progress.step, settings.steps, settings.lr, settings.warmup_steps)
     inputs, future = looked_up(data, batch)
     known = data.known(batch.rows)
     state = progress.state.reset(batch.starts).detached()  # the memory stays, the gradient ends
-    with machine.precision():
+    with context.precision():
         motion, progress.state = network(inputs, state)
     loss = velocity_loss(motion.velocities, future, known)
     optimizer.zero_grad(set_to_none=True)
     (loss + spread_loss(motion, future, known, data.dt_s)).backward()
-    joint_loss = machine.average(network.parameters(), loss.detach(), known.sum())
+    joint_loss = context.average(network.parameters(), loss.detach(), known.sum())
     for weights in network.parts():  # one norm for both would let the spread slow the mean down
         clip_grad_norm_(weights, settings.clip_norm)
     optimizer.step()

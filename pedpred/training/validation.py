@@ -6,10 +6,10 @@ import numpy as np
 import torch
 
 from pedpred.datasets.motion import MotionData
-from pedpred.models.motion import MotionLstm
-from pedpred.models.rolling import displacements, rolled
-from pedpred.models.uncertainty import negative_log_density
-from pedpred.training.machine import ALONE, Machine
+from pedpred.networks.gaussian import negative_log_density
+from pedpred.networks.lstm import MotionLstm
+from pedpred.networks.rolling import displacements, rolled
+from pedpred.training.distributed import ALONE, DistributedContext
 from pedpred.training.progress import Progress
 
 
@@ -19,11 +19,11 @@ def validate(
     sequences: np.ndarray,
     progress: Progress,
     train_loss: float,
-    machine: Machine,
+    context: DistributedContext,
 ) -> float:
     """Add a row to the curve and keep the weights if they are the best so far; returns the error, m."""
     network.eval()
-    found = validation(network, data, sequences, machine)
+    found = validation(network, data, sequences, context)
     network.train()
     ade_m = found["validation_ade_m"]
     if ade_m < progress.best_ade_m:
@@ -34,7 +34,7 @@ def validate(
 
 
 def validation(
-    network: MotionLstm, data: MotionData, sequences: np.ndarray, machine: Machine = ALONE
+    network: MotionLstm, data: MotionData, sequences: np.ndarray, context: DistributedContext = ALONE
 ) -> dict[str, float]:
     """Mean over all steps whose whole horizon is known; nan where there is none.
 
@@ -46,7 +46,7 @@ def validation(
     """
     names = ["validation_ade_m"] + ["validation_nll"] * (network.uncertainty is not None)
     sums = torch.zeros(len(names) + 1, dtype=torch.float64, device=data.future.device)  # and how many
-    for rows, motion in rolled(network, data, sequences[machine.rank :: machine.size]):
+    for rows, motion in rolled(network, data, sequences[context.rank :: context.size]):
         known = data.known(rows).all(dim=-1)
         error = displacements(motion.velocities[known], data.future[rows[known]], data.dt_s)
         values = [torch.linalg.vector_norm(error, dim=-1)]
@@ -54,5 +54,5 @@ def validation(
             values.append(negative_log_density(error, motion.spread[known]))
         counted = sums.new_tensor(values[0].numel())
         sums += torch.stack([*(value.double().sum() for value in values), counted])
-    *totals, count = machine.total(sums).tolist()
+    *totals, count = context.total(sums).tolist()
     return {name: total / count if count else float("nan") for name, total in zip(names, totals, strict=True)}

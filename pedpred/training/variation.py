@@ -25,36 +25,36 @@ class Variation:
     tracker is noisy, loses people and drives beyond its map.
 
     Attributes:
-        strange_share: share of the tracks that are mirrored at their heading, and walk beside the obstacles
+        map_swap: share of the tracks that are mirrored at their heading, and walk beside the obstacles
             that the next lane sees.
-        pace_range: factor on all velocities of a track, uniform in (least, most).
+        speed_scale: factor on all velocities of a track, uniform in (least, most).
         standing_share: share of the tracks that hardly move: their velocities are divided by ten or more.
         velocity_noise_mps: standard deviation of the noise on each component of the velocity seen, m/s.
-        unseen_share: share of the steps at which no other pedestrian is seen.
-        unmapped_share: share of the sub-sequences along which no obstacle is known.
+        neighbour_dropout: share of the steps at which no other pedestrian is seen.
+        map_dropout: share of the sub-sequences along which no obstacle is known.
 
     Raises:
         ConfigError: a share is outside [0, 1], the noise negative or the range upside down.
     """
 
-    strange_share: float = 0.0
-    pace_range: tuple[float, float] = (1.0, 1.0)
+    map_swap: float = 0.0
+    speed_scale: tuple[float, float] = (1.0, 1.0)
     standing_share: float = 0.0
     velocity_noise_mps: float = 0.0
-    unseen_share: float = 0.0
-    unmapped_share: float = 0.0
+    neighbour_dropout: float = 0.0
+    map_dropout: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("strange_share", "standing_share", "unseen_share", "unmapped_share"):
+        for name in ("map_swap", "standing_share", "neighbour_dropout", "map_dropout"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ConfigError(f"training.*.variation.{name}", getattr(self, name), "use 0 to 1")
         if not 0.0 <= self.velocity_noise_mps < float("inf"):
             raise ConfigError(
                 "training.*.variation.velocity_noise_mps", self.velocity_noise_mps, "use 0 or more"
             )
-        least, most = self.pace_range
+        least, most = self.speed_scale
         if not 0.0 < least <= most:
-            raise ConfigError("training.*.variation.pace_range", self.pace_range, "use 0 < least <= most")
+            raise ConfigError("training.*.variation.speed_scale", self.speed_scale, "use 0 < least <= most")
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,8 @@ class VariedBatch:
 
 def varied(batch: LaneBatch, variation: Variation, rng: np.random.Generator) -> VariedBatch:
     """Draw what happens to each lane; the pace and the strangeness of a track hold all along it."""
-    rows, (least, most) = batch.rows, variation.pace_range
-    strange = batch.chance[:, 0] < variation.strange_share
+    rows, (least, most) = batch.rows, variation.speed_scale
+    strange = batch.chance[:, 0] < variation.map_swap
     scenery = np.where(strange[:, None], np.roll(rows, 1, axis=0), rows)
     pace = least + (most - least) * batch.chance[:, 1]
     standing = batch.chance[:, 2] < variation.standing_share
@@ -96,8 +96,8 @@ def varied(batch: LaneBatch, variation: Variation, rng: np.random.Generator) -> 
     noise = rng.standard_normal((*rows.shape, 2), dtype=np.float32) * np.float32(variation.velocity_noise_mps)
     return VariedBatch(
         rows=torch.from_numpy(rows),
-        crowd=torch.from_numpy(np.where(unseen < variation.unseen_share, -1, rows)),
-        scenery=torch.from_numpy(np.where(unmapped < variation.unmapped_share, -1, scenery)),
+        crowd=torch.from_numpy(np.where(unseen < variation.neighbour_dropout, -1, rows)),
+        scenery=torch.from_numpy(np.where(unmapped < variation.map_dropout, -1, scenery)),
         starts=torch.from_numpy(batch.starts),
         mirrored=torch.from_numpy(strange),
         pace=torch.from_numpy(np.where(standing, _STANDING * batch.chance[:, 1], pace)),

@@ -22,11 +22,11 @@ from rosbags.typesys import Stores
 from pedpred import config
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.geometry import Homography
-from pedpred.models import MotionLstm
+from pedpred.networks import MotionLstm
 from pedpred.online.network import ExportedNetwork, read_description
-from pedpred.recording import write_recording
 from pedpred.report import metrics
-from pedpred.scenes import Camera, OccupancyMap, Recording, Scene
+from pedpred.ros import write_recording
+from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.columns import write_columns
@@ -60,7 +60,7 @@ def place() -> Scene:
     """Two people in a room with a block, with a camera, and all that simulation knows."""
     rng = np.random.default_rng(0)
     position = rng.normal(size=(20, 2))
-    recording = Recording(
+    trajectories = Trajectories(
         time_s=np.repeat(np.arange(10) * 0.4, 2),
         track_id=np.tile([1, 2], 10),
         position=position,
@@ -72,7 +72,7 @@ def place() -> Scene:
     occupied = np.zeros((12, 9), bool)
     occupied[3:6, 2:4] = True
     camera = Camera(Homography(np.diag([0.1, 0.2, 1.0])), rng.integers(0, 255, (6, 8, 3), dtype=np.uint8))
-    return Scene("place", recording, OccupancyMap(occupied, np.array([-1.0, -2.0]), 0.5), 0.4, camera)
+    return Scene("place", trajectories, OccupancyMap(occupied, np.array([-1.0, -2.0]), 0.5), 0.4, camera)
 
 
 def make_table(folder: Path) -> None:
@@ -80,7 +80,7 @@ def make_table(folder: Path) -> None:
     write_scene(place(), folder)
     for name in ("tracks.parquet", "map.yaml", "map.pgm"):
         (folder / name).unlink()
-    tracks_table(place().recording).to_csv(folder / "tracks.csv", index=False, float_format="%.3f")
+    tracks_table(place().trajectories).to_csv(folder / "tracks.csv", index=False, float_format="%.3f")
 
 
 def make_ewap(folder: Path) -> None:
@@ -99,7 +99,7 @@ def table(rows: int = 12) -> FeatureTable:
     rng = np.random.default_rng(0)
     values: dict[str, Any] = {
         "track_id": np.repeat(np.arange(2), rows // 2),
-        "clock": np.zeros(rows, np.int8),
+        "phase": np.zeros(rows, np.int8),
         "step": np.tile(np.arange(rows // 2, dtype=np.int32), 2),
         "time_s": rng.random(rows),
         "heading_rad": rng.random(rows),

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.baselines.registry import Question, baseline
+from pedpred.baselines.registry import ForecastRequest, baseline
 from pedpred.command.evaluation import COLLISION_M, MOVING_MPS
 from pedpred.command.prediction import robot_for
 from pedpred.evaluation.compare import seen_together
@@ -29,7 +29,7 @@ from tests.simulated import SOCIAL_FORCE, scene_of, short
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMITTED = Path(__file__).with_name("figures.json")
-MODEL = ROOT / "models" / "online" / "main_lean"
+MODEL = ROOT / "models" / "online" / "main_distilled"
 TOLERANCE = 0.02
 """Relative. Other processors round otherwise: a simulation makes that larger with every second, and integer
 networks are multiplied by other instructions."""
@@ -47,10 +47,10 @@ def as_on_a_robot(scene: Scene) -> dict[str, float]:
 def by_its_own_forces(scene: Scene) -> float:
     """Mean error, m, of the simulator as a forecaster of what it simulated."""
     sizes = FeatureSettings()
-    table = extract(scene, follow(scene.recording, "truth", None, 0.2), sizes)
+    table = extract(scene, follow(scene.trajectories, "truth", None, 0.2), sizes)
     ahead_s = (np.arange(sizes.horizon_steps) + 1) * sizes.dt_s
     together = seen_together(table)
-    paths = baseline("social_force")(Question(scene, table, together, ahead_s, SOCIAL_FORCE, 0))
+    paths = baseline("social_force")(ForecastRequest(scene, table, together, ahead_s, SOCIAL_FORCE, 0))
     window = table.window[together]
     truth = true_paths(table.select(table.window), sizes.dt_s)
     return round(float(displacement(paths[window], truth).mean()), 5)

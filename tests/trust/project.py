@@ -23,7 +23,7 @@ RAW = "fetch"
 """The stage without which no real place can be had."""
 TOY = """\
 autoencoder: {steps: 24, validate_every: 6, validation_crops: 100}
-lean: {steps: 20, validate_every: 10}
+distilled: {steps: 20, validate_every: 10}
 training:
   corridor: {steps: 40, validate_every: 5, lanes: 8}
   main: {steps: 40, validate_every: 5, lanes: 8}
@@ -72,7 +72,7 @@ class Project:
 
     def mended(self) -> str:
         """Reproduce all as `make reproduce` does; what is wrong afterwards, empty if nothing."""
-        mend = [sys.executable, "-m", "stages.mend_lock"]
+        mend = [sys.executable, "-m", "tools.mend_lock"]
         subprocess.run(mend, cwd=self.folder, env=environment(), check=True, **SILENT)
         done = dvc(self.folder, "repro", "--no-run-cache", *self.targets)
         return f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else self.differing(self.folder)

@@ -15,13 +15,12 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores
 
 from pedpred import config
-from pedpred.bags import read_bag
-from pedpred.models.forecasting import load_motion_lstm
-from pedpred.recording import read_recording, write_recording
+from pedpred.networks.forecasting import load_motion_lstm
 from pedpred.report import metrics
+from pedpred.ros import read_bag, read_recording, write_recording
 from pedpred.sources import ewap
 from pedpred.storage.scenes import read_map, read_scene, write_scene
-from pedpred.storage.shards import read_codes, write_codes
+from pedpred.storage.shards import read_embeddings, write_embeddings
 from pedpred.storage.windows import read_windows
 from tests.exported import export
 from tests.trust.examples import (
@@ -67,10 +66,10 @@ READERS = {
     ),
     "table": Reader(make_table, ("tracks.csv", "scene.json"), read_scene),
     "features": Reader(make_features, ("manifest.json", "place.parquet"), read_features),
-    "codes": Reader(
-        lambda folder: write_codes([np.ones((9, 32), np.float16)], folder, "place"),
+    "embeddings": Reader(
+        lambda folder: write_embeddings([np.ones((9, 32), np.float16)], folder, "place"),
         ("place.parquet",),
-        lambda folder: list(read_codes(folder, "place")),
+        lambda folder: list(read_embeddings(folder, "place")),
     ),
     "forecasts": Reader(
         make_windows, ("place.parquet",), lambda folder: read_windows(folder / "place.parquet")

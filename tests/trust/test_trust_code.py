@@ -85,7 +85,7 @@ def test_every_version_is_exact_and_released():
 
 
 def test_files_are_written_through_one_door():
-    """Whatever is written appears whole: by `pedpred.files`, or beside it under a name that `aside` gave.
+    """Whatever is written appears whole: by `pedpred.files`, or under a name that `atomic_write` gave.
 
     What has no name is made by `pedpred.files` alone.
     """

@@ -25,9 +25,9 @@ def test_simulation_and_network_err_as_they_did():
 def test_real_errors_are_the_published_ones(place, ewap_folder):
     """Nothing amplifies a rounding here: what is published has five digits, and all of them hold."""
     options, literature = PARAMS["scenes"][place], PARAMS["literature"]
-    recording = SOURCES[options["source"]](ewap_folder / options["sequence"], place, options).recording
+    trajectories = SOURCES[options["source"]](ewap_folder / options["sequence"], place, options).trajectories
     found = stretches(
-        recording, *(literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
+        trajectories, *(literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
     )
     tracker = KalmanSettings(**{k: v for k, v in options["tracker"].items() if k != "kind"})
     for method, forecast in methods(tracker).items():

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from pedpred.errors import StorageError
-from pedpred.files import MOST_PIXELS, aside, read_json, write_text
+from pedpred.files import MOST_PIXELS, atomic_write, read_json, write_text
 from pedpred.storage.scenes import read_map, read_scene, write_scene
 from tests.trust import trial
 from tests.trust.examples import place
@@ -112,7 +112,7 @@ def test_a_map_far_beyond_the_largest_is_refused_before_its_pixels_are_decoded(f
 def test_a_file_appears_when_all_of_it_is_there(tmp_path):
     path = tmp_path / "new" / "page.md"
     write_text(path, "old")
-    with aside(path) as new:
+    with atomic_write(path) as new:
         new.write_text("half")
         assert path.read_text() == "old"
         new.write_text("whole")
@@ -125,7 +125,7 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
     write_text(path, "old")
 
     def interrupted():
-        with aside(path) as new:
+        with atomic_write(path) as new:
             new.write_text("half")
             raise KeyboardInterrupt
 

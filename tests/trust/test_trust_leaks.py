@@ -9,9 +9,9 @@ import torch
 import yaml
 
 from pedpred.features import FeatureSettings, extract
-from pedpred.models import GridAutoencoder, MotionLstm
-from pedpred.models.encoding import encode
-from pedpred.models.forecasting import forecast_motion
+from pedpred.networks import GridAutoencoder, MotionLstm
+from pedpred.networks.encoding import encode
+from pedpred.networks.forecasting import forecast_motion
 from pedpred.tracking import KalmanSettings, follow
 from tests.exported import NETWORK
 from tests.worlds import walled_scene
@@ -91,16 +91,18 @@ def test_no_forecast_moves_when_the_future_does():
     sizes, now = FeatureSettings(), 8.0
     scene = walled_scene(np.random.default_rng(0))
 
-    def forecast(recording):
-        seen = replace(scene, recording=recording)
-        table = extract(seen, follow(recording, "kalman", KalmanSettings(0.1, 0.1), 0.2), sizes)
-        codes = encode(encoder.encoder, table.occupancy, sizes.grid_cells)
-        return table.time_s, forecast_motion(network, table, codes, sizes)[0]
+    def forecast(trajectories):
+        seen = replace(scene, trajectories=trajectories)
+        table = extract(seen, follow(trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2), sizes)
+        embeddings = encode(encoder.encoder, table.occupancy, sizes.grid_cells)
+        return table.time_s, forecast_motion(network, table, embeddings, sizes)[0]
 
-    later = scene.recording.time_s > now
-    moved = scene.recording.position + later[:, None] * np.random.default_rng(1).normal(0, 3, (len(later), 2))
-    time_s, before = forecast(scene.recording)
-    _, after = forecast(replace(scene.recording, position=moved))
+    later = scene.trajectories.time_s > now
+    moved = scene.trajectories.position + later[:, None] * np.random.default_rng(1).normal(
+        0, 3, (len(later), 2)
+    )
+    time_s, before = forecast(scene.trajectories)
+    _, after = forecast(replace(scene.trajectories, position=moved))
     past = time_s <= now
     assert past.any()
     np.testing.assert_allclose(before[past], after[past], rtol=0, atol=1e-6)

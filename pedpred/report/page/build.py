@@ -17,10 +17,10 @@ from matplotlib.colors import to_hex, to_rgb
 
 from pedpred.report.canvas import png_bytes
 from pedpred.report.findings import Finding, real_findings, simulation_findings, summed_up
+from pedpred.report.measures import LEAKY, MethodMetrics, noncausal
 from pedpred.report.methods import LABELS, MODEL, PAPER_ADE_M, YARDSTICK, colours, label, ordered
-from pedpred.report.metrics import LEAKY, MethodMetrics, leaks
 from pedpred.report.page.charts import LinePlot, box_plot, line_plot, training_plots, whiskers
-from pedpred.report.page.replay import Replay
+from pedpred.report.page.player import Replay
 from pedpred.report.pages import (
     ALL_LEAKS,
     ELLIPSES,
@@ -127,7 +127,7 @@ def _values(contents: Contents) -> dict[str, Any]:
         "answers": shown,
         "findings": findings,
         "verdict": summed_up(findings),
-        "warning": ALL_LEAKS if leaks(simulated) or leaks(real) else "",
+        "warning": ALL_LEAKS if noncausal(simulated) or noncausal(real) else "",
         "leaky": leaky,
         "leak": LEAK,
         "reading": READING,

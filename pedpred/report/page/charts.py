@@ -11,8 +11,8 @@ from matplotlib.ticker import MaxNLocator
 
 from pedpred.report.curves import stage_and_model
 from pedpred.report.horizon import ends_of, scale_of
+from pedpred.report.measures import MethodMetrics
 from pedpred.report.methods import label, ordered
-from pedpred.report.metrics import MethodMetrics
 
 _BOXES = (800.0, 300.0)
 _LINES = (300.0, 180.0)

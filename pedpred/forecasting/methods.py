@@ -1,0 +1,86 @@
+"""The compared methods as data: how each is called, coloured and used. Rows of `conf/methods`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pedpred.errors import ConfigError
+
+ROLES = ("baseline", "reference", "oracle", "bound", "ablation", "network")
+"""baseline: simple and causal. reference: the strongest of these, which paired differences are taken to.
+oracle: knows the future goal. bound: what could be reached at best. ablation: a network without one of its
+parts. network: a learned method; the last one listed is what reports are about."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One row.
+
+    Attributes:
+        key: its name in files, commands and configuration.
+        label: what a reader sees.
+        colour: of its lines, #RRGGBB.
+        role: one of `ROLES`.
+        where: kinds of test sets that it is applied to: "simulation", "real", "literature".
+        settings: what its constructor is given: a baseline's options, or a network's architecture and sizes.
+    """
+
+    key: str
+    label: str
+    colour: str
+    role: str
+    where: tuple[str, ...]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.role not in ROLES:
+            raise ConfigError(f"methods.{self.key}.role", self.role, f"use one of {ROLES}")
+
+
+@dataclass(frozen=True)
+class Methods:
+    """All rows, in the order of display: from what knows least to what reports are about."""
+
+    rows: tuple[Method, ...]
+
+    def __post_init__(self) -> None:
+        for role in ("reference", "network"):
+            if not any(row.role == role for row in self.rows):
+                raise ConfigError("methods", role, "one method must have this role")
+
+    @classmethod
+    def parse(cls, plain: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Methods:
+        """Build from plain dictionaries, group -> key -> row."""
+        rows = [(key, dict(row)) for group in plain.values() for key, row in group.items()]
+        return cls(tuple(Method(key, **row | {"where": tuple(row["where"])}) for key, row in rows))
+
+    def __iter__(self) -> Iterator[Method]:
+        return iter(self.rows)
+
+    def __getitem__(self, key: str) -> Method:
+        found = {row.key: row for row in self.rows}
+        if key not in found:
+            raise ConfigError("methods", key, f"known methods are {list(found)}")
+        return found[key]
+
+    @property
+    def reference(self) -> Method:
+        """The strongest simple method, which others are compared with window by window."""
+        return next(row for row in self.rows if row.role == "reference")
+
+    @property
+    def main(self) -> Method:
+        """The method that reports are about."""
+        return [row for row in self.rows if row.role == "network"][-1]
+
+    def ordered(self, keys: Iterable[str]) -> list[str]:
+        """Keys in the order of display; unknown ones last, by name."""
+        given = set(keys)
+        known = [row.key for row in self.rows if row.key in given]
+        return known + sorted(given - set(known))
+
+    def applied_to(self, where: str) -> list[Method]:
+        """The methods for one kind of test set."""
+        return [row for row in self.rows if where in row.where]

@@ -1,0 +1,48 @@
+"""What a forecaster is asked, and what it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.scenes import Predictions, Scene
+from pedpred.simulation.settings import SocialForceSettings
+from pedpred.tracking import KalmanSettings
+
+
+@dataclass(frozen=True)
+class ForecastRequest:
+    """Forecast some rows of a scene's feature table.
+
+    A causal forecaster uses rows up to each asked instant only. Those that use more (oracles) say so in
+    their description in `conf/methods`.
+
+    Attributes:
+        scene: trajectories and obstacles.
+        table: the features of the whole scene, sorted by track, phase and step.
+        sizes: what the table was made with: time step, horizon, ranges.
+        rows: which rows to forecast. [W]
+        tracker: noise of the filter that the tracked states come from; None where states are true.
+        detection_interval_s: time between two detections of a track, s.
+        social_force: the model of walking at this place.
+    """
+
+    scene: Scene
+    table: FeatureTable
+    sizes: FeatureSettings
+    rows: np.ndarray
+    tracker: KalmanSettings | None
+    detection_interval_s: float
+    social_force: SocialForceSettings
+
+    @property
+    def ahead_s(self) -> np.ndarray:
+        """Time from the present to each step of the horizon, s. [P]."""
+        return (np.arange(self.sizes.horizon_steps) + 1) * self.sizes.dt_s
+
+
+Forecaster = Callable[[ForecastRequest], Predictions]
+"""A method: the world-frame predictions of the rows asked for, in their order."""

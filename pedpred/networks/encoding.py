@@ -1,0 +1,51 @@
+"""The frozen convolutions at work: packed occupancy crops in, embeddings out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pedpred.features import unpack_crops
+from pedpred.networks.autoencoder import WIDTHS, GridEncoder
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
+
+_CROPS_AT_ONCE = 8
+"""The first layer's output of so many, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
+_PREFIX = "encoder."
+
+
+def load_encoder(folder: Path) -> GridEncoder:
+    """The encoder of a pre-trained auto-encoder, whatever its decoder looks like, or a narrow one alone.
+
+    Raises:
+        StorageError: a file is missing, damaged or of another network.
+    """
+    weights, about = read_checkpoint(folder)
+    encoder = GridEncoder(about["settings"]["latent"], tuple(about["settings"].get("widths", WIDTHS)))
+    own = {name.removeprefix(_PREFIX): w for name, w in weights.items() if name.startswith(_PREFIX)}
+    load_weights(encoder, own, folder)
+    return encoder
+
+
+@torch.no_grad()
+def encode(encoder: GridEncoder, packed: np.ndarray, cells: int) -> np.ndarray:
+    """The frozen convolutions' outputs of bit-packed crops, in cache-sized batches.
+
+    Args:
+        encoder: pre-trained.
+        packed: [M, cells^2 / 8] uint8
+        cells: per side of a crop.
+
+    Returns:
+        Embeddings. [M, 392] float32
+    """
+    fast = encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    # Filled, not collected: small pieces kept between the layers' large outputs make the heap grow.
+    embeddings = np.empty((len(packed), encoder.fc.in_features), np.float32)
+    for at in range(0, len(packed), _CROPS_AT_ONCE):
+        batch = slice(at, at + _CROPS_AT_ONCE)
+        crops = torch.from_numpy(unpack_crops(packed[batch], cells)).to(torch.float32)
+        embeddings[batch] = fast.embedding(crops).numpy()
+    return embeddings

@@ -1,0 +1,157 @@
+"""The page on the simulated people themselves: do they walk as people do?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pedpred.report.canvas import FAINT, INK, blank, styled
+from pedpred.report.findings import Finding
+from pedpred.report.pages import Picture, Section
+from pedpred.report.plan import draw_ground
+from pedpred.report.tables import findings_table, markdown_table
+from pedpred.scenes import Scene
+
+LEAST_REACHED, MOST_SLOW = 0.995, 0.01
+_FORWARD, _BACKWARD, _TAIL_S = "#0072B2", "#D55E00", 2.4
+
+
+def walking_findings(shares: Mapping[str, Any]) -> list[Finding]:
+    """What a data set must fulfil before anybody learns from it."""
+    rules = [
+        ("nobody in an obstacle", "in_obstacle_share", shares["in_obstacle_share"] == 0),
+        ("nobody above the speed cap", "above_cap_share", shares["above_cap_share"] == 0),
+        (
+            f"at least {LEAST_REACHED:.1%} of targets within 3 x the free-walk time",
+            "targets_reached_share",
+            shares["targets_reached_share"] >= LEAST_REACHED,
+        ),
+        (
+            f"under {MOST_SLOW:.0%} of states slower than 0.2 m/s outside queues",
+            "slow_outside_queues_share",
+            shares["slow_outside_queues_share"] < MOST_SLOW,
+        ),
+    ]
+    return [Finding(claim, f"{shares[key]:.2%}", "met" if holds else "missed") for claim, key, holds in rules]
+
+
+def weidmann_speed_mps(density_per_m2: np.ndarray) -> np.ndarray:
+    """Observed speeds, v = 1.34 (1 - exp(-1.913 (1/rho - 1/5.4))) m/s. Weidmann 1993 (Kladek's form).
+
+    Args:
+        density_per_m2: rho > 0. [...]
+    """
+    return 1.34 * (1.0 - np.exp(-1.913 * (1.0 / np.asarray(density_per_m2) - 1.0 / 5.4)))
+
+
+@styled
+def flow_figure(rows: Sequence[Mapping[str, float]]) -> Figure:
+    """Speed over density beside Weidmann's observations, and lane order beside that of chance."""
+    figure = blank(9.0, 3.4)
+    speed, lanes = figure.subplots(1, 2)
+    density = np.array([row["density_per_m2"] for row in rows])
+    seen = np.linspace(0.02, max(2.0, 1.1 * density.max()), 200)
+    speed.plot(seen, weidmann_speed_mps(seen), color=FAINT, linewidth=2, label="Weidmann 1993, observed")
+    speed.plot(density, [row["speed_mps"] for row in rows], "o-", color=_FORWARD, label="simulated")
+    speed.set(xlabel="density [1/m²]", ylabel="mean speed [m/s]", ylim=(0.0, None), title="Speed and density")
+    lanes.plot(density, [row["lane_order"] for row in rows], "o-", color=_FORWARD, label="simulated")
+    shuffled = [row["lane_order_shuffled"] for row in rows]
+    lanes.plot(density, shuffled, "o--", color=FAINT, label="directions shuffled")
+    lanes.set(xlabel="density [1/m²]", ylabel="lane order", ylim=(0.0, None), title="Lanes")
+    for axes in (speed, lanes):
+        axes.legend()
+    return figure
+
+
+def flow_section(rows: Sequence[Mapping[str, float]]) -> Section:
+    """The experiment in a corridor, for the page."""
+    caption = (
+        "Two opposite streams in a corridor, nothing fitted. Lane order of Rex and Löwen (2007): "
+        "1 for perfect lanes."
+    )
+    return Section("Speed, density and lanes", [Picture("flow", caption, flow_figure(rows))])
+
+
+@styled
+def lanes_figure(scene: Scene) -> Figure:
+    """The last instant of a run: everybody with the last seconds of their path, coloured by direction."""
+    width, depth = scene.occupancy.extent_m
+    figure = blank(9.0, 0.6 + 9.0 * depth / width)
+    axes = figure.subplots()
+    draw_ground(axes, scene.occupancy, 0)
+    people = scene.trajectories
+    assert people.velocity is not None
+    end_s = people.time_s.max()
+    now = people.time_s == end_s
+    for track, (x, y), (v_x, _) in zip(
+        people.track_id[now], people.position[now], people.velocity[now], strict=True
+    ):
+        colour = _FORWARD if v_x > 0 else _BACKWARD
+        tail = (people.track_id == track) & (people.time_s >= end_s - _TAIL_S)
+        axes.plot(*people.position[tail].T, color=colour, linewidth=1, alpha=0.6)
+        axes.plot(x, y, "o", color=colour, markersize=5)
+    _name_directions(axes)
+    return figure
+
+
+def _name_directions(axes: Axes) -> None:
+    marks = [Line2D([], [], color=c, marker="o", linestyle="") for c in (_FORWARD, _BACKWARD)]
+    axes.legend(marks, ["to the right", "to the left"], loc="lower right", ncols=2, bbox_to_anchor=(1, -0.2))
+    axes.spines[:].set_color(INK)
+
+
+def crowd_page(
+    sets: Mapping[str, Mapping[str, Any]], flow: Sequence[Mapping[str, float]], folder: str
+) -> str:
+    """Markdown page: what was demanded of the walking, the figures, and the two experiments.
+
+    Args:
+        sets: `Walking.shares` of each data set.
+        flow: rows of `corridor_flow`.
+        folder: where flow.png and lanes.png lie, relative to the page.
+    """
+    findings = [(name, finding) for name, shares in sets.items() for finding in walking_findings(shares)]
+    figures = [
+        [
+            name,
+            f"{s['states']}",
+            f"{s['mean_speed_over_desired']:.2f}",
+            f"{s['slow_share']:.2%}",
+            f"{s['close_share']:.2%}",
+            f"{s['targets']}",
+            f"{s['targets_reached_share']:.2%}",
+        ]
+        for name, s in sets.items()
+    ]
+    head = ["set", "states", "speed / desired", "below 0.2 m/s", "nearer than 0.3 m", "targets", "in time"]
+    runs = [[f"{row[key]:.{digits}f}" for key, digits in _FLOW_COLUMNS.values()] for row in flow]
+    parts = [
+        "# Simulated people: do they walk as people do?",
+        "Every recorded state of every simulated set is checked. In a queue stands who has somebody within "
+        "1 m ahead; the free-walk time is the way around the obstacles at the desired speed.",
+        findings_table(findings),
+        markdown_table(head, figures),
+        "## Density, speed and lanes",
+        "Two opposite streams in a corridor, measured in its middle with PedPy; the curve is Weidmann's "
+        "(1993) fit to observations, to which nothing was fitted here. Lane order is that of Rex and Löwen "
+        "(2007), 1 for perfect lanes; beside it that of shuffled directions.",
+        f"![Speed over density, lane order over density]({folder}/flow.png)",
+        markdown_table(list(_FLOW_COLUMNS), runs, texts=0),
+        "The run whose lanes stand out most, its last instant:",
+        f"![People in a corridor, coloured by direction]({folder}/lanes.png)",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+_FLOW_COLUMNS = {
+    "people": ("people", 0),
+    "density [1/m²]": ("density_per_m2", 2),
+    "speed [m/s]": ("speed_mps", 2),
+    "lane order": ("lane_order", 2),
+    "shuffled": ("lane_order_shuffled", 2),
+}

@@ -1,0 +1,138 @@
+"""The answer of every forecaster: one path per person, and the weighted paths it may take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.geometry import rotate, rotated_covariance
+
+Frame = Literal["world", "agent"]
+_SUM_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """Where W people are forecast to be at P steps, each from its own present. K modes.
+
+    Attributes:
+        point: the one path that the method would give; errors are measured on it, m. [W, P, 2]
+        path: the modes, most likely first, m. [W, K, P, 2]
+        weight: probability of each mode, not rising; each row sums to 1. [W, K]
+        dt_s: time between two steps, s; step p lies (p + 1) dt_s after the present.
+        covariance: of the positions, within each mode, m^2; None from a method that gives none.
+            [W, K, P, 2, 2]
+        frame: "world", or "agent": origin at the person, x along its heading.
+
+    Raises:
+        ShapeError: the shapes do not belong together.
+        ValueRuleError: weights are negative, rise or do not sum to 1; or dt_s is not positive.
+    """
+
+    point: np.ndarray
+    path: np.ndarray
+    weight: np.ndarray
+    dt_s: float
+    covariance: np.ndarray | None = None
+    frame: Frame = "world"
+
+    def __post_init__(self) -> None:
+        if self.point.ndim != 3 or self.point.shape[2] != 2:
+            raise ShapeError("point", self.point.shape, "[W, P, 2]")
+        rows, steps = self.point.shape[:2]
+        modes = self.weight.shape[-1]
+        expected = {"path": (rows, modes, steps, 2), "weight": (rows, modes)}
+        if self.covariance is not None:
+            expected["covariance"] = (rows, modes, steps, 2, 2)
+        for name, shape in expected.items():
+            if getattr(self, name).shape != shape:
+                raise ShapeError(name, getattr(self, name).shape, str(shape))
+        if not 0 < self.dt_s < np.inf:
+            raise ValueRuleError("dt_s", self.dt_s, "it must be positive")
+        weight = self.weight
+        if rows and not (
+            (weight >= 0).all()
+            and (np.diff(weight, axis=1) <= 0).all()
+            and np.allclose(weight.sum(axis=1), 1.0, rtol=0, atol=_SUM_TOLERANCE)
+        ):
+            raise ValueRuleError("weight", "", "weights must fall and sum to 1 in each row")
+
+    @classmethod
+    def single(
+        cls, point: np.ndarray, dt_s: float, covariance: np.ndarray | None = None, frame: Frame = "world"
+    ) -> Predictions:
+        """One mode, the point forecast itself, with the covariance of its positions [W, P, 2, 2]."""
+        own = None if covariance is None else covariance[:, None]
+        return cls(point, point[:, None], np.ones((len(point), 1)), dt_s, own, frame)
+
+    def __len__(self) -> int:
+        return len(self.point)
+
+    @property
+    def modes(self) -> int:
+        """Number of modes K."""
+        return self.weight.shape[1]
+
+    @property
+    def steps(self) -> int:
+        """Number of steps P."""
+        return self.point.shape[1]
+
+    @property
+    def most_likely(self) -> np.ndarray:
+        """The path of the mode with the largest weight, m. [W, P, 2]."""
+        return self.path[:, 0]
+
+    @property
+    def mean(self) -> np.ndarray:
+        """The weighted mean of the modes, m. [W, P, 2]."""
+        return (self.weight[:, :, None, None] * self.path).sum(axis=1)
+
+    def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Paths drawn from the modes, with their covariances where there are any, m. [W, S, P, 2].
+
+        Steps of one path share their draw: a person who is ahead of a mode stays ahead of it.
+        """
+        upto = np.cumsum(self.weight, axis=1)
+        drawn = rng.random((len(self), count, 1)) * upto[:, None, -1:]
+        mode = np.minimum((drawn >= upto[:, None]).sum(axis=-1), self.modes - 1)
+        rows = np.arange(len(self))[:, None]
+        paths = self.path[rows, mode]
+        if self.covariance is None:
+            return paths
+        scale = np.linalg.cholesky(self.covariance)[rows, mode]
+        noise = rng.standard_normal((len(self), count, 1, 2, 1))
+        return paths + (scale @ noise)[..., 0]
+
+    def select(self, rows: np.ndarray) -> Predictions:
+        """The predictions of some people (mask or indices)."""
+        covariance = None if self.covariance is None else self.covariance[rows]
+        return replace(
+            self,
+            point=self.point[rows],
+            path=self.path[rows],
+            weight=self.weight[rows],
+            covariance=covariance,
+        )
+
+    def in_world(self, position: np.ndarray, heading_rad: np.ndarray) -> Predictions:
+        """Predictions in agent frames, as seen from the world.
+
+        Args:
+            position: the agents' origins, world frame, m. [W, 2]
+            heading_rad: direction of the agents' x axes, counter-clockwise from world x. [W]
+        """
+        if self.frame != "agent":
+            raise ValueRuleError("frame", self.frame, "it must be 'agent'")
+        turn = heading_rad[:, None, None]
+        covariance = self.covariance
+        return replace(
+            self,
+            point=position[:, None] + rotate(self.point, heading_rad[:, None]),
+            path=position[:, None, None] + rotate(self.path, turn),
+            covariance=None if covariance is None else rotated_covariance(covariance, turn),
+            frame="world",
+        )

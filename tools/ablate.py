@@ -1,0 +1,114 @@
+"""Run an ablation of conf/ablations as DVC experiments: `python -m tools.ablate layouts [--jobs 2]`.
+
+By hand, after `dvc repro`; the figures go to reports/ablations/<name>.{json,md,png}. Points are queued and
+run in copies of their own; what has been computed before comes from DVC's cache, so an interrupted ablation
+goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import subprocess
+import time
+from collections.abc import Mapping
+from io import StringIO
+from pathlib import Path
+
+import pandas as pd
+from tqdm import tqdm
+
+from pedpred.files import write_json, write_text
+from pedpred.report.ablation import (
+    Ablation,
+    ablation_figure,
+    ablation_table,
+    point_rows,
+    read_ablation,
+    steps_table,
+    steps_until,
+)
+from pedpred.report.canvas import write_png
+
+PATIENCE_S = 2.0  # between two looks at the queue
+
+
+def said_by(*command: str) -> str:
+    """Output of a command.
+
+    Raises:
+        SystemExit: it failed; with what it said.
+    """
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"{' '.join(command)}\n{done.stdout}\n{done.stderr}")
+    return done.stdout
+
+
+def finished() -> dict[str, str]:
+    """Git references of all finished experiments by name; `failed` is there once one has failed."""
+    references = said_by("git", "for-each-ref", "--format=%(refname)", "refs/exps").split()
+    return {reference.rpartition("/")[2]: reference for reference in references}
+
+
+def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) -> dict[str, str]:
+    """Run every point as a queued DVC experiment; their git references by point."""
+    said_by("dvc", "queue", "remove", "--failed")
+    if stale := sorted(set(experiments.values()) & set(finished())):
+        said_by("dvc", "exp", "remove", *stale)
+    for point, name in experiments.items():
+        overrides = [f"--set-param={o}" for o in (*ablation.always, *ablation.points[point])]
+        said_by("dvc", "exp", "run", "--queue", "--name", name, *overrides, ablation.target)
+    start, quiet = ["dvc", "queue", "start", "--jobs", str(jobs)], subprocess.DEVNULL
+    subprocess.run(start, check=True, stdout=quiet, stderr=quiet)  # its workers would keep pipes open
+    with tqdm(total=len(experiments), unit="point") as bar:
+        while bar.n < len(experiments):
+            time.sleep(PATIENCE_S)
+            done = finished()
+            if "failed" in done:
+                raise SystemExit("A point failed: `dvc queue status` says which, `dvc queue logs <name>` why")
+            bar.update(len(set(experiments.values()) & set(done)) - bar.n)
+    return {point: done[name] for point, name in experiments.items()}
+
+
+def measures(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict]:
+    """The measures of all methods by point."""
+    shown = {p: said_by("git", "show", f"{ref}:{ablation.metrics}") for p, ref in references.items()}
+    return {point: json.loads(text)[ablation.entry] for point, text in shown.items()}
+
+
+def learning(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict[str, pd.DataFrame]]:
+    """The training curves asked for: point -> method -> curve."""
+
+    def curve(reference: str, path: str) -> pd.DataFrame:
+        return pd.read_csv(StringIO(said_by("git", "show", f"{reference}:{path}")), sep="\t")
+
+    return {
+        point: {method: curve(reference, path) for method, path in ablation.curves.items()}
+        for point, reference in references.items()
+    }
+
+
+def main() -> None:
+    """Run all points, write the figures."""
+    parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
+    parser.add_argument("name", help="a file in conf/ablations, without .yaml")
+    parser.add_argument("--jobs", type=int, default=1, help="points at a time")
+    parser.add_argument("--out", type=Path, default=Path("reports/ablations"))
+    options = parser.parse_args()
+    ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
+    experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
+    references = reproduced(ablation, experiments, options.jobs)
+    rows = point_rows(ablation, measures(ablation, references))
+    tables = [ablation_table(ablation, rows)]
+    if ablation.curves:
+        tables.append(steps_table(ablation, steps_until(ablation, learning(ablation, references))))
+    write_json(options.out / f"{options.name}.json", rows)
+    write_text(options.out / f"{options.name}.md", "\n\n".join(tables) + "\n")
+    write_png(ablation_figure(ablation, rows), options.out / f"{options.name}.png")
+    logging.getLogger(__name__).info("\n%s", "\n\n".join(tables))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,31 @@
+"""Compare the metrics with those of a revision: `python -m tools.compare HEAD~1`.
+
+Tells which figures of reports/metrics moved beyond their 95 % intervals; exit code 1 when some got worse.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from pedpred.errors import PedpredError
+from pedpred.report.comparison import changes, changes_table, metrics_at, metrics_now
+
+
+def main() -> None:
+    """Print the comparison; fail when something got worse beyond its interval."""
+    parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
+    parser.add_argument("revision", help="a commit, branch or tag")
+    parser.add_argument("--folder", type=Path, default=Path("reports/metrics"))
+    options = parser.parse_args()
+    try:
+        found = changes(metrics_at(options.revision, options.folder), metrics_now(options.folder))
+    except PedpredError as error:
+        raise SystemExit(f"{type(error).__name__}: {error}") from error
+    sys.stdout.write(f"{changes_table(found)}\n")
+    sys.exit(int(any(change.verdict == "worse" for change in found)))
+
+
+if __name__ == "__main__":
+    main()
