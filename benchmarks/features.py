@@ -19,8 +19,15 @@ import numba
 import numpy as np
 
 from benchmarks.timing import keep, median_ms, run_measured, tell
-from pedpred.features import FeatureSettings, Observation, Pedestrians, observe_frame, occupancy_crops
-from pedpred.geometry import rotate, to_world
+from pedpred.features import (
+    FeatureSettings,
+    Neighbours,
+    Observation,
+    Pedestrians,
+    observe,
+    occupancy_crops,
+)
+from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap
 
 CROWDS = (20, 200, 1000)
@@ -44,7 +51,7 @@ def crowd(count: int, rng: np.random.Generator) -> Pedestrians:
 
 def both_grids(frame: Pedestrians, occupancy: OccupancyMap) -> Observation:
     """What runs online."""
-    return observe_frame(frame, occupancy, SIZES)
+    return observe(frame, Neighbours.together(frame, len(frame)), occupancy, SIZES)
 
 
 def crop_only(frame: Pedestrians, occupancy: OccupancyMap) -> np.ndarray:
@@ -57,7 +64,7 @@ def plain_numpy(frame: Pedestrians, occupancy: OccupancyMap) -> tuple[np.ndarray
     """The same two grids in array expressions: [N, cells^2 / 8] uint8, [N, K] float32."""
     centre = (np.arange(SIZES.grid_cells) + 0.5 - SIZES.grid_cells / 2) * SIZES.grid_resolution_m
     cells = np.stack(np.meshgrid(centre, centre, indexing="ij"), axis=-1)
-    points = to_world(cells[None], frame.position[:, None, None], frame.heading_rad[:, None, None])
+    points = rotate(cells[None], frame.heading_rad[:, None, None]) + frame.position[:, None, None]
     crops = np.packbits(occupancy.is_occupied(points).reshape(len(frame), -1), axis=1, bitorder="little")
     away = rotate(frame.position - frame.position[:, None], -frame.heading_rad[:, None])
     distance = np.hypot(away[..., 0], away[..., 1])

@@ -13,7 +13,7 @@ from pedpred.config import plain, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.scenes import VARIANTS
-from pedpred.simulation.sensor import SensorSettings, sensed
+from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import write_manifest, write_shard
 from pedpred.tracking import KalmanSettings, follow, resampled
@@ -32,7 +32,9 @@ def features_into(
     if settings.noncausal:
         scene, tracker = resampled(real, settings.dt_s, settings.lost_after_s), {"kind": "truth"}
     elif sensor != SensorSettings():
-        scene = sensed(real, sensor, np.random.default_rng([sensor.seed, zlib.crc32(real.name.encode())]))
+        scene = apply_sensor(
+            real, sensor, np.random.default_rng([sensor.seed, zlib.crc32(real.name.encode())])
+        )
     kind = tracker.pop("kind")
     kalman = KalmanSettings(**tracker) if tracker else None
     tracks = follow(scene.trajectories, kind, kalman, standstill_mps, settings.lost_after_s)

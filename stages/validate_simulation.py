@@ -11,7 +11,7 @@ from pedpred.report.canvas import write_png
 from pedpred.report.simulation_page import crowd_page, flow_figure, lanes_figure
 from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow
 from pedpred.simulation.settings import social_force_settings
-from pedpred.simulation.walking import walking
+from pedpred.simulation.walking import count_walking
 from pedpred.storage.scenes import read_scene, scene_folders
 
 SETS = ("corridor", "main", "sim_test")
@@ -26,7 +26,7 @@ def main(cfg: DictConfig) -> None:
     sets = {}
     for name in SETS:
         folders = tqdm(scene_folders(Path("data/scenes") / name), desc=f"walking in {name}", unit="scene")
-        sets[name] = walking((read_scene(folder) for folder in folders), model).shares()
+        sets[name] = count_walking((read_scene(folder) for folder in folders), model).shares()
     flow, clearest = corridor_flow(FlowSettings(**groups["validation"]), model)
     write_json(out / "metrics/walking.json", sets | {"corridor_flow": flow})
     write_png(flow_figure(flow), out / "simulation/flow.png")

@@ -7,7 +7,7 @@ import yaml
 
 from pedpred.simulation.arrangements import arrangements, simulated
 from pedpred.simulation.layouts import Layout, layout_from
-from pedpred.simulation.places import TargetPool
+from pedpred.simulation.placement import TargetPool
 from pedpred.simulation.settings import social_force_settings
 
 CONF = Path(__file__).parents[1] / "conf"

@@ -14,19 +14,20 @@ from benchmarks import features as benchmark
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import (
     FeatureSettings,
+    Neighbours,
     Pedestrians,
     angular_grids,
     extract,
     extract_blocks,
-    frame_at,
-    observe_frame,
+    observe,
     occupancy_crops,
     unpack_crops,
 )
+from pedpred.features.presence import pedestrians_at
 from pedpred.features.targets import future_velocities
-from pedpred.geometry import rotate, to_world
+from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from pedpred.simulation.sensor import SensorSettings, sensed
+from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.sources import SOURCES as EWAP
 from pedpred.tracking import KalmanSettings, follow, resampled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -105,7 +106,7 @@ def test_no_input_depends_on_a_later_detection(name, seed, now):
     source, rng = SOURCES[name], np.random.default_rng(seed)
     scene = walled_scene(rng, source["dt_s"], source["truth"], detections=source.get("detections", 40))
     if name == "sensor":
-        scene, now = sensed(scene, SENSOR, rng), now / 3
+        scene, now = apply_sensor(scene, SENSOR, rng), now / 3
     before, after = table_of(scene, source), table_of(otherwise_later(scene, now, rng), source)
     assert_same_inputs(before, after, now)
 
@@ -204,7 +205,7 @@ def test_crop_equals_a_look_up_of_every_cell_centre(heading, position, size, res
     cells, side_m = window
     centre = (np.arange(cells) + 0.5 - cells / 2) * side_m
     centres = np.stack(np.meshgrid(centre, centre, indexing="ij"), axis=-1)
-    looked_up = room.is_occupied(to_world(centres, np.array(position), np.float64(heading)))
+    looked_up = room.is_occupied(rotate(centres, np.float64(heading)) + np.array(position))
     on_an_edge = (unpack_crops(crop, cells)[0] != looked_up).mean()
     assert on_an_edge <= (0.002 if heading % (np.pi / 4) else 1.0)  # else whole rows of centres lie on edges
 
@@ -309,7 +310,10 @@ def test_online_equals_offline_bit_by_bit(source):
     compared = 0
     for now in np.unique(table.time_s):
         heard = scene.trajectories.select(scene.trajectories.time_s <= now + TIME_TOLERANCE_S)
-        frame = frame_at(follow(heard, source["kind"], source["kalman"], 0.2), now, max_age_s)
+        tracks = follow(heard, source["kind"], source["kalman"], 0.2)
+        last = np.flatnonzero(np.diff(tracks.track_id, append=-1))
+        last = last[tracks.time_s[last] >= now - max_age_s]
+        frame = pedestrians_at(tracks, last, np.full(len(last), now))
         seen = observe_frame(frame, scene.occupancy, sizes)
         rows = np.flatnonzero(table.time_s == now)
         who = np.searchsorted(frame.track_id, table.track_id[rows])
@@ -341,6 +345,10 @@ def pedestrians(*positions, heading_rad=0.0):
     where = np.reshape(np.array(positions, dtype=float), (-1, 2))
     rows = len(where)
     return Pedestrians(np.arange(rows), where, np.full(rows, heading_rad), np.zeros((rows, 2)))
+
+
+def observe_frame(frame, occupancy, sizes):
+    return observe(frame, Neighbours.together(frame, len(frame)), occupancy, sizes)
 
 
 def test_frames_of_nobody_of_one_and_outside_the_map_have_an_answer():
@@ -391,7 +399,7 @@ def test_targets_are_the_truth_whatever_the_sensor_says():
     """Two people change names for good; each name's target is the path of whom it stands for."""
     rng = np.random.default_rng(4)
     scene = walled_scene(rng, 0.1, tracks=6, detections=100, noise_m=0.0)
-    seen = sensed(scene, SENSOR, rng)
+    seen = apply_sensor(scene, SENSOR, rng)
     tracks = follow(seen.trajectories, "kalman", KALMAN, 0.2)
     assert (tracks.person_id != tracks.track_id).any()
     table = extract(seen, tracks, FeatureSettings(), scene.trajectories)

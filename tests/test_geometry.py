@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.geometry import Homography, rotate, to_agent, to_world, wrap_angle
+from pedpred.geometry import Homography, rotate
 
 metres = st.floats(-1e3, 1e3)
 points = arrays(np.float64, st.tuples(st.integers(0, 5), st.just(2)), elements=metres)
@@ -58,12 +58,6 @@ def test_homography_refuses_points_that_are_no_pairs():
         Homography(np.eye(3)).to_world(np.zeros((4, 3)))
 
 
-@given(points, point, angles)
-def test_agent_frame_there_and_back(world, origin, heading_rad):
-    back = to_world(to_agent(world, origin, heading_rad), origin, heading_rad)
-    np.testing.assert_allclose(back, world, atol=1e-9)
-
-
 @given(points, angles)
 def test_rotation_there_and_back_keeps_lengths(vectors, angle_rad):
     turned = rotate(vectors, angle_rad)
@@ -71,17 +65,5 @@ def test_rotation_there_and_back_keeps_lengths(vectors, angle_rad):
     np.testing.assert_allclose(np.hypot(*turned.T), np.hypot(*vectors.T), atol=1e-9)
 
 
-def test_agent_looks_along_x_with_y_to_its_left():
-    north = np.pi / 2
-    ahead, left = to_agent(np.array([[1.0, 5.0], [0.0, 2.0]]), np.array([1.0, 2.0]), north)
-    np.testing.assert_allclose(ahead, [3.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(left, [0.0, 1.0], atol=1e-12)
-
-
-@given(angles | st.sampled_from([np.pi, -np.pi, np.nextafter(-np.pi, -4.0), np.nextafter(np.pi, 4.0)]))
-def test_wrapped_angle_is_the_same_direction_in_range(angle_rad):
-    wrapped = wrap_angle(angle_rad)
-    assert -np.pi <= wrapped < np.pi
-    np.testing.assert_allclose(
-        [np.cos(wrapped), np.sin(wrapped)], [np.cos(angle_rad), np.sin(angle_rad)], atol=1e-9
-    )
+def test_rotation_is_counter_clockwise():
+    np.testing.assert_allclose(rotate(np.array([3.0, 1.0]), np.pi / 2), [-1.0, 3.0], atol=1e-12)

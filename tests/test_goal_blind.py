@@ -20,7 +20,7 @@ from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract
 from pedpred.simulation import forces, kernel
 from pedpred.simulation.ground import ground_of
-from pedpred.simulation.places import open_cells
+from pedpred.simulation.placement import open_cells
 from pedpred.simulation.routing import directions_at, routes_to
 from pedpred.tracking import follow
 from tests.simulated import SETTINGS, SOCIAL_FORCE, drawn, scene_of, short

@@ -17,7 +17,7 @@ from pedpred.simulation.arrangements import arrangements
 from pedpred.simulation.clutter import clutter_settings, cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
 from pedpred.simulation.layouts import Layout
-from pedpred.simulation.places import drawn_targets
+from pedpred.simulation.placement import drawn_targets
 from pedpred.simulation.shapes import Circle, Door, Polygon, Rectangle, Wall, shape_from
 from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, drawn, scene_of, short
 

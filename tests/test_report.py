@@ -13,7 +13,7 @@ from PIL import Image
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.evaluation.calibration import radius2, squared_mahalanobis
 from pedpred.features import occupancy_crops
-from pedpred.geometry import Homography, to_world
+from pedpred.geometry import Homography, rotate
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.calibration_plots import ellipse
 from pedpred.report.canvas import png_bytes
@@ -313,7 +313,7 @@ def test_without_a_model_there_is_nothing_to_show(tmp_path):
 def test_an_obstacle_ahead_is_drawn_above_and_one_to_the_left_is_drawn_left(heading_rad, place, row, column):
     agent = np.array([5.0, 5.0])
     occupied = np.zeros((100, 100), dtype=bool)
-    x, y = np.floor(to_world(np.array(place), agent, heading_rad) * 10 + 1e-9).astype(int)
+    x, y = np.floor((rotate(np.array(place), heading_rad) + agent) * 10 + 1e-9).astype(int)
     occupied[x - 1 : x + 2, y - 1 : y + 2] = True
     crop = occupancy_crops(
         OccupancyMap(occupied, np.zeros(2), 0.1), agent[None], np.array([heading_rad]), 60, 0.1

@@ -8,11 +8,11 @@ from pedpred.report.simulation_page import walking_findings
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.kernel import advance
-from pedpred.simulation.places import drawn_targets
+from pedpred.simulation.placement import drawn_targets
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
 from pedpred.simulation.simulator import desired_speeds, rollout, visiting_plans
-from pedpred.simulation.walking import walking
+from pedpred.simulation.walking import count_walking
 from pedpred.storage.scenes import tracks_table
 from tests.simulated import DRAWN, EMPTY_ROOM, QUIET, SETTINGS, SOCIAL_FORCE, drawn, pool, scene_of, short
 
@@ -37,7 +37,7 @@ def test_a_lone_slow_pedestrian_reaches_every_target(name):
 
 def test_people_in_random_rooms_walk_as_people_do():
     rooms = short(40.0, drawn=["doorways", "plaza", "bottleneck"], generated=2)
-    found = walking([scene_of(room) for room in rooms], SETTINGS)
+    found = count_walking([scene_of(room) for room in rooms], SETTINGS)
     assert found.targets > 100
     assert [finding for finding in walking_findings(found.shares()) if finding.verdict != "met"] == []
 

@@ -7,17 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.errors import ConfigError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
+from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.tracking import (
     KalmanSettings,
-    SensorSettings,
     born,
     follow,
     log_likelihood,
     resampled,
-    sensed,
-    tuned,
+    tune_kalman,
     updated,
 )
 from tests.worlds import walled_scene, wandering
@@ -84,7 +83,7 @@ def test_last_row_is_the_latest_detection_of_that_track():
 def test_bad_settings_are_named():
     with pytest.raises(ValueRuleError, match="position_noise_m"):
         KalmanSettings(acceleration_noise=0.3, position_noise_m=0.0)
-    with pytest.raises(ConfigError, match=r"tracker\.kind"):
+    with pytest.raises(ValueRuleError, match="kind"):
         follow(wandering(np.random.default_rng(0)), "truth", None, 0.2)
 
 
@@ -115,7 +114,7 @@ def test_the_filter_knows_how_wrong_it_is():
 def test_tuning_finds_the_noise_that_was_put_in():
     trajectories = model_walks(np.random.default_rng(1), 0.2, 0.05)
     for ahead in (1, 4):
-        found = tuned(trajectories, ahead)
+        found = tune_kalman(trajectories, ahead)
         assert found.acceleration_noise == pytest.approx(0.2, rel=0.15)
         assert found.position_noise_m == pytest.approx(0.05, rel=0.15)
         assert log_likelihood(trajectories, found, ahead) > log_likelihood(trajectories, SETTINGS, ahead)
@@ -177,7 +176,7 @@ def test_what_no_tracker_could_make_sense_of_is_refused():
 
 def test_a_perfect_sensor_changes_no_detection():
     scene = walled_scene(np.random.default_rng(0))
-    seen = sensed(scene, SensorSettings(), np.random.default_rng(1)).trajectories
+    seen = apply_sensor(scene, SensorSettings(), np.random.default_rng(1)).trajectories
     for name in ("time_s", "track_id", "position"):
         np.testing.assert_array_equal(getattr(seen, name), getattr(scene.trajectories, name))
     np.testing.assert_array_equal(seen.person_id, seen.track_id)
@@ -188,7 +187,7 @@ def test_a_sensor_is_as_bad_as_it_says():
     faults = SensorSettings(
         position_noise_m=0.2, quantum_m=0.01, drop_out_share=0.3, switch_share=0.5, switch_range_m=9.0
     )
-    seen = sensed(scene, faults, np.random.default_rng(1)).trajectories
+    seen = apply_sensor(scene, faults, np.random.default_rng(1)).trajectories
     assert len(seen) / len(scene.trajectories) == pytest.approx(0.7, abs=0.02)
     true = follow(scene.trajectories, "kalman", SETTINGS, 0.2)
     miss = seen.position - true.detection[true.last_row(seen.person_id, seen.time_s)]
@@ -202,7 +201,7 @@ def test_a_sensor_is_as_bad_as_it_says():
 
 def test_a_slow_sensor_sees_every_third_instant():
     scene = walled_scene(np.random.default_rng(0))
-    seen = sensed(scene, SensorSettings(every=3), np.random.default_rng(1))
+    seen = apply_sensor(scene, SensorSettings(every=3), np.random.default_rng(1))
     np.testing.assert_array_equal(
         np.unique(seen.trajectories.time_s), np.unique(scene.trajectories.time_s)[::3]
     )

@@ -18,7 +18,7 @@ from pedpred.report.simulation_page import (
 )
 from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow, lane_order
-from pedpred.simulation.walking import Walking, walking
+from pedpred.simulation.walking import WalkingCounts, count_walking
 from tests.simulated import EMPTY_ROOM, SETTINGS, read, scene_of, short
 
 FLOW = FlowSettings(**read("validation/corridor_flow"))
@@ -46,7 +46,7 @@ def line(start, step, count):
 
 def test_a_steady_walker_reaches_targets_in_time():
     there = [[3.5, 4.0]] * 5 + [[9.5, 4.0]] * 20 + [[2.0, 4.0]] * 5
-    found = walking([walked([line((2.0, 4.0), (0.3, 0.0), 30)], [there])], SETTINGS)
+    found = count_walking([walked([line((2.0, 4.0), (0.3, 0.0), 30)], [there])], SETTINGS)
     assert (found.states, found.in_obstacle, found.above_cap, found.slow, found.close) == (30, 0, 0, 0, 0)
     assert (found.targets, found.reached) == (1, 1)  # the first began before, the last is not over yet
     assert found.speed_sum == pytest.approx(30.0)
@@ -54,26 +54,26 @@ def test_a_steady_walker_reaches_targets_in_time():
 
 def test_a_target_reached_too_late_counts():
     goals = [[3.0, 4.0]] + [[4.0, 4.0]] * 40 + [[3.0, 4.0]]
-    found = walking([walked([line((3.0, 4.0), (0.02, 0.0), 42)], [goals])], SETTINGS)  # 1 m in 12 s
+    found = count_walking([walked([line((3.0, 4.0), (0.02, 0.0), 42)], [goals])], SETTINGS)  # 1 m in 12 s
     assert (found.targets, found.reached) == (1, 0)
 
 
 def test_standing_behind_somebody_is_a_queue_and_standing_alone_is_not():
     goals = [[[11.0, 4.0]] * 8] * 2
     front, behind = line((5.0, 4.0), (0.0, 0.0), 8), line((4.4, 4.0), (0.0, 0.0), 8)
-    found = walking([walked([front, behind], goals)], SETTINGS)
+    found = count_walking([walked([front, behind], goals)], SETTINGS)
     assert (found.slow, found.slow_outside_queues, found.close) == (16, 8, 0)
 
 
 def test_walls_caps_and_closeness_are_counted():
     runner, walker = line((2.0, 0.1), (0.9, 0.0), 5), line((2.0, -0.1), (0.9, 0.0), 5)
-    found = walking([walked([runner, walker], [[[11.0, 4.0]] * 5] * 2)], SETTINGS)
+    found = count_walking([walked([runner, walker], [[[11.0, 4.0]] * 5] * 2)], SETTINGS)
     assert (found.in_obstacle, found.above_cap, found.close) == (5, 10, 10)
 
 
 def test_counts_of_scenes_add_up():
     scene = scene_of(short(6.0)[0])
-    once, twice = walking([scene], SETTINGS), walking([scene, scene], SETTINGS)
+    once, twice = count_walking([scene], SETTINGS), count_walking([scene, scene], SETTINGS)
     assert twice == once + once
     assert twice.shares()["slow_share"] == once.shares()["slow_share"]
 
@@ -81,7 +81,7 @@ def test_counts_of_scenes_add_up():
 def test_people_without_known_goals_are_refused():
     scene = walked([line((2.0, 4.0), (0.3, 0.0), 3)], [[[9.0, 4.0]] * 3])
     with pytest.raises(ValueRuleError, match="only simulated scenes"):
-        walking([replace(scene, trajectories=replace(scene.trajectories, goal=None))], SETTINGS)
+        count_walking([replace(scene, trajectories=replace(scene.trajectories, goal=None))], SETTINGS)
 
 
 def test_separate_lanes_are_perfect_order():
@@ -112,11 +112,11 @@ def test_a_small_experiment_becomes_a_page():
     assert corridor_flow(small, SETTINGS)[0] == rows or np.isnan(rows[0]["lane_order"])
     assert png_bytes(flow_figure(rows)).startswith(b"\x89PNG")
     assert png_bytes(lanes_figure(clearest)).startswith(b"\x89PNG")
-    page = crowd_page({"main": Walking(10, slow=1, targets=4, reached=4).shares()}, rows, "simulation")
+    page = crowd_page({"main": WalkingCounts(10, slow=1, targets=4, reached=4).shares()}, rows, "simulation")
     assert "| main | nobody in an obstacle | 0.00% | met |" in page
 
 
 def test_a_set_that_breaks_a_rule_says_so():
-    found = Walking(1000, in_obstacle=1, slow_outside_queues=10, targets=1000, reached=994)
+    found = WalkingCounts(1000, in_obstacle=1, slow_outside_queues=10, targets=1000, reached=994)
     verdicts = [finding.verdict for finding in walking_findings(found.shares())]
     assert verdicts == ["missed", "met", "missed", "missed"]

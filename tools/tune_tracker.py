@@ -12,7 +12,7 @@ from omegaconf import DictConfig
 from pedpred.config import stage, stage_key
 from pedpred.files import write_text
 from pedpred.storage.scenes import read_scene
-from pedpred.tracking import log_likelihood, tuned
+from pedpred.tracking import log_likelihood, tune_kalman
 
 # As far as forecasts reach: 3.2 s of annotations. A filter tuned for the next detection alone trusts the
 # annotations more than the walking: its constant-velocity error is larger even on the place it was tuned on.
@@ -33,7 +33,7 @@ def main(cfg: DictConfig) -> None:
     name = stage_key(cfg)
     trajectories = read_scene(Path("data/scenes") / name).trajectories
     ahead = int(cfg.get("ahead", _AHEAD))
-    best = tuned(trajectories, ahead)
+    best = tune_kalman(trajectories, ahead)
     fit = log_likelihood(trajectories, best, ahead)
     page = _PAGE.format(name=name, ahead=ahead, fit=fit, **vars(best))
     out = Path(cfg.get("out", "conf/tracker")) / f"tuned_on_{name}.yaml"

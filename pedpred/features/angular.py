@@ -7,9 +7,11 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from pedpred.features.crop import PARALLEL_ROWS
+
 _TURN = 2.0 * np.pi
 _ANGLE_ERROR_RAD = 2e-5
-"""Twice the bound on the error of `_rough_angle`."""
+"""Twice the error bound of `_rough_angle`."""
 
 
 def angular_grids(
@@ -25,15 +27,15 @@ def angular_grids(
     """Distance of the nearest pedestrian in each cone around each query pedestrian.
 
     Cell k covers the angles [k, k+1) * 2 pi / cells, counter-clockwise from the heading:
-    r_k = min(r_max, min { rho_j : phi_j in cell k, j is somebody else }). Somebody else at the very
-    same point has no direction and counts as standing towards world x.
+    r_k = min(r_max, min { rho_j : phi_j in cell k, j another track }). Another track at exactly the
+    same point has no direction and counts as lying towards world x.
 
     Args:
         position: query pedestrians, world frame, m. [Q, 2]
         heading_rad: of the query pedestrians. [Q]
-        crowd: everybody, grouped by instant, world frame, m. [C, 2]
-        crowd_track: whose position. [C]
-        own_track: the query's own track, which does not see itself. [Q]
+        crowd: all pedestrians, grouped by instant, world frame, m. [C, 2]
+        crowd_track: track of each row of `crowd`. [C]
+        own_track: the query's own track, which is left out. [Q]
         crowd_span: rows [first, last) of `crowd` at the query's instant. [Q, 2]
         cells: number of cones K.
         max_range_m: r_max; also the value of an empty cone, m.
@@ -42,16 +44,17 @@ def angular_grids(
         Distances, m. [Q, cells] float32
     """
     grids = np.empty((len(position), cells), dtype=np.float32)
-    _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids)
+    scan = _scan if len(position) < PARALLEL_ROWS else _scan_parallel
+    scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids)
     return grids
 
 
 @njit(cache=True, inline="always")
 def _rough_angle(dx, dy):
-    """Direction of a vector, rad, in [-pi, pi]; without a branch, so that a loop of it is vectorised.
+    """Direction of a vector, rad, in [-pi, pi]; without branches, so that the compiler vectorises it.
 
-    The odd polynomial for arctan on [0, 1] errs by at most 1e-5 (Hastings 1955; Abramowitz & Stegun
-    1964, section 4.4).
+    The odd polynomial for arctan on [0, 1] has an error of at most 1e-5 (Hastings 1955; Abramowitz &
+    Stegun 1964, section 4.4).
     """
     across, along = abs(dx), abs(dy)
     ratio = min(across, along) / (max(across, along) + 1e-300)
@@ -63,34 +66,45 @@ def _rough_angle(dx, dy):
     return -angle if dy < 0.0 else angle
 
 
-@njit(parallel=True, cache=True)
-def _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids):
-    """Find every neighbour's cone by a rough angle, and by atan2 where the rough one is near an edge.
+@njit(cache=True)
+def _nearest(q, position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids):
+    """Row q of `grids`. Uses a rough angle per neighbour, and atan2 where that lies near a cone's edge.
 
-    The cone is floor((atan2(dy, dx) - heading) K / 2 pi) mod K in either case.
+    In both cases the cone is floor((atan2(dy, dx) - heading) K / 2 pi) mod K.
     """
     cells = grids.shape[1]
     cells_per_rad = cells / _TURN
     margin = _ANGLE_ERROR_RAD * cells_per_rad
+    x, y, heading = position[q, 0], position[q, 1], heading_rad[q]
+    turned = heading % _TURN
+    first, count = crowd_span[q, 0], crowd_span[q, 1] - crowd_span[q, 0]
+    square, cone = np.empty(count), np.empty(count)
+    for c in range(count):
+        dx, dy = crowd[first + c, 0] - x, crowd[first + c, 1] - y
+        square[c] = dx * dx + dy * dy
+        angle = _rough_angle(dx, dy) - turned
+        angle = angle + _TURN if angle < 0.0 else angle
+        angle = angle + _TURN if angle < 0.0 else angle
+        cone[c] = angle * cells_per_rad
+    nearest = np.full(cells, max_range_m * max_range_m)
+    for c in range(count):
+        if square[c] < max_range_m * max_range_m and crowd_track[first + c] != own_track[q]:
+            k = int(cone[c])
+            if not k + margin < cone[c] < k + 1 - margin:
+                angle = math.atan2(crowd[first + c, 1] - y, crowd[first + c, 0] - x)
+                k = math.floor((angle - heading) * cells_per_rad) % cells
+            nearest[k] = min(nearest[k], square[c])
+    for k in range(cells):
+        grids[q, k] = math.sqrt(nearest[k])
+
+
+@njit(cache=True)
+def _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids):
+    for q in range(len(position)):
+        _nearest(q, position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids)
+
+
+@njit(parallel=True, cache=True)
+def _scan_parallel(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids):
     for q in prange(len(position)):
-        x, y, heading = position[q, 0], position[q, 1], heading_rad[q]
-        turned = heading % _TURN
-        first, count = crowd_span[q, 0], crowd_span[q, 1] - crowd_span[q, 0]
-        square, cone = np.empty(count), np.empty(count)
-        for c in range(count):
-            dx, dy = crowd[first + c, 0] - x, crowd[first + c, 1] - y
-            square[c] = dx * dx + dy * dy
-            angle = _rough_angle(dx, dy) - turned
-            angle = angle + _TURN if angle < 0.0 else angle
-            angle = angle + _TURN if angle < 0.0 else angle
-            cone[c] = angle * cells_per_rad
-        nearest = np.full(cells, max_range_m * max_range_m)
-        for c in range(count):
-            if square[c] < max_range_m * max_range_m and crowd_track[first + c] != own_track[q]:
-                k = int(cone[c])
-                if not k + margin < cone[c] < k + 1 - margin:
-                    angle = math.atan2(crowd[first + c, 1] - y, crowd[first + c, 0] - x)
-                    k = math.floor((angle - heading) * cells_per_rad) % cells
-                nearest[k] = min(nearest[k], square[c])
-        for k in range(cells):
-            grids[q, k] = math.sqrt(nearest[k])
+        _nearest(q, position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids)

@@ -1,4 +1,4 @@
-"""From a scene to its feature table."""
+"""Extraction of the feature table of a scene."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from pedpred.features.observe import Crowd, observe
-from pedpred.features.presence import crowd_at, pedestrians_at
+from pedpred.features.observe import Neighbours, observe
+from pedpred.features.presence import neighbours_at, pedestrians_at
 from pedpred.features.table import FeatureSettings, FeatureTable
 from pedpred.features.targets import Futures, future_velocities
 from pedpred.geometry import rotate
@@ -20,7 +20,7 @@ from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 @dataclass(frozen=True)
 class Steps:
-    """The instants at which features are asked for, sorted by (track, life, clock, step).
+    """The instants at which features are computed, sorted by (track, life, phase, step).
 
     Attributes:
         track_id: [Q]
@@ -46,7 +46,7 @@ def extract(
 ) -> FeatureTable:
     """Compute inputs and targets of all steps of a scene; arguments of `extract_blocks`.
 
-    Every input at time t follows from detections at or before t; targets alone look ahead.
+    Every input at time t depends on detections at or before t; only targets use later ones.
     """
     return next(extract_blocks(scene, tracks, settings, np.iinfo(np.int64).max, truth))
 
@@ -58,38 +58,39 @@ def extract_blocks(
     rows: int = 8192,
     truth: Trajectories | None = None,
 ) -> Iterator[FeatureTable]:
-    """The table of `extract` in blocks of whole tracks: a long scene needs no more memory.
+    """Compute the table of `extract` in blocks of whole tracks, so that memory is bounded.
 
     Args:
         scene: the place and the detections.
         tracks: the tracker's states of that scene.
         settings: sizes.
-        rows: of a block, at most; a longer track is a block of its own. An empty scene is one empty block.
-        truth: where people really walk, for the targets; the scene's detections when nobody knows better.
+        rows: largest number of rows of a block; a longer track is a block of its own. An empty scene
+            gives one empty block.
+        truth: true trajectories for the targets; None takes the scene's detections.
     """
     futures = Futures.of(scene.trajectories if truth is None else truth, settings.lost_after_s)
     steps = clock_steps(tracks, scene.detection_dt_s, settings)
-    crowd = crowd_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
+    around = neighbours_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
     for block in track_blocks(steps.track_id, rows):
-        seen = Crowd(crowd.track_id, crowd.position, crowd.span[block])
-        yield _features(scene, tracks, settings, steps.select(block), seen, futures)
+        neighbours = Neighbours(around.track_id, around.position, around.span[block])
+        yield _features(scene, tracks, settings, steps.select(block), neighbours, futures)
 
 
 def extract_at_detections(scene: Scene, tracks: Tracks, settings: FeatureSettings) -> FeatureTable:
-    """The table with a row per detection instead of per step: `step` counts a life's detections.
+    """Compute the table with a row per detection instead of per step; `step` counts a life's detections.
 
-    For forecasters that any frame may ask, at any rate; arguments of `extract`.
+    For forecasters that may be asked at any frame and rate; arguments of `extract`.
     """
     rows = np.arange(len(tracks.time_s))
     phase, step = np.zeros(len(rows), np.int8), tracks.age.astype(np.int32)
     steps = Steps(tracks.track_id, phase, step, tracks.time_s, rows)
-    crowd = crowd_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
+    neighbours = neighbours_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
     futures = Futures.of(scene.trajectories, settings.lost_after_s)
-    return _features(scene, tracks, settings, steps, crowd, futures)
+    return _features(scene, tracks, settings, steps, neighbours, futures)
 
 
 def track_blocks(track_id: np.ndarray, rows: int) -> Iterator[slice]:
-    """Divide rows that are grouped by track into blocks of at most `rows`, which never split a track."""
+    """Divide rows grouped by track into blocks of at most `rows` that do not split a track."""
     bounds = [0, *(np.flatnonzero(np.diff(track_id)) + 1).tolist(), len(track_id)]
     first = 0
     for begin, end in pairwise(bounds):
@@ -100,11 +101,16 @@ def track_blocks(track_id: np.ndarray, rows: int) -> Iterator[slice]:
 
 
 def _features(
-    scene: Scene, tracks: Tracks, settings: FeatureSettings, steps: Steps, crowd: Crowd, futures: Futures
+    scene: Scene,
+    tracks: Tracks,
+    settings: FeatureSettings,
+    steps: Steps,
+    neighbours: Neighbours,
+    futures: Futures,
 ) -> FeatureTable:
-    """Inputs and targets of some steps, all of a track's or none."""
+    """Inputs and targets of the steps of some whole tracks."""
     walkers = pedestrians_at(tracks, steps.row, steps.time_s)
-    seen = observe(walkers, crowd, scene.occupancy, settings)
+    seen = observe(walkers, neighbours, scene.occupancy, settings)
     last_velocity, last_acceleration = last_differences(tracks, steps.row)
     ahead_s = (np.arange(settings.horizon_steps) + 1) * settings.dt_s
     path, future_steps = futures.after(tracks.person_id[steps.row], steps.time_s, ahead_s)
@@ -131,7 +137,7 @@ def _features(
 
 
 def clock_steps(tracks: Tracks, detection_dt_s: float, settings: FeatureSettings) -> Steps:
-    """Steps of all lives: clock c of one ticks at (first detection + c detections) + k dt_s."""
+    """Steps of all lives: step k of phase c is at first detection + c detection intervals + k dt_s."""
     first = np.flatnonzero(tracks.age == 0)
     names, begin = tracks.track_id[first], tracks.time_s[first]
     end = tracks.time_s[np.append(first, len(tracks.time_s))[1:] - 1]
@@ -142,7 +148,7 @@ def clock_steps(tracks: Tracks, detection_dt_s: float, settings: FeatureSettings
     ticks = np.maximum(ticks, 0)
     sequence = np.repeat(np.arange(len(track)), ticks)
     step = np.arange(len(sequence)) - np.repeat(np.cumsum(ticks) - ticks, ticks)
-    # Clocks that tick together do so to the last bit: who is seen there stands where it stands itself.
+    # Round so that simultaneous steps compare equal: neighbours are grouped by instant.
     time_s = np.round((start[sequence] + step * settings.dt_s) / TIME_TOLERANCE_S) * TIME_TOLERANCE_S
     track_id = names[track[sequence]]
     return Steps(
@@ -155,7 +161,7 @@ def clock_steps(tracks: Tracks, detection_dt_s: float, settings: FeatureSettings
 
 
 def last_differences(tracks: Tracks, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity and acceleration of the last detections up to some rows; 0 where a track is too young.
+    """Velocity and acceleration from the last detections up to some rows; 0 where a track is too short.
 
     World frame, m/s and m/s^2. [Q, 2] each.
     """
@@ -166,7 +172,7 @@ def last_differences(tracks: Tracks, row: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _last_velocity(tracks: Tracks, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Difference of the last two detections, [Q, 2], and the time between them (1 s at a birth), [Q, 1]."""
+    """Velocity from the last two detections, [Q, 2], and the time between them (1 s at a birth), [Q, 1]."""
     before, known = np.maximum(row - 1, 0), tracks.age[row] >= 1
     dt_s = np.where(known, tracks.time_s[row] - tracks.time_s[before], 1.0)[:, None]
     return np.where(known[:, None], (tracks.detection[row] - tracks.detection[before]) / dt_s, 0.0), dt_s

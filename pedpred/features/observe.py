@@ -1,4 +1,4 @@
-"""What pedestrians see of their surroundings: one code path, offline and online."""
+"""The inputs of the network for some pedestrians: one code path, offline and online."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Pedestrians:
     """Tracked states, one row each. World frame.
 
     Attributes:
-        track_id: whose. [N] int64
+        track_id: [N] int64
         position: m. [N, 2]
         heading_rad: direction of the agent frame, counter-clockwise from world x. [N]
         velocity: m/s. [N, 2]
@@ -46,18 +46,23 @@ class Pedestrians:
 
 
 @dataclass(frozen=True)
-class Crowd:
-    """Who else is where, grouped by instant; each observer looks at the rows of its own instant.
+class Neighbours:
+    """Positions of all pedestrians, grouped by instant; each observer uses the rows of its own instant.
 
     Attributes:
-        track_id: whose position. [C]
+        track_id: [C]
         position: world frame, m. [C, 2]
-        span: rows [first, last) that each observer looks at. [Q, 2]
+        span: rows [first, last) of each observer's instant. [Q, 2]
     """
 
     track_id: np.ndarray
     position: np.ndarray
     span: np.ndarray
+
+    @classmethod
+    def together(cls, present: Pedestrians, observers: int) -> Neighbours:
+        """Everybody present at one instant, the same for all observers."""
+        return cls(present.track_id, present.position, np.tile([0, len(present)], (observers, 1)))
 
 
 @dataclass(frozen=True)
@@ -76,13 +81,13 @@ class Observation:
 
 
 def observe(
-    observers: Pedestrians, crowd: Crowd, occupancy: OccupancyMap, settings: FeatureSettings
+    observers: Pedestrians, neighbours: Neighbours, occupancy: OccupancyMap, settings: FeatureSettings
 ) -> Observation:
-    """Inputs of every observer, which may stand at different instants.
+    """Compute the inputs of every observer; observers may belong to different instants.
 
     Args:
-        observers: who looks. [Q]
-        crowd: whom they see; nobody sees itself.
+        observers: [Q]
+        neighbours: the pedestrians around them; an observer's own track is left out.
         occupancy: the static obstacles.
         settings: sizes.
     """
@@ -93,17 +98,11 @@ def observe(
         angular_grids(
             position,
             heading,
-            crowd.position,
-            crowd.track_id,
+            neighbours.position,
+            neighbours.track_id,
             observers.track_id,
-            crowd.span,
+            neighbours.span,
             settings.angular_cells,
             settings.max_range_m,
         ),
     )
-
-
-def observe_frame(frame: Pedestrians, occupancy: OccupancyMap, settings: FeatureSettings) -> Observation:
-    """Inputs of everybody who is there at one instant; an empty frame gives empty arrays. [N]."""
-    everybody = np.tile([0, len(frame)], (len(frame), 1))
-    return observe(frame, Crowd(frame.track_id, frame.position, everybody), occupancy, settings)

@@ -1,4 +1,4 @@
-"""The feature table: one row per (life, clock, step), and the sizes that it was made with."""
+"""The feature table, one row per (life, phase, step), and the sizes it was made with."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.tracking.tracks import LOST_AFTER_S
 
 _LARGEST_SETTING = 10_000
 
@@ -18,15 +19,15 @@ class FeatureSettings:
     Attributes:
         dt_s: time between two steps, s.
         horizon_steps: forecast steps P.
-        min_history: earlier detections that an evaluation window needs.
+        min_history: detections before the present that an evaluation window needs.
         phase_offsets: step sequences per track, offset by one detection interval each.
         grid_cells: cells per side of the occupancy crop.
         grid_resolution_m: side of a crop cell, m.
         angular_cells: cones K of the angular pedestrian grid.
         max_range_m: range of that grid, m.
-        max_age_intervals: a neighbour unseen for this many detection intervals is gone.
-        lost_after_s: an id that was silent for longer is somebody new, s.
-        noncausal: the inputs know the future (the `paper` protocol); figures from them must say so.
+        max_age_intervals: a neighbour is dropped after this many detection intervals without detection.
+        lost_after_s: an id that reappears after more than this counts as a new person, s.
+        noncausal: the inputs use later annotations (protocol `paper`); reports must say so.
     """
 
     dt_s: float = 0.3
@@ -38,7 +39,7 @@ class FeatureSettings:
     angular_cells: int = 72
     max_range_m: float = 6.0
     max_age_intervals: float = 1.25
-    lost_after_s: float = 2.0
+    lost_after_s: float = LOST_AFTER_S
     noncausal: bool = False
 
     def __post_init__(self) -> None:
@@ -55,12 +56,12 @@ class FeatureSettings:
 
 @dataclass(frozen=True)
 class FeatureTable:
-    """Inputs and targets of one scene, sorted by (track, clock, step). World frame unless said.
+    """Inputs and targets of one scene, sorted by (track, phase, step). World frame unless stated.
 
     Attributes:
         track_id: [M] int64
-        phase: which of the offset clocks the step belongs to. [M] int8
-        step: counted from the first step of (life, clock); a life is one stay of one id. [M] int32
+        phase: index of the offset step sequence. [M] int8
+        step: counted from the first step of (life, phase); a life is one stay of one id. [M] int32
         time_s: of the step, s. [M] float64
         position: tracked, m. [M, 2] float64
         heading_rad: of the agent frame. [M] float64
@@ -72,7 +73,7 @@ class FeatureTable:
         angular_grid: distances of the nearest pedestrians, m. [M, K] float32
         future: velocities of the next P steps, agent frame, m/s; 0 where unknown. [M, P, 2] float32
         future_steps: how many of them are known. [M] int8
-        window: an evaluation window. [M] bool
+        window: whether the row is an evaluation window. [M] bool
     """
 
     track_id: np.ndarray
@@ -101,5 +102,5 @@ class FeatureTable:
         return len(self.track_id)
 
     def select(self, rows: np.ndarray) -> FeatureTable:
-        """The table of some rows (mask or indices)."""
+        """Select some rows (mask or indices)."""
         return FeatureTable(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})

@@ -1,4 +1,4 @@
-"""What really happened: the true path after each step, from a spline through all annotations."""
+"""Targets: the true path after each step, from a spline through all annotations."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pedpred.tracking.tracks import TIME_TOLERANCE_S, births, last_rows
 
 
 def true_path(time_s: np.ndarray, position: np.ndarray, query_s: np.ndarray) -> np.ndarray:
-    """Positions of one track between its annotations (targets only, never an input).
+    """Interpolate the positions of one track between its annotations (for targets only).
 
     Args:
         time_s: annotated instants, rising, s. [A]
         position: annotations, world frame, m. [A, 2]
-        query_s: any shape, s; clipped to the annotated span. [...]
+        query_s: clipped to the annotated span, s. [...]
 
     Returns:
         World frame, m. [..., 2]
@@ -30,14 +30,14 @@ def true_path(time_s: np.ndarray, position: np.ndarray, query_s: np.ndarray) -> 
 
 @dataclass(frozen=True)
 class Futures:
-    """The true paths of everybody, to be asked what comes next.
+    """The true paths of all pedestrians.
 
     Attributes:
         person_id: rows sorted by (person, time). [A]
         time_s: s. [A]
         position: world frame, m. [A, 2]
-        first: where the life that a row belongs to begins. [A]
-        last: one behind its last row. [A]
+        first: first row of the life of each row. [A]
+        last: one past the life's last row. [A]
     """
 
     person_id: np.ndarray
@@ -48,7 +48,7 @@ class Futures:
 
     @classmethod
     def of(cls, truth: Trajectories, lost_after_s: float) -> Futures:
-        """Take a recording apart; nobody's future goes on beyond a silence longer than `lost_after_s`."""
+        """Split trajectories into lives; a gap longer than `lost_after_s` ends one."""
         order = np.lexsort((truth.time_s, truth.track_id))
         person_id, time_s = truth.track_id[order], truth.time_s[order]
         begin = np.flatnonzero(births(person_id, time_s, lost_after_s))
@@ -59,16 +59,16 @@ class Futures:
     def after(
         self, person_id: np.ndarray, time_s: np.ndarray, ahead_s: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """True positions `ahead_s` [P] after some instants.
+        """Look up the true positions `ahead_s` [P] after some instants.
 
         Args:
-            person_id: whose, seen at or before the instant. [Q]
+            person_id: detected at or before the instant. [Q]
             time_s: the instants, s. [Q]
             ahead_s: s. [P]
 
         Returns:
-            World frame, m; the last known position where the life is over. [Q, P, 2]
-            How many of the steps lie inside it. [Q] int8
+            World frame, m; the last known position beyond the end of the life. [Q, P, 2]
+            Number of steps within the life. [Q] int8
         """
         asked = time_s[:, None] + ahead_s
         row = last_rows(self.person_id, self.time_s, person_id, time_s)
@@ -83,7 +83,7 @@ class Futures:
 
 
 def future_velocities(position: np.ndarray, path: np.ndarray, dt_s: float) -> np.ndarray:
-    """Velocities whose Euler integration from the tracked position lands on the true path.
+    """Velocities whose Euler integration from the tracked position gives the true path.
 
     Args:
         position: tracked position at the step, m. [M, 2]

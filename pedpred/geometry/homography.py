@@ -17,8 +17,8 @@ class Homography:
 
     Attributes:
         matrix: H, from image (row, column, 1) to world (x, y, 1) up to scale. [3, 3]
-        first_pixel: index of the first row and column in the convention that H was fitted in
-            (1 for MATLAB, 0 for numpy). All pixels here are numpy's, counted from 0.
+        first_pixel: index of the first row and column in the convention of H (1 for MATLAB, 0 for
+            numpy). All methods count pixels from 0.
     """
 
     matrix: np.ndarray
@@ -63,6 +63,8 @@ def _pairs(points: np.ndarray, field: str) -> np.ndarray:
 
 
 def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # the horizon is infinitely far away
+    with np.errstate(
+        divide="ignore", invalid="ignore", over="ignore"
+    ):  # the horizon maps to infinity
         homogeneous = points @ matrix[:, :2].T + matrix[:, 2]
         return homogeneous[..., :2] / homogeneous[..., 2:]

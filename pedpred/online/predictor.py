@@ -10,7 +10,7 @@ import numpy as np
 
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings, Pedestrians, unpack_crops
-from pedpred.features.observe import Crowd, observe
+from pedpred.features.observe import Neighbours, observe
 from pedpred.geometry import rotate, rotated_covariance
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.people import People, detected, next_ticks_s
@@ -187,8 +187,7 @@ class OnlinePredictor:
         people, sizes = self._people, self.features
         age_s = time_s - people.seen_s
         crowd = people.at(np.flatnonzero(age_s <= self._settings.max_age_s + TIME_TOLERANCE_S), time_s)
-        everybody = np.tile([0, len(crowd)], (len(observers), 1))
-        seen = observe(observers, Crowd(crowd.track_id, crowd.position, everybody), self._map, sizes)
+        seen = observe(observers, Neighbours.together(crowd, len(observers)), self._map, sizes)
         inputs = {
             "state": seen.velocity,
             "crop": unpack_crops(seen.occupancy, sizes.grid_cells).astype(np.float32),

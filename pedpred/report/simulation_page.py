@@ -111,7 +111,7 @@ def crowd_page(
     """Markdown page: what was demanded of the walking, the figures, and the two experiments.
 
     Args:
-        sets: `Walking.shares` of each data set.
+        sets: `WalkingCounts.shares` of each data set.
         flow: rows of `corridor_flow`.
         folder: where flow.png and lanes.png lie, relative to the page.
     """

@@ -10,7 +10,7 @@ from scipy import ndimage
 from pedpred.errors import ConfigError
 from pedpred.simulation.ground import Ground, ground_of
 from pedpred.simulation.layouts import Layout
-from pedpred.simulation.places import drawn_targets, largest_part, open_cells, scattered, walkable
+from pedpred.simulation.placement import drawn_targets, largest_part, open_cells, scattered, walkable
 from pedpred.simulation.routing import RoutingSettings, clearance_grid
 from pedpred.simulation.settings import CrowdSettings, SocialForceSettings
 from pedpred.simulation.shapes import kind_of

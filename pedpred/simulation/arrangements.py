@@ -16,7 +16,7 @@ from pedpred.simulation.admission import check_crowd, check_room
 from pedpred.simulation.clutter import clutter_settings, cluttered_room
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.layouts import Layout, layout_from
-from pedpred.simulation.places import drawn_targets
+from pedpred.simulation.placement import drawn_targets
 from pedpred.simulation.settings import SocialForceSettings
 from pedpred.simulation.simulator import simulate
 

@@ -45,7 +45,7 @@ class SensorSettings:
                 raise ValueRuleError(f"sensor.{name}", getattr(self, name), "it must lie in [0, 1)")
 
 
-def sensed(scene: Scene, settings: SensorSettings, rng: np.random.Generator) -> Scene:
+def apply_sensor(scene: Scene, settings: SensorSettings, rng: np.random.Generator) -> Scene:
     """The scene as a sensor reports it; only `person_id` still knows who was who.
 
     Velocities, goals and groups are not measured.

@@ -23,7 +23,7 @@ _ROUNDING_MPS = 1e-6
 
 
 @dataclass(frozen=True)
-class Walking:
+class WalkingCounts:
     """Counts over a scene; those of several scenes add up.
 
     Attributes:
@@ -48,8 +48,8 @@ class Walking:
     reached: int = 0
     speed_sum: float = 0.0
 
-    def __add__(self, other: Walking) -> Walking:
-        return Walking(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+    def __add__(self, other: WalkingCounts) -> WalkingCounts:
+        return WalkingCounts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
     def shares(self) -> dict[str, float | int]:
         """What is reported; the counts beside the shares say how much they mean."""
@@ -77,22 +77,22 @@ class _Film:
     desired_speed: np.ndarray  # [N]
 
 
-def walking(scenes: Iterable[Scene], settings: SocialForceSettings) -> Walking:
+def count_walking(scenes: Iterable[Scene], settings: SocialForceSettings) -> WalkingCounts:
     """Count over simulated scenes.
 
     Raises:
         ValueRuleError: a scene does not know the velocities, goals and desired speeds of its people.
     """
-    return sum((_one(scene, settings) for scene in scenes), Walking())
+    return sum((_one(scene, settings) for scene in scenes), WalkingCounts())
 
 
-def _one(scene: Scene, settings: SocialForceSettings) -> Walking:
+def _one(scene: Scene, settings: SocialForceSettings) -> WalkingCounts:
     film = _film(scene)
     speed = np.linalg.norm(film.velocity, axis=-1)
     slow = speed < SLOW_MPS
     near, ahead = _neighbours(scene, film, settings)
     targets, reached = _targets(scene, film, settings)
-    return Walking(
+    return WalkingCounts(
         states=speed.size,
         in_obstacle=int(scene.occupancy.is_occupied(film.position).sum()),
         above_cap=int((speed > settings.forces.speed_cap * film.desired_speed + _ROUNDING_MPS).sum()),

@@ -1,9 +1,9 @@
-"""Causal tracking: positions in, pose and velocity of every pedestrian out."""
+"""Causal tracking: from detected positions to pose and velocity of every pedestrian."""
 
 from pedpred.tracking.kalman import Belief, born, predicted, updated
 from pedpred.tracking.resampling import resampled
 from pedpred.tracking.tracks import KalmanSettings, Tracks, follow, settled
-from pedpred.tracking.tuning import log_likelihood, tuned
+from pedpred.tracking.tuning import log_likelihood, tune_kalman
 
 __all__ = [
     "Belief",
@@ -15,6 +15,6 @@ __all__ = [
     "predicted",
     "resampled",
     "settled",
-    "tuned",
+    "tune_kalman",
     "updated",
 ]

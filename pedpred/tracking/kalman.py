@@ -1,6 +1,6 @@
 """Constant-velocity Kalman filter, batched over tracks, in closed form.
 
-Both axes share noise and time stamps, so one 2 x 2 covariance of (position, velocity) serves both:
+Both axes have the same noise and time stamps, so they share one 2 x 2 covariance of (position, velocity):
     x' = x + dt v,    Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]]   (white-noise acceleration)
 Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications to Tracking and Navigation, 6.2.2.
 """
@@ -14,12 +14,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Belief:
-    """Gaussian belief about N pedestrians at their last detection.
+    """Gaussian state estimates of N pedestrians at their last detection.
 
     Attributes:
         position: mean, world frame, m. [N, 2]
         velocity: mean, world frame, m/s. [N, 2]
-        covariance: (P_pp [m^2], P_pv [m^2/s], P_vv [m^2/s^2]) of either axis. [N, 3]
+        covariance: (P_pp [m^2], P_pv [m^2/s], P_vv [m^2/s^2]) of each axis. [N, 3]
     """
 
     position: np.ndarray
@@ -28,19 +28,19 @@ class Belief:
 
 
 def born(position: np.ndarray, position_noise_m: float, initial_speed_mps: float) -> Belief:
-    """Belief after the first detection: there, standing, with a speed that may be anything usual.
+    """Belief after the first detection: zero mean velocity with the prior standard deviation.
 
     Args:
         position: first detections, world frame, m. [N, 2]
         position_noise_m: standard deviation r of a detection, m.
-        initial_speed_mps: standard deviation of a velocity component before it was seen, m/s.
+        initial_speed_mps: prior standard deviation of a velocity component, m/s.
     """
     covariance = np.tile([position_noise_m**2, 0.0, initial_speed_mps**2], (len(position), 1))
     return Belief(position, np.zeros_like(position), covariance)
 
 
 def predicted(belief: Belief, dt_s: np.ndarray, acceleration_noise: float) -> Belief:
-    """Belief `dt_s` [N] later, if nothing is detected in between.
+    """Belief `dt_s` [N] later without further detections.
 
     Args:
         belief: after the last detections.
@@ -65,10 +65,10 @@ def updated(
     acceleration_noise: float,
     position_noise_m: float,
 ) -> Belief:
-    """Predict over `dt_s` [N] and correct by the next detections (world frame, m). [N, 2].
+    """Predict over `dt_s` [N] and correct by the next detections.
 
     Args:
-        belief: after the detections before.
+        belief: after the previous detections.
         dt_s: time since then, s. [N]
         detection: world frame, m. [N, 2]
         acceleration_noise: spectral density q, m^2/s^3.

@@ -1,4 +1,4 @@
-"""The usual preparation of annotated tracks, which knows the future; for comparison only."""
+"""The usual, noncausal preparation of annotated tracks (protocol `paper`); for comparison only."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pedpred.scenes import Scene, Trajectories
-from pedpred.tracking.tracks import TIME_TOLERANCE_S, births
+from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S, births
 
 
-def resampled(scene: Scene, dt_s: float, lost_after_s: float = 2.0) -> Scene:
+def resampled(scene: Scene, dt_s: float, lost_after_s: float = LOST_AFTER_S) -> Scene:
     """Positions and velocities every `dt_s` from cubic splines through each whole track.
 
     The velocities at the annotations are central differences, as in the velocity columns of the ETH files,
         v(t_k) = (p(t_{k+1}) - p(t_{k-1})) / (t_{k+1} - t_{k-1})
-    (weighted where the spacing changes, one-sided at the ends of a track). Both leak: v contains the next
-    annotation itself, and the splines bend towards all to come. Tracks of one annotation vanish.
+    (weighted where the spacing changes, one-sided at the ends of a track). Both leak the future: v contains
+    the next annotation, and the splines depend on all later ones. Tracks of one annotation are dropped.
 
     Args:
         scene: annotated at any rate.
         dt_s: time between the new states, s.
-        lost_after_s: an id that was silent for longer is somebody new, s.
+        lost_after_s: an id that reappears after a longer gap counts as a new person, s.
     """
     trajectories = scene.trajectories
     order = np.lexsort((trajectories.time_s, trajectories.track_id))

@@ -1,4 +1,4 @@
-"""What a tracker knew about every pedestrian after every detection, and asked at any later time."""
+"""Tracked states of every pedestrian after every detection, and their extrapolation."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pedpred.errors import ConfigError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
 from pedpred.tracking.kalman import Belief, born, predicted, updated
 
 TIME_TOLERANCE_S = 1e-6
-"""Two time stamps closer than this are the same instant (frame / rate is not exact in binary)."""
+"""Time stamps closer than this are the same instant (frame / rate is not exact in binary)."""
 
-_MANY = 200
-"""Detections after which any filter has settled."""
+LOST_AFTER_S = 2.0
+"""Longest gap within a track by default, s."""
+
+_CONVERGED = 200
+"""Detections after which the covariance of the filter no longer changes."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class KalmanSettings:
     Attributes:
         acceleration_noise: spectral density q of the white-noise acceleration, m^2/s^3.
         position_noise_m: standard deviation r of a detection, m.
-        initial_speed_mps: standard deviation of a velocity component at a track's birth, m/s.
+        initial_speed_mps: standard deviation of a velocity component at the start of a track, m/s.
     """
 
     acceleration_noise: float
@@ -39,20 +42,20 @@ class KalmanSettings:
 
 @dataclass(frozen=True)
 class Tracks:
-    """The tracker's state after each detection, sorted by (track, time). Row k uses rows <= k only.
+    """The tracker's state after each detection, sorted by (track, time). Row k depends on rows <= k only.
 
-    An id that comes back after a long silence is somebody new: a life is one stay of one id.
+    An id that reappears after a long gap counts as a new person: a life is one stay of one id.
 
     Attributes:
         track_id: [M]
-        person_id: who was really detected; the track_id unless a sensor confuses people. [M]
-        life: counts the stays over all tracks. [M]
+        person_id: the person really detected; differs from track_id where a sensor swaps ids. [M]
+        life: index of the stay, over all tracks. [M]
         time_s: of the detection, s. [M]
-        age: how many detections the life had before this one. [M]
-        detection: what was measured, world frame, m. [M, 2]
+        age: number of earlier detections of the same life. [M]
+        detection: measured position, world frame, m. [M, 2]
         position: tracked, world frame, m. [M, 2]
         velocity: tracked, world frame, m/s. [M, 2]
-        covariance: (P_pp, P_pv, P_vv) of either axis, see `Belief`; 0 for true states. [M, 3]
+        covariance: (P_pp, P_pv, P_vv) of each axis, see `Belief`; 0 for true states. [M, 3]
         heading_rad: direction of the velocity; held while standing. [M]
     """
 
@@ -80,8 +83,8 @@ class Tracks:
 
         Args:
             row: of the last detection before that time. [Q]
-            time_s: asked for, s. [Q]
-            acceleration_noise: spectral density q that the filter ran with, m^2/s^3.
+            time_s: s. [Q]
+            acceleration_noise: spectral density q of the filter, m^2/s^3.
         """
         belief = Belief(self.position[row], self.velocity[row], self.covariance[row])
         return predicted(belief, time_s - self.time_s[row], acceleration_noise)
@@ -90,13 +93,13 @@ class Tracks:
 def last_rows(
     track_id: np.ndarray, time_s: np.ndarray, asked_id: np.ndarray, asked_s: np.ndarray
 ) -> np.ndarray:
-    """Each asked track's last row at or before a time; -1 when there is none. [Q].
+    """Last row of each queried track at or before a time; -1 when there is none. [Q].
 
     Args:
         track_id: rows sorted by (track, time). [M]
         time_s: of those rows, s. [M]
-        asked_id: [Q]
-        asked_s: [Q]
+        asked_id: queried track. [Q]
+        asked_s: queried time, s. [Q]
     """
     span = float(np.ptp(time_s)) + 1.0 if len(time_s) else 1.0
     start = time_s.min(initial=np.inf)
@@ -110,16 +113,16 @@ def last_rows(
 
 
 def births(track_id: np.ndarray, time_s: np.ndarray, lost_after_s: float) -> np.ndarray:
-    """Rows where a life begins: a new id, or one that was silent for longer than `lost_after_s`. [M] bool.
+    """Rows where a life begins: a new id, or a gap longer than `lost_after_s`. [M] bool.
 
     Args:
         track_id: rows sorted by (track, time). [M]
         time_s: of those rows, s. [M]
-        lost_after_s: longest silence within a life, s.
+        lost_after_s: longest gap within a life, s.
     """
     first = np.diff(track_id, prepend=track_id[:1] - 1) != 0
-    silence_s = np.diff(time_s, prepend=time_s[:1])
-    return first | (silence_s > lost_after_s + TIME_TOLERANCE_S)
+    gap_s = np.diff(time_s, prepend=time_s[:1])
+    return first | (gap_s > lost_after_s + TIME_TOLERANCE_S)
 
 
 def follow(
@@ -127,19 +130,19 @@ def follow(
     kind: str,
     kalman: KalmanSettings | None,
     standstill_mps: float,
-    lost_after_s: float = 2.0,
+    lost_after_s: float = LOST_AFTER_S,
 ) -> Tracks:
-    """Track everybody in a recording, causally. Time stamps may be irregular, tracks may have gaps.
+    """Track all pedestrians causally. Time stamps may be irregular, tracks may have gaps.
 
     Args:
         trajectories: detections.
-        kind: "kalman" filters the positions; "truth" passes on the states that the recording knows.
+        kind: "kalman" filters the positions; "truth" takes the true states of a simulation.
         kalman: the filter's parameters, for kind "kalman".
-        standstill_mps: below this speed a pedestrian keeps the heading it had, m/s.
-        lost_after_s: an id that was silent for longer is born anew, s.
+        standstill_mps: below this speed the heading is held, m/s.
+        lost_after_s: an id that reappears after a longer gap starts a new life, s.
 
     Raises:
-        ConfigError: an unknown kind, or "truth" for a recording without velocities.
+        ValueRuleError: an unknown kind, or "truth" for trajectories without velocities.
     """
     order = np.lexsort((trajectories.time_s, trajectories.track_id))
     track_id, time_s = trajectories.track_id[order], trajectories.time_s[order]
@@ -153,7 +156,7 @@ def follow(
     elif kind == "truth" and trajectories.velocity is not None:
         state = Belief(detection, trajectories.velocity[order], np.zeros((len(detection), 3)))
     else:
-        raise ConfigError("tracker.kind", kind, "use 'kalman', or 'truth' where the source knows velocities")
+        raise ValueRuleError("kind", kind, "it must be 'kalman', or 'truth' where velocities are known")
     return Tracks(
         track_id,
         person_id,
@@ -169,7 +172,7 @@ def follow(
 
 
 def _filtered(time_s: np.ndarray, detection: np.ndarray, age: np.ndarray, settings: KalmanSettings) -> Belief:
-    """Run the filter over all lives at once, one detection each at a time. [M]."""
+    """Filter all lives in parallel, one detection of each per iteration. [M]."""
     state = Belief(np.empty_like(detection), np.empty_like(detection), np.empty((len(detection), 3)))
     for k in range(int(age.max(initial=-1)) + 1):
         rows = np.flatnonzero(age == k)
@@ -187,7 +190,7 @@ def _filtered(time_s: np.ndarray, detection: np.ndarray, age: np.ndarray, settin
 
 
 def settled(interval_s: float, settings: KalmanSettings) -> Belief:
-    """Belief of a filter after many regular detections: its covariance no longer changes. N = 1.
+    """Steady-state belief of the filter under regular detections. N = 1.
 
     Args:
         interval_s: time between two detections, s.
@@ -195,18 +198,18 @@ def settled(interval_s: float, settings: KalmanSettings) -> Belief:
     """
     here, dt_s = np.zeros((1, 2)), np.array([interval_s])
     belief = born(here, settings.position_noise_m, settings.initial_speed_mps)
-    for _ in range(_MANY):
+    for _ in range(_CONVERGED):
         belief = updated(belief, dt_s, here, settings.acceleration_noise, settings.position_noise_m)
     return belief
 
 
 def held_heading(velocity: np.ndarray, age: np.ndarray, standstill_mps: float) -> np.ndarray:
-    """Direction of motion, or while standing the last one of the same life, else world x. [M] rad.
+    """Direction of motion; while standing, the last one of the same life, or else world x. [M] rad.
 
     Args:
         velocity: rows sorted by (track, time), world frame, m/s. [M, 2]
-        age: position of each row in its life, from 0. [M]
-        standstill_mps: speeds below this carry no direction, m/s.
+        age: index of each row in its life, from 0. [M]
+        standstill_mps: slower pedestrians count as standing, m/s.
     """
     rows = np.arange(len(velocity))
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) >= standstill_mps

@@ -1,4 +1,4 @@
-"""The tracker's noise parameters of one place, by maximum likelihood."""
+"""Maximum-likelihood noise parameters of the tracker for one place."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ _START = KalmanSettings(acceleration_noise=0.1, position_noise_m=0.1, initial_sp
 
 
 def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: int) -> float:
-    """Mean log density of the next `ahead` detections of a pedestrian, each given those up to now.
+    """Mean log density of the next `ahead` detections, each given the detections up to now.
 
-    With innovation n = z - x and S = P_pp + r^2 of the state extrapolated to that detection, both axes alike:
+    With innovation n = z - x and S = P_pp + r^2 of the state extrapolated to that detection, per axis:
         log p(z) = -log(2 pi S) - |n|^2 / (2 S).
-    One detection ahead, it is the filter's likelihood (Bar-Shalom, Li & Kirubarajan 2001, section
-    5.4.2); farther, a composite likelihood (Varin, Reid & Firth 2011) of what the tracker is asked for.
+    For one detection ahead this is the filter's likelihood (Bar-Shalom, Li & Kirubarajan 2001, section
+    5.4.2); for more, a composite likelihood (Varin, Reid & Firth 2011) over the range of the forecasts.
 
     Args:
         trajectories: detections.
         settings: noise parameters.
-        ahead: how many detections, counted within a life.
+        ahead: number of detections, counted within a life.
     """
     tracks = follow(trajectories, "kalman", settings, standstill_mps=0.0)
     total, count = 0.0, 0
@@ -37,11 +37,11 @@ def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: 
     return total / count
 
 
-def tuned(trajectories: Trajectories, ahead: int) -> KalmanSettings:
-    """The most likely noise parameters of a recording.
+def tune_kalman(trajectories: Trajectories, ahead: int) -> KalmanSettings:
+    """Fit the noise parameters to a recording by maximum likelihood.
 
     Args:
-        trajectories: detections of the *training* place.
+        trajectories: detections of a *training* place.
         ahead: see `log_likelihood`.
     """
 
