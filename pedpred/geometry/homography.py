@@ -63,8 +63,6 @@ def _pairs(points: np.ndarray, field: str) -> np.ndarray:
 
 
 def _project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    with np.errstate(
-        divide="ignore", invalid="ignore", over="ignore"
-    ):  # the horizon maps to infinity
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # the horizon maps to infinity
         homogeneous = points @ matrix[:, :2].T + matrix[:, 2]
         return homogeneous[..., :2] / homogeneous[..., 2:]
