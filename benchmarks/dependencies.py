@@ -17,9 +17,8 @@ from packaging.requirements import Requirement
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "dependencies.md"
 REASONS = {
-    "lz4": "chunks of recordings that are compressed so",
-    "mcap": "recordings that robotics viewers open",
-    "mcap-ros2-support": "ROS 2 messages in them, without ROS",
+    "lz4": "MCAP chunks compressed with lz4",
+    "mcap": "MCAP files: recordings and bags",
     "numba": "compiled loops of the simulator, the crop and the angular grid",
     "numpy": "arrays",
     "onnxruntime": "the exported network on a robot, without torch",
@@ -27,10 +26,10 @@ REASONS = {
     "pillow": "map images, reference pictures, animations",
     "pyarrow": "Parquet: tracks, features, forecasts",
     "pyyaml": "map.yaml, parameters",
+    "rosbags": "ROS messages and bags of ROS 1 and ROS 2, without ROS",
     "scipy": "interpolation, optimisation of the tracker and of the forces",
     "tqdm": "progress bars",
-    "zstandard": "compressed chunks of recordings",
-    "rosbags": "bags of ROS 1 and ROS 2",
+    "zstandard": "MCAP chunks compressed with zstd",
     "dvc": "the pipeline: what is stale, cache, experiments",
     "hydra-core": "composing conf/",
     "jinja2": "the page's template",
@@ -46,14 +45,10 @@ REASONS = {
 
 
 def declared() -> dict[str, list[Requirement]]:
-    """The direct dependencies in pyproject.toml that users install: light, then per extra."""
+    """The direct dependencies in pyproject.toml that users install: light, then train."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    groups = {
-        "light": project["dependencies"],
-        "ros": extras.get("ros", []),
-        "train": extras.get("train", []),
-    }
+    groups = {"light": project["dependencies"], "train": extras["train"]}
     return {group: [Requirement(text) for text in texts] for group, texts in groups.items()}
 
 

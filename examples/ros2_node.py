@@ -2,7 +2,7 @@
 
     python examples/ros2_node.py --model models/online/main_distilled --type people_msgs/msg/People
 
-Subscribes to the people (any type of `pedpred.bags.ADAPTERS`) and to `/map`, publishes `/predictions`
+Subscribes to the people (any type of `pedpred.ros.ADAPTERS`) and to `/map`, publishes `/predictions`
 (visualization_msgs/MarkerArray) in the people's frame. People and map must be in one frame that does not
 move. `Follower` does the work and knows no ROS; `main` connects it and needs rclpy.
 """
@@ -14,8 +14,7 @@ from importlib import import_module
 from typing import Any
 
 from pedpred.online import OnlinePredictor
-from pedpred.ros import ADAPTERS, Names, seconds
-from pedpred.ros.reader import occupancy_of
+from pedpred.ros import ADAPTERS, TrackNumbers, occupancy_of, seconds
 from pedpred.scenes import Forecast
 
 
@@ -24,11 +23,11 @@ class Follower:
 
     def __init__(self, predictor: OnlinePredictor, people_type: str):
         self._predictor, self._people_in = predictor, ADAPTERS[people_type]
-        self._names = Names()
+        self._names = TrackNumbers()
 
     def map_came(self, message: Any) -> None:
         """Use a nav_msgs/OccupancyGrid from now on; it may change at any time."""
-        self._predictor.set_map(occupancy_of(message, None))
+        self._predictor.set_map(occupancy_of(message))
 
     def people_came(self, message: Any) -> Forecast:
         """Take one message of tracked people, forecast everybody. Errors leave the stream as it was."""

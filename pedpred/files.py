@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import secrets
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -125,7 +127,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
     middle leaves the old file or none, never half of one. The folder is made if it is not there.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    new = path.with_name(f".new-{path.name}")
+    new = path.with_name(f".new-{os.getpid()}-{secrets.token_hex(4)}-{path.name}")
     try:
         yield new
         new.replace(path)

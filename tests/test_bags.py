@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pedpred.command import main
 from pedpred.errors import SourceError
-from pedpred.ros import ADAPTERS, Names, read_bag, write_recording
+from pedpred.ros import ADAPTERS, TrackNumbers, read_bag, write_recording
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.worlds import walled_scene
 
@@ -191,7 +191,7 @@ def test_a_bag_that_makes_no_scene_says_why(ros2, tmp_path):
 
 
 def test_names_that_are_no_numbers_become_some():
-    names = Names()
+    names = TrackNumbers()
     assert [names.number(name) for name in ("7", "anna", 12, "ben", "anna")] == [7, -1, 12, -2, -1]
 
 

@@ -20,7 +20,7 @@ from pedpred.geometry import rotate
 from pedpred.report.animation import Animation, busiest_start, positions_at, write_animation
 from pedpred.ros import read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
-from pedpred.ros.interfaces import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
+from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.windows import Windows
 from tests.worlds import walled_scene
@@ -180,7 +180,7 @@ def test_same_scene_same_bytes(tmp_path):
 
 
 def test_a_recording_cut_at_any_byte_is_read_up_to_there(tmp_path, monkeypatch):
-    monkeypatch.setattr("pedpred.ros.writer._CHUNK_BYTES", 1000)
+    monkeypatch.setattr("pedpred.ros.recordings._CHUNK_BYTES", 1000)
     scene = walled_scene(np.random.default_rng(1), tracks=2, detections=20)
     scene = replace(scene, occupancy=OccupancyMap(np.eye(3, dtype=bool), np.zeros(2), 0.1))
     whole, path = tmp_path / "whole.mcap", tmp_path / "cut.mcap"

@@ -1,11 +1,20 @@
 """ROS formats: MCAP recordings <-> scenes and forecasts; bags of ROS 1 and ROS 2 -> scenes.
 
-World frame everywhere, called `map` (its parent `world` coincides with it); times are the scene's.
+Positions are in the world frame, called `map` (its parent `world` coincides with it); times are the scene's.
 """
 
 from pedpred.ros.bags import is_bag, read_bag
-from pedpred.ros.reader import read_recording
-from pedpred.ros.tracked_people import ADAPTERS, Names, seconds
-from pedpred.ros.writer import write_recording
+from pedpred.ros.recordings import read_recording, write_recording
+from pedpred.ros.scene_messages import occupancy_of
+from pedpred.ros.tracked_people import ADAPTERS, TrackNumbers, seconds
 
-__all__ = ["ADAPTERS", "Names", "is_bag", "read_bag", "read_recording", "seconds", "write_recording"]
+__all__ = [
+    "ADAPTERS",
+    "TrackNumbers",
+    "is_bag",
+    "occupancy_of",
+    "read_bag",
+    "read_recording",
+    "seconds",
+    "write_recording",
+]

@@ -9,41 +9,46 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rosbags.highlevel import AnyReader
 
 from pedpred.errors import SourceError
-from pedpred.files import translate_errors
-from pedpred.ros.reader import occupancy_of
-from pedpred.ros.tracked_people import ADAPTERS, Names, seconds
+from pedpred.files import read_yaml, translate_errors
+from pedpred.ros.mcap_reader import McapReader
+from pedpred.ros.message_types import MAP, TYPES, known_types
+from pedpred.ros.scene_messages import occupancy_of
+from pedpred.ros.tracked_people import ADAPTERS, TrackNumbers, seconds
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 
-_GRID = "nav_msgs/msg/OccupancyGrid"
-_REMEDY = f"Of people, a bag may hold {', '.join(sorted(ADAPTERS))}; of the map, {_GRID}"
+_GRID = TYPES[MAP]
+_REMEDY = f"A bag may hold {', '.join(sorted(ADAPTERS))} for people and {_GRID} for the map"
+_MCAP_REMEDY = "Record it with `ros2 bag record`, or repair it with the `mcap` command line tool"
 
 
 def is_bag(path: Path) -> bool:
-    """Whether the name says so; an .mcap file may be a bag or a recording of ours."""
+    """Whether the name is that of a bag; an .mcap file may be a bag or a recording of `write_recording`."""
     return path.suffix in (".bag", ".db3") or (path / "metadata.yaml").exists()
 
 
 def read_bag(path: Path, topic: str | None = None) -> Scene:
-    """The people and the map of a bag. Times are the messages' stamps.
+    """Read the people and the map of a bag. Times are the messages' stamps.
 
     Args:
         path: a .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
-        topic: of the people; may be left out where one topic alone carries any.
+        topic: of the people; optional where only one topic carries people.
 
     Returns:
         The scene, named after the file. The last map counts; without one the ground is free.
 
     Raises:
-        SourceError: it is no bag, rosbags is not installed, no or several topics carry people, people and map
-            are in different frames, or the messages make no scene.
+        SourceError: the file is no bag, no topic or several topics carry people, people and map are in
+            different frames, or the messages make no scene.
     """
     problem = partial(SourceError, path, None)
     with translate_errors(partial(problem, remedy=_REMEDY)), _opened(path) as bag:
-        source = _people_topic(path, bag.connections, topic)
-        maps = [connection for connection in bag.connections if connection.msgtype == _GRID]
-        grid, frames, rows, names = None, set(), [], Names()
+        connections = bag.connections
+        source = _people_topic(path, connections, topic)
+        maps = [connection for connection in connections if connection.msgtype == _GRID]
+        grid, frames, rows, numbers = None, set(), [], TrackNumbers()
         for connection, _, raw in bag.messages(connections=[source, *maps]):
             message = bag.deserialize(raw, connection.msgtype)
             frames.add(message.header.frame_id.lstrip("/"))
@@ -52,7 +57,7 @@ def read_bag(path: Path, topic: str | None = None) -> Scene:
                 continue
             time_s = seconds(message.header.stamp)
             for name, position in ADAPTERS[connection.msgtype](message):
-                rows.append((time_s, names.number(name), position.x, position.y))
+                rows.append((time_s, numbers.number(name), position.x, position.y))
         if len(frames) > 1:
             raise problem(
                 f"people and map are in several frames, {sorted(frames)}", "Record them in one frame"
@@ -60,29 +65,36 @@ def read_bag(path: Path, topic: str | None = None) -> Scene:
         table = np.array(rows, dtype=np.float64).reshape(-1, 4)
         trajectories = Trajectories(table[:, 0], table[:, 1], table[:, 2:])
         free = OccupancyMap.free_around(trajectories.position)
-        occupancy = free if grid is None else occupancy_of(grid, None)
+        occupancy = free if grid is None else occupancy_of(grid)
         return Scene(path.stem, trajectories, occupancy, trajectories.usual_interval_s())
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """A reader that knows the standard messages, for bags that do not describe theirs.
-
-    MCAP files are read by our own, because rosbags takes whatever memory a damaged one asks for.
-    """
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as cause:
-        remedy = "Install it: pip install 'pedpred[ros]'"
-        raise SourceError(path, None, "bags are read by the package rosbags", remedy) from cause
-    from pedpred.ros.mcap_bag import McapBag, mcap_files  # imports rosbags, which need not be there
-
-    if files := mcap_files(path):
-        yield McapBag(files)
+    """A reader of the bag; bags that do not define their types get `known_types`."""
+    if files := _mcap_files(path):
+        yield McapReader(files)
         return
-    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+    with AnyReader([path], default_typestore=known_types()) as bag:
         yield bag
+
+
+def _mcap_files(path: Path) -> list[Path]:
+    """The MCAP files of a bag: the file itself, or those that a folder's metadata.yaml lists; else none.
+
+    Raises:
+        SourceError: metadata.yaml is damaged, or messages or files are compressed one by one.
+    """
+    if not path.is_dir():
+        return [path] if path.suffix == ".mcap" else []
+    about = read_yaml(path / "metadata.yaml", partial(SourceError, path, None, remedy=_MCAP_REMEDY))
+    bag = about["rosbag2_bagfile_information"]
+    if bag["storage_identifier"] != "mcap":
+        return []
+    if mode := bag.get("compression_mode"):
+        problem = f"its messages or files are compressed one by one ({mode})"
+        raise SourceError(path, None, problem, _MCAP_REMEDY)
+    return [path / Path(name).name for name in bag["relative_file_paths"]]
 
 
 def _people_topic(path: Path, connections: Sequence[Any], topic: str | None) -> Any:

@@ -1,4 +1,4 @@
-"""A layout for Foxglove: the plan of a recording from above, and who is in it as text."""
+"""A layout for Foxglove: a recording from above, and its people as text."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.files import write_json
-from pedpred.ros.interfaces import MAP, MARKERS, PEOPLE
-from pedpred.ros.messages import FRAME, namespaces
+from pedpred.ros.markers import namespaces
+from pedpred.ros.message_types import MAP, MARKERS, PEOPLE
+from pedpred.ros.scene_messages import FRAME
 from pedpred.scenes import OccupancyMap
 
 _VIEW_RAD = np.radians(45.0)
-"""Vertical angle of view; the camera is so far above that the longer side of the map fits in."""
+"""Vertical angle of view; the camera is high enough for the longer side of the map."""
 
 
 def write_layout(occupancy: OccupancyMap, hidden: Iterable[str], path: Path) -> None:
     """Write a layout to be imported in Foxglove (Layouts, Import from file).
 
     Args:
-        occupancy: the map that is to fill the view.
+        occupancy: the map, which fills the view.
         hidden: methods whose forecasts are switched off at first.
         path: the file.
     """

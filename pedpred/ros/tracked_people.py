@@ -1,4 +1,4 @@
-"""Messages of tracked people, one line each: who is where. They are read by their fields alone."""
+"""Adapters for messages of tracked people, one line each; only field names matter, not classes."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
-"""A message -> (name, position with x and y in m) of everybody in it."""
+"""A message -> (name, position with x and y in m) of every person in it."""
 
 
 def _poses(message: Any) -> Iterator[tuple[object, Any]]:
-    """Poses have no names: who keeps the place in the list is taken for the same person."""
+    """Poses have no names: the index in the list identifies the person."""
     return ((index, pose.position) for index, pose in enumerate(message.poses))
 
 
@@ -23,22 +23,22 @@ ADAPTERS: dict[str, Adapter] = {
     "vision_msgs/msg/Detection3DArray": lambda m: ((d.id, d.bbox.center.position) for d in m.detections),
     "geometry_msgs/msg/PoseArray": _poses,
 }
-"""What people may come as. All have a header with stamp and frame."""
+"""The supported message types. All have a header with stamp and frame."""
 
 
 def seconds(stamp: Any) -> float:
-    """A ROS time stamp, s."""
+    """Convert a ROS time stamp to s."""
     return float(stamp.sec + stamp.nanosec / 1e9)
 
 
-class Names:
-    """Whole numbers for names: a number keeps itself, any other name gets the next negative one."""
+class TrackNumbers:
+    """Track numbers for names: a decimal number keeps its value, other names get -1, -2, ... in order."""
 
     def __init__(self) -> None:
         self._given: dict[str, int] = {}
 
     def number(self, name: object) -> int:
-        """The same number for the same name, each time."""
+        """The number of a name, the same on every call."""
         text = str(name)
         if text.isascii() and text.isdecimal():
             return int(text)

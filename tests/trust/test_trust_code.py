@@ -65,7 +65,7 @@ def test_every_dependency_has_a_reason_and_a_use():
     page = dependencies.PAGE.read_text()
     assert all(f"| {name} |" in page for name in names)
     used = {module for path in SOURCES for module in imports(ast.parse(path.read_text()))}
-    modules = {"hydra-core": "hydra", "mcap-ros2-support": "mcap_ros2", "pillow": "PIL", "pyyaml": "yaml"}
+    modules = {"hydra-core": "hydra", "pillow": "PIL", "pyyaml": "yaml"}
     modules |= {"scikit-fmm": "skfmm"}
     needed = {need.name for group in ("light", "train") for need in groups[group]}
     needed -= {"dvc", "ruamel.yaml.clib"}  # a command, and what it parses with

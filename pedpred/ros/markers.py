@@ -1,0 +1,146 @@
+"""People and forecasts as visualization_msgs markers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import pandas as pd
+
+from pedpred.evaluation.calibration import radius2
+from pedpred.geometry import rotate
+from pedpred.ros.scene_messages import Content, header, point
+from pedpred.scenes import Predictions
+from pedpred.storage.windows import Windows
+
+Colour = tuple[float, float, float]
+"""Red, green and blue, 0 to 1."""
+
+_ADD, _DELETE_ALL = 0, 3
+_ARROW, _CYLINDER, _LINE_STRIP = 0, 3, 4
+_PERSON_M = {"x": 0.4, "y": 0.4, "z": 1.7}
+_ARROW_M = {"x": 0.05, "y": 0.12, "z": 0.15}
+"""Shaft diameter, head diameter, head length."""
+_LINE_M = 0.05
+_HEIGHT_M = 0.02
+"""Height of paths above the map, so that viewers draw them over it."""
+_ARROW_S = 0.75
+"""A velocity arrow ends where the person would be after this time."""
+_REGION = 0.9
+"""Share of the probability inside an error ellipse."""
+_UNTURNED: Content = {"orientation": {"w": 1.0}}
+_INK: Colour = (0.13, 0.13, 0.13)
+
+
+def namespaces(method: str) -> tuple[str, str, str]:
+    """The namespaces of a method's markers: point forecasts, error ellipses, modes."""
+    return method, f"{method} ellipse", f"{method} modes"
+
+
+def markers_message(
+    people: pd.DataFrame,
+    windows: Windows | None,
+    rows: np.ndarray,
+    colours: Mapping[str, Colour],
+    time_ns: int,
+) -> Content:
+    """visualization_msgs/MarkerArray: a complete picture, which replaces the one before.
+
+    Args:
+        people: rows of `tracks_table` at this instant, drawn as cylinders.
+        windows: forecasts of the scene, or None.
+        rows: its windows at this instant. [n] int
+        colours: of each method to be drawn; its name is the markers' namespace.
+        time_ns: the instant.
+    """
+    markers: list[Content] = [{"header": header(time_ns), "action": _DELETE_ALL, "pose": _UNTURNED}]
+    for track, x, y in people[["track_id", "x_m", "y_m"]].itertuples(index=False):
+        pose = {"position": {"x": x, "y": y, "z": _PERSON_M["z"] / 2}}
+        markers.append(
+            _marker(time_ns, "people", track, _CYLINDER, _PERSON_M, _INK, 0.6) | {"pose": _UNTURNED | pose}
+        )
+    if windows is not None:
+        markers += _window_markers(windows, rows, colours, time_ns)
+    return {"markers": markers}
+
+
+def _window_markers(
+    windows: Windows, rows: np.ndarray, colours: Mapping[str, Colour], time_ns: int
+) -> Iterator[Content]:
+    """The tracked velocity as an arrow, the true path as a line, and the forecasts."""
+    velocity = rotate(windows.velocity[rows], windows.heading_rad[rows])
+    forecasts = {method: _predictions(windows, method).select(rows) for method in colours}
+    for index, row in enumerate(rows):
+        track, start = windows.track_id[row], windows.position[row]
+        arrow = _marker(time_ns, "velocity", track, _ARROW, _ARROW_M, _INK, 1.0)
+        yield arrow | {"points": [point(start), point(start + _ARROW_S * velocity[index])]}
+        yield _line(time_ns, "truth", track, start, windows.truth[row], _INK, 1.0)
+        for method, colour in colours.items():
+            yield from _forecast_markers(method, forecasts[method], index, track, start, colour, time_ns)
+
+
+def _predictions(windows: Windows, method: str) -> Predictions:
+    return Predictions.single(windows.paths[method], 1.0, windows.covariances.get(method))
+
+
+def _forecast_markers(
+    method: str,
+    forecasts: Predictions,
+    row: int,
+    track: int,
+    start: np.ndarray,
+    colour: Colour,
+    time_ns: int,
+) -> Iterator[Content]:
+    """The point forecast as a line, its error ellipse, and several modes as lines, their weight as alpha."""
+    _, ellipse, modes = namespaces(method)
+    yield _line(time_ns, method, track, start, forecasts.point[row], colour, 1.0)
+    if forecasts.covariance is not None:
+        centre, covariance = forecasts.most_likely[row, -1], forecasts.covariance[row, 0, -1]
+        yield _disc(time_ns, ellipse, track, centre, covariance, colour)
+    if forecasts.modes > 1:
+        for mode, (path, weight) in enumerate(zip(forecasts.path[row], forecasts.weight[row], strict=True)):
+            number = row * forecasts.modes + mode
+            yield _line(time_ns, modes, number, start, path, colour, float(weight))
+
+
+def _line(
+    time_ns: int,
+    namespace: str,
+    number: int,
+    start: np.ndarray,
+    path: np.ndarray,
+    colour: Colour,
+    alpha: float,
+) -> Content:
+    line = _marker(time_ns, namespace, number, _LINE_STRIP, {"x": _LINE_M}, colour, alpha)
+    return line | {"points": [point(position, _HEIGHT_M) for position in [start, *path]]}
+
+
+def _disc(
+    time_ns: int, namespace: str, number: int, centre: np.ndarray, covariance: np.ndarray, colour: Colour
+) -> Content:
+    """A flat ellipse that holds `_REGION` of the probability at the end of the horizon."""
+    variances, axes = np.linalg.eigh(covariance)
+    length, width = 2.0 * np.sqrt(radius2(_REGION) * variances[::-1])
+    half_yaw = 0.5 * np.arctan2(axes[1, 1], axes[0, 1])
+    size = {"x": length, "y": width, "z": _HEIGHT_M}
+    turned = {"z": float(np.sin(half_yaw)), "w": float(np.cos(half_yaw))}
+    disc = _marker(time_ns, namespace, number, _CYLINDER, size, colour, 0.15)
+    return disc | {"pose": {"position": point(centre), "orientation": turned}}
+
+
+def _marker(
+    time_ns: int, namespace: str, number: int, shape: int, scale: Content, colour: Colour, alpha: float
+) -> Content:
+    """The fields of every marker; the pose is that of the frame unless it is replaced."""
+    return {
+        "header": header(time_ns),
+        "ns": namespace,
+        "id": int(np.int64(number).astype(np.int32)),  # 32 bits: larger track ids wrap
+        "type": shape,
+        "action": _ADD,
+        "pose": _UNTURNED,
+        "scale": scale,
+        "color": dict(zip("rgba", (*colour, alpha), strict=True)),
+    }

@@ -1,0 +1,86 @@
+"""ROS 2 message types: the topics of a recording, the known definitions, and messages as bytes (CDR)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+MAP, PEOPLE, MARKERS, FRAMES = "/map", "/people", "/markers", "/tf_static"
+
+TYPES = {
+    MAP: "nav_msgs/msg/OccupancyGrid",
+    PEOPLE: "people_msgs/msg/People",
+    MARKERS: "visualization_msgs/msg/MarkerArray",
+    FRAMES: "tf2_msgs/msg/TFMessage",
+}
+"""The message type of each topic."""
+
+_PEOPLE_MSGS = {
+    "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity\n"
+    "float64 reliability\nstring[] tagnames\nstring[] tags\n",
+    "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people\n",
+}
+"""Not among the types of a ROS 2 distribution."""
+
+_EMPTY = {"string": "", "bool": False}
+
+
+@cache
+def known_types() -> Any:
+    """The `rosbags` type store with the messages of ROS 2 Humble and of people_msgs."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, fields in _PEOPLE_MSGS.items():
+        store.register(get_types_from_msg(fields, name))
+    return store
+
+
+def definition(kind: str) -> str:
+    """The definition of a type and of all types in it, as an MCAP schema (`ros2msg`).
+
+    Args:
+        kind: such as `people_msgs/msg/People`.
+    """
+    return str(known_types().generate_msgdef(kind, ros_version=2)[0])
+
+
+def serialize(kind: str, content: Mapping[str, Any]) -> bytes:
+    """A message as CDR.
+
+    Args:
+        kind: its type.
+        content: nested dictionaries of fields; missing fields are zero, empty or false.
+    """
+    return bytes(known_types().serialize_cdr(_message(kind, content), kind, little_endian=True))
+
+
+def _message(kind: str, content: Mapping[str, Any]) -> Any:
+    fields = known_types().fielddefs[kind][1]
+    values = {
+        name: _value(*field, content[name]) if name in content else _default(*field) for name, field in fields
+    }
+    return known_types().types[kind](**values)
+
+
+def _value(node: Nodetype, about: Any, content: Any) -> Any:
+    """The value of a field as rosbags takes it; `about` is the second part of rosbags' field definition."""
+    if node == Nodetype.BASE:
+        return content
+    if node == Nodetype.NAME:
+        return _message(about, content)
+    item, inner = about[0]
+    if item == Nodetype.NAME:
+        return [_message(inner, part) for part in content]
+    return list(content) if inner[0] == "string" else np.asarray(content, inner[0])
+
+
+@cache
+def _default(node: Nodetype, about: Any) -> Any:
+    """The value of a missing field; serialising changes no message, so that all may share it."""
+    if node == Nodetype.BASE:
+        return _EMPTY.get(about[0], 0)
+    return _value(node, about, {} if node == Nodetype.NAME else ())

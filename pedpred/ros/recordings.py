@@ -1,0 +1,138 @@
+"""Recordings: a scene and forecasts in it as an MCAP file with ROS 2 messages, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from mcap.well_known import SchemaEncoding
+from mcap.writer import Writer
+
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.files import atomic_write, translate_errors
+from pedpred.ros.markers import Colour, markers_message
+from pedpred.ros.mcap_reader import McapReader
+from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition, known_types, serialize
+from pedpred.ros.scene_messages import (
+    Content,
+    frames_message,
+    map_message,
+    nanoseconds,
+    occupancy_of,
+    people_message,
+    people_rows,
+)
+from pedpred.scenes import Scene
+from pedpred.storage.scenes import tracks_of, tracks_table
+from pedpred.storage.windows import Windows
+
+_SCENE_RECORD = "pedpred.scene"
+"""Name of the metadata record with the values that no message holds exactly."""
+_CHUNK_BYTES = 256 * 1024
+"""Uncompressed size of a chunk: a cut file loses at most this much before the cut."""
+_SAME_INSTANT_NS = 1000
+"""Times of detections and forecasts that differ by no more are one instant."""
+_REMEDY = f"A recording is an MCAP file with {TYPES[MAP]} on {MAP} and {TYPES[PEOPLE]} on {PEOPLE}, in CDR"
+_NOBODY = {name: np.zeros(0) for name in ("time_s", "track_id", "x_m", "y_m")}
+
+
+def read_recording(path: Path) -> Scene:
+    """Read a recording of `write_recording`, or any other with the same topics and types.
+
+    A file that is cut is read up to the cut, with a warning. A recording of another writer is named after the
+    file, its resolution is the shortest decimal that rounds to the map's float32, and the time between
+    detections is the median.
+
+    Raises:
+        SourceError: the file is no MCAP file or damaged, a topic is missing or has another type, or the
+            messages make no scene.
+    """
+    problem = partial(SourceError, path, None, remedy=_REMEDY)
+    bag, grid, rows, topics = McapReader([path]), None, [], set()
+    with translate_errors(lambda cause: problem(f"damaged, {cause}")):
+        for connection, _, raw in bag.messages():
+            topic, kind = connection.topic, connection.msgtype
+            topics.add(topic)
+            if topic not in (MAP, PEOPLE):
+                continue
+            if kind != TYPES[topic]:
+                raise problem(f"{topic} carries {kind}")
+            message = known_types().deserialize_cdr(raw, kind)  # whatever definition the file has
+            if topic == MAP:
+                grid = message
+                continue
+            with translate_errors(problem):
+                rows += people_rows(message)
+    for topic in (MAP, PEOPLE):
+        if topic not in topics:
+            raise problem(f"nothing on {topic}, only on {sorted(topics)}")
+    about = bag.metadata.get(_SCENE_RECORD, {})
+    with translate_errors(problem):
+        trajectories = tracks_of(pd.DataFrame(rows or _NOBODY), path)
+        occupancy = occupancy_of(grid, about.get("resolution_m"))
+        dt_s = float(about.get("detection_dt_s") or trajectories.usual_interval_s())
+        return Scene(about.get("name", path.stem), trajectories, occupancy, dt_s)
+
+
+def write_recording(
+    scene: Scene,
+    path: Path,
+    windows: Windows | None = None,
+    colours: Mapping[str, Colour] | None = None,
+) -> None:
+    """Write a scene, and forecasts in it, as MCAP with ROS 2 messages (profile `ros2`, CDR).
+
+    The same scene gives the same bytes. `read_recording` returns an equal scene, but for the camera, which is
+    not recorded.
+
+    Args:
+        scene: people (`/people`, `/markers`) and obstacles (`/map`).
+        path: the file.
+        windows: forecasts of this scene, drawn in `/markers`.
+        colours: which methods of `windows` to draw, and how; none by default.
+
+    Raises:
+        ValueRuleError: a time cannot be a ROS stamp, or a method has no forecasts.
+    """
+    unknown = sorted(set(colours or ()) - set(windows.paths if windows else ()))
+    if unknown:
+        raise ValueRuleError("colours", unknown[0], f"scene {scene.name} has no forecasts of it")
+    about = {"name": scene.name, "detection_dt_s": repr(float(scene.detection_dt_s))}
+    about["resolution_m"] = repr(float(scene.occupancy.resolution_m))
+    with atomic_write(path) as new, new.open("wb") as stream:
+        writer = Writer(stream, chunk_size=_CHUNK_BYTES)
+        writer.start(profile="ros2")
+        writer.add_metadata(_SCENE_RECORD, about)
+        channels = {}
+        for topic, kind in TYPES.items():
+            schema = writer.register_schema(kind, SchemaEncoding.ROS2, definition(kind).encode())
+            channels[topic] = writer.register_channel(topic, "cdr", schema)
+        for count, (time_ns, topic, content) in enumerate(_messages(scene, windows, colours or {})):
+            data = serialize(TYPES[topic], content)
+            writer.add_message(channels[topic], time_ns, data, publish_time=time_ns, sequence=count)
+        writer.finish()
+
+
+def _messages(
+    scene: Scene, windows: Windows | None, colours: Mapping[str, Colour]
+) -> Iterator[tuple[int, str, Content]]:
+    """(time in ns, topic, message) in order of time, the map and the frames first.
+
+    Forecasts are drawn at the latest detection up to their present.
+    """
+    people = tracks_table(scene.trajectories)
+    detected = nanoseconds(scene.trajectories.time_s)
+    instants = np.unique(detected) if len(detected) else np.zeros(1, np.int64)
+    present = nanoseconds(windows.time_s if windows else np.zeros(0))
+    latest = np.searchsorted(instants, present + _SAME_INSTANT_NS, side="right") - 1
+    start_ns = int(instants[0])
+    yield start_ns, FRAMES, frames_message(start_ns)
+    yield start_ns, MAP, map_message(scene.occupancy, start_ns)
+    for index, time_ns in enumerate(instants.tolist()):
+        here = people.iloc[slice(*np.searchsorted(detected, [time_ns, time_ns + 1]))]
+        rows = np.flatnonzero(latest == index)
+        yield time_ns, PEOPLE, people_message(here, time_ns)
+        yield time_ns, MARKERS, markers_message(here, windows, rows, colours, time_ns)

@@ -1,0 +1,138 @@
+"""Maps and people as ROS messages, and back.
+
+Messages are nested dictionaries (`pedpred.ros.message_types.serialize`). What `people_msgs` has no field for
+is in a person's tags, as text that Python reads back exactly; an unknown velocity is NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pedpred.errors import ValueRuleError
+from pedpred.ros.tracked_people import seconds
+from pedpred.scenes import OccupancyMap
+
+Content = dict[str, Any]
+"""Fields of a message."""
+
+FRAME, WORLD = "map", "world"
+
+_TAGS = ("time_s", "goal_x_m", "goal_y_m", "desired_speed_mps", "group_id")
+"""Columns of `tracks_table` that become tags."""
+_OCCUPIED, _FREE = 100, 0
+_LATEST_S = 2**31
+
+
+def nanoseconds(time_s: np.ndarray) -> np.ndarray:
+    """Round scene times (s, [M]) to whole nanoseconds, the unit of a recording: [M] int64.
+
+    Raises:
+        ValueRuleError: a time is negative or larger than a ROS stamp can hold.
+    """
+    outside = (time_s < 0) | (time_s >= _LATEST_S)
+    if outside.any():
+        rule = f"a ROS stamp holds 0 to {_LATEST_S} s: shift the scene's times"
+        raise ValueRuleError("time_s", float(time_s[outside][0]), rule)
+    return np.round(time_s * 1e9).astype(np.int64)
+
+
+def stamp(time_ns: int) -> Content:
+    """builtin_interfaces/Time."""
+    return {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}
+
+
+def header(time_ns: int, frame: str = FRAME) -> Content:
+    """std_msgs/Header."""
+    return {"stamp": stamp(time_ns), "frame_id": frame}
+
+
+def point(position: np.ndarray, height_m: float = 0.0) -> Content:
+    """geometry_msgs/Point."""
+    return {"x": float(position[0]), "y": float(position[1]), "z": height_m}
+
+
+def map_message(occupancy: OccupancyMap, time_ns: int) -> Content:
+    """nav_msgs/OccupancyGrid: rows along x, the first at the smallest y."""
+    width, height = occupancy.occupied.shape
+    return {
+        "header": header(time_ns),
+        "info": {
+            "map_load_time": stamp(time_ns),
+            "resolution": occupancy.resolution_m,
+            "width": width,
+            "height": height,
+            "origin": {"position": point(occupancy.origin), "orientation": {"w": 1.0}},
+        },
+        "data": np.where(occupancy.occupied.T, _OCCUPIED, _FREE).ravel(),
+    }
+
+
+def occupancy_of(message: Any, resolution_m: str | None = None) -> OccupancyMap:
+    """The map of a nav_msgs/OccupancyGrid; unknown cells (-1) are free.
+
+    Args:
+        message: the decoded message.
+        resolution_m: exact side of a cell as text; by default the shortest decimal that rounds to the
+            message's float32.
+    """
+    info = message.info
+    turn = info.origin.orientation
+    if turn.x or turn.y or turn.z:
+        raise ValueRuleError(
+            "origin.orientation", [turn.x, turn.y, turn.z, turn.w], "maps must not be turned"
+        )
+    cells = np.asarray(message.data).reshape(info.height, info.width).T
+    origin = np.array([info.origin.position.x, info.origin.position.y])
+    return OccupancyMap(
+        cells > _OCCUPIED / 2, origin, float(resolution_m or str(np.float32(info.resolution)))
+    )
+
+
+def frames_message(time_ns: int) -> Content:
+    """tf2_msgs/TFMessage: the map lies at the world's origin."""
+    identity = {"rotation": {"w": 1.0}}
+    return {
+        "transforms": [{"header": header(time_ns, WORLD), "child_frame_id": FRAME, "transform": identity}]
+    }
+
+
+def people_message(people: pd.DataFrame, time_ns: int) -> Content:
+    """people_msgs/People: the rows of `tracks_table` at one instant."""
+    tags = [name for name in _TAGS if name in people]
+    return {
+        "header": header(time_ns),
+        "people": [
+            {
+                "name": str(row["track_id"]),
+                "position": {"x": row["x_m"], "y": row["y_m"]},
+                "velocity": {"x": row.get("vx_mps", np.nan), "y": row.get("vy_mps", np.nan)},
+                "reliability": 1.0,
+                "tagnames": tags,
+                "tags": [repr(row[tag]) for tag in tags],
+            }
+            for row in people.to_dict("records")
+        ],
+    }
+
+
+def people_rows(message: Any) -> Iterator[dict[str, Any]]:
+    """The people of a people_msgs/People as rows of `tracks_table`.
+
+    The stamp has whole nanoseconds, a tag `time_s` is exact. Unknown velocities are left out.
+
+    Raises:
+        ValueRuleError: a name is no whole number.
+    """
+    for person in message.people:
+        if not person.name.lstrip("-").isdecimal():
+            raise ValueRuleError("name", repr(person.name), "people need whole numbers for names")
+        row = {"time_s": seconds(message.header.stamp), "track_id": int(person.name)}
+        row |= {"x_m": person.position.x, "y_m": person.position.y}
+        if not np.isnan([person.velocity.x, person.velocity.y]).all():
+            row |= {"vx_mps": person.velocity.x, "vy_mps": person.velocity.y}
+        tags = zip(person.tagnames, person.tags, strict=True)
+        yield row | {name: float(text) for name, text in tags if name in _TAGS}
