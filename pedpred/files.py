@@ -1,20 +1,21 @@
-"""Files on disk, as safely as they can be had: foreign ones are read within bounds, ours are written whole.
+"""Bounded reading and atomic writing of files.
 
 Reading: `translate_errors` turns what a decoder raises on damaged bytes into an error that names the file;
 `read_bytes`, `read_json`, `read_yaml` and `read_picture` are bounded in size.
-Writing: `atomic_write` lets a file appear under its name only when it is complete; scratch data go to a file
-that is `nameless`.
+Writing: `atomic_write` replaces a file when the new one is complete; scratch data go to `nameless` files.
 """
 
 from __future__ import annotations
 
+import fcntl
+import itertools
 import json
 import math
 import os
-import secrets
+import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -26,10 +27,10 @@ from PIL import Image
 from pedpred.errors import FileError, PedpredError, ShapeError
 
 MOST_PIXELS = 2**26
-"""Of a picture or a map: 400 m x 400 m in cells of 5 cm."""
+"""Limit for a picture or a map: 400 m x 400 m in cells of 5 cm."""
 
 SCRATCH = Path("build")
-"""On the project's disk: where a system keeps temporary files is often its memory."""
+"""Folder for scratch data, on the project's disk: the system's temporary folder is often in memory."""
 
 _LARGEST_BYTES = 2**30
 _LARGEST_JSON_BYTES = 2**22
@@ -38,15 +39,15 @@ _LONGEST_PROBLEM = 600
 _PICTURES = ("PNG", "PPM", "BMP", "JPEG")  # formats that are decoded here, not by another program
 
 Wording = Callable[[str], PedpredError]
-"""Makes the error of a problem: it knows the file and the remedy."""
+"""Makes the error for a problem, with the file and the remedy."""
 
 
 @contextmanager
 def translate_errors(wording: Wording) -> Iterator[None]:
-    """Say whatever goes wrong inside as an error that names the file; the cause is chained.
+    """Translate any exception inside the block into an error that names the file; the cause is chained.
 
-    Decoders of foreign bytes document no complete list of what they raise, so that any `Exception` counts;
-    an error that names a file already passes.
+    Every `Exception` counts, since decoders document no complete list of what they raise on damaged bytes. An
+    error that already names a file passes.
 
     Args:
         wording: such as `partial(StorageError, path, "file", remedy=...)`.
@@ -66,7 +67,7 @@ def _problem(cause: Exception) -> str:
 
 
 def read_bytes(path: Path, largest: int = _LARGEST_BYTES) -> bytes:
-    """The bytes of a file that has at most `largest` of them.
+    """Read a file of at most `largest` bytes.
 
     Raises:
         OSError: the file cannot be read.
@@ -80,21 +81,21 @@ def read_bytes(path: Path, largest: int = _LARGEST_BYTES) -> bytes:
 
 
 def read_json(path: Path, wording: Wording) -> dict[str, Any]:
-    """The object in a JSON file.
+    """Read the object in a JSON file.
 
     Args:
         path: the file.
         wording: of the error, see `translate_errors`.
 
     Raises:
-        FileError: the file is missing, too large, no JSON or holds another thing than an object.
+        FileError: the file is missing, too large or no JSON, or its content is no object.
     """
     with translate_errors(wording):
         return _mapping(json.loads(read_bytes(path, _LARGEST_JSON_BYTES)))
 
 
 def read_yaml(path: Path, wording: Wording) -> dict[str, Any]:
-    """The mapping in a YAML file; arguments and errors of `read_json`. No tag makes an object."""
+    """Read the mapping in a YAML file (safe subset); arguments and errors as in `read_json`."""
     with translate_errors(wording):
         return _mapping(yaml.safe_load(read_bytes(path, _LARGEST_YAML_BYTES)))
 
@@ -106,9 +107,9 @@ def _mapping(content: Any) -> dict[str, Any]:
 
 
 def read_picture(path: Path, mode: str, wording: Wording) -> np.ndarray:
-    """A picture as [rows, columns] (mode "L") or [rows, columns, 3] ("RGB") uint8.
+    """Read a picture as [rows, columns] (mode "L") or [rows, columns, 3] ("RGB") uint8.
 
-    Its size is looked at before a pixel is decoded.
+    Its size is checked before any pixel is decoded.
 
     Raises:
         FileError: the file is missing, no picture, damaged or has more than `MOST_PIXELS`.
@@ -121,24 +122,45 @@ def read_picture(path: Path, mode: str, wording: Wording) -> np.ndarray:
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """A path beside `path` to write to; what was written takes the place of `path` when the block ends well.
+    """Yield a temporary path to write to; it replaces `path` when the block ends without an error.
 
-    Both are in one folder, so that taking the place is one step of the file system: whoever is killed in the
-    middle leaves the old file or none, never half of one. The folder is made if it is not there.
+    Readers see the old file or the complete new one, also when the process is killed. Concurrent writers of
+    one file have a temporary path each; the last one to finish wins. The folder of `path` is made if needed.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    new = path.with_name(f".new-{os.getpid()}-{secrets.token_hex(4)}-{path.name}")
+    folder, lock = _lock_folder(path)
     try:
+        new = folder / path.name
+        new.unlink(missing_ok=True)  # of a writer that was killed
         yield new
         new.replace(path)
     finally:
-        new.unlink(missing_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(lock)
+
+
+def _lock_folder(path: Path) -> tuple[Path, int]:
+    """Make a folder beside a file, or take over that of a killed writer: the folder and its lock.
+
+    The system releases the locks of killed processes.
+    """
+    for number in itertools.count():
+        folder = path.with_name(f".{path.name}.new-{number}")
+        folder.mkdir(exist_ok=True)
+        with suppress(FileNotFoundError):  # another writer has just removed it
+            lock = os.open(folder, os.O_RDONLY)
+            with suppress(BlockingIOError, FileNotFoundError):
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if os.path.samestat(os.fstat(lock), folder.stat()):
+                    return folder, lock
+            os.close(lock)
+    raise AssertionError("itertools.count ends")
 
 
 def nameless() -> FileIO:
-    """A file to write and read in `SCRATCH` that ends with its last user: a kill -9 leaves nothing behind.
+    """Open a scratch file without a name in `SCRATCH`; the system removes it when it is closed or by a kill.
 
-    It is not buffered, so that a full disk is told by `write` and never later.
+    It is not buffered, so that `write` reports a full disk, and no later call.
 
     Raises:
         OSError: the folder cannot be made or written to.
@@ -148,11 +170,11 @@ def nameless() -> FileIO:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file (UTF-8) as a whole; see `atomic_write`."""
+    """Write a text file (UTF-8) atomically; see `atomic_write`."""
     with atomic_write(path) as new:
         new.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, content: object) -> None:
-    """Write JSON as a whole, one value per line, in the given order; see `atomic_write`."""
+    """Write JSON atomically, one value per line, in the given order; see `atomic_write`."""
     write_text(path, json.dumps(content, indent=1) + "\n")

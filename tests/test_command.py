@@ -33,7 +33,7 @@ def test_there_and_back_changes_nothing(scene, tmp_path):
     one, two = read_scene(scene), read_scene(tmp_path / "again")
     assert one.name == two.name
     assert one.detection_dt_s == two.detection_dt_s
-    for part in ("recording", "occupancy"):
+    for part in ("trajectories", "occupancy"):
         for field in dataclasses.fields(getattr(one, part)):
             a, b = (getattr(getattr(world, part), field.name) for world in (one, two))
             np.testing.assert_array_equal(a, b, err_msg=field.name)

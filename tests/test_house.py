@@ -65,9 +65,7 @@ def test_what_runs_on_a_robot_needs_the_light_install_alone():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = project["dependencies"]
     called = {"PIL": "pillow", "yaml": "pyyaml"}
-    files = [
-        path for room in ("command", "online", "ros") for path in (ROOT / "pedpred" / room).glob("*.py")
-    ]
+    files = [path for room in ("command", "online", "ros") for path in (ROOT / "pedpred" / room).glob("*.py")]
     embedding = {ROOT / name for path in files for name in code_behind(path)}
     outside = {module.partition(".")[0] for path in embedding for module, _ in imported(path)} - {"pedpred"}
     needed = {called.get(name, name) for name in outside - sys.stdlib_module_names}

@@ -61,7 +61,8 @@ def serialize(kind: str, content: Mapping[str, Any]) -> bytes:
 def _message(kind: str, content: Mapping[str, Any]) -> Any:
     fields = known_types().fielddefs[kind][1]
     values = {
-        name: _value(*field, content[name]) if name in content else _default(*field) for name, field in fields
+        name: _value(node, about, content[name]) if name in content else _default(node, about)
+        for name, (node, about) in fields
     }
     return known_types().types[kind](**values)
 

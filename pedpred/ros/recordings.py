@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -51,7 +52,9 @@ def read_recording(path: Path) -> Scene:
             messages make no scene.
     """
     problem = partial(SourceError, path, None, remedy=_REMEDY)
-    bag, grid, rows, topics = McapReader([path]), None, [], set()
+    bag, grid = McapReader([path]), None
+    rows: list[dict[str, Any]] = []
+    topics: set[str] = set()
     with translate_errors(lambda cause: problem(f"damaged, {cause}")):
         for connection, _, raw in bag.messages():
             topic, kind = connection.topic, connection.msgtype

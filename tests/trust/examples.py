@@ -24,7 +24,7 @@ from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.geometry import Homography
 from pedpred.networks import MotionLstm
 from pedpred.online.network import ExportedNetwork, read_description
-from pedpred.report import metrics
+from pedpred.report import measures
 from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
@@ -44,7 +44,7 @@ from tests.test_bags import Store, stream
 EWAP = {"frame_rate_hz": 10.0, "annotation_frames": 4, "resolution_m": 0.5, "margin_m": 1.0}
 FEATURES = FeatureSettings(grid_cells=8, angular_cells=6, horizon_steps=4)
 ARCHIVED, CONTENT = ("seq_eth/H.txt", "seq_eth/obsmat.txt"), b"7 1.5\n" * 100
-METRICS = {"eth": {"cv": dict.fromkeys(metrics._FIELDS, 0.25)}}
+METRICS = {"eth": {"cv": dict.fromkeys(measures._FIELDS, 0.25)}}
 CONF = "defaults: [_self_, scale: default, scenes@scenes.eth: eth]\nscenes: {}\nseed: 1\nrates: [0.1, 1e-3]\n"
 PIPELINE = """\
 vars: [{kinds: [a, b]}]

@@ -16,7 +16,7 @@ from rosbags.typesys import Stores
 
 from pedpred import config
 from pedpred.networks.forecasting import load_motion_lstm
-from pedpred.report import metrics
+from pedpred.report import measures
 from pedpred.ros import read_bag, read_recording, write_recording
 from pedpred.sources import ewap
 from pedpred.storage.scenes import read_map, read_scene, write_scene
@@ -77,7 +77,7 @@ READERS = {
     "metrics": Reader(
         lambda folder: (folder / "sim.json").write_text(json.dumps(METRICS)),
         ("sim.json",),
-        lambda folder: metrics.read_metrics(folder / "sim.json"),
+        lambda folder: measures.read_metrics(folder / "sim.json"),
     ),
     "checkpoint": Reader(make_checkpoint, ("weights.safetensors", "about.json"), load_motion_lstm),
     "model": Reader(export, ("model.json", "network.onnx"), read_model),

@@ -139,8 +139,8 @@ def test_a_writer_killed_in_the_middle_leaves_the_old_file(tmp_path):
     path = tmp_path / "page.md"
     write_text(path, "old")
     script = (
-        "import os, pathlib, signal, sys; from pedpred.files import aside\n"
-        "with aside(pathlib.Path(sys.argv[1])) as new:\n"
+        "import os, pathlib, signal, sys; from pedpred.files import atomic_write\n"
+        "with atomic_write(pathlib.Path(sys.argv[1])) as new:\n"
         "    new.write_text('half')\n"
         "    os.kill(os.getpid(), signal.SIGKILL)"
     )
@@ -149,6 +149,17 @@ def test_a_writer_killed_in_the_middle_leaves_the_old_file(tmp_path):
     assert path.read_text() == "old"
     write_text(path, "new")
     assert list(tmp_path.iterdir()) == [path], "the next writer cleans up"
+
+
+def test_two_writers_of_one_file_do_not_mix_their_bytes(tmp_path):
+    path = tmp_path / "page.md"
+    with atomic_write(path) as first, atomic_write(path) as second:
+        first.write_text("first")
+        second.write_text("second")
+        assert first != second
+        assert not path.exists()
+    assert path.read_text() == "first", "the block that ends last"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_json_must_be_an_object(tmp_path):
