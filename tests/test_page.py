@@ -16,10 +16,10 @@ from playwright.sync_api import sync_playwright
 from pedpred.errors import ValueRuleError
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.gallery import simulation_gallery
+from pedpred.report.inputs import grid_image
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.charts import box_plot, line_plot, whiskers
-from pedpred.report.page.player import ANGULAR_LEVELS, replay
-from pedpred.storage.windows import RANGE_M
+from pedpred.report.page.player import path_codes, point_order, replay
 from tests.test_report import IN_SIMULATION, MEETING, curve_tables, metrics_of, wall_scene, windows_of
 
 REPORTS = Path(__file__).resolve().parents[1] / "reports"
@@ -57,37 +57,41 @@ def text(contents):
 
 
 def unpacked(found):
-    raw, columns = zlib.decompress(found.data), {}
-    for name, kind, shape in found.header["columns"]:
-        values = np.frombuffer(raw[: int(np.prod(shape)) * np.dtype(kind).itemsize], kind)
-        raw, columns[name] = raw[values.nbytes :], values.reshape(shape)
-    assert raw == b""
+    """The columns as they are packed, read as documented: zigzag, seven bits per byte."""
+    values, value, shift = [], 0, 0
+    for byte in zlib.decompress(found.data, -15):
+        value, shift = value | (byte & 127) << shift, shift + 7
+        if byte < 128:
+            values.append(-(value + 1) // 2 if value & 1 else value // 2)
+            value = shift = 0
+    columns = {}
+    for name, shape in found.header["columns"]:
+        columns[name] = np.array(values[: np.prod(shape)]).reshape(shape)
+        del values[: np.prod(shape)]
+    assert values == []
     return columns
 
 
-def test_a_replay_holds_the_forecasts_to_half_a_centimetre(hall):
-    scene, windows = hall
-    found = replay(scene, windows, 60.0)
-    columns = unpacked(found)
-    assert found.header["duration_s"] == pytest.approx(np.ptp(windows.time_s))
-    np.testing.assert_array_equal(columns["track"], windows.track_id)
-    np.testing.assert_allclose(columns["at"] / 100, windows.position, atol=0.00501)
-    for name, path in {"truth": windows.truth, "path_lstm": windows.paths["lstm"]}.items():
-        points = columns["at"][:, None] + np.cumsum(columns[name], axis=1)
-        np.testing.assert_allclose(points / 100, path, atol=0.00501)
-    np.testing.assert_array_equal(columns["grid"], windows.packed_grid)
-    np.testing.assert_allclose(columns["angular"] * RANGE_M / ANGULAR_LEVELS, windows.angular_grid_m)
-    obstacles = np.unpackbits(columns["obstacles"], axis=1, bitorder="little")[:, :200]
-    np.testing.assert_array_equal(obstacles, scene.occupancy.occupied.T)
-
-
-def test_a_replay_keeps_its_stretch_and_no_more(hall):
+def test_a_replay_keeps_its_stretch_and_the_seconds_that_forecasts_are_about(hall):
     scene, windows = hall
     found = replay(scene, windows, 0.9)
     columns = unpacked(found)
-    assert np.unique(columns["time"]).tolist() == [0, 30, 60, 90]
-    assert columns["seen_time"].max() <= 90
+    assert np.unique(np.cumsum(columns["time"])).tolist() == [0, 30, 60, 90]
+    assert np.cumsum(columns["seen_time"]).max() == 390
+    assert replay(scene, windows, 60.0).header["duration_s"] == pytest.approx(np.ptp(windows.time_s))
     assert found.data == replay(scene, windows, 0.9).data
+    obstacles = np.unpackbits(columns["obstacles"].astype(np.uint8), axis=1, bitorder="little")[:, :200]
+    np.testing.assert_array_equal(obstacles, scene.occupancy.occupied.T)
+
+
+def test_straight_and_steadily_curved_paths_are_coded_by_two_points():
+    along = np.arange(1, 11)[:, None]
+    path = np.array([along * [30, -20], along * [30, 0] + along**2 * [0, 2]])
+    codes = path_codes(path, np.array([1, 2]))
+    assert point_order(10) == [10, 5, 2, 7, 3, 8, 1, 4, 6, 9]
+    assert codes[:, 0].tolist() == path[:, -1].tolist()
+    assert (codes[:, 2:] == 0).all()
+    assert path_codes(path[[0, 0]], np.array([1, 1]))[1, 0].tolist() == [0, 0]
 
 
 def test_what_does_not_fit_a_replay_is_refused(hall):
@@ -305,6 +309,31 @@ def test_the_player_plays_scrubs_and_changes_scene(visit_at):
     visit.page.click("text=attic")
     visit.page.wait_for_selector("#player[data-scene=attic][data-playing=false]")
     assert visit.problems == []
+
+
+def test_the_player_shows_what_was_forecast_and_seen(visit_at, hall):
+    _, windows = hall
+    visit = visit_at()
+    read = """({name, rows}) => { const { replay } = document.getElementById("player").player;
+        return rows.map((row) => name === "cones" ? replay.cones(row) : replay.path(name, row)); }"""
+    rows = np.flatnonzero(windows.time_s < 2.05)
+    order = rows[np.lexsort((windows.track_id[rows], windows.time_s[rows].round(3)))]
+    for name, path, off_m in (("truth", windows.truth, 0.00501), ("lstm", windows.paths["lstm"], 0.0151)):
+        points = np.array(visit.page.evaluate(read, {"name": name, "rows": list(range(len(rows)))}))
+        np.testing.assert_allclose(points[:, 0], windows.position[order], atol=0.00501)
+        np.testing.assert_allclose(points[:, 1:], path[order], atol=off_m)
+    cones = np.array(visit.page.evaluate(read, {"name": "cones", "rows": [0]}))[0]
+    assert cones[17] == pytest.approx(
+        np.hypot(0.1, 2.0), abs=0.01
+    )  # the next person: to the left, just ahead
+    assert (cones == 6.0).sum() == 71  # all others are further away in the same cone
+    cells = """() => { const { replay } = document.getElementById("player").player;
+        const brush = replay.gridPicture(2, "#000").getContext("2d"), found = [];
+        const { data, width } = brush.getImageData(0, 0, 60, 60);
+        for (let k = 3; k < data.length; k += 4) found.push(data[k] ? 1 : 0);
+        return found; }"""
+    shown = np.array(visit.page.evaluate(cells), bool).reshape(60, 60)
+    assert (shown != grid_image(windows.grid(order[2]))).mean() < 0.01
 
 
 def test_a_click_picks_the_person_there_and_tells_its_errors(visit_at, hall):

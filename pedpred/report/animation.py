@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -21,7 +22,8 @@ _PERSON_RADIUS_M = 0.2
 _TAIL = "#7FA8C9"
 _SMOOTHING = 2
 """Drawn this much larger and averaged down, so that edges are smooth."""
-_SHADES = 48
+_SHADES = 31
+"""Colours of a frame; the next one stands for what does not change."""
 _FOOT_PX = 20
 _LONGEST_GAP = 1.5
 """A track with a longer gap than this many detection intervals is not drawn across it."""
@@ -66,12 +68,27 @@ def write_animation(scene: Scene, windows: Windows, animation: Animation, path: 
     if animation.method not in windows.paths:
         rule = f"scene {scene.name} has forecasts of {sorted(windows.paths)}"
         raise ValueRuleError("method", animation.method, rule)
-    frames = list(_frames(scene, windows, animation))
-    palette = frames[len(frames) // 2].quantize(_SHADES, dither=Image.Dither.NONE)
-    first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    duration_ms = round(1000 * animation.frame_s)
+    first, *others = _changes(list(_frames(scene, windows, animation)))
+    options: dict[str, Any] = {
+        "duration": round(1000 * animation.frame_s),
+        "loop": 0,
+        "transparency": _SHADES,
+        "disposal": 1,
+    }
     with atomic_write(path) as new:
-        first.save(new, save_all=True, append_images=others, duration=duration_ms, loop=0, optimize=False)
+        first.save(new, save_all=True, append_images=others, optimize=False, **options)
+
+
+def _changes(frames: list[Image.Image]) -> Iterator[Image.Image]:
+    """Frames in few colours; pixels that stay as they are become transparent, which packs far better."""
+    palette = frames[len(frames) // 2].quantize(_SHADES, dither=Image.Dither.NONE)
+    before = None
+    for frame in frames:
+        found = frame.quantize(palette=palette, dither=Image.Dither.NONE)
+        pixels = np.array(found)
+        found.putdata(np.where(pixels == before, _SHADES, pixels).ravel().tolist())
+        yield found
+        before = pixels
 
 
 def busiest_start(time_s: np.ndarray, duration_s: float) -> float:

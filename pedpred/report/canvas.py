@@ -17,6 +17,8 @@ DPI = 110
 LARGEST_BYTES = 60_000
 """Pictures above this size are reduced to 256 colours."""
 
+AVIF_QUALITY = 42
+
 INK = "#222222"
 FAINT = "#B8B8B8"
 OBSTACLE = "#111111"
@@ -60,6 +62,16 @@ def png_bytes(figure: Figure) -> bytes:
     with Image.open(buffer) as image:
         image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(reduced, "png", optimize=True)
     return reduced.getvalue()
+
+
+@styled
+def avif_bytes(figure: Figure) -> bytes:
+    """The figure as AVIF, some five times smaller than the PNG: for pages that hold all their pictures."""
+    buffer, packed = io.BytesIO(), io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI)
+    with Image.open(buffer) as image:
+        image.convert("RGB").save(packed, "avif", quality=AVIF_QUALITY, speed=4, max_threads=1)
+    return packed.getvalue()
 
 
 def write_png(figure: Figure, path: Path) -> None:

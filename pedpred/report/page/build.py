@@ -15,7 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.colors import to_hex, to_rgb
 
-from pedpred.report.canvas import png_bytes
+from pedpred.report.canvas import avif_bytes
 from pedpred.report.findings import Finding, real_findings, simulation_findings, summed_up
 from pedpred.report.measures import LEAKY, MethodMetrics, noncausal
 from pedpred.report.methods import LABELS, MODEL, PAPER_ADE_M, YARDSTICK, colours, label, ordered
@@ -197,8 +197,8 @@ def _bold(text: str) -> Markup:
 
 
 def _picture(figure: Any) -> str:
-    """A figure as an address that holds the whole PNG."""
-    return "data:image/png;base64," + base64.b64encode(png_bytes(figure)).decode()
+    """A figure as an address that holds the whole picture."""
+    return "data:image/avif;base64," + base64.b64encode(avif_bytes(figure)).decode()
 
 
 def _asset(name: str) -> str:

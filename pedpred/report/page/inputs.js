@@ -44,7 +44,7 @@ function drawAngular(canvas, replay, row) {
   }
   if (row === undefined) return;
   const cones = replay.cones(row), wide = (2 * Math.PI) / cones.length, range = replay.header.range_m;
-  brush.strokeStyle = ink("m-kalman_cv");
+  brush.strokeStyle = ink("near");
   brush.lineWidth = 4;
   cones.forEach((distance, k) => {
     if (distance >= range) return;

@@ -28,5 +28,7 @@ const payloads = new Map([...document.querySelectorAll("script.replay")]
   .map((script) => [script.dataset.name, JSON.parse(script.textContent)]));
 const methods = JSON.parse(document.getElementById("methods").textContent);
 if (payloads.size) {
-  new Player(document.getElementById("player"), payloads, methods).open(payloads.keys().next().value);
+  const root = document.getElementById("player");
+  root.player = new Player(root, payloads, methods);
+  root.player.open(payloads.keys().next().value);
 }

@@ -2,7 +2,6 @@
 class Player {
   constructor(root, payloads, methods) {
     Object.assign(this, { root, payloads, methods, time: 0, playing: false, picked: null, pace: 1 });
-    this.drawn = new Set(["truth", "lstm"]);
     const part = (selector) => root.querySelector(selector);
     this.plan = part(".plan");
     this.parts = { play: part(".play"), scrub: part(".scrub"), clock: part(".clock"), who: part(".who"),
@@ -33,6 +32,7 @@ class Player {
     if (this.asked !== name) return; // another scene was asked for meanwhile
     this.replay = replay;
     const { header } = this.replay;
+    this.drawn ??= new Set(["truth", header.drawn]);
     this.plan.style.aspectRatio = `${header.size_m[0]} / ${header.size_m[1]}`;
     this.parts.scrub.max = header.duration_s;
     this.root.dataset.scene = name;
@@ -148,8 +148,8 @@ class Player {
     for (const name of this.drawn) {
       if (name === "truth") {
         this.line(brush, this.replay.path(name, row), { colour: ink("ink"), width: 1.2, dash: [4, 4] });
-      } else if (this.replay.columns[`path_${name}`]) {
-        const points = this.replay.path(`path_${name}`, row), colour = ink(`m-${name}`);
+      } else if (this.replay.paths[name]) {
+        const points = this.replay.path(name, row), colour = ink(`m-${name}`);
         this.line(brush, points, { colour, width: 1 });
         brush.fillStyle = colour;
         for (const [x, y] of points.slice(1)) this.dot(brush, x, y, picked ? 3.4 : 2.2);
@@ -171,7 +171,7 @@ class Player {
 
   // The square that the obstacle grid covers.
   drawReach(brush, x, y, heading) {
-    const half = this.replay.header.range_m / 2;
+    const { grid_cells: cells, cell_m: cell } = this.replay.header, half = (cells * cell) / 2;
     brush.save();
     brush.translate(this.x(x), this.y(y));
     brush.rotate(-heading);

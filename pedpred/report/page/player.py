@@ -1,8 +1,10 @@
-"""A stretch of a scene for the page's player: what was seen, what was forecast, what the network saw.
+"""A stretch of a scene for the page's player: what was seen and what was forecast.
 
 Lengths are whole centimetres from the lower left corner of the map, times hundredths of a second from the
-beginning of the stretch; a path is kept as the steps between its points, which pack better than the points.
-Everything is turned like the scene's camera picture, as in the plans of the report.
+beginning of the stretch. Everything is turned like the scene's camera picture, as in the plans of the report.
+Columns hold differences that are mostly small: detections to the previous row, present and true positions to
+the straight line between detections, forecasts to an interpolation of their own points (see `path_codes`).
+`replay.js` reverses this, and computes the inputs of the network from the map and the detections.
 """
 
 from __future__ import annotations
@@ -10,32 +12,33 @@ from __future__ import annotations
 import base64
 import zlib
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.report.animation import busiest_start
-from pedpred.report.methods import ordered
+from pedpred.report.methods import MODEL, ordered
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.scenes import Scene
 from pedpred.storage.windows import CELL_M, RANGE_M, Windows
 
 TAIL_S = 2.0
-"""How much of the way behind people is kept before the stretch begins, s."""
-ANGULAR_LEVELS = 240
-"""An angular cell is kept as a whole number of `RANGE_M` / `ANGULAR_LEVELS`, 2.5 cm."""
+"""Time before the stretch for which detections are kept, s."""
+COARSE_CM = 3
+"""Step of the differences between a path and its interpolation, cm: points are exact to a third of it."""
 _LONGEST_GAP = 1.5
-"""A person counts as gone within gaps longer than this many detection intervals."""
+"""A person is absent within gaps longer than this many detection intervals."""
 
 
 @dataclass(frozen=True)
 class Replay:
-    """What the player gets.
+    """The player's data.
 
     Attributes:
-        header: names, sizes and units; `columns` lists (name, type, shape) in the order of the data.
-        data: the columns one after the other, little endian, as deflated bytes.
+        header: names, sizes and units; `columns` lists (name, shape) in the order of the data.
+        data: raw deflate of all columns one after the other, see `packed`.
     """
 
     header: dict[str, Any]
@@ -47,12 +50,12 @@ class Replay:
 
 
 def replay(scene: Scene, windows: Windows, duration_s: float, step_s: float = 0.3) -> Replay:
-    """The stretch of a scene that holds most forecasts.
+    """Pack the stretch of a scene that holds most forecasts.
 
     Args:
         scene: people and obstacles.
         windows: forecasts in this scene.
-        duration_s: how long the stretch is at most.
+        duration_s: longest duration of the stretch.
         step_s: between two points of a forecast.
 
     Raises:
@@ -62,73 +65,167 @@ def replay(scene: Scene, windows: Windows, duration_s: float, step_s: float = 0.
     duration_s = round(min(duration_s, float(windows.time_s.max()) - start_s), 2)
     turns = quarter_turns_of(scene.camera)
     image, (left, right, bottom, top) = obstacle_image(scene.occupancy, turns)
-    corner = np.array([left, bottom])
-    columns = {"obstacles": np.packbits(image, axis=1, bitorder="little")}
-    columns |= _detections(scene, start_s, duration_s, turns, corner)
-    columns |= _forecasts(windows, start_s, duration_s, turns, corner)
+    stretch = _Stretch(start_s, duration_s, step_s, turns, np.array([left, bottom]))
+    columns = {"obstacles": np.packbits(image, axis=1, bitorder="little").astype(np.int64)}
+    columns |= stretch.columns(scene, windows)
     header = {
         "name": scene.name,
         "start_s": round(start_s, 2),
         "duration_s": duration_s,
         "step_s": step_s,
+        "steps": windows.truth.shape[1],
         "gap_s": round(_LONGEST_GAP * scene.detection_dt_s, 3),
         "tail_s": TAIL_S,
         "size_m": [round(right - left, 3), round(top - bottom, 3)],
         "map_columns": image.shape[1],
         "cell_m": CELL_M,
+        "grid_cells": len(windows.grid(0)),
+        "cones": windows.angular_grid_m.shape[1],
         "range_m": RANGE_M,
-        "angular_levels": ANGULAR_LEVELS,
+        "coarse_cm": COARSE_CM,
         "methods": ordered(windows.paths),
-        "columns": [[name, values.dtype.name, list(values.shape)] for name, values in columns.items()],
+        "drawn": MODEL,
+        "columns": [[name, list(values.shape)] for name, values in columns.items()],
     }
-    return Replay(header, zlib.compress(b"".join(v.tobytes() for v in columns.values()), level=9))
+    return Replay(header, packed(list(columns.values())))
 
 
-def _detections(
-    scene: Scene, start_s: float, duration_s: float, turns: int, corner: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Who was seen where, by track and time, with the ways that lead into the stretch."""
-    seen = scene.trajectories
-    seen = seen.select((seen.time_s >= start_s - TAIL_S) & (seen.time_s <= start_s + duration_s))
-    order = np.lexsort((seen.time_s, seen.track_id))
-    return {
-        "seen_track": _whole("track_id", seen.track_id[order]),
-        "seen_time": _whole("time_s", 100.0 * (seen.time_s[order] - start_s)),
-        "seen_at": _whole("position", 100.0 * (turned(seen.position[order], turns) - corner)),
-    }
+@dataclass(frozen=True)
+class _Stretch:
+    """Which part of a scene is kept, and how it is turned and moved."""
+
+    start_s: float
+    duration_s: float
+    step_s: float
+    turns: int
+    corner: np.ndarray
+
+    def columns(self, scene: Scene, windows: Windows) -> dict[str, np.ndarray]:
+        """Detections by track and time, forecasts by time and track."""
+        steps, seen = windows.truth.shape[1], scene.trajectories
+        end_s = self.start_s + self.duration_s
+        last_s = end_s + steps * self.step_s
+        seen = seen.select((seen.time_s >= self.start_s - TAIL_S) & (seen.time_s <= last_s))
+        order = np.lexsort((seen.time_s, seen.track_id))
+        track, clock = _whole("track_id", seen.track_id[order]), self._clock(seen.time_s[order])
+        where = self._place("position", seen.position[order])
+        inside = (windows.time_s >= self.start_s) & (windows.time_s <= end_s)
+        order = np.lexsort((windows.track_id, np.round(windows.time_s, 3)))
+        rows = order[inside[order]]
+        own, time = _whole("track_id", windows.track_id[rows]), self._clock(windows.time_s[rows])
+        ahead = np.arange(steps + 1) * round(100 * self.step_s)
+        line = _between(track, clock, where, own, time[:, None] + ahead)
+        true = np.concatenate([windows.position[rows, None], windows.truth[rows]], axis=1)
+        true = self._place("truth", true)
+        heading_rad = np.angle(np.exp(1j * (windows.heading_rad[rows] + self.turns * np.pi / 2)))
+        columns = {
+            "seen_track": np.diff(track, prepend=0),
+            "seen_time": np.diff(clock, prepend=0),
+            "seen_at": np.diff(where, axis=0, prepend=0).T,
+            "track": np.diff(own, prepend=0),
+            "time": np.diff(time, prepend=0),
+            "heading": _whole("heading_rad", 100.0 * heading_rad),
+            "speed": _whole("velocity", 100.0 * np.linalg.norm(windows.velocity[rows], axis=-1)),
+            "truth": (true - line).transpose(1, 2, 0),
+        }
+        for name in ordered(windows.paths):
+            path = self._place(name, windows.paths[name][rows]) - true[:, :1]
+            columns[f"path_{name}"] = path_codes(path, own).transpose(1, 2, 0)
+        return columns
+
+    def _clock(self, time_s: np.ndarray) -> np.ndarray:
+        return _whole("time_s", 100.0 * (time_s - self.start_s))
+
+    def _place(self, field: str, points: np.ndarray) -> np.ndarray:
+        return _whole(field, 100.0 * (turned(points, self.turns) - self.corner))
 
 
-def _forecasts(
-    windows: Windows, start_s: float, duration_s: float, turns: int, corner: np.ndarray
-) -> dict[str, np.ndarray]:
-    """What was forecast and what the network saw, by time and track."""
-    inside = (windows.time_s >= start_s) & (windows.time_s <= start_s + duration_s)
-    order = np.lexsort((windows.track_id, np.round(windows.time_s, 3)))
-    rows = order[inside[order]]
-    at = _whole("position", 100.0 * (turned(windows.position[rows], turns) - corner))
-    heading_rad = np.angle(np.exp(1j * (windows.heading_rad[rows] + turns * np.pi / 2)))
-    paths = {"truth": windows.truth}
-    paths |= {f"path_{name}": windows.paths[name] for name in ordered(windows.paths)}
-    columns = {
-        "track": _whole("track_id", windows.track_id[rows]),
-        "time": _whole("time_s", 100.0 * (windows.time_s[rows] - start_s)),
-        "at": at,
-        "heading": _whole("heading_rad", 1000.0 * heading_rad),
-        "speed": _whole("velocity", 100.0 * np.linalg.norm(windows.velocity[rows], axis=-1)),
-    }
-    for name, path in paths.items():
-        points = _whole(name, 100.0 * (turned(path[rows], turns) - corner))
-        columns[name] = np.diff(points, axis=1, prepend=at[:, None])
-    columns["grid"] = windows.packed_grid[rows]
-    levels = np.round(windows.angular_grid_m[rows] * (ANGULAR_LEVELS / RANGE_M))
-    columns["angular"] = levels.astype(np.uint8)
-    return columns
+def path_codes(path: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """Differences of paths to what is known of them, in the order of `point_order`.
+
+    The last point is coded as the difference to the last point of the track's previous row, the middle one
+    exactly and all others in steps of `COARSE_CM`, both relative to the polynomial through the three nearest
+    points that are known by then.
+
+    Args:
+        path: relative to the present position, cm. [W, P, 2] int
+        track: whose; rows sorted by time. [W]
+
+    Returns:
+        [W, P, 2] int
+    """
+    order = point_order(path.shape[1])
+    known = {0: np.zeros_like(path[:, 0])}
+    codes = []
+    for rank, point in enumerate(order):
+        if rank == 0:
+            before = _previous(track)
+            expected = np.where(before[:, None] >= 0, path[before, -1], 0)
+        else:
+            near = sorted(known, key=lambda other: (abs(other - point), other))[:3]
+            weights = _lagrange(near, point)
+            weighed = [weight * known[other] for weight, other in zip(weights, near, strict=True)]
+            expected = np.floor(sum(weighed) + 0.5).astype(np.int64)
+        step = COARSE_CM if rank > 1 else 1
+        codes.append(np.floor((path[:, point - 1] - expected) / step + 0.5).astype(np.int64))
+        known[point] = expected + step * codes[-1]
+    return np.stack(codes, axis=1)
+
+
+def point_order(steps: int) -> list[int]:
+    """The points 1 to `steps`: the last one, then again and again the middle of the first largest gap."""
+    order = [steps]
+    while len(order) < steps:
+        ends = sorted([0, *order])
+        first, last = max(pairwise(ends), key=lambda gap: (gap[1] - gap[0], -gap[0]))
+        order.append((first + last) // 2)
+    return order
+
+
+def packed(columns: list[np.ndarray]) -> bytes:
+    """Deflate integers: zigzag (0, -1, 1, ... -> 0, 1, 2, ...), seven bits per byte, low ones first."""
+    values = np.concatenate([column.ravel() for column in columns]).astype(np.int64)
+    plain = np.where(values < 0, -2 * values - 1, 2 * values)
+    parts = (plain[:, None] >> np.array([0, 7, 14])) & 127
+    follows = plain[:, None] >= np.array([1 << 7, 1 << 14, 1 << 21])
+    kept = np.column_stack([np.ones(len(plain), bool), follows[:, :2]])
+    pack = zlib.compressobj(9, zlib.DEFLATED, -15, 9)
+    return pack.compress((parts | (follows << 7)).astype(np.uint8)[kept].tobytes()) + pack.flush()
+
+
+def _previous(track: np.ndarray) -> np.ndarray:
+    """The row before each one that belongs to the same track; -1 for the first. [W]."""
+    order = np.argsort(track, kind="stable")
+    before = np.full(len(track), -1)
+    same = track[order][1:] == track[order][:-1]
+    before[order[1:][same]] = order[:-1][same]
+    return before
+
+
+def _lagrange(nodes: list[int], at: int) -> list[float]:
+    """Weights of the values at the nodes in the value of the polynomial through them at another point."""
+    return [
+        float(np.prod([(at - other) / (node - other) for other in nodes if other != node])) for node in nodes
+    ]
+
+
+def _between(
+    track: np.ndarray, clock: np.ndarray, where: np.ndarray, own: np.ndarray, asked: np.ndarray
+) -> np.ndarray:
+    """Positions of tracks [W] on the lines between their detections, cm, at times [W, T]. [W, T, 2] int."""
+    line = np.zeros((*asked.shape, 2), np.int64)
+    for one in np.unique(own):
+        mine, rows = track == one, own == one
+        for axis in range(2 if mine.any() else 0):
+            found = np.interp(asked[rows], clock[mine], where[mine, axis])
+            line[rows, :, axis] = np.floor(found + 0.5)
+    return line
 
 
 def _whole(field: str, values: np.ndarray) -> np.ndarray:
-    """Rounded to 16-bit integers, little endian; refuses what does not fit."""
+    """Rounded to integers; refuses what has no place in 16 bits."""
     rounded = np.round(values)
     largest = np.abs(rounded).max(initial=0)
     if not largest < 2**15:
         raise ValueRuleError(field, float(largest), "the player keeps whole numbers below 32768")
-    return rounded.astype("<i2")
+    return rounded.astype(np.int64)
