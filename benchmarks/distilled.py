@@ -1,6 +1,6 @@
 """What the distilled export loses: its errors beside those of the full one, in the same windows.
 
-`python -m benchmarks.distilled [--model models/online/main] [--rooms 3]`. Both folders meet the same
+`python -m benchmarks.distilled [--model models/online/simulation] [--rooms 3]`. Both folders meet the same
 simulated rooms frame by frame: first such as the main training keeps for validation, then test rooms. The
 interval is that of the paired difference, bootstrapped over tracks.
 """
@@ -27,7 +27,7 @@ from pedpred.storage.shards import read_manifest, read_shard
 
 def validation_rooms(share: float, seed: int) -> list[str]:
     """The rooms that the main training keeps for validation; see `pedpred.datasets.split`."""
-    names = list(read_manifest(Path("data/features/main"))[1])
+    names = list(read_manifest(Path("data/features/simulated/main"))[1])
     order = np.random.default_rng(seed).permutation(len(names))
     return [names[i] for i in order[: max(1, round(share * len(names)))]]
 
@@ -71,14 +71,14 @@ def rows(model: Path, count: int) -> Iterator[dict[str, Any]]:
     """Validation rooms, then test rooms."""
     main = read_params(Path(".")).training.main
     yield compared(model, "main", validation_rooms(main.validation_share, main.seed)[:count])
-    names = list(read_manifest(Path("data/features/sim_test"))[1])
+    names = list(read_manifest(Path("data/features/simulated/sim_test"))[1])
     yield compared(model, "sim_test", names[:count])
 
 
 def main() -> None:
     """Measure, print, and keep the figures when asked to."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--model", type=Path, default=Path("models/online/main"))
+    parser.add_argument("--model", type=Path, default=Path("models/online/simulation"))
     parser.add_argument("--rooms", type=int, default=3, help="at most so many of either kind")
     parser.add_argument("--json", type=Path, help="write the figures there")
     options = parser.parse_args()

@@ -58,7 +58,7 @@ def epoch(rows: int) -> list[str]:
 
 def rows_of(folder: Path) -> int:
     """Rows of all feature shards."""
-    shards = (folder / "data/features/main").glob("*.parquet")
+    shards = (folder / "data/features/simulated/main").glob("*.parquet")
     return sum(pq.read_metadata(shard).num_rows for shard in shards)
 
 

@@ -12,12 +12,10 @@ import difflib
 import errno
 import functools
 import inspect
-import itertools
 import logging
 import os
-import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -28,14 +26,20 @@ import yaml
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from pedpred.errors import ConfigError, PedpredError
+from pedpred.errors import ConfigError, FileError, PedpredError, ValueRuleError
 from pedpred.files import read_yaml, translate_errors, write_text
 
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
 _DISK_REMEDY = "make room on the disk or the folder writable, then run dvc repro again"
 
+SETS = {"simulated": "simulations", "real": "places"}
+"""Kinds of scene sets and the groups of rows that describe them."""
+
+WRITTEN = (("data",), ("models",), ("reports",))
+"""Folders of the project whose files stages write."""
+
 LOCK, KEPT = Path("dvc.lock"), Path("build/dvc.lock")
-"""Checksums of all results as DVC writes them, in place, and as they stood when a stage last began."""
+"""Checksums of all results: the file that DVC rewrites in place, and the copy that each stage makes first."""
 
 
 def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
@@ -55,13 +59,13 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
         def run(cfg: DictConfig) -> None:
             logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
             with _explained(address):
-                main(_frozen(declared(cfg, root, address, sys.argv[1:]) if address else cfg))
+                main(_frozen(cfg))
 
         if address:
             with _explained(address):
                 keep_lock(root)
-                params = read_params(root)
-            run(params)
+                given = declared(root, address, sys.argv[1:])
+            run(given)
         else:
             hydra.main(version_base="1.3", config_path=str(root / "conf"), config_name="config")(run)()
 
@@ -75,6 +79,10 @@ def _explained(address: str | None) -> Iterator[None]:
         yield
     except (ConfigAttributeError, ConfigKeyError) as error:
         raise SystemExit(f"\n{_undeclared(error, address)}\n") from error
+    except FileError as error:
+        written = error.path.parts[:1] in WRITTEN
+        remedy = ". `dvc repro` writes it again" if written else ""
+        raise SystemExit(f"\n{type(error).__name__}: {error}{remedy}\n") from error
     except (PedpredError, OmegaConfBaseException) as error:
         raise SystemExit(f"\n{type(error).__name__}: {error}\n") from error
     except OSError as error:
@@ -115,97 +123,84 @@ def _undeclared(error: OmegaConfBaseException, address: str | None) -> ConfigErr
 
 
 def stage_key(cfg: DictConfig) -> str:
-    """What the command's `+name=` says: which scene, model or half of the report the stage is about.
+    """Return the value of the command's `+name=`: the set, place or network that the stage runs for.
 
     Raises:
-        ConfigError: it is not there.
+        ConfigError: it is not given.
     """
     if not cfg.get("name"):
-        raise ConfigError("name", None, "say which one, e.g. `python -m stages.features +name=eth`")
+        raise ConfigError("name", None, "give one, as in `python -m stages.simulate +name=main`")
     return str(cfg.name)
 
 
 def plain(node: DictConfig) -> dict[str, Any]:
-    """A part of the configuration as an ordinary dictionary, for those who know nothing of stages."""
+    """Return a part of the configuration as an ordinary dictionary."""
     return cast(dict[str, Any], OmegaConf.to_container(node, resolve=True))
 
 
+def row(cfg: DictConfig, group: str, name: str) -> dict[str, Any]:
+    """Return the row `name` of a group such as `trackers`, merged over the row that it names as its `base`.
+
+    Raises:
+        ConfigError: the group has no such row.
+    """
+    if name not in cfg[group]:
+        raise ConfigError(group, name, f"no such row; there are {', '.join(cfg[group])}")
+    found = plain(cfg[group][name])
+    base = found.pop("base", None)
+    return plain(cast(DictConfig, OmegaConf.merge(row(cfg, group, base), found))) if base else found
+
+
+@contextmanager
+def configured(key: str) -> Iterator[None]:
+    """Turn errors of settings that are built inside into errors that name the configuration key.
+
+    Raises:
+        ConfigError: a value breaks its rule, or a key is missing or unknown.
+    """
+    try:
+        yield
+    except ValueRuleError as error:
+        raise ConfigError(f"{key}.{error.field}", error.value, error.rule) from error
+    except (TypeError, KeyError) as error:  # an argument of a settings class that is missing or unknown
+        raise ConfigError(key, None, str(error)) from error
+
+
 def keep_lock(root: Path) -> None:
-    """Copy dvc.lock, which DVC leaves alone while a stage runs, for `tools.mend_lock`."""
+    """Copy dvc.lock, which DVC does not write while a stage runs, for `tools.mend_lock`."""
     if (root / LOCK).exists():
         write_text(root / KEPT, (root / LOCK).read_text())
 
 
-def declared(cfg: DictConfig, root: Path, address: str, arguments: list[str]) -> DictConfig:
-    """What a stage may see of params.yaml: its declared keys and its command's own `key=value` pairs."""
-    given = [a.lstrip("+") for a in arguments if "=" in a and not a.startswith("-")]
-    seen = only(cfg, declared_params(root, address))
-    seen.merge_with_dotlist(given)
+def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
+    """Return what a stage may see of params.yaml: its declared keys and its command's `key=value` pairs.
+
+    Args:
+        root: the project's folder.
+        address: of the stage as DVC writes it, such as `features_real@eth`.
+        arguments: the command line of the stage.
+
+    Raises:
+        ConfigError: dvc.yaml has no such stage, one of the files is damaged, or a declared key is missing.
+    """
+    from dvc.dependency import ParamsDependency  # takes 0.3 s to import; a stage by hand does without
+    from dvc.exceptions import DvcException
+    from dvc.repo import Repo
+
+    seen = OmegaConf.create()
+    try:
+        with Repo(str(root), uninitialized=True) as repo:
+            loaded = repo.stage.load_one(str(root / "dvc.yaml"), address.rpartition(":")[2])
+            for dependency in (d for d in loaded.deps if isinstance(d, ParamsDependency)):
+                values = dependency.read_params()
+                for key in dependency.params:
+                    if key not in values:
+                        raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
+                    OmegaConf.update(seen, key, values[key], force_add=True)
+    except DvcException as error:
+        raise ConfigError("DVC_STAGE", address, f"DVC cannot load this stage: {error}") from error
+    seen.merge_with_dotlist([a.lstrip("+") for a in arguments if "=" in a and not a.startswith("-")])
     return seen
-
-
-def only(cfg: DictConfig, keys: Iterable[str]) -> DictConfig:
-    """A configuration with the named (dotted) keys of `cfg` and nothing else.
-
-    Raises:
-        ConfigError: a key is not in the configuration.
-    """
-    kept = OmegaConf.create()
-    missing = object()
-    for key in keys:
-        with translate_errors(partial(ConfigError, key, "params.yaml")):
-            value = OmegaConf.select(cfg, key, default=missing)
-        if value is missing:
-            raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
-        OmegaConf.update(kept, key, value, force_add=True)
-    return kept
-
-
-def declared_params(root: Path, address: str) -> list[str]:
-    """The parameter keys that dvc.yaml declares for a stage address such as `features@eth`.
-
-    Raises:
-        ConfigError: dvc.yaml has no such stage, or its template asks for a value that is not there.
-    """
-    name, _, key = address.rpartition("/")[2].rpartition(":")[2].partition("@")
-    pipeline, known_values = _read_yaml(root / "dvc.yaml"), _read_yaml(root / "params.yaml")
-    with translate_errors(partial(ConfigError, address, str(root / "dvc.yaml"))):
-        entry = pipeline["stages"].get(name, {"foreach": []})
-        for variables in pipeline.get("vars", []):
-            known_values |= variables
-        for known, values in _instances(entry, known_values):
-            if known == key:
-                return [_filled(text, values) for text in entry.get("do", entry).get("params", [])]
-    raise ConfigError("DVC_STAGE", address, "dvc.yaml has no such stage")
-
-
-def _instances(entry: dict[str, Any], params: dict[str, Any]) -> Iterator[tuple[str, dict[str, str]]]:
-    """Each instance of a (foreach, matrix or plain) stage: its key and its template values."""
-    if "foreach" in entry:
-        for item in _listed(entry["foreach"], params):
-            yield item, {"item": item, "key": item}
-    elif "matrix" in entry:
-        names = list(entry["matrix"])
-        for values in itertools.product(*(_listed(entry["matrix"][n], params) for n in names)):
-            yield "-".join(values), {f"item.{n}": v for n, v in zip(names, values, strict=True)}
-    else:
-        yield "", {}
-
-
-def _listed(values: Any, params: dict[str, Any]) -> list[str]:
-    """The keys of a list, a dictionary or a reference `${path.in.params}` to one."""
-    if isinstance(values, str):
-        values = functools.reduce(lambda node, part: node[part], values.strip("${}").split("."), params)
-    return [str(value) for value in values]
-
-
-def _filled(template: str, values: dict[str, str]) -> str:
-    def value(found: re.Match[str]) -> str:
-        if found[1] not in values:
-            raise ConfigError(template, found[0], f"under `params:` only {sorted(values)} can be filled in")
-        return values[found[1]]
-
-    return re.sub(r"\$\{([\w.]+)\}", value, template)
 
 
 def composed(conf: Path, overrides: list[str]) -> str:

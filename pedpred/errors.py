@@ -1,18 +1,28 @@
-"""Errors of this package: they take facts and word themselves.
+"""Errors of this package. Their constructors take facts and compose the message.
 
-Every error names the file (and line or field) it is about, the offending value and what to do.
+A message names the file (with line or field) or the field that is wrong, the value and the rule. Libraries
+know neither configuration keys nor DVC; `pedpred.config` adds both for stages.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-
-_REPAIR_SOURCE = "Correct the file or fetch it again (python -m stages.fetch)"
+from typing import Any
 
 
 class PedpredError(Exception):
-    """Root of all errors that a user of pedpred can cause and can repair."""
+    """Base of all errors that a user of pedpred can cause and can repair. Worker processes can pickle it."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Restore message and attributes; constructors have other arguments than `args`."""
+        return _restored, (type(self), self.args), self.__dict__
+
+
+def _restored(kind: type[PedpredError], args: tuple[Any, ...]) -> PedpredError:
+    error = kind.__new__(kind)
+    error.args = args
+    return error
 
 
 class ShapeError(PedpredError):
@@ -40,39 +50,44 @@ class ConfigError(PedpredError):
 class FileError(PedpredError):
     """A file cannot be understood; the message names it."""
 
+    def __init__(self, path: Path, where: str, problem: str, remedy: str):
+        super().__init__(f"{path}{where}: {problem}{f'. {remedy}' if remedy else ''}")
+        self.path = Path(path)
+
 
 class SourceError(FileError):
     """A raw file cannot be understood."""
 
-    def __init__(self, path: Path, line: int | None, problem: str, remedy: str = _REPAIR_SOURCE):
-        where = f"{path}, line {line}" if line is not None else str(path)
-        super().__init__(f"{where}: {problem}. {remedy}")
+    def __init__(
+        self, path: Path, line: int | None, problem: str, remedy: str = "Correct the file or fetch it again"
+    ):
+        super().__init__(path, "" if line is None else f", line {line}", problem, remedy)
 
 
 class StorageError(FileError):
     """A file that pedpred wrote (scene, shard, checkpoint) cannot be read back."""
 
-    def __init__(self, path: Path, field: str, problem: str, remedy: str):
-        super().__init__(f"{path}, {field}: {problem}. {remedy}")
+    def __init__(self, path: Path, field: str, problem: str, remedy: str = ""):
+        super().__init__(path, f", {field}", problem, remedy)
 
 
 class WorkerError(PedpredError):
-    """A worker process was killed from outside, by a person or for want of memory."""
+    """A worker process was killed by the system or by a person."""
 
     def __init__(self, title: str):
         super().__init__(
-            f"{title}: a worker process was killed, perhaps for want of memory. "
-            "Nothing half-finished was kept; run it again, with fewer workers: PEDPRED_JOBS=1 dvc repro"
+            f"{title}: a worker process was killed, perhaps because memory ran out. "
+            "No partial results were kept; run it again with fewer workers (PEDPRED_JOBS=1)"
         )
 
 
 class FetchError(PedpredError):
-    """Raw data could be obtained from none of the configured mirrors."""
+    """No configured mirror has the raw data."""
 
     def __init__(self, data_set: str, files: Sequence[str], tried: Mapping[str, str]):
-        attempts = "; ".join(f"{place}: {lack}" for place, lack in tried.items()) or "nothing, none is named"
+        attempts = "; ".join(f"{place}: {lack}" for place, lack in tried.items()) or "no mirrors"
         super().__init__(
-            f"no mirror has the files of {data_set}, unaltered. Download its archive by other means and put "
+            f"no mirror has unaltered files of {data_set}. Download its archive by other means and put "
             f"{' '.join(files)} into the folder mirror/{data_set}, or name the folder that holds them: "
-            f"PEDPRED_MIRROR=/my/folder python -m stages.fetch. Tried were {attempts}."
+            f"PEDPRED_MIRROR=/my/folder. Tried were {attempts}."
         )

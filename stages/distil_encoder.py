@@ -17,14 +17,14 @@ from pedpred.training.fit import write_curve
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/features/main, data/embeddings/main and models/autoencoder, write models/distilled."""
+    """Read features and embeddings of simulated/main and models/autoencoder, write models/distilled."""
     options = plain(cfg.distilled)
     torch.set_num_threads(options.pop("threads"))
     share, every = options.pop("validation_share"), options.pop("every")
     settings = DistillationSettings(**options | {"widths": tuple(options["widths"])})
     training, validation = embedded_crops_of(
-        Path("data/features/main"),
-        Path("data/embeddings/main"),
+        Path("data/features/simulated/main"),
+        Path("data/embeddings/simulated/main"),
         share,
         every,
         np.random.default_rng(settings.seed),

@@ -1,4 +1,4 @@
-"""encode@scene: the frozen convolutions' output for every occupancy crop that a network is trained on."""
+"""encode_simulated, encode_real: the frozen encoder's output for every crop that a network is trained on."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ def embed_into(
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/features/<name> and models/autoencoder, write data/embeddings/<name>, scenes in parallel."""
+    """Read data/features/<kind>/<name> and models/autoencoder, write data/embeddings/<kind>/<name>."""
     name = stage_key(cfg)
     encoder = load_encoder(Path("models/autoencoder"))
-    features, out = Path("data/features") / name, Path(cfg.get("out", f"data/embeddings/{name}"))
+    features = Path("data/features", cfg.kind, name)
+    out = Path(cfg.get("out", f"data/embeddings/{cfg.kind}/{name}"))
     settings, shards = read_manifest(features)
     tasks = [(out, features, shard, settings, encoder) for shard in shards]
     in_parallel(embed_into, tasks, f"codes of {name}", "scene")

@@ -1,4 +1,4 @@
-"""evaluate_sim, evaluate_place: every forecaster in every window of the test scenes."""
+"""evaluate_simulated, evaluate_real: every forecaster in every window of the test scenes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import torch
 from omegaconf import DictConfig
 
 from pedpred.baselines.kinematic import kalman_covariance
-from pedpred.config import plain, stage, stage_key
+from pedpred.config import SETS, plain, row, stage
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.scores import Scores
 from pedpred.evaluation.summary import figures
@@ -85,25 +85,31 @@ def compared_in(folder: Path, common: Comparison) -> tuple[str, dict[str, Scores
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write metrics and data/forecasts/<name>, several scenes at once (see `pedpred.workers`).
+    """Test the networks in the folder `networks` on the sets of `fold`; write metrics and forecasts.
 
-    `name` is sim or real, `place` one of its test sets.
+    Several scenes at once (see `pedpred.workers`).
     """
-    name, options = stage_key(cfg), plain(cfg.evaluation)
-    out = Path(cfg.get("out", f"data/forecasts/{name}"))
+    kind, options = cfg.kind, plain(cfg.evaluation)
+    where = {"simulated": "simulation"}.get(kind, kind)
+    groups = plain(cfg.methods)
+    options["imagined_goals"] = groups["baselines"]["goal_unseen"]["settings"]["imagined_goals"]
+    baselines = [key for key, method in groups["baselines"].items() if where in method["where"]]
+    learned = [key for key, method in groups["networks"].items() if where in method["where"]]
+    out = Path(cfg.get("out", f"data/forecasts/{kind}/{cfg.fold}"))
     metrics: dict = {}
     encoder = load_encoder(Path("models/autoencoder"))
-    place = cfg.get("place")
-    for key, phase in ({place: options[name][place]} if place else options[name]).items():
-        networks = {model: load_motion_lstm(Path("models") / phase / model) for model in options["models"]}
-        features, source = Path("data/features") / key, plain(cfg.scenes[key])
+    networks = {name: load_motion_lstm(Path(cfg.networks, name)) for name in learned}
+    for key in cfg.folds[kind][cfg.fold].test:
+        features, source = Path("data/features", kind, key), plain(cfg[SETS[kind]][key])
+        source["tracker"] = row(cfg, "trackers", source["tracker"])
+        source["sensor"] = row(cfg, "sensors", source["sensor"])
+        source["social_force"] = row(cfg, "social_forces", source["social_force"])
         settings, _ = read_manifest(features)
-        baselines = options["baselines"][name]
         common = Comparison(features, settings, source, encoder, networks, baselines, options, out)
-        folders = scene_folders(Path("data/scenes") / key)
+        folders = scene_folders(Path("data/scenes", kind, key))
         scores = dict(in_parallel(compared_in, [(f, common) for f in folders], f"evaluate {key}", "scene"))
         metrics |= figures(key, scores, options["bootstrap"], options["seed"], settings.noncausal)
-    write_json(Path(cfg.get("metrics", f"reports/metrics/{name}.json")), metrics)
+    write_json(Path(cfg.get("metrics", f"data/metrics/{kind}/{cfg.fold}.json")), metrics)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import stage
+from pedpred.config import row, stage
 from pedpred.evaluation.literature import measures, methods, stretches
 from pedpred.files import write_json
 from pedpred.storage.scenes import read_scene
@@ -13,11 +13,12 @@ from pedpred.tracking import KalmanSettings
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/scenes/<place>, write reports/metrics/literature.json (or `metrics`)."""
+    """Read data/scenes/real/<place>, write reports/metrics/literature.json (or `metrics`)."""
     options, figures = cfg.literature, {}
     for place in options.places:
-        tracker = {k: v for k, v in cfg.scenes[place].tracker.items() if k != "kind"}
-        trajectories = read_scene(Path("data/scenes") / place).trajectories
+        tracker = row(cfg, "trackers", cfg.places[place].tracker)
+        tracker.pop("kind")
+        trajectories = read_scene(Path("data/scenes/real", place)).trajectories
         found = stretches(trajectories, options.observed_steps, options.predicted_steps, options.step_s)
         figures[place] = {
             name: measures(found, forecast(found), options.bootstrap, options.seed)

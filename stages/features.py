@@ -1,4 +1,4 @@
-"""features@scene: tracked states, grids and targets of every scene of a set, as Parquet shards."""
+"""features_simulated, features_real: tracked states, grids and targets of a set's scenes, as Parquet."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from omegaconf import DictConfig
 
-from pedpred.config import plain, stage, stage_key
+from pedpred.config import SETS, plain, row, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.scenes import VARIANTS
@@ -48,19 +48,21 @@ def shard_name(folder: Path, variant: str) -> str:
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/scenes/<key>, write data/features/<key>, several scenes at once."""
-    key = stage_key(cfg)
-    out = Path(cfg.get("out", f"data/features/{key}"))
+    """Read data/scenes/<kind>/<name>, write data/features/<kind>/<name>, several scenes at once."""
+    key, rows = stage_key(cfg), SETS[cfg.kind]
+    out = Path(cfg.get("out", f"data/features/{cfg.kind}/{key}"))
     groups = plain(cfg)
     standstill_mps = groups["features"].pop("standstill_mps")
-    source = groups["scenes"][key]
+    source = groups[rows][key]
+    source["tracker"] = row(cfg, "trackers", source["tracker"])
+    source["sensor"] = row(cfg, "sensors", source["sensor"])
     true = source["tracker"]["kind"] == "truth"  # states need no differences, so that none can leak
     protocol = groups["protocol"] | {"noncausal": groups["protocol"]["noncausal"] and not true}
     phase_offsets = 1 if protocol["noncausal"] else source["phase_offsets"]  # resampled tracks have one clock
     settings = FeatureSettings(**protocol, **groups["features"], phase_offsets=phase_offsets)
-    folders = scene_folders(Path("data/scenes") / key)
+    folders = scene_folders(Path("data/scenes", cfg.kind, key))
     if unknown := sorted(set(source["variants"]) - set(VARIANTS)):
-        raise ConfigError(f"scenes.{key}.variants", unknown, f"choose among {', '.join(VARIANTS)}")
+        raise ConfigError(f"{rows}.{key}.variants", unknown, f"choose among {', '.join(VARIANTS)}")
     seen = [(folder, variant) for folder in folders for variant in ("", *source["variants"])]
     tasks = [(out, *one, settings, source, standstill_mps) for one in seen]
     in_parallel(features_into, tasks, f"features of {key}", "scene")

@@ -1,18 +1,19 @@
-"""Stage `fetch`: the raw recordings, from the first mirror that has them unaltered."""
+"""fetch@source: the raw files of a data set, from the first mirror that has them unaltered."""
 
 from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import stage
-from pedpred.sources import mirrors
+from pedpred.config import configured, plain, stage, stage_key
+from pedpred.sources.mirrors import Mirrors, fetch
 
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Fill data/raw/ewap."""
-    target = Path(cfg.get("out") or "data/raw/ewap")
-    mirrors.fetch("ewap", target, cfg.mirrors.folders, cfg.mirrors.archives, cfg.mirrors.timeout_s)
+    """Write data/raw/<name>."""
+    name = stage_key(cfg)
+    with configured(f"mirrors.{name}"):
+        fetch(Mirrors.parse(name, plain(cfg.mirrors[name])), Path(cfg.get("out") or f"data/raw/{name}"))
 
 
 if __name__ == "__main__":

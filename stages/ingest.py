@@ -1,10 +1,10 @@
-"""Stage `ingest@<scene>`: a raw recording becomes a scene on disk."""
+"""ingest@place: a raw recording becomes a scene folder."""
 
 from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import stage, stage_key
+from pedpred.config import configured, plain, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.sources import SOURCES
 from pedpred.storage.scenes import write_scene
@@ -12,14 +12,14 @@ from pedpred.storage.scenes import write_scene
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write data/scenes/<scene>."""
+    """Write data/scenes/real/<name>."""
     name = stage_key(cfg)
-    settings = cfg.scenes[name]
-    if settings.source not in SOURCES:
-        raise ConfigError(f"scenes.{name}.source", settings.source, f"choose one of {', '.join(SOURCES)}")
-    raw = Path("data/raw", settings.source, settings.sequence)
-    scene = SOURCES[settings.source](raw, name, settings)
-    write_scene(scene, Path(cfg.get("out") or f"data/scenes/{name}"))
+    place = cfg.places[name]
+    if place.source not in SOURCES:
+        raise ConfigError(f"places.{name}.source", place.source, f"choose one of {', '.join(SOURCES)}")
+    with configured(f"places.{name}.settings"):
+        scene = SOURCES[place.source](Path(place.folder), name, plain(place.settings))
+    write_scene(scene, Path(cfg.get("out") or f"data/scenes/real/{name}"))
 
 
 if __name__ == "__main__":

@@ -16,13 +16,13 @@ from pedpred.training.pretraining import AutoencoderSettings, train_autoencoder
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/features/main, write models/autoencoder and its curve."""
+    """Read data/features/simulated/main, write models/autoencoder and its curve."""
     options = plain(cfg.autoencoder)
     torch.set_num_threads(options.pop("threads"))
     share, crops = options.pop("validation_share"), options.pop("validation_crops")
     settings = AutoencoderSettings(**options)
     training, validation, cells = crops_of(
-        Path("data/features/main"), share, crops, np.random.default_rng(settings.seed)
+        Path("data/features/simulated/main"), share, crops, np.random.default_rng(settings.seed)
     )
     network, curve = train_autoencoder(training, validation, cells, settings)
     out = Path(cfg.get("out", "models/autoencoder"))

@@ -1,4 +1,4 @@
-"""record_sim, record_real: one test scene with its forecasts as an MCAP recording and an animation."""
+"""record@scene: one test scene with its forecasts as an MCAP recording and an animation."""
 
 from pathlib import Path
 

@@ -17,16 +17,18 @@ from pedpred.storage.scenes import read_scenes
 from pedpred.storage.windows import read_windows
 
 PAGES = {"sim": (simulation_gallery, simulation_page), "real": (real_gallery, real_page)}
-TRAINED_IN = {"sim": ["corridor", "main"], "real": []}
-"""Scene sets that no forecast is about, shown nevertheless."""
+KINDS = {"sim": "simulated", "real": "real"}
 
 
 def gathered(key: str) -> tuple:
     """Metrics, scenes by data set, forecasts and curves of simulated or real people; the auto-encoder."""
     metrics = read_metrics(Path("reports/metrics") / f"{key}.json")
-    tested = [name for name in metrics if Path("data/scenes", name).is_dir()]
-    scenes = {name: list(read_scenes(Path("data/scenes", name))) for name in [*tested, *TRAINED_IN[key]]}
-    windows = {p.stem: read_windows(p) for p in sorted(Path("data/forecasts", key).glob("*.parquet"))}
+    folder = Path("data/scenes", KINDS[key])
+    tested = [name for name in metrics if (folder / name).is_dir()]
+    others = sorted({path.name for path in folder.iterdir() if path.is_dir()} - set(tested))  # of trainings
+    scenes = {name: list(read_scenes(folder / name)) for name in [*tested, *others]}
+    forecasts = sorted(Path("data/forecasts", KINDS[key]).glob("*/*.parquet"), key=lambda path: path.stem)
+    windows = {path.stem: read_windows(path) for path in forecasts}
     curves = {table.stem: read_curve(table) for table in sorted(Path("reports/curves", key).glob("*.tsv"))}
     return metrics, scenes, windows, curves, read_autoencoder(Path("models/autoencoder"))[0]
 
@@ -43,9 +45,9 @@ def main(cfg: DictConfig) -> None:
         write_png(picture.figure, out / key / f"{picture.name}.png")
     write_text(out / f"{key}.md", page(metrics, sections, key))
     for name, methods in overall(metrics).items():
-        write_json(out / "ade" / f"{name}.json", errors_m(methods))
         table = horizon_table(methods).to_csv(sep="\t", index=False, float_format="%.4f")
-        write_text(out / "horizon" / f"{name}.tsv", table)
+        write_text(out / "horizon" / key / f"{name}.tsv", table)
+    write_json(out / "ade" / f"{key}.json", {name: errors_m(m) for name, m in overall(metrics).items()})
 
 
 if __name__ == "__main__":

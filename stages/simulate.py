@@ -1,4 +1,4 @@
-"""Simulate the arrangements of one data set; one scene folder each."""
+"""simulate@simulation: the arrangements of one simulated set, one scene folder each."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import plain, stage, stage_key
+from pedpred.config import plain, row, stage, stage_key
 from pedpred.simulation.arrangements import Arrangement, arrangements, simulated
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import write_scene
@@ -20,12 +20,12 @@ def simulate_into(out: Path, arrangement: Arrangement, settings: SocialForceSett
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write data/scenes/<name>, several arrangements at once (see `pedpred.workers`)."""
+    """Write data/scenes/simulated/<name>, several arrangements at once (see `pedpred.workers`)."""
     key = stage_key(cfg)
-    out = Path(cfg.get("out") or f"data/scenes/{key}")
-    groups = plain(cfg)
-    settings = social_force_settings(groups["social_force"])
-    todo = arrangements(groups["scenes"][key], groups["layouts"], groups["clutter"], settings)
+    out = Path(cfg.get("out") or f"data/scenes/simulated/{key}")
+    simulation = plain(cfg.simulations[key])
+    settings = social_force_settings(row(cfg, "social_forces", simulation["social_force"]))
+    todo = arrangements(simulation, plain(cfg.layouts), plain(cfg.clutter), settings)
     tasks = [(out, arrangement, settings) for arrangement in todo]
     in_parallel(simulate_into, tasks, f"simulate {key}", "room")
 

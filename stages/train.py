@@ -20,26 +20,32 @@ PREVIOUS = {
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Train model `name` in `phase` on the data set `data`; several processes: `torchrun -m stages.train`."""
+    """Train network `name` in `phase` on `data` or on the places of `fold`.
+
+    Several processes: `torchrun -m stages.train`.
+    """
     name = stage_key(cfg)
     torch.set_num_threads(cfg.training.threads)
     phase = plain(cfg.training[cfg.phase])
     split = (phase.pop("validation_by"), phase.pop("validation_share"))
     settings = TrainingSettings.parse(phase)
+    sizes = plain(cfg.methods.networks[name].settings)
+    sizes.pop("architecture")
+    (data,) = [f"real/{place}" for place in cfg.folds.real[cfg.fold].train] if "fold" in cfg else [cfg.data]
     network = initialised(
-        MotionSettings.parse(plain(cfg.models[name]) | {"horizon_steps": cfg.protocol.horizon_steps}),
+        MotionSettings.parse(sizes | {"horizon_steps": cfg.protocol.horizon_steps}),
         Path(PREVIOUS[cfg.phase].format(name=name)),
         settings.seed,
     )
-    title = f"{cfg.phase} of {name} on {cfg.data}"
-    grid = (Path("data/embeddings") / cfg.data, Path("models/autoencoder"))
+    title = f"{cfg.phase} of {name} on {data}"
+    grid = (Path("data/embeddings") / data, Path("models/autoencoder"))
     with distributed_context(cfg.training.device, cfg.training.autocast) as here:
-        curve, about = fit(network, Path("data/features") / cfg.data, grid, split, settings, title, here)
+        curve, about = fit(network, Path("data/features") / data, grid, split, settings, title, here)
     if not here.writes:
         return
     real = cfg.phase == "finetune"
-    label, kind = (f"{cfg.phase}_{cfg.data}", "real") if real else (cfg.phase, "sim")
-    out = Path(cfg.get("out", f"models/{label}/{name}"))
+    label, kind = (f"{cfg.phase}_{cfg.fold}", "real") if real else (cfg.phase, "sim")
+    out = Path(cfg.get("out", f"models/folds/{cfg.fold}/{name}" if real else f"models/{cfg.phase}/{name}"))
     write_phase(
         network, about, curve, out, Path(cfg.get("curve", f"reports/curves/{kind}/{label}_{name}.tsv"))
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from pedpred.config import plain, stage
+from pedpred.config import plain, row, stage
 from pedpred.files import write_json, write_text
 from pedpred.report.canvas import write_png
 from pedpred.report.simulation_page import crowd_page, flow_figure, lanes_figure
@@ -14,20 +14,19 @@ from pedpred.simulation.settings import social_force_settings
 from pedpred.simulation.walking import count_walking
 from pedpred.storage.scenes import read_scene, scene_folders
 
-SETS = ("corridor", "main", "sim_test")
-
 
 @stage
 def main(cfg: DictConfig) -> None:
     """Write reports/metrics/walking.json and the page reports/simulation.md with its pictures."""
     out = Path(cfg.get("out") or "reports")
-    groups = plain(cfg)
-    model = social_force_settings(groups["social_force"])
+    options = plain(cfg.validation)
+    model = social_force_settings(row(cfg, "social_forces", options.pop("social_force")))
     sets = {}
-    for name in SETS:
-        folders = tqdm(scene_folders(Path("data/scenes") / name), desc=f"walking in {name}", unit="scene")
-        sets[name] = count_walking((read_scene(folder) for folder in folders), model).shares()
-    flow, clearest = corridor_flow(FlowSettings(**groups["validation"]), model)
+    for name in cfg.simulations:
+        folders = scene_folders(Path("data/scenes/simulated", name))
+        scenes = (read_scene(f) for f in tqdm(folders, desc=f"walking in {name}", unit="scene"))
+        sets[name] = count_walking(scenes, model).shares()
+    flow, clearest = corridor_flow(FlowSettings(**options), model)
     write_json(out / "metrics/walking.json", sets | {"corridor_flow": flow})
     write_png(flow_figure(flow), out / "simulation/flow.png")
     write_png(lanes_figure(clearest), out / "simulation/lanes.png")

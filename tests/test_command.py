@@ -155,7 +155,7 @@ def test_the_walk_through_of_the_readme_runs(model, tmp_path, monkeypatch):
     page = (root / "README.md").read_text().partition("## Your own recordings")[2]
     lines = page.partition("```sh\n")[2].partition("```")[0].splitlines()
     (tmp_path / "models/online").mkdir(parents=True)
-    (tmp_path / "models/online/main_distilled").symlink_to(model[0])
+    (tmp_path / "models/online/simulation_distilled").symlink_to(model[0])
     (tmp_path / "examples").symlink_to(root / "examples")
     monkeypatch.chdir(tmp_path)
     for line in lines:

@@ -1,44 +1,47 @@
-"""Tune the tracker on one place by maximum likelihood: `python -m tools.tune_tracker +name=eth`.
+"""Tune the tracker on one place by maximum likelihood: `python -m tools.tune_tracker hotel`.
 
-By hand, after `dvc repro ingest`: the result is configuration, conf/tracker/tuned_on_<name>.yaml, which
-the *other* places are tracked with. Run `make params` afterwards.
+Run it after `dvc repro ingest`. It writes the row tuned_on_<place> of conf/trackers, which the *other* places
+are tracked with. Run `make params` afterwards.
 """
 
+from __future__ import annotations
+
+import argparse
 import logging
 from pathlib import Path
 
-from omegaconf import DictConfig
-
-from pedpred.config import stage, stage_key
-from pedpred.files import write_text
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import log_likelihood, tune_kalman
+from tools.rows import write_row
 
 # As far as forecasts reach: 3.2 s of annotations. A filter tuned for the next detection alone trusts the
 # annotations more than the walking: its constant-velocity error is larger even on the place it was tuned on.
 _AHEAD = 8
-_PAGE = """\
-# Maximum likelihood of the next {ahead} detections on {name}, {fit:.3f} each; written by
-# python -m tools.tune_tracker +name={name}
-kind: kalman
-acceleration_noise: {acceleration_noise:.4f} # q, m^2/s^3
-position_noise_m: {position_noise_m:.4f} # r
-initial_speed_mps: {initial_speed_mps:.4f}
+_ROW = """\
+# Maximum likelihood of the next {ahead} detections on {place}, {fit:.3f} each; written by
+# python -m tools.tune_tracker {place}
+tuned_on_{place}:
+  kind: kalman
+  acceleration_noise: {acceleration_noise:.4f} # q, m^2/s^3
+  position_noise_m: {position_noise_m:.4f} # r
+  initial_speed_mps: {initial_speed_mps:.4f}
 """
 
 
-@stage
-def main(cfg: DictConfig) -> None:
-    """Read data/scenes/<name>, write conf/tracker/tuned_on_<name>.yaml."""
-    name = stage_key(cfg)
-    trajectories = read_scene(Path("data/scenes") / name).trajectories
-    ahead = int(cfg.get("ahead", _AHEAD))
-    best = tune_kalman(trajectories, ahead)
-    fit = log_likelihood(trajectories, best, ahead)
-    page = _PAGE.format(name=name, ahead=ahead, fit=fit, **vars(best))
-    out = Path(cfg.get("out", "conf/tracker")) / f"tuned_on_{name}.yaml"
-    write_text(out, page)
-    logging.getLogger(__name__).info("%s\n%s", out, page)
+def main(arguments: list[str] | None = None) -> None:
+    """Read data/scenes/real/<place>, write its row of conf/trackers/kalman.yaml."""
+    parser = argparse.ArgumentParser(prog="python -m tools.tune_tracker", description=__doc__)
+    parser.add_argument("place", help="a row of conf/places")
+    parser.add_argument("--ahead", type=int, default=_AHEAD, help="detections that are forecast")
+    parser.add_argument("--out", type=Path, default=Path("conf/trackers/kalman.yaml"), help="file of rows")
+    given = parser.parse_args(arguments)
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    trajectories = read_scene(Path("data/scenes/real", given.place)).trajectories
+    best = tune_kalman(trajectories, given.ahead)
+    fit = log_likelihood(trajectories, best, given.ahead)
+    row = _ROW.format(place=given.place, ahead=given.ahead, fit=fit, **vars(best))
+    write_row(given.out, f"tuned_on_{given.place}", row)
+    logging.getLogger(__name__).info("%s\n%s", given.out, row)
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ def parser() -> argparse.ArgumentParser:
             command.add_argument("--topic", help="of a bag's people, where several topics carry some")
             command.add_argument("--map", type=Path, help="a folder with map.yaml, which replaces the map")
         if action in (predict, evaluate):
-            folder = "a model folder, e.g. models/online/main"
+            folder = "a model folder, e.g. models/online/simulation"
             command.add_argument("--model", type=Path, required=True, help=folder)
         if many:
             _measures(command)

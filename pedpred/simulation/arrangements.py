@@ -56,22 +56,20 @@ def arrangements(
     clutter: Mapping[str, Any],
     settings: SocialForceSettings,
 ) -> list[Arrangement]:
-    """What a configuration `scenes.<key>` of source `simulation` asks for; all share its hours equally.
+    """Return what a row of conf/simulations asks for; all arrangements share its hours equally.
 
     Every room is made and checked here, so whatever is wrong with one is said before any is simulated.
 
     Args:
-        scene: `source`, `pedestrians`, `hours`, and what `rooms` reads.
+        scene: `pedestrians`, `hours`, and what `rooms` reads.
         layouts: drawn rooms by name, see `layout_from`.
         clutter: what the generator draws from.
         settings: how much space people and their routes need.
 
     Raises:
-        ConfigError: another source, nothing to simulate, a room that is not understood or in which so
+        ConfigError: nothing to simulate, a room that is not understood or in which so
             many people cannot walk.
     """
-    if scene["source"] != "simulation":
-        raise ConfigError("source", scene["source"], "only scenes of source 'simulation' can be simulated")
     made, found = rooms(scene, layouts, clutter, settings), []
     for name, (layout, chance) in made.items():
         duration_s = 3600.0 * scene["hours"] / len(made)

@@ -1,11 +1,20 @@
-"""Raw recordings of real places, one module per data set.
+"""Readers of recordings of real places, one module per format.
 
-A reader takes the folder of one sequence, the name of the scene and its settings (one entry of
-`conf/scenes`), and returns a `Scene`. To add a data set: write its module and add its line here.
+A reader takes the folder of one recording, the name of the scene and the `settings` of its row in
+conf/places, and returns a `Scene`. To add a format, write its module and add its line here; files to be
+downloaded are listed in conf/mirrors.
 """
 
-from pedpred.sources import ewap
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
 
-SOURCES = {"ewap": ewap.read_sequence}
+from pedpred.scenes import Scene
+from pedpred.sources import ewap, scene_folder
+
+SOURCES: dict[str, Callable[[Path, str, Mapping[str, Any]], Scene]] = {
+    "ewap": ewap.read_sequence,
+    "scene_folder": scene_folder.read_folder,
+}
 
 __all__ = ["SOURCES"]

@@ -5,7 +5,7 @@ A sequence is a folder with
 * `obsmat.txt`: one row per pedestrian and annotated frame, the eight numbers of `COLUMNS`;
 * `H.txt`: 3 x 3, image (row, column, 1) to world (x, y, w), rows and columns counted from 1;
 * `map.png`: obstacles white;
-* `groups.txt`: one group of pedestrian ids per line;
+* `groups.txt`: one group of pedestrian ids per line, others walk alone;
 * `reference.png`: one video frame, optional.
 
 The velocity columns are never used: they are central differences, so they contain the next annotation.
@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import ConfigError, SourceError, ValueRuleError
+from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import read_picture, translate_errors
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
@@ -55,7 +55,7 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
 
     Raises:
         SourceError: a file is missing or wrong; it names file, line and value.
-        ConfigError: a setting is out of range.
+        ValueRuleError: a setting is out of range.
     """
     _check_settings(settings)
     homography = _read_homography(folder / "H.txt")
@@ -77,7 +77,7 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
 
 
 def merged(groups: Iterable[set[int]]) -> list[set[int]]:
-    """Unite groups that share a member, until none do; ordered by their smallest member."""
+    """Unite groups that share a member until all are disjoint; ordered by their smallest member."""
     apart: list[set[int]] = []
     for group in groups:
         touching = [other for other in apart if other & group]
@@ -88,9 +88,9 @@ def merged(groups: Iterable[set[int]]) -> list[set[int]]:
 def _check_settings(settings: Mapping[str, Any]) -> None:
     for key in ("frame_rate_hz", "annotation_frames", "resolution_m"):
         if not settings[key] > 0:
-            raise ConfigError(key, settings[key], "it must be positive")
+            raise ValueRuleError(key, settings[key], "it must be positive")
     if not settings["margin_m"] >= 0:
-        raise ConfigError("margin_m", settings["margin_m"], "it must not be negative")
+        raise ValueRuleError("margin_m", settings["margin_m"], "it must not be negative")
 
 
 def _read_annotations(path: Path) -> _Annotations:
@@ -120,7 +120,7 @@ def _read_homography(path: Path) -> Homography:
 
 
 def _read_groups(path: Path, known: set[int]) -> dict[int, int]:
-    """Number of the group of each pedestrian who is in one; whoever is not listed is alone."""
+    """Return the group number of each pedestrian who is in a group."""
     groups = []
     for line, fields in text_rows(path):
         try:

@@ -1,8 +1,7 @@
-"""Raw files from the first mirror that has them all, unaltered.
+"""Raw files from the first mirror that has all of them, unaltered.
 
-A mirror is a folder or a tar archive, on this machine or at an https address. What it offers is
-copied beside the target, compared with the SHA-256 sums `<data set>.sha256` that lie next to this
-module, and only then moved into place.
+A mirror is a folder or a tar archive, on this machine or at an https address. Its files are copied beside the
+target, compared with the SHA-256 sums of the data set, and only then moved into place.
 """
 
 from __future__ import annotations
@@ -10,122 +9,136 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import re
 import shutil
 import tarfile
 import tempfile
 import urllib.request
 import zlib
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 from http.client import HTTPException
 from pathlib import Path, PurePosixPath
-from typing import IO, cast
+from typing import IO, Any, cast
 
 from tqdm import tqdm
 
-from pedpred.errors import ConfigError, FetchError
+from pedpred.errors import FetchError, ValueRuleError
 
-OPTIONAL = frozenset({"reference.png"})
 _LARGEST_FILE_BYTES = 2**24
 _SCHEMES = ("https://", "file://")
 _log = logging.getLogger(__name__)
 
 
-def fetch(
-    data_set: str,
-    target: Path,
-    folders: Iterable[str],
-    archives: Iterable[str],
-    timeout_s: float,
-    sums: Mapping[str, str] | None = None,
-) -> None:
-    """Make `target` hold the raw files of a data set; nothing happens when it does already.
+@dataclass(frozen=True)
+class Mirrors:
+    """Where the files of a data set are, and what they must be.
 
-    Args:
-        data_set: which one, `ewap`.
-        target: folder to create or to replace.
+    Attributes:
+        data_set: its name.
         folders: mirrors tried first.
         archives: mirrors tried afterwards, paths or addresses.
-        timeout_s: how long a server may keep silent, s.
-        sums: SHA-256 sum of each file; the committed ones of the data set if none are given.
+        timeout_s: longest silence of a server, s.
+        sums: SHA-256 sum of each file by its path inside the data set.
+        optional: file names that a mirror may lack.
+    """
+
+    data_set: str
+    folders: tuple[str, ...]
+    archives: tuple[str, ...]
+    timeout_s: float
+    sums: Mapping[str, str]
+    optional: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        for name, digest in self.sums.items():
+            if not re.fullmatch("[0-9a-f]{64}", digest):
+                raise ValueRuleError("sha256sums", f"{digest}  {name}", "a sum has 64 hexadecimal digits")
+
+    @classmethod
+    def parse(cls, data_set: str, plain: Mapping[str, Any]) -> Mirrors:
+        """Build from a plain dictionary whose `sha256sums` are lines as `sha256sum` prints them."""
+        lines = (line.split(maxsplit=1) for line in plain["sha256sums"])
+        sums = {name: digest for digest, name in lines}
+        folders, archives = tuple(plain["folders"]), tuple(plain["archives"])
+        return cls(data_set, folders, archives, plain["timeout_s"], sums, frozenset(plain["optional"]))
+
+    @property
+    def required(self) -> list[str]:
+        """The files that every mirror must have."""
+        return sorted(name for name in self.sums if PurePosixPath(name).name not in self.optional)
+
+
+def fetch(mirrors: Mirrors, target: Path) -> None:
+    """Make the folder `target` hold the raw files of a data set; do nothing if it does already.
 
     Raises:
-        ConfigError: a mirror's address is not one of https.
-        FetchError: no mirror has all files; it says what each one lacks.
+        ValueRuleError: the address of a mirror is not https.
+        FetchError: no mirror has all files; the message names what each one lacks.
     """
-    sums = checksums(data_set) if sums is None else sums
-    if lack(target, sums) is None:
+    if lack(target, mirrors) is None:
         _log.info("%s is complete", target)
         return
     target.parent.mkdir(parents=True, exist_ok=True)
     tried: dict[str, str] = {}
-    for place in places(folders, archives):
+    for place in places(mirrors.folders, mirrors.archives):
         with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as scratch:
             copy = Path(scratch, "new")
-            problem = _collect(place, sums, copy, timeout_s) or lack(copy, sums)
+            problem = _collect(place, mirrors.sums, copy, mirrors.timeout_s) or lack(copy, mirrors)
             if problem is None:
                 if target.exists():
                     target.rename(Path(scratch, "old"))
                 copy.rename(target)
                 _log.info("%s comes from %s", target, place)
                 return
-        _log.warning("%s passed over: %s", place, problem)
+        _log.warning("%s skipped: %s", place, problem)
         tried[place] = problem
-    raise FetchError(data_set, sorted(name for name in sums if _required(name)), tried)
-
-
-def checksums(data_set: str) -> dict[str, str]:
-    """SHA-256 sum of each file of a data set, by its path inside the data set."""
-    lines = Path(__file__).with_name(f"{data_set}.sha256").read_text().splitlines()
-    return {name: digest for digest, name in (line.split() for line in lines)}
+    raise FetchError(mirrors.data_set, mirrors.required, tried)
 
 
 def places(folders: Iterable[str], archives: Iterable[str]) -> list[str]:
-    """All mirrors in the order in which they are tried, $PEDPRED_MIRROR first.
+    """Return all mirrors in the order in which they are tried, $PEDPRED_MIRROR first.
 
     Relative paths start at the current folder and, because queued experiments run in a copy of the
     project, at $DVC_ROOT.
 
     Raises:
-        ConfigError: an address is neither https nor file: on the way from there anybody may read and alter.
+        ValueRuleError: an address is neither https nor file; others do not protect what they transfer.
     """
     found: dict[str, None] = {}
     for place in (os.environ.get("PEDPRED_MIRROR"), *folders, *archives):
         if place and place.startswith(_SCHEMES):
             found[place] = None
         elif place and "://" in place:
-            raise ConfigError("mirrors", place, "only addresses with https:// or file:// will do")
+            raise ValueRuleError("archives", place, "use an address with https:// or file://")
         elif place:
             for root in (".", os.environ.get("DVC_ROOT", ".")):
                 found[os.path.abspath(Path(root, place).expanduser())] = None
     return list(found)
 
 
-def lack(folder: Path, sums: Mapping[str, str]) -> str | None:
-    """The first thing that is wrong with the files in a folder, None when they are as they should be."""
+def lack(folder: Path, mirrors: Mirrors) -> str | None:
+    """Describe the first thing that is wrong with the files in a folder; None if nothing is."""
     problems = []
-    for name, expected in sums.items():
+    for name, expected in mirrors.sums.items():
         path = folder / name
         if path.is_file():
             actual = hashlib.sha256(path.read_bytes()).hexdigest()
             if actual != expected:
                 problems.append(f"{name} has SHA-256 {actual}, expected {expected}")
-        elif _required(name):
+        elif name in mirrors.required:
             problems.append(f"{name} is missing")
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return problems[0] + more if problems else None
 
 
-def _required(name: str) -> bool:
-    return PurePosixPath(name).name not in OPTIONAL
-
-
 def _collect(place: str, names: Collection[str], copy: Path, timeout_s: float) -> str | None:
-    """Copy the named files that a mirror has; return what prevented it, if anything did."""
+    """Copy the named files that a mirror has; return what prevented it, None if nothing did."""
     try:
         if place.startswith(_SCHEMES):
             with urllib.request.urlopen(place, timeout=timeout_s) as response:
                 if not response.url.startswith(_SCHEMES):
-                    return f"it leads to {response.url}, which is not https"
+                    return f"it redirects to {response.url}, which is not https"
                 _unpack(response, int(response.headers["Content-Length"] or 0), names, copy)
         elif Path(place).is_file():
             with Path(place).open("rb") as archive:
@@ -143,10 +156,9 @@ def _collect(place: str, names: Collection[str], copy: Path, timeout_s: float) -
 
 
 def _unpack(stream: IO[bytes], size_bytes: int, names: Collection[str], copy: Path) -> None:
-    """Copy the named files out of a tar stream, whatever folder they lie in.
+    """Copy the named files out of a tar stream, whatever folder they are in.
 
-    The archive decides about no path: a member is written under the name that was asked for, or
-    not at all.
+    A member is written under the requested name or not at all; paths in the archive are not used.
 
     Raises:
         tarfile.ExtractError: a member with an expected name is a link, leads outside or is huge.

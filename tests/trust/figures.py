@@ -29,7 +29,7 @@ from tests.simulated import SOCIAL_FORCE, scene_of, short
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMITTED = Path(__file__).with_name("figures.json")
-MODEL = ROOT / "models" / "online" / "main_distilled"
+MODEL = ROOT / "models" / "online" / "simulation_distilled"
 TOLERANCE = 0.02
 """Relative. Other processors round otherwise: a simulation makes that larger with every second, and integer
 networks are multiplied by other instructions."""
