@@ -3,7 +3,7 @@
 `python -m benchmarks.features [--json FILE] [--main-set]`. One thread. The pedestrians are spread over one
 room of 20 m x 20 m, so 1000 of them are a crush (2.5 per m^2) in which each sees hundreds of others: the
 worst case. The bound is what the crop's look-ups take when their addresses are known; the angular grid comes
-on top. With `--main-set` the whole set `main` (needs data/scenes/simulated/main) goes to Parquet on two cores, and one
+on top. With `--main-set` the whole set `simulated/main` goes to Parquet on two cores, and one
 long scene shows how memory grows.
 """
 
