@@ -15,7 +15,7 @@ from pedpred.errors import StorageError
 from pedpred.files import atomic_write, translate_errors
 
 _VERSION_KEY = b"pedpred.schema"
-_REMEDY = "Rebuild it with dvc repro"
+_REMEDY = "Write it again"
 _NUMBERS = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
 
 

@@ -36,7 +36,7 @@ _PAIRS = {"position": ("x_m", "y_m"), "velocity": ("vx_mps", "vy_mps"), "goal": 
 _SHORT_NAMES = {"time": "time_s", "id": "track_id", "x": "x_m", "y": "y_m"}
 """What may head a column of a CSV file; seconds and metres all the same."""
 _OCCUPIED, _FREE = 0, 254
-_REMEDY = "Write the scene again (dvc repro) or correct the file"
+_REMEDY = "Correct the file or write the scene again"
 
 
 def write_scene(scene: Scene, folder: Path) -> None:

@@ -18,7 +18,7 @@ from pedpred.storage.columns import read_blocks, write_blocks
 FEATURE_SCHEMA = 2
 _NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
 """Byte-stream-split makes these 5-45 % smaller, and those that hold their values up to 3 times larger."""
-_REMEDY = "Rebuild it with dvc repro"
+_REMEDY = "Write it again"
 _PAIRS = {
     "position": ("x_m", "y_m"),
     "velocity": ("vx_mps", "vy_mps"),
