@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from pedpred.features.crop import PARALLEL_ROWS
+from pedpred.features.threads import threads_for
 
 _TURN = 2.0 * np.pi
 _ANGLE_ERROR_RAD = 2e-5
@@ -44,8 +44,8 @@ def angular_grids(
         Distances, m. [Q, cells] float32
     """
     grids = np.empty((len(position), cells), dtype=np.float32)
-    scan = _scan if len(position) < PARALLEL_ROWS else _scan_parallel
-    scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids)
+    with threads_for(len(position)):
+        _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids)
     return grids
 
 
@@ -66,45 +66,34 @@ def _rough_angle(dx, dy):
     return -angle if dy < 0.0 else angle
 
 
-@njit(cache=True)
-def _nearest(q, position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids):
-    """Row q of `grids`. Uses a rough angle per neighbour, and atan2 where that lies near a cone's edge.
+@njit(parallel=True, cache=True)
+def _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids):
+    """Find each neighbour's cone by a rough angle, or by atan2 where that lies near a cone's edge.
 
-    In both cases the cone is floor((atan2(dy, dx) - heading) K / 2 pi) mod K.
+    In both cases the cone is floor((atan2(dy, dx) - heading) K / 2 pi) mod K. Writes into `grids`.
     """
     cells = grids.shape[1]
     cells_per_rad = cells / _TURN
     margin = _ANGLE_ERROR_RAD * cells_per_rad
-    x, y, heading = position[q, 0], position[q, 1], heading_rad[q]
-    turned = heading % _TURN
-    first, count = crowd_span[q, 0], crowd_span[q, 1] - crowd_span[q, 0]
-    square, cone = np.empty(count), np.empty(count)
-    for c in range(count):
-        dx, dy = crowd[first + c, 0] - x, crowd[first + c, 1] - y
-        square[c] = dx * dx + dy * dy
-        angle = _rough_angle(dx, dy) - turned
-        angle = angle + _TURN if angle < 0.0 else angle
-        angle = angle + _TURN if angle < 0.0 else angle
-        cone[c] = angle * cells_per_rad
-    nearest = np.full(cells, max_range_m * max_range_m)
-    for c in range(count):
-        if square[c] < max_range_m * max_range_m and crowd_track[first + c] != own_track[q]:
-            k = int(cone[c])
-            if not k + margin < cone[c] < k + 1 - margin:
-                angle = math.atan2(crowd[first + c, 1] - y, crowd[first + c, 0] - x)
-                k = math.floor((angle - heading) * cells_per_rad) % cells
-            nearest[k] = min(nearest[k], square[c])
-    for k in range(cells):
-        grids[q, k] = math.sqrt(nearest[k])
-
-
-@njit(cache=True)
-def _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids):
-    for q in range(len(position)):
-        _nearest(q, position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids)
-
-
-@njit(parallel=True, cache=True)
-def _scan_parallel(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids):
     for q in prange(len(position)):
-        _nearest(q, position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids)
+        x, y, heading = position[q, 0], position[q, 1], heading_rad[q]
+        turned = heading % _TURN
+        first, count = crowd_span[q, 0], crowd_span[q, 1] - crowd_span[q, 0]
+        square, cone = np.empty(count), np.empty(count)
+        for c in range(count):
+            dx, dy = crowd[first + c, 0] - x, crowd[first + c, 1] - y
+            square[c] = dx * dx + dy * dy
+            angle = _rough_angle(dx, dy) - turned
+            angle = angle + _TURN if angle < 0.0 else angle
+            angle = angle + _TURN if angle < 0.0 else angle
+            cone[c] = angle * cells_per_rad
+        nearest = np.full(cells, max_range_m * max_range_m)
+        for c in range(count):
+            if square[c] < max_range_m * max_range_m and crowd_track[first + c] != own_track[q]:
+                k = int(cone[c])
+                if not k + margin < cone[c] < k + 1 - margin:
+                    angle = math.atan2(crowd[first + c, 1] - y, crowd[first + c, 0] - x)
+                    k = math.floor((angle - heading) * cells_per_rad) % cells
+                nearest[k] = min(nearest[k], square[c])
+        for k in range(cells):
+            grids[q, k] = math.sqrt(nearest[k])

@@ -7,11 +7,8 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from pedpred.features.threads import threads_for
 from pedpred.scenes import OccupancyMap
-
-PARALLEL_ROWS = 1024
-"""Fewer query rows are computed in one thread: waking the others costs more than it saves, above all on a
-busy machine."""
 
 _GATHER_BITS = np.uint64(0x0102040810204080)
 """Multiplying a little-endian word of eight bytes 0 or 1 by this collects their bits in its top byte."""
@@ -41,44 +38,33 @@ def occupancy_crops(
     start = (np.asarray(position, dtype=np.float64) - occupancy.origin) * scale
     centers = np.arange(cells) + (0.5 - 0.5 * cells)
     heading_rad = np.asarray(heading_rad, dtype=np.float64)
-    crop = _crop if len(start) < PARALLEL_ROWS else _crop_parallel
-    crop(occupancy.occupied, start, heading_rad, centers, resolution_m * scale, crops)
+    with threads_for(len(start)):
+        _crop(occupancy.occupied, start, heading_rad, centers, resolution_m * scale, crops)
     return crops
 
 
-@njit(cache=True)
-def _crop_pose(q, occupied, start, heading_rad, centers, step, crops):
-    """Row q of `crops`. `start` and `step` are in map cells, `centers` in crop cells.
+@njit(parallel=True, cache=True)
+def _crop(occupied, start, heading_rad, centers, step, crops):  # pragma: no cover (compiled)
+    """`start` and `step` are in map cells, `centers` in crop cells. Writes into `crops`.
 
     The loop over coordinates is vectorised; the look-ups in the map take most of the time.
     """
     size_x, size_y = occupied.shape
     flat = occupied.ravel()
     cells = len(centers)
-    cos, sin = math.cos(heading_rad[q]) * step, math.sin(heading_rad[q]) * step
-    found = np.empty(cells * cells, np.uint8)
-    index = np.empty(cells, np.int32)
-    for i in range(cells):
-        row_x = start[q, 0] + cos * centers[i]
-        row_y = start[q, 1] + sin * centers[i]
-        for j in range(cells):
-            x = np.floor(row_x - sin * centers[j])
-            y = np.floor(row_y + cos * centers[j])
-            inside = (x >= 0.0) & (x < size_x) & (y >= 0.0) & (y < size_y)
-            index[j] = np.int32(x * size_y + y if inside else -1.0)
-        for j in range(cells):
-            found[i * cells + j] = index[j] >= 0 and flat[index[j]]
-    words = found.view(np.uint64)
-    crops[q] = ((words * _GATHER_BITS) >> np.uint64(56)).astype(np.uint8)
-
-
-@njit(cache=True)
-def _crop(occupied, start, heading_rad, centers, step, crops):
-    for q in range(len(start)):
-        _crop_pose(q, occupied, start, heading_rad, centers, step, crops)
-
-
-@njit(parallel=True, cache=True)
-def _crop_parallel(occupied, start, heading_rad, centers, step, crops):
     for q in prange(len(start)):
-        _crop_pose(q, occupied, start, heading_rad, centers, step, crops)
+        cos, sin = math.cos(heading_rad[q]) * step, math.sin(heading_rad[q]) * step
+        found = np.empty(cells * cells, np.uint8)
+        index = np.empty(cells, np.int32)
+        for i in range(cells):
+            row_x = start[q, 0] + cos * centers[i]
+            row_y = start[q, 1] + sin * centers[i]
+            for j in range(cells):
+                x = np.floor(row_x - sin * centers[j])
+                y = np.floor(row_y + cos * centers[j])
+                inside = (x >= 0.0) & (x < size_x) & (y >= 0.0) & (y < size_y)
+                index[j] = np.int32(x * size_y + y if inside else -1.0)
+            for j in range(cells):
+                found[i * cells + j] = index[j] >= 0 and flat[index[j]]
+        words = found.view(np.uint64)
+        crops[q] = ((words * _GATHER_BITS) >> np.uint64(56)).astype(np.uint8)
