@@ -6,9 +6,10 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import plain, row, stage, stage_key
-from pedpred.simulation.arrangements import Arrangement, arrangements, simulated
-from pedpred.simulation.settings import SocialForceSettings, social_force_settings
+from pedpred.config import configured, plain, row, stage, stage_key
+from pedpred.simulation.arrangements import Arrangement, arrangements, parsed_layouts, simulated
+from pedpred.simulation.clutter import clutter_settings
+from pedpred.simulation.settings import SimulationSettings, SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import write_scene
 from pedpred.workers import in_parallel
 
@@ -24,8 +25,14 @@ def main(cfg: DictConfig) -> None:
     key = stage_key(cfg)
     out = Path(cfg.get("out") or f"data/scenes/simulated/{key}")
     simulation = plain(cfg.simulations[key])
-    settings = social_force_settings(row(cfg, "social_forces", simulation["social_force"]))
-    todo = arrangements(simulation, plain(cfg.layouts), plain(cfg.clutter), settings)
+    with configured(f"social_forces.{simulation['social_force']}"):
+        settings = social_force_settings(row(cfg, "social_forces", simulation["social_force"]))
+    with configured("clutter"):
+        clutter = clutter_settings(plain(cfg.clutter))
+    with configured("layouts"):
+        layouts = parsed_layouts(plain(cfg.layouts), simulation["drawn"], settings)
+    with configured(f"simulations.{key}"):
+        todo = arrangements(SimulationSettings.parse(simulation), layouts, clutter, settings)
     tasks = [(out, arrangement, settings) for arrangement in todo]
     in_parallel(simulate_into, tasks, f"simulate {key}", "room")
 

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from pedpred.simulation.arrangements import arrangements, simulated
+from pedpred.simulation.arrangements import arrangements, parsed_layouts, simulated
+from pedpred.simulation.clutter import clutter_settings
 from pedpred.simulation.layouts import Layout, layout_from
 from pedpred.simulation.placement import TargetPool
-from pedpred.simulation.settings import social_force_settings
+from pedpred.simulation.settings import SimulationSettings, social_force_settings
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -25,15 +26,22 @@ QUIET = social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"]
 
 
 def drawn(name):
-    return layout_from(DRAWN[name], f"layouts.{name}")
+    return layout_from(DRAWN[name], name)
+
+
+def asked(row, layouts=DRAWN):
+    """The arrangements of a plain row of `conf/simulations`."""
+    data_set = SimulationSettings.parse(row)
+    drawn = parsed_layouts(layouts, data_set.drawn, SETTINGS)
+    return arrangements(data_set, drawn, clutter_settings(CLUTTER), SETTINGS)
 
 
 def short(seconds, pedestrians=20, **changes):
-    """A configuration `scenes.<key>` of one drawn layout, overridden by `changes`."""
-    scene = {"source": "simulation", "drawn": ["columns"], "generated": 0, "seed": 7}
+    """A data set of one drawn layout, overridden by `changes`."""
+    scene = {"drawn": ["columns"], "generated": 0, "seed": 7}
     scene.update(changes, pedestrians=pedestrians)
     rooms = len(scene["drawn"]) + scene["generated"]
-    return arrangements({**scene, "hours": rooms * seconds / 3600.0}, DRAWN, CLUTTER, SETTINGS)
+    return asked({**scene, "hours": rooms * seconds / 3600.0})
 
 
 def scene_of(arrangement, settings=SETTINGS):

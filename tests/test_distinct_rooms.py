@@ -8,9 +8,11 @@ if in one of these ways their obstacles (outer walls left out) overlap by half, 
 import numpy as np
 
 from pedpred.simulation.arrangements import rooms
+from pedpred.simulation.clutter import clutter_settings
 from pedpred.simulation.layouts import WALL_CELLS, Layout
+from pedpred.simulation.settings import SimulationSettings
 from pedpred.simulation.shapes import Circle, Rectangle
-from tests.simulated import CLUTTER, DRAWN, SETTINGS, read
+from tests.simulated import CLUTTER, DRAWN, drawn, read
 
 NEARLY_EQUAL = 0.5
 RASTER = slice(2, None, 5)  # of the map's cells: points 0.5 m apart
@@ -59,8 +61,9 @@ def test_a_room_nearly_equals_itself_however_turned_and_lengthened():
 
 
 def test_no_test_room_nearly_equals_a_training_room():
+    layouts = {name: drawn(name) for name in DRAWN}
     made = {
-        key: rooms(read(f"scenes/{key}"), DRAWN, CLUTTER, SETTINGS)
+        key: rooms(SimulationSettings.parse(read(f"scenes/{key}")), layouts, clutter_settings(CLUTTER))
         for key in ("corridor", "main", "sim_test")
     }
     trained = [layout for key in ("corridor", "main") for layout, _ in made[key].values()]

@@ -13,13 +13,12 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from pedpred.config import composed
-from pedpred.simulation.arrangements import arrangements
 from pedpred.simulation.clutter import clutter_settings, cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.placement import drawn_targets
 from pedpred.simulation.shapes import Circle, Door, Polygon, Rectangle, Wall, shape_from
-from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, drawn, scene_of, short
+from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, asked, drawn, scene_of, short
 
 SHAPE_EXAMPLES = {
     "rectangle": lambda angle: Rectangle([1.0, -1.0], [3.0, 0.5], angle),
@@ -137,7 +136,7 @@ def test_a_layout_of_ones_own_is_a_file_a_line_and_a_command(tmp_path):
     defaults.write_text(defaults.read_text().replace(beside, beside + line))
     simulate, info = (shlex.split(command) for command in commands.splitlines())
     cfg = yaml.safe_load(composed(tmp_path / "conf", simulate[3:]))
-    (todo,) = arrangements(cfg["scenes"][cfg["name"]], cfg["layouts"], cfg["clutter"], SETTINGS)
+    (todo,) = asked(cfg["scenes"][cfg["name"]], cfg["layouts"])
     assert f"{cfg['out']}/{todo.name}" == info[-1]
     scene = scene_of(replace(todo, duration_s=6.0))
     assert len(scene.trajectories) == 20 * 20

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from pedpred.errors import ConfigError
+from pedpred.errors import ValueRuleError
 from pedpred.report.simulation_page import walking_findings
+from pedpred.simulation.clutter import clutter_settings
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.kernel import advance
@@ -14,7 +15,18 @@ from pedpred.simulation.settings import social_force_settings
 from pedpred.simulation.simulator import desired_speeds, rollout, visiting_plans
 from pedpred.simulation.walking import count_walking
 from pedpred.storage.scenes import tracks_table
-from tests.simulated import DRAWN, EMPTY_ROOM, QUIET, SETTINGS, SOCIAL_FORCE, drawn, pool, scene_of, short
+from tests.simulated import (
+    CLUTTER,
+    DRAWN,
+    EMPTY_ROOM,
+    QUIET,
+    SETTINGS,
+    SOCIAL_FORCE,
+    drawn,
+    pool,
+    scene_of,
+    short,
+)
 
 
 def tables_equal(first, second):
@@ -108,20 +120,61 @@ def test_plans_go_to_another_region_far_enough():
 
 
 def test_too_many_people_are_refused_with_the_numbers():
-    with pytest.raises(ConfigError, match=r"pedestrians' = 900: only \d+ find room"):
+    with pytest.raises(ValueRuleError, match=r"pedestrians = 900, but only \d+ fit"):
         scene_of(short(3.0, pedestrians=900)[0])
 
 
-def test_a_record_interval_that_is_no_multiple_of_the_step_is_refused():
-    with pytest.raises(ConfigError, match=r"record_s' = 0.32: make it a multiple of step_s = 0.05"):
-        social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "record_s": 0.32}})
+def with_field(path, value):
+    """The plain settings with one field changed."""
+    group, name = path.split(".")
+    return {**SOCIAL_FORCE, group: {**SOCIAL_FORCE[group], name: value}}
 
 
-def test_a_step_too_long_for_the_forces_is_refused():
-    with pytest.raises(ConfigError, match=r"step_s' = 0.15: it must lie in \(0, 0.1\] s"):
-        social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "step_s": 0.15}})
+@pytest.mark.parametrize(
+    ("path", "value", "rule"),
+    [
+        ("clock.record_s", 0.32, "a multiple of step_s = 0.05"),
+        ("clock.noise_hold_s", 0.01, "a multiple of step_s"),
+        ("clock.step_s", 0.15, r"in \(0, 0.1\]"),
+        ("crowd.speed_range_mps", [2.0, 0.8], "two rising numbers"),
+        ("crowd.speed_range_mps", [2.0, 3.0], "contain mean_speed_mps"),
+        ("crowd.speed_range_mps", 1.3, "two rising numbers"),
+        ("crowd.mean_speed_mps", -1.0, r"a number in \(0, inf\)"),
+        ("crowd.targets", 2.5, "a whole number"),
+        ("forces.sight_half_angle_deg", 200.0, r"\[0, 180\]"),
+        ("forces.unseen_weight", 1.5, r"\[0, 1\]"),
+        ("routing.narrow_m", 0.9, "less than comfortable_m"),
+        ("routing.slowest", 0.0, r"in \(0, 1\]"),
+    ],
+)
+def test_settings_out_of_range_are_named_with_their_rule(path, value, rule):
+    with pytest.raises(ValueRuleError, match=rf"^{path} = .*{rule}"):
+        social_force_settings(with_field(path, value))
 
 
-def test_an_unknown_force_setting_is_named():
-    with pytest.raises(ConfigError, match=r"social_force.forces.*magic"):
-        social_force_settings({**SOCIAL_FORCE, "forces": {**SOCIAL_FORCE["forces"], "magic": 1.0}})
+NUMBERS = [f"{group}.{name}" for group, values in SOCIAL_FORCE.items() for name in values]
+
+
+@pytest.mark.parametrize("path", NUMBERS)
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "1", None, True])
+def test_no_parameter_takes_what_is_no_number_or_impossible(path, value):
+    with pytest.raises(ValueRuleError, match=f"^{path} = "):
+        social_force_settings(with_field(path, value))
+
+
+@pytest.mark.parametrize("group", SOCIAL_FORCE)
+def test_unknown_and_missing_settings_are_named(group):
+    with pytest.raises(ValueRuleError, match=f"^{group}.*magic"):
+        social_force_settings(with_field(f"{group}.magic", 1.0))
+    less = dict(list(SOCIAL_FORCE[group].items())[1:])
+    with pytest.raises(ValueRuleError, match=f"^{group}.*{next(iter(SOCIAL_FORCE[group]))}"):
+        social_force_settings({**SOCIAL_FORCE, group: less})
+    with pytest.raises(ValueRuleError, match=f"^{group} = None"):
+        social_force_settings({name: values for name, values in SOCIAL_FORCE.items() if name != group})
+
+
+@pytest.mark.parametrize("name", CLUTTER)
+@pytest.mark.parametrize("value", [-1.0, [2.0, 1.0], "wide", None])
+def test_clutter_out_of_range_is_named(name, value):
+    with pytest.raises(ValueRuleError, match=f"^{name} = "):
+        clutter_settings({**CLUTTER, name: value})

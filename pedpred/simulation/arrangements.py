@@ -1,23 +1,23 @@
-"""The arrangements of a simulated data set: which rooms, how long, and with which random numbers."""
+"""The rooms of a simulated data set: layout, number of people, duration and random state of each."""
 
 from __future__ import annotations
 
 import copy
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pedpred.errors import ConfigError
+from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene
 from pedpred.simulation.admission import check_crowd, check_room
-from pedpred.simulation.clutter import clutter_settings, cluttered_room
+from pedpred.simulation.clutter import ClutterSettings, cluttered_room
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.layouts import Layout, layout_from
 from pedpred.simulation.placement import drawn_targets
-from pedpred.simulation.settings import SocialForceSettings
+from pedpred.simulation.settings import SimulationSettings, SocialForceSettings
 from pedpred.simulation.simulator import simulate
 
 
@@ -28,104 +28,90 @@ class Arrangement:
     Attributes:
         name: unique within its data set; also the folder's name.
         layout: the room.
-        chance: what is left to chance is drawn from a copy of it, see `rng`.
-        pedestrians: how many walk there.
+        initial_rng: random state at the start of the simulation; use copies, see `rng`.
+        pedestrians: number of people.
         duration_s: recorded time.
     """
 
     name: str
     layout: Layout
-    chance: np.random.Generator
+    initial_rng: np.random.Generator
     pedestrians: int
     duration_s: float
 
-    def __post_init__(self) -> None:
-        if not self.pedestrians >= 1:
-            raise ConfigError("pedestrians", self.pedestrians, "one at least must walk")
-        if not self.duration_s > 0:
-            raise ConfigError("hours", self.duration_s / 3600.0, "it must be positive")
-
     def rng(self) -> np.random.Generator:
-        """The same numbers wherever, how often and in whichever order arrangements are simulated."""
-        return copy.deepcopy(self.chance)
+        """A fresh copy of the initial random state, so that results do not depend on the order of rooms."""
+        return copy.deepcopy(self.initial_rng)
+
+
+def parsed_layouts(
+    plain: Mapping[str, Any], names: Iterable[str], settings: SocialForceSettings
+) -> dict[str, Layout]:
+    """Parse and check some drawn layouts; names that do not exist are left out.
+
+    Args:
+        plain: name -> layout, see `layout_from`.
+        names: the layouts to parse.
+        settings: space that people and routes need.
+
+    Raises:
+        ValueRuleError: a layout is malformed, or people cannot walk in it.
+    """
+    layouts = {name: layout_from(plain[name], name) for name in names if name in plain}
+    for name, layout in layouts.items():
+        check_room(layout, ground_of(layout.occupancy()), settings, name)
+    return layouts
 
 
 def arrangements(
-    scene: Mapping[str, Any],
-    layouts: Mapping[str, Any],
-    clutter: Mapping[str, Any],
+    data_set: SimulationSettings,
+    layouts: Mapping[str, Layout],
+    clutter: ClutterSettings,
     settings: SocialForceSettings,
 ) -> list[Arrangement]:
-    """Return what a row of conf/simulations asks for; all arrangements share its hours equally.
-
-    Every room is made and checked here, so whatever is wrong with one is said before any is simulated.
+    """Make and check all rooms of a data set before the first one is simulated.
 
     Args:
-        scene: `pedestrians`, `hours`, and what `rooms` reads.
-        layouts: drawn rooms by name, see `layout_from`.
-        clutter: what the generator draws from.
-        settings: how much space people and their routes need.
+        data_set: which rooms, how many people, how long.
+        layouts: drawn rooms by name.
+        clutter: parameters of the generated rooms.
+        settings: space that people need.
 
     Raises:
-        ConfigError: nothing to simulate, a room that is not understood or in which so
-            many people cannot walk.
+        ValueRuleError: a layout is unknown, or a room is too small for its people.
     """
-    made, found = rooms(scene, layouts, clutter, settings), []
-    for name, (layout, chance) in made.items():
-        duration_s = 3600.0 * scene["hours"] / len(made)
-        arrangement = Arrangement(name, layout, chance, scene["pedestrians"], duration_s)
+    made, found = rooms(data_set, layouts, clutter), []
+    for name, (layout, rng) in made.items():
+        duration_s = 3600.0 * data_set.hours / len(made)
+        arrangement = Arrangement(name, layout, rng, data_set.pedestrians, duration_s)
         ground = ground_of(layout.occupancy())
-        check_crowd(name, layout, ground, scene["pedestrians"], settings.crowd, arrangement.rng())
+        check_crowd(name, layout, ground, data_set.pedestrians, settings.crowd, arrangement.rng())
         found.append(arrangement)
     return found
 
 
 def rooms(
-    scene: Mapping[str, Any],
-    layouts: Mapping[str, Any],
-    clutter: Mapping[str, Any],
-    settings: SocialForceSettings,
+    data_set: SimulationSettings, layouts: Mapping[str, Layout], clutter: ClutterSettings
 ) -> dict[str, tuple[Layout, np.random.Generator]]:
-    """The rooms of a data set by name, and the source of all further randomness in each.
-
-    Name and `seed` of the data set fix every random number of a room.
-
-    Args:
-        scene: names of `drawn` layouts, number of `generated` ones, `seed`.
-        layouts: drawn rooms by name, see `layout_from`.
-        clutter: what the generator draws from.
-        settings: how much space people and their routes need.
+    """The rooms of a data set by name, and the random state in which each is simulated.
 
     Raises:
-        ConfigError: no room, one name twice, or a drawn room that is unknown or in which people cannot walk.
+        ValueRuleError: a layout is unknown.
     """
-    generated = [f"room{index:03d}" for index in range(scene["generated"])]
-    names, generator = [*scene["drawn"], *generated], clutter_settings(clutter)
-    if not names:
-        raise ConfigError("drawn", scene["drawn"], "name a layout here or set 'generated' above 0")
-    if len(set(names)) < len(names):
-        raise ConfigError("drawn", scene["drawn"], "a name stands there twice or is that of a generated room")
     found = {}
-    for name in names:
-        chance = np.random.default_rng([scene["seed"], zlib.crc32(name.encode())])
-        if name in scene["drawn"]:
-            found[name] = (_drawn(name, layouts, settings), chance)
+    for name in data_set.rooms:
+        rng = np.random.default_rng([data_set.seed, zlib.crc32(name.encode())])
+        if name not in data_set.drawn:
+            found[name] = (cluttered_room(clutter, rng), rng)
+        elif name in layouts:
+            found[name] = (layouts[name], rng)
         else:
-            found[name] = (cluttered_room(generator, chance), chance)
+            raise ValueRuleError("drawn", name, f"there is no such layout; known ones are {sorted(layouts)}")
     return found
 
 
-def _drawn(name: str, layouts: Mapping[str, Any], settings: SocialForceSettings) -> Layout:
-    """A layout of the configuration, checked."""
-    if name not in layouts:
-        raise ConfigError("drawn", name, f"no such layout; there are {sorted(layouts)}")
-    layout = layout_from(layouts[name], f"layouts.{name}")
-    check_room(layout, ground_of(layout.occupancy()), settings, f"layouts.{name}")
-    return layout
-
-
 def simulated(arrangement: Arrangement, settings: SocialForceSettings) -> Scene:
-    """Draw targets, let people walk."""
+    """Draw targets and simulate one room."""
     rng, occupancy = arrangement.rng(), arrangement.layout.occupancy()
     targets = drawn_targets(arrangement.layout, ground_of(occupancy), settings.crowd, rng)
     people, duration_s = arrangement.pedestrians, arrangement.duration_s

@@ -9,33 +9,31 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from pedpred.errors import ConfigError
+from pedpred.simulation.fields import Range, check_ranges, parsed
 from pedpred.simulation.furniture import KINDS, columns, furniture, split_walls
 from pedpred.simulation.layouts import RESOLUTION_M, WALL_CELLS, Layout, covered
 from pedpred.simulation.shapes import Shape
 
-Range = tuple[float, float]
-
 
 @dataclass(frozen=True)
 class ClutterSettings:
-    """What the generator draws from; ranges are (least, most). Shares lie in [0, 1].
+    """Parameters of the room generator, which draws from the ranges. Shares lie in [0, 1].
 
     Attributes:
-        side_m: sides of the room.
-        partitions: how many times a room is split by a wall with a door.
-        smallest_room_m: a split leaves no side shorter than this.
+        side_m: lengths of the sides of a room.
+        partitions: number of walls with doors that split a room.
+        smallest_room_m: least side of the parts after a split.
         door_m: widths of the openings.
-        second_door_share: walls that get another opening.
+        second_door_share: share of the walls with a second opening.
         wall_m: thickness of the partition walls.
-        column_share: arrangements with a grid of columns.
-        column_radius_m: their radii.
-        column_spacing_m: their distances.
+        column_share: share of the rooms with a grid of columns.
+        column_radius_m: radii of the columns.
+        column_spacing_m: distances between columns.
         furniture_share: share of the ground that furniture covers.
         turned_share: share of the furniture that stands at any angle.
-        scale: factor on the size of an arrangement's furniture.
-        clearance_m: half the narrowest way; the ground stays connected at it.
-        attempts: placements tried per arrangement.
+        scale: factor on the size of the furniture of a room.
+        clearance_m: the ground stays connected at this clearance.
+        attempts: number of placements tried per room.
     """
 
     side_m: Range
@@ -53,23 +51,26 @@ class ClutterSettings:
     clearance_m: float
     attempts: int
 
+    def __post_init__(self) -> None:
+        lengths = ("side_m", "smallest_room_m", "door_m", "wall_m", "column_radius_m", "column_spacing_m")
+        shares = ("second_door_share", "column_share", "furniture_share", "turned_share")
+        check_ranges(self, dict.fromkeys((*lengths, "scale"), "(0, inf)") | dict.fromkeys(shares, "[0, 1]"))
+        check_ranges(self, dict.fromkeys(("partitions", "clearance_m", "attempts"), "[0, inf)"))
 
-def clutter_settings(cfg: Mapping[str, Any]) -> ClutterSettings:
-    """Read the group `clutter`; lists become ranges."""
-    values: dict[str, Any] = {
-        key: value if isinstance(value, (int, float)) else tuple(value) for key, value in cfg.items()
-    }
-    try:
-        return ClutterSettings(**values)
-    except TypeError as cause:
-        raise ConfigError("clutter", dict(values), str(cause)) from cause
+
+def clutter_settings(plain: Mapping[str, Any]) -> ClutterSettings:
+    """Parse a dictionary of all fields.
+
+    Raises:
+        ValueRuleError: a field is missing or unknown, or breaks its rule.
+    """
+    return parsed(ClutterSettings, plain)
 
 
 def cluttered_room(settings: ClutterSettings, rng: np.random.Generator) -> Layout:
-    """One random arrangement; the same generator state gives the same room.
+    """Generate a random room; the same generator state gives the same room.
 
-    An obstacle is kept only if the ground stays connected for a walker who needs `clearance_m` to
-    both sides, so no room is closed off.
+    An obstacle is kept only if the ground stays connected at `clearance_m`, so no part is closed off.
     """
     size = tuple(np.round(rng.uniform(*settings.side_m, 2), 1).tolist())
     room = _Room(size, settings.clearance_m)
@@ -88,7 +89,7 @@ def cluttered_room(settings: ClutterSettings, rng: np.random.Generator) -> Layou
 
 
 def _partition(room: _Room, size: Range, settings: ClutterSettings, rng: np.random.Generator) -> None:
-    """Split the room, then the largest part of it, and so on."""
+    """Split the largest part of the room repeatedly."""
     parts = [(0.0, 0.0, *size)]
     least, most = settings.partitions
     for _ in range(rng.integers(least, most + 1)):
@@ -105,7 +106,7 @@ def _partition(room: _Room, size: Range, settings: ClutterSettings, rng: np.rand
 
 
 class _Room:
-    """Obstacles placed so far, as shapes and as cells."""
+    """The obstacles placed so far, as shapes and as cells."""
 
     def __init__(self, size_m: Range, clearance_m: float):
         self._empty = empty = Layout(size_m).empty()
@@ -117,11 +118,11 @@ class _Room:
         self._ground = int((~empty.occupied).sum())
 
     def add(self, shapes: list[Shape]) -> bool:
-        """Place some shapes if they leave the ground connected; say whether they stand."""
+        """Place shapes if they leave the ground connected; return whether they were placed."""
         return self._place(shapes, np.logical_or.reduce([covered(shape, self._empty) for shape in shapes]))
 
     def furnish(self, shape: Shape) -> None:
-        """Place one piece where nothing but an outer wall stands yet."""
+        """Place a piece unless it overlaps other obstacles than the outer walls."""
         cells = covered(shape, self._empty)
         taken = (cells & self._occupied)[WALL_CELLS:-WALL_CELLS, WALL_CELLS:-WALL_CELLS]
         if not taken.any() and self._place([shape], cells):
@@ -136,7 +137,7 @@ class _Room:
         return True
 
     def _grown(self, cells: np.ndarray) -> np.ndarray:
-        """Cells where a walker would be too close to covered ones; looks only around those."""
+        """Cells closer than the clearance to covered ones."""
         near = np.zeros_like(cells)
         rows, columns = np.nonzero(cells.any(axis=1))[0], np.nonzero(cells.any(axis=0))[0]
         if len(rows):

@@ -1,4 +1,4 @@
-"""Two opposite streams in a corridor: how fast people walk at which density, and whether lanes form.
+"""Validation with two opposite streams in a corridor: speed over density, and lane formation.
 
 Density and speed are measured with PedPy (Schroedter et al. 2024) in the middle of the corridor.
 """
@@ -13,6 +13,7 @@ import pandas as pd
 import pedpy
 
 from pedpred.scenes import Scene, Trajectories
+from pedpred.simulation.fields import Range, check_ranges, positive
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.placement import drawn_targets
@@ -23,41 +24,49 @@ from pedpred.simulation.simulator import simulate
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """Experiment in a corridor whose ends attract everybody in turn.
+    """Experiment in a corridor with a target region at each end.
 
     Attributes:
         size_m: length and width of the corridor. [2]
         end_m: depth of the target regions at its ends.
-        measured_m: where along the corridor is measured, from and to. [2]
-        people: one run each.
-        settle_s: walked before the measurement.
-        seconds: measured.
-        lane_m: people whose lateral distance is less walk in one lane.
+        measured_m: section of the corridor that is measured, from and to. [2]
+        people: number of people of each run.
+        settle_s: time before the measurement.
+        seconds: measured time.
+        lane_m: people with a smaller lateral distance walk in one lane.
         seed: of the experiment.
     """
 
     size_m: tuple[float, float]
     end_m: float
-    measured_m: tuple[float, float]
+    measured_m: Range
     people: tuple[int, ...]
     settle_s: float
     seconds: float
     lane_m: float
     seed: int
 
+    def __post_init__(self) -> None:
+        positive("size_m", self.size_m, (2,))
+        positive("people", self.people, (None,))
+        lengths = ("end_m", "seconds", "lane_m")
+        check_ranges(self, dict.fromkeys(lengths, "(0, inf)") | {"settle_s": "[0, inf)", "seed": "[0, inf)"})
+        check_ranges(self, {"measured_m": f"[0, {self.size_m[0]}]"})
+
 
 def lane_order(lateral_m: np.ndarray, forward: np.ndarray, lane_m: float) -> float:
     """Mean of phi_n = ((N_same - N_opposite) / (N_same + N_opposite))^2. Rex & Loewen 2007.
 
-    N counts the others less than `lane_m` to the side of n, wherever along the corridor. 1 = perfect lanes.
+    N counts the others with a lateral distance below `lane_m` from n, anywhere along the corridor; 1 means
+    perfect lanes.
 
     Args:
         lateral_m: position across the corridor. [N]
-        forward: who walks which way. [N] bool
+        forward: direction of each person. [N] bool
         lane_m: half the width of a lane.
 
     Returns:
-        The order, NaN where nobody has anybody in their lane.
+        The order; NaN if all lanes hold one person.
     """
     together = np.abs(lateral_m[:, None] - lateral_m) < lane_m
     np.fill_diagonal(together, False)
@@ -72,8 +81,8 @@ def corridor_flow(settings: FlowSettings, model: SocialForceSettings) -> tuple[l
     """Run the experiment for every number of people.
 
     Returns:
-        A row per run: people, density, speed, lane order, and the order after shuffling who walks
-        which way; and the run whose lanes stand out most.
+        A row per run (people, density, speed, lane order, lane order with shuffled directions), and the
+        run whose lane order exceeds the shuffled one most.
     """
     rows, scenes = [], []
     for people in settings.people:
@@ -85,7 +94,7 @@ def corridor_flow(settings: FlowSettings, model: SocialForceSettings) -> tuple[l
     return rows, scenes[clearest]
 
 
-_CROWD = 40  # fewer people are in lanes by chance, and a picture of them shows little
+_CROWD = 40  # fewer people form lanes by chance, and make a poor picture
 
 
 def _walked(people: int, settings: FlowSettings, model: SocialForceSettings) -> Scene:
@@ -95,7 +104,7 @@ def _walked(people: int, settings: FlowSettings, model: SocialForceSettings) -> 
         for x in (0.5 * settings.end_m, length - 0.5 * settings.end_m)
     ]
     layout = Layout((length, width), (), ends)
-    crowd = replace(model.crowd, spacing_m=0.35, target_spacing_m=0.5, clearance_m=0.3)  # room for all
+    crowd = replace(model.crowd, spacing_m=0.35, target_spacing_m=0.5, clearance_m=0.3)  # so that all fit
     model = replace(model, crowd=crowd, clock=replace(model.clock, warm_up_s=settings.settle_s))
     rng = np.random.default_rng([settings.seed, people])
     occupancy = layout.occupancy()

@@ -1,4 +1,4 @@
-"""A crowd on its way, and the clock that it is stepped by (value types of the kernel)."""
+"""Value types of the kernel: the state of a crowd, and its time steps."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ class Crowd(NamedTuple):
         position: world frame, m. [N, 2]
         velocity: m/s. [N, 2]
         desired_speed: v0, m/s. [N]
-        plan: targets to visit in order, indices into `Routes.target`; -1 fills up shorter
-            plans, each of which has one target at least. [N, G] int64
-        leg: which entry of its plan each one is walking to. [N] int64
-        group: equal numbers walk together; -1 = alone. [N] int64
+        plan: targets to visit in order, indices into `Routes.target`; at least one per person, padded
+            with -1. [N, G] int64
+        leg: index of the current target in each plan. [N] int64
+        group: people with equal numbers walk together; -1: alone. [N] int64
     """
 
     position: np.ndarray
@@ -29,13 +29,13 @@ class Crowd(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """How a crowd is stepped.
+    """Time steps of a simulation.
 
     Attributes:
         dt_s: integration step, s.
-        steps: how many to take.
+        steps: number of steps.
         every: steps between two records.
-        hold: steps that one noise sample lasts.
+        hold: steps per noise sample.
     """
 
     dt_s: float
@@ -51,14 +51,14 @@ def crowd_of(
     plan: np.ndarray,
     group: np.ndarray | None = None,
 ) -> Crowd:
-    """A crowd at the start of its plans, on arrays of its own (the kernel changes them in place).
+    """Make a crowd at the start of its plans; copies the arrays, which the kernel changes in place.
 
     Args:
         position: world frame, m. [N, 2]
         velocity: m/s. [N, 2]
         desired_speed: m/s. [N]
         plan: see `Crowd`. [N, G]
-        group: see `Crowd`; None = everybody is alone. [N]
+        group: see `Crowd`; None: everybody walks alone. [N]
     """
     plan = np.array(plan, dtype=np.int64)
     return Crowd(

@@ -1,4 +1,4 @@
-"""From plain dictionaries to values that check themselves; an error names the key and what it holds."""
+"""Parsing of plain dictionaries into checked settings; errors name the path of the field."""
 
 from __future__ import annotations
 
@@ -8,49 +8,92 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import ConfigError, ValueRuleError
+from pedpred.errors import ValueRuleError
+
+Range = tuple[float, float]
+"""Smallest and largest value."""
 
 
-def built(kind: type, plain: Any, key: str) -> Any:
-    """An instance of a dataclass from a dictionary of its fields.
+def parsed(kind: type, plain: Any, path: str = "") -> Any:
+    """Make a dataclass from a dictionary of its fields.
 
-    A field whose metadata hold a function `each` is a list; `each(entry, key)` makes its entries.
+    Fields whose metadata hold a function `parse` are made by `parse(value, path)`; those that hold `each`
+    are lists with entries made by `each(entry, path)`. Lists become tuples where a range is expected.
 
     Args:
         kind: a dataclass that raises `ValueRuleError` when a field breaks its rule.
         plain: field name -> value.
-        key: where the dictionary stands in the configuration.
+        path: of the dictionary, prefixed to the fields that errors name.
 
     Raises:
-        ConfigError: a field is unknown, missing or breaks its rule.
+        ValueRuleError: a field is unknown, missing or breaks its rule.
     """
     known = {field.name: field for field in fields(kind)}
-    what = f"the fields of a {kind.__name__.lower()} are {', '.join(known)}"
+    what = f"the fields of {kind.__name__} are {', '.join(known)}"
     if not isinstance(plain, Mapping):
-        raise ConfigError(key, plain, what)
+        raise ValueRuleError(path, plain, what)
     for name in plain:
         if name not in known:
-            raise ConfigError(f"{key}.{name}", plain[name], f"there is no such field: {what}")
+            raise ValueRuleError(_joined(path, name), plain[name], f"there is no such field: {what}")
     values = dict(plain)
     for name, field in known.items():
-        if name not in plain and field.default is MISSING:
-            raise ConfigError(f"{key}.{name}", None, f"it is missing: {what}")
-        if name in plain and "each" in field.metadata:
+        if name not in plain:
+            if field.default is MISSING:
+                raise ValueRuleError(_joined(path, name), None, f"it is missing: {what}")
+        elif "parse" in field.metadata:
+            values[name] = field.metadata["parse"](plain[name], _joined(path, name))
+        elif "each" in field.metadata:
             if not isinstance(plain[name], Sequence) or isinstance(plain[name], str):
-                raise ConfigError(f"{key}.{name}", plain[name], "a list is needed")
+                raise ValueRuleError(_joined(path, name), plain[name], "a list is needed")
             entries = enumerate(plain[name])
-            values[name] = tuple(field.metadata["each"](e, f"{key}.{name}[{n}]") for n, e in entries)
+            each = field.metadata["each"]
+            values[name] = tuple(each(entry, _joined(path, f"{name}[{n}]")) for n, entry in entries)
+        elif isinstance(plain[name], list) and str(field.type).startswith(("Range", "tuple")):
+            values[name] = tuple(plain[name])
     try:
         return kind(**values)
     except ValueRuleError as cause:
-        raise ConfigError(f"{key}.{cause.field}", cause.value, cause.rule) from cause
+        raise ValueRuleError(_joined(path, cause.field), cause.value, cause.rule) from cause
+
+
+def _joined(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else str(name)
+
+
+def check_ranges(settings: Any, ranges: Mapping[str, str]) -> None:
+    """Check that numeric fields lie in their intervals; both ends of a range must, in rising order.
+
+    Args:
+        settings: a dataclass or named tuple; fields annotated as int must hold whole numbers.
+        ranges: field name -> interval such as "(0, 1]".
+
+    Raises:
+        ValueRuleError: a field holds something else.
+    """
+    for name, interval in ranges.items():
+        value, annotation = getattr(settings, name), str(type(settings).__annotations__[name])
+        pair = annotation.startswith(("Range", "tuple"))
+        ends = value if pair and isinstance(value, (tuple, list)) and len(value) == 2 else [value]
+        numbers = (int,) if "int" in annotation else (int, float)
+        fits = len(ends) == 1 + pair and all(
+            isinstance(end, numbers) and not isinstance(end, bool) and _inside(end, interval) for end in ends
+        )
+        if not fits or ends[0] > ends[-1]:
+            what = "two rising numbers" if pair else "a whole number" if "int" in annotation else "a number"
+            raise ValueRuleError(name, value, f"it must be {what} in {interval}")
+
+
+def _inside(value: float, interval: str) -> bool:
+    low, high = map(float, interval[1:-1].split(","))
+    above = low <= value if interval[0] == "[" else low < value
+    return above and (value <= high if interval[-1] == "]" else value < high)
 
 
 def finite(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.ndarray:
-    """The value as finite numbers of some shape; None in it stands for any length.
+    """Convert to finite numbers of some shape; None in it stands for any length.
 
     Raises:
-        ValueRuleError: it holds something else.
+        ValueRuleError: the value is something else.
     """
     wanted = f"finite numbers are needed, of shape {shape}" if shape else "a finite number is needed"
     try:
@@ -66,10 +109,10 @@ def finite(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.nda
 
 
 def positive(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.ndarray:
-    """The value as positive finite numbers of some shape.
+    """Convert to positive finite numbers of some shape.
 
     Raises:
-        ValueRuleError: it holds something else.
+        ValueRuleError: the value is something else.
     """
     numbers = finite(field, value, shape)
     if not (numbers > 0).all():

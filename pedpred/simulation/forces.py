@@ -1,7 +1,7 @@
 """The social forces of Helbing & Molnar 1995 (Phys. Rev. E 51, 4282), one pure function per term.
 
 All are accelerations (mass 1), m/s^2, world frame. `kernel.py` holds the same formulas compiled;
-a test keeps the two equal.
+tests compare the two.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-SMALLEST_AXIS_M = 1e-3  # b and |r| never count as less: the ellipse's gradient is undefined at its foci
+SMALLEST_AXIS_M = 1e-3  # lower bound of b and |r|: the gradient is undefined at the foci of the ellipse
 
 
 class ForceSettings(NamedTuple):
@@ -26,10 +26,10 @@ class ForceSettings(NamedTuple):
         border_range_m: R.
         sight_cosine: cosine of the half angle of sight.
         unseen_weight: c, weight of a force from outside the field of sight.
-        group_gaze: beta_1 of Moussaid et al. 2010 (`groups.py`), 1/s per radian.
+        group_gaze: beta_1 of Moussaid et al. 2010, 1/s per radian.
         group_attraction: beta_2, m/s^2.
         group_repulsion: beta_3, m/s^2.
-        group_distance_m: d0, members nearer than this push each other.
+        group_distance_m: d0, members closer than this repel each other.
     """
 
     relaxation_time_s: float
@@ -45,6 +45,18 @@ class ForceSettings(NamedTuple):
     group_attraction: float
     group_repulsion: float
     group_distance_m: float
+
+
+_NOT_NEGATIVE = "pedestrian_strength anticipation_s border_strength group_gaze group_attraction"
+FORCE_RANGES = {
+    **dict.fromkeys(_NOT_NEGATIVE.split(), "[0, inf)"),
+    **dict.fromkeys(("group_repulsion", "group_distance_m"), "[0, inf)"),
+    **dict.fromkeys(("relaxation_time_s", "speed_cap"), "(0, inf)"),
+    **dict.fromkeys(("pedestrian_range_m", "border_range_m"), "(0, inf)"),
+    "sight_cosine": "[-1, 1]",
+    "unseen_weight": "[0, 1]",
+}
+"""Valid values of the fields of `ForceSettings`."""
 
 
 def driving_acceleration(
@@ -75,7 +87,7 @@ def pedestrian_potential(offset: np.ndarray, stride: np.ndarray, settings: Force
 
 
 def pedestrian_repulsion(offset: np.ndarray, stride: np.ndarray, settings: ForceSettings) -> np.ndarray:
-    """Push of the other pedestrian, f = -grad_r V(b). Helbing & Molnar 1995, eq. 3.
+    """Repulsion by the other pedestrian, f = -grad_r V(b). Helbing & Molnar 1995, eq. 3.
 
     With n(a) = a / |a|: grad b = (|r| + |r - y|) / (4 b) (n(r) + n(r - y)).
 
@@ -103,7 +115,7 @@ def sight_weight(force: np.ndarray, direction: np.ndarray, settings: ForceSettin
 
     Args:
         force: repulsion f; its source lies in the direction of -f. [..., 2]
-        direction: e, desired walking direction of the one who is pushed. [..., 2]
+        direction: e, desired walking direction of the repelled pedestrian. [..., 2]
         settings: cos(phi) and c.
 
     Returns:
@@ -120,7 +132,7 @@ def border_potential(distance: np.ndarray, settings: ForceSettings) -> np.ndarra
 
 
 def border_repulsion(distance: np.ndarray, away: np.ndarray, settings: ForceSettings) -> np.ndarray:
-    """Push of the nearest obstacle point, -grad U = U0 / R exp(-d / R) grad d. Eq. 5.
+    """Repulsion by the nearest obstacle point, -grad U = U0 / R exp(-d / R) grad d. Eq. 5.
 
     Args:
         distance: d, to the nearest obstacle point, m; negative inside. [...]

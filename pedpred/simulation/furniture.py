@@ -11,14 +11,14 @@ from pedpred.simulation.shapes import Circle, Polygon, Rectangle, Shape
 Rng = np.random.Generator
 Part = tuple[float, float, float, float]  # x0, y0, x1, y1 of an upright part of the room, m
 
-_DOOR_MARGIN_M = 0.4  # wall left between a door and the wall's end
-_OFF_WALL_M = 1.3  # columns and free furniture leave a way along the outer walls
+_DOOR_MARGIN_M = 0.4  # wall between a door and the end of the wall
+_OFF_WALL_M = 1.3  # free strip between columns and the outer walls
 
 
 def split_walls(
     part: Part, doors_m: Sequence[float], thickness_m: float, smallest_m: float, rng: Rng
 ) -> tuple[list[Shape], list[Part]] | None:
-    """A wall with doors across a part of the room, mostly across its longer side.
+    """Split a part of the room by a wall with doors, mostly across its longer side.
 
     Returns:
         The pieces of the wall and the two new parts; None if the part is too small.
@@ -44,7 +44,7 @@ def split_walls(
 
 
 def _between_doors(low: float, high: float, doors_m: Sequence[float], rng: Rng) -> list[tuple[float, float]]:
-    """The stretches of a wall from `low` to `high` that doors at random places leave standing."""
+    """The pieces of a wall from `low` to `high` between doors at random places."""
     share = (high - low) / len(doors_m)
     ends = [low]
     for index, door in enumerate(doors_m):
@@ -57,7 +57,7 @@ def _between_doors(low: float, high: float, doors_m: Sequence[float], rng: Rng) 
 
 
 def columns(size_m: Sequence[float], radius_m: float, spacing_m: float, rng: Rng) -> list[Shape]:
-    """A regular grid of round or square columns over the room."""
+    """Make a regular grid of round or square columns."""
     axes = []
     for side in size_m:
         count = max(1, int((side - 2 * _OFF_WALL_M) / spacing_m) + 1)
@@ -77,14 +77,14 @@ def furniture(
     scale: float,
     rng: Rng,
 ) -> Shape:
-    """One random piece somewhere in a room.
+    """Make a random piece of furniture at a random place.
 
     Args:
         size_m: sides of the room. [2]
         mixture: probability of each kind. [len(KINDS)]
         turned_share: probability of an arbitrary angle.
         scale: factor on its size.
-        rng: source of randomness.
+        rng: source of all randomness.
     """
     kind = KINDS[rng.choice(len(KINDS), p=mixture)]
     turned = rng.random() < turned_share
@@ -126,7 +126,7 @@ def _island(center: list[float], angle: float, scale: float, _room: Sequence[flo
 
 
 def _cabinet(center: list[float], _angle: float, scale: float, room: Sequence[float], rng: Rng) -> Shape:
-    """A shelf with its back to one of the outer walls."""
+    """A shelf along one of the outer walls."""
     length, depth = scale * rng.uniform(0.8, 2.6), rng.uniform(0.4, 0.7)
     axis, far = int(rng.integers(2)), rng.integers(2)
     place, size = list(center), [0.0, 0.0]

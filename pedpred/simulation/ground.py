@@ -1,4 +1,4 @@
-"""What a walker feels of the obstacles: the signed distance to them and the way out, per cell."""
+"""Signed distance to the obstacles and its gradient, per cell."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from scipy import ndimage
 
 from pedpred.scenes import OccupancyMap
 
-_NOTHING_NEAR_M = 1e3  # distance where a map has no obstacle at all
+_NOTHING_NEAR_M = 1e3  # distance on a map without obstacles
 
 
 class Ground(NamedTuple):
-    """Obstacles of a place, sampled at cell centres, for bilinear lookup.
+    """Obstacles of a place, sampled at cell centres, for bilinear interpolation.
 
     Attributes:
         origin: outer corner of cell (0, 0), world frame, m. [2]
         resolution_m: side of a cell, m.
         occupied: blocked cells. [X, Y]
         distance: to the nearest obstacle, m; negative inside one. [X, Y]
-        away: gradient of `distance`: a unit vector, shorter midway between two obstacles. [X, Y, 2]
+        away: gradient of `distance`; a unit vector, shorter midway between two obstacles. [X, Y, 2]
     """
 
     origin: np.ndarray
@@ -31,10 +31,10 @@ class Ground(NamedTuple):
 
 
 def ground_of(occupancy: OccupancyMap, margin_cells: int = 0) -> Ground:
-    """Distances of a map, with some free cells added around it (outside a map is free)."""
+    """Compute the distances on a map, padded with free cells (ground outside a map is free)."""
     occupied = np.pad(occupancy.occupied, margin_cells)
     distance = signed_distance(occupied, occupancy.resolution_m)
-    # side by side in memory: a lookup in a large map waits for fewer cache lines
+    # adjacent in memory: a look-up in a large map touches fewer cache lines
     border = np.stack([distance, *np.gradient(distance, occupancy.resolution_m)], axis=-1)
     origin = occupancy.origin - margin_cells * occupancy.resolution_m
     return Ground(origin, float(occupancy.resolution_m), occupied, border[..., 0], border[..., 1:])
@@ -54,7 +54,7 @@ def signed_distance(occupied: np.ndarray, resolution_m: float) -> np.ndarray:
 
 
 def interpolate(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Bilinear lookup between cell centres; beyond the outermost centres their value holds.
+    """Interpolate bilinearly between cell centres, constant beyond the outermost ones.
 
     Args:
         values: one number per cell. [X, Y]

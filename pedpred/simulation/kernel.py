@@ -1,10 +1,9 @@
-"""The simulator's inner loop, compiled: a whole crowd, step by step.
+"""The compiled inner loop of the simulator.
 
-The forces are those of `forces.py` and `groups.py` (tests hold them together), but for pushes too weak
-to matter: who is beyond `interaction_range_m` is not looked at, and people are sorted into square cells of
-that side, so that a step costs O(N) at constant density. Everything that the machine code depends on
-arrives as an argument or lives in this file, so that numba's cache in `__pycache__` (ignored by git and
-DVC) cannot go stale.
+The forces are those of `forces.py` and of Moussaid et al. 2010 for groups; tests compare them with plain
+implementations. Repulsion from beyond `interaction_range_m` is neglected, and people are sorted into square
+cells of that side, so that a step costs O(N) at constant density. All inputs of the compiled code are
+arguments or constants of this file, so that numba's cache in `__pycache__` cannot become stale.
 """
 
 from __future__ import annotations
@@ -15,14 +14,12 @@ import numpy as np
 from numba import njit
 
 _SMALLEST_AXIS_M = 1e-3  # as in forces.py
-WEAKEST_PUSH_MPS2 = (
-    1e-3  # V0 / sigma exp(-b / sigma) below this is neglected; the noise is 300 times as strong
-)
+WEAKEST_PUSH_MPS2 = 1e-3  # weaker repulsion is neglected; the noise is 300 times as strong
 
 
 @njit(cache=True, nogil=True)
 def _corner(x, y, origin, resolution, shape_x, shape_y):
-    """Lower cell and weights of the bilinear lookup at (x, y); held constant beyond the centres."""
+    """Lower cell and weights of the bilinear interpolation at (x, y); constant beyond the centres."""
     u = min(max((x - origin[0]) / resolution - 0.5, 0.0), shape_x - 1.0)
     v = min(max((y - origin[1]) / resolution - 0.5, 0.0), shape_y - 1.0)
     i = min(int(u), max(shape_x - 2, 0))
@@ -59,7 +56,7 @@ def border(x, y, ground):
 
 @njit(cache=True, nogil=True)
 def way(x, y, goal, routes):
-    """Unit vector of the desired way to a goal; straight to it where the field has no answer."""
+    """Unit vector of the desired direction to a goal; straight to it where the field is 0."""
     shape = routes.direction.shape
     i, j, p, q = _corner(x, y, routes.origin, routes.resolution_m, shape[1], shape[2])
     field = routes.direction[goal]
@@ -71,10 +68,10 @@ def way(x, y, goal, routes):
 
 @njit(cache=True, nogil=True)
 def interaction_range_m(stride_m, forces):
-    """Distance beyond which nobody's push counts, when nobody's stride s is longer than `stride_m`.
+    """Distance beyond which repulsion is neglected if no stride s exceeds `stride_m`.
 
-    From |r| + |r - y| >= 2 |r| - s follows b >= sqrt(|r| (|r| - s)), so this is where that bound on b
-    reaches the axis of the weakest push.
+    |r| + |r - y| >= 2 |r| - s implies b >= sqrt(|r| (|r| - s)); the range is where this bound reaches the
+    b of the weakest repulsion.
     """
     strength = max(forces.pedestrian_strength / forces.pedestrian_range_m, WEAKEST_PUSH_MPS2)
     axis = forces.pedestrian_range_m * math.log(strength / WEAKEST_PUSH_MPS2)
@@ -83,9 +80,9 @@ def interaction_range_m(stride_m, forces):
 
 @njit(cache=True, nogil=True)
 def _cells(position, side):
-    """Square cells around the crowd: lower corner, side, first person of each, next one in the same.
+    """Square cells around the crowd: lower corner, side, first person of each, next person in the same.
 
-    Sides grow where people are few and far between, so that there are not many more cells than people.
+    The side grows if people are sparse, so that there are not many more cells than people.
     """
     low_x, low_y = position[:, 0].min(), position[:, 1].min()
     width, depth = position[:, 0].max() - low_x, position[:, 1].max() - low_y
@@ -116,7 +113,7 @@ def _push(r_x, r_y, y_x, y_y, e_x, e_y, forces):
 
 @njit(cache=True, nogil=True)
 def _pedestrians(n, position, stride, direction, range_m, cells, forces):
-    """Sum of the pushes on pedestrian n of everybody within a range."""
+    """Sum of the repulsions on pedestrian n by all within a range."""
     low_x, low_y, side, first, following = cells
     total_x, total_y = 0.0, 0.0
     i, j = int((position[n, 0] - low_x) / side), int((position[n, 1] - low_y) / side)
@@ -136,7 +133,7 @@ def _pedestrians(n, position, stride, direction, range_m, cells, forces):
 
 @njit(cache=True, nogil=True)
 def accelerations(position, velocity, direction, desired_speed, ground, forces, out):
-    """`forces.social_acceleration` of a crowd (N > 0) on some ground, to `out`. [N, 2] m/s^2."""
+    """Write `forces.social_acceleration` of a crowd (N > 0) to `out`. [N, 2] m/s^2."""
     stride, longest = np.empty_like(position), 0.0
     for n in range(len(position)):
         length = math.sqrt(velocity[n, 0] ** 2 + velocity[n, 1] ** 2) * forces.anticipation_s
@@ -156,7 +153,7 @@ def accelerations(position, velocity, direction, desired_speed, ground, forces, 
 
 @njit(cache=True, nogil=True)
 def accompany(n, position, velocity, direction, group, forces):
-    """`groups.group_acceleration` of pedestrian n, m/s^2."""
+    """Group force on pedestrian n (Moussaid et al. 2010), m/s^2."""
     others, sum_x, sum_y, push_x, push_y = 0, 0.0, 0.0, 0.0, 0.0
     for m in range(len(position)):
         if m != n and group[m] == group[n]:
@@ -187,7 +184,7 @@ def _blocked(x, y, ground):
 
 @njit(cache=True, nogil=True)
 def _move(n, position, velocity, dt, ground):
-    """Take the step, or the part of it along x or y that enters no obstacle; velocity follows."""
+    """Take the step, or its component along x or y that enters no obstacle; adapt the velocity."""
     x, y = position[n, 0], position[n, 1]
     next_x, next_y = x + velocity[n, 0] * dt, y + velocity[n, 1] * dt
     if _blocked(next_x, next_y, ground) and not _blocked(x, y, ground):
@@ -203,7 +200,7 @@ def _move(n, position, velocity, dt, ground):
 
 @njit(cache=True, nogil=True)
 def _heading(n, crowd, routes, reach_m):
-    """Desired direction of pedestrian n, after going over to the next target if one is reached."""
+    """Switch to the next target if the current one is reached; return the desired direction of n."""
     x, y = crowd.position[n, 0], crowd.position[n, 1]
     plan, leg = crowd.plan[n], crowd.leg[n]
     if leg + 1 < len(plan) and plan[leg + 1] >= 0:
@@ -216,7 +213,7 @@ def _heading(n, crowd, routes, reach_m):
 
 @njit(cache=True, nogil=True)
 def advance(crowd, noise, clock, ground, routes, forces, reach_m):
-    """Walk a crowd over the clock's steps; its position, velocity and leg are changed in place.
+    """Simulate a crowd; its position, velocity and leg are changed in place.
 
     Semi-implicit Euler: v += a dt, capped at `speed_cap` v0, then x += v dt.
 
@@ -227,7 +224,7 @@ def advance(crowd, noise, clock, ground, routes, forces, reach_m):
         ground: `Ground`.
         routes: `Routes`.
         forces: `ForceSettings`.
-        reach_m: a target is reached at this distance; around the last one of their plan people stay.
+        reach_m: a target is reached at this distance; people stay around the last one of their plan.
 
     Returns:
         Positions [R, N, 2], velocities [R, N, 2] and legs [R, N] after each `clock.every` steps.

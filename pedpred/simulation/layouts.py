@@ -1,4 +1,4 @@
-"""Layouts: rooms drawn as shapes in metres, and their occupancy maps."""
+"""Layouts: rooms described by shapes in metres, and their occupancy maps."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import ConfigError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap
-from pedpred.simulation.fields import built, positive
+from pedpred.simulation.fields import parsed, positive
 from pedpred.simulation.shapes import Shape, kind_of, shape_from
 
 RESOLUTION_M = 0.1
@@ -20,12 +20,12 @@ _LARGEST_SIDE_M = 200.0
 
 @dataclass(frozen=True)
 class Layout:
-    """A walled room and what stands in it.
+    """A walled room with obstacles.
 
     Attributes:
         size_m: free width and depth between the outer walls; (0, 0) is the room's lower left corner. [2]
         shapes: obstacles.
-        target_regions: shapes that people walk between; empty = anywhere.
+        target_regions: people walk between these shapes; empty: between points all over the room.
     """
 
     size_m: Sequence[float]
@@ -35,11 +35,11 @@ class Layout:
     def __post_init__(self) -> None:
         sides = positive("size_m", self.size_m, (2,))
         if not (sides >= RESOLUTION_M).all() or not (sides <= _LARGEST_SIDE_M).all():
-            rule = f"each side must have {RESOLUTION_M} to {_LARGEST_SIDE_M} m"
+            rule = f"each side must measure {RESOLUTION_M} to {_LARGEST_SIDE_M} m"
             raise ValueRuleError("size_m", self.size_m, rule)
 
     def occupancy(self) -> OccupancyMap:
-        """The map: outer walls all round, then every cell whose centre lies inside a shape."""
+        """The map: outer walls, and every cell whose centre lies inside a shape."""
         room = self.empty()
         occupied = room.occupied.copy()
         for shape in self.shapes:
@@ -47,14 +47,14 @@ class Layout:
         return OccupancyMap(occupied, room.origin, room.resolution_m)
 
     def empty(self) -> OccupancyMap:
-        """The map of the outer walls alone."""
+        """The map with the outer walls only."""
         cells = np.round(np.array(self.size_m) / RESOLUTION_M).astype(int)
         walls = np.pad(np.zeros(cells, dtype=bool), WALL_CELLS, constant_values=True)
         return OccupancyMap(walls, np.full(2, -WALL_CELLS * RESOLUTION_M), RESOLUTION_M)
 
 
 def covered(shape: Shape, room: OccupancyMap) -> np.ndarray:
-    """Cells of a map whose centres lie inside a shape; only those around it are looked at. [X, Y] bool."""
+    """Cells of a map whose centres lie inside a shape. [X, Y] bool."""
     cells = np.zeros(room.occupied.shape, dtype=bool)
     (left, low), (right, high) = room.cell_of(shape.bounds()).clip(0, np.array(cells.shape) - 1)
     around = np.mgrid[left : right + 1, low : high + 1]
@@ -62,21 +62,21 @@ def covered(shape: Shape, room: OccupancyMap) -> np.ndarray:
     return cells
 
 
-def layout_from(plain: Any, key: str) -> Layout:
-    """A layout from plain dictionaries, as in `conf/layouts`.
+def layout_from(plain: Any, path: str) -> Layout:
+    """Parse a layout, as in `conf/layouts`.
 
     Args:
         plain: `size_m`, optional `shapes` and `target_regions`.
-        key: where it stands in the configuration, for the errors.
+        path: of the layout, for errors.
 
     Raises:
-        ConfigError: a field is unknown, missing or breaks its rule, or a shape covers nothing of the room.
+        ValueRuleError: a field is unknown, missing or breaks its rule, or a shape covers no cell of the room.
     """
-    layout: Layout = built(Layout, plain, key)
+    layout: Layout = parsed(Layout, plain, path)
     room = layout.empty()
     for name in ("shapes", "target_regions"):
         for n, shape in enumerate(getattr(layout, name)):
             if not (covered(shape, room) & ~room.occupied).any():
                 rule = f"it covers no {RESOLUTION_M} m cell between (0, 0) and {tuple(layout.size_m)}"
-                raise ConfigError(f"{key}.{name}[{n}].{kind_of(shape)}", shape, rule)
+                raise ValueRuleError(f"{path}.{name}[{n}].{kind_of(shape)}", shape, rule)
     return layout

@@ -1,4 +1,4 @@
-"""Free places on a map: where people can stand and where they may want to go."""
+"""Free places on a map: starting positions and targets."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from pedpred.errors import ConfigError
+from pedpred.errors import ValueRuleError
 from pedpred.simulation.ground import Ground
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.settings import CrowdSettings
@@ -15,11 +15,11 @@ from pedpred.simulation.settings import CrowdSettings
 
 @dataclass(frozen=True)
 class TargetPool:
-    """Where people want to go.
+    """Targets of the people in a room.
 
     Attributes:
         position: world frame, m. [G, 2]
-        region: a target is followed by one of another region. [G]
+        region: of each target; successive targets lie in different regions. [G]
     """
 
     position: np.ndarray
@@ -27,12 +27,12 @@ class TargetPool:
 
 
 def walkable(distance: np.ndarray, clearance_m: float) -> np.ndarray:
-    """The largest connected part of the cells with some clearance. [X, Y] bool."""
+    """Largest connected part of the cells with some clearance. [X, Y] bool."""
     return largest_part(distance >= clearance_m)
 
 
 def largest_part(cells: np.ndarray) -> np.ndarray:
-    """The largest connected part of some cells ([X, Y] bool); none of none. [X, Y] bool."""
+    """Largest connected part of a mask [X, Y]; empty if the mask is. [X, Y] bool."""
     labels, count = ndimage.label(cells)
     if count == 0:
         return np.zeros(cells.shape, dtype=bool)
@@ -47,7 +47,7 @@ def open_cells(ground: Ground, clearance_m: float) -> np.ndarray:
 
 
 def scattered(candidates: np.ndarray, count: int, spacing_m: float, rng: np.random.Generator) -> np.ndarray:
-    """Up to `count` of the candidate points (m, [C, 2]) at random, none closer than `spacing_m`."""
+    """Choose up to `count` of the points (m, [C, 2]) at random, at least `spacing_m` apart."""
     chosen = np.empty((0, 2))
     for point in rng.permutation(candidates):
         if len(chosen) == count:
@@ -60,10 +60,10 @@ def scattered(candidates: np.ndarray, count: int, spacing_m: float, rng: np.rand
 def drawn_targets(
     layout: Layout, ground: Ground, settings: CrowdSettings, rng: np.random.Generator
 ) -> TargetPool:
-    """A layout's pool of targets: from its target regions, or from all over it.
+    """Draw a layout's pool of targets: from its target regions, or from the whole room.
 
     Raises:
-        ConfigError: the layout or one of its target regions has no walkable ground.
+        ValueRuleError: the layout or one of its target regions has no walkable ground.
     """
     cells = open_cells(ground, settings.clearance_m)
     regions = [region.covers(cells) for region in layout.target_regions]
@@ -72,7 +72,7 @@ def drawn_targets(
         count = -(-settings.targets // max(len(regions), 1))
         drawn.append(scattered(cells[mask], count, settings.target_spacing_m, rng))
         if not len(drawn[-1]):
-            raise ConfigError(f"target_regions[{index}]", len(cells), "there is no walkable ground in it")
+            raise ValueRuleError(f"target_regions[{index}]", len(cells), "it has no walkable ground")
     position = np.concatenate(drawn)
     region = np.repeat(np.arange(len(drawn)), [len(part) for part in drawn])
     return TargetPool(position, region if regions else np.arange(len(position)))

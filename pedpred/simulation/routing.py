@@ -1,4 +1,4 @@
-"""Ways around obstacles: per target, the direction of least travel time (fast marching)."""
+"""Routes around obstacles: per target, the direction of least travel time (fast marching)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import skfmm
 from scipy import ndimage
 
 from pedpred.errors import ValueRuleError
+from pedpred.simulation.fields import check_ranges
 from pedpred.simulation.ground import Ground, interpolate
 
-_SOURCE_RADIUS = 1.25  # the wave starts from a disc around the target, in routing cells
-_NO_WAY = 1e-9  # a shorter direction is none
+_SOURCE_RADIUS = 1.25  # of the disc around the target that the wave starts from, in routing cells
+_NO_WAY = 1e-9  # shorter direction vectors count as zero
 
 
 @dataclass(frozen=True)
@@ -21,11 +22,11 @@ class RoutingSettings:
     """How routes trade length against clearance.
 
     Attributes:
-        resolution_m: side of a routing cell; the map's own cells may be finer.
-        narrow_m: routes keep this clearance; the border force hardly lets anyone through less.
-        comfortable_m: from this clearance on, walking costs no more than in the open.
-        slowest: share of the full speed that routes count on at `narrow_m`. Much below 1 it would
-            bend the directions across narrow passages instead of along them.
+        resolution_m: side of a routing cell; the map's cells may be finer.
+        narrow_m: least clearance of a route; the border force keeps people out of narrower gaps.
+        comfortable_m: clearance above which walking costs no more than on open ground.
+        slowest: assumed share of the full speed at `narrow_m`. Values far below 1 bend the directions
+            across narrow passages instead of along them.
     """
 
     resolution_m: float
@@ -34,22 +35,20 @@ class RoutingSettings:
     slowest: float
 
     def __post_init__(self) -> None:
-        if not self.resolution_m > 0:
-            raise ValueRuleError("routing.resolution_m", self.resolution_m, "it must be positive")
-        if not 0 < self.narrow_m < self.comfortable_m:
-            raise ValueRuleError("routing.narrow_m", self.narrow_m, "it must lie between 0 and comfortable_m")
-        if not 0 < self.slowest <= 1:
-            raise ValueRuleError("routing.slowest", self.slowest, "it must lie in (0, 1]")
+        check_ranges(self, {"slowest": "(0, 1]", "comfortable_m": "(0, inf)"})
+        check_ranges(self, {"resolution_m": "(0, inf)", "narrow_m": "(0, inf)"})
+        if not self.narrow_m < self.comfortable_m:
+            raise ValueRuleError("narrow_m", self.narrow_m, "it must be less than comfortable_m")
 
 
 class Routes(NamedTuple):
-    """Desired walking directions to some targets, for bilinear lookup.
+    """Desired walking directions to some targets, for bilinear interpolation.
 
     Attributes:
-        target: where the routes end, world frame, m. [G, 2]
+        target: end of the routes, world frame, m. [G, 2]
         origin: outer corner of routing cell (0, 0), world frame, m. [2]
         resolution_m: side of a routing cell, m.
-        direction: unit vector at cell centres; 0 where no way leads to the target. [G, X, Y, 2]
+        direction: unit vector at cell centres; 0 where the target cannot be reached. [G, X, Y, 2]
     """
 
     target: np.ndarray
@@ -59,9 +58,9 @@ class Routes(NamedTuple):
 
 
 def routes_to(targets: np.ndarray, ground: Ground, settings: RoutingSettings) -> Routes:
-    """Direction fields to all targets.
+    """Compute the direction fields to all targets.
 
-    A target on blocked ground is moved to the nearest open routing cell, so it can be approached.
+    A target on blocked ground is moved to the nearest open routing cell.
 
     Args:
         targets: world frame, m. [G, 2]
@@ -86,9 +85,9 @@ def routes_to(targets: np.ndarray, ground: Ground, settings: RoutingSettings) ->
 
 
 def directions_at(points: np.ndarray, routes: Routes) -> np.ndarray:
-    """Desired direction from some points to every target, between cell centres bilinear.
+    """Desired direction from some points to every target, by bilinear interpolation.
 
-    Straight to the target where the field has no answer, as the kernel's lookup does.
+    Where the field is 0 the direction is straight to the target, as in the kernel.
 
     Args:
         points: world frame, m. [M, 2]
@@ -127,16 +126,16 @@ def walking_speed(clearance: np.ndarray, settings: RoutingSettings) -> np.ndarra
 def travel_time(
     target: np.ndarray, blocked: np.ndarray, speed: np.ndarray, resolution_m: float
 ) -> np.ndarray:
-    """Eikonal equation |grad T| speed = 1 with T = 0 around the target; inf where no way leads.
+    """Eikonal equation |grad T| speed = 1 with T = 0 around the target; inf where it cannot be reached.
 
     Args:
         target: relative to the grid's corner, m. [2]
-        blocked: cells that the wave does not enter. [X, Y]
+        blocked: impassable cells. [X, Y]
         speed: share of the full speed. [X, Y]
         resolution_m: side of a cell, m.
 
     Returns:
-        Time for a walker of 1 m/s, s. Negative inside the disc that the wave starts from. [X, Y]
+        Time at 1 m/s, s. Negative inside the disc that the wave starts from. [X, Y]
     """
     centers = (np.moveaxis(np.indices(blocked.shape), 0, -1) + 0.5) * resolution_m
     apart = np.linalg.norm(centers - target, axis=-1) - _SOURCE_RADIUS * resolution_m
@@ -164,5 +163,5 @@ def descent(time: np.ndarray) -> np.ndarray:
 def _nearest_open(blocked: np.ndarray) -> np.ndarray:
     """For each cell the indices of the nearest cell that is not blocked. [2, X, Y]."""
     if blocked.all():
-        raise ValueRuleError("occupancy", "every cell", "people need some free ground")
+        raise ValueRuleError("occupancy", "every cell", "some ground must be free")
     return ndimage.distance_transform_edt(blocked, return_distances=False, return_indices=True)

@@ -1,4 +1,4 @@
-"""What a sensor makes of people who are really there: fewer, noisier and confused detections."""
+"""Sensor faults: missed and noisy detections, and swapped ids."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene, Trajectories
+from pedpred.simulation.fields import check_ranges
 
 
 @dataclass(frozen=True)
@@ -16,12 +16,12 @@ class SensorSettings:
     """Faults of a sensor; the defaults are a perfect one.
 
     Attributes:
-        every: only each so many-th instant is seen.
+        every: only every n-th instant is detected.
         position_noise_m: standard deviation of a coordinate, m.
         quantum_m: coordinates are rounded to multiples of this; 0 = not at all, m.
-        drop_out_share: share of the detections that are missing.
-        switch_share: share of the instants at which two people who are each other's nearest and within
-            `switch_range_m` swap their ids for good.
+        drop_out_share: share of missing detections.
+        switch_share: share of the instants at which pairs of mutual nearest neighbours within
+            `switch_range_m` swap their ids permanently.
         switch_range_m: m.
         seed: of the faults.
     """
@@ -35,23 +35,18 @@ class SensorSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.every < 1 or int(self.every) != self.every:
-            raise ValueRuleError("sensor.every", self.every, "it must be a whole number above 0")
-        for name in ("position_noise_m", "quantum_m", "switch_range_m"):
-            if not getattr(self, name) >= 0:
-                raise ValueRuleError(f"sensor.{name}", getattr(self, name), "it must not be negative")
-        for name in ("drop_out_share", "switch_share"):
-            if not 0 <= getattr(self, name) < 1:
-                raise ValueRuleError(f"sensor.{name}", getattr(self, name), "it must lie in [0, 1)")
+        check_ranges(self, {"every": "[1, inf)", "drop_out_share": "[0, 1)", "switch_share": "[0, 1)"})
+        names = ("position_noise_m", "quantum_m", "switch_range_m", "seed")
+        check_ranges(self, dict.fromkeys(names, "[0, inf)"))
 
 
 def apply_sensor(scene: Scene, settings: SensorSettings, rng: np.random.Generator) -> Scene:
-    """The scene as a sensor reports it; only `person_id` still knows who was who.
+    """Replace the detections of a scene by those of a faulty sensor; `person_id` keeps the true identity.
 
-    Velocities, goals and groups are not measured.
+    Velocities, goals and groups are dropped.
 
     Args:
-        scene: what really happened.
+        scene: true positions.
         settings: the faults.
         rng: source of all randomness; derive it from (seed, scene).
     """
@@ -72,7 +67,7 @@ def apply_sensor(scene: Scene, settings: SensorSettings, rng: np.random.Generato
 def _confused(
     trajectories: Trajectories, starts: np.ndarray, settings: SensorSettings, rng: np.random.Generator
 ) -> np.ndarray:
-    """Ids after all swaps up to each instant. [M]."""
+    """Track ids after all swaps up to each instant. [M]."""
     names, person = np.unique(trajectories.track_id, return_inverse=True)
     called, track_id = names.copy(), np.empty_like(trajectories.track_id)
     for first, last in pairwise(starts):
@@ -85,7 +80,7 @@ def _confused(
 
 
 def _close_pairs(position: np.ndarray, range_m: float) -> list[tuple[int, int]]:
-    """Pairs who are each other's nearest and not farther apart than `range_m`."""
+    """Pairs of mutual nearest neighbours at most `range_m` apart."""
     if len(position) < 2:
         return []
     apart = np.linalg.norm(position[:, None] - position[None], axis=-1)

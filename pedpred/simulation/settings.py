@@ -1,38 +1,38 @@
-"""The configuration group `social_force` as checked values."""
+"""Settings of the simulator: the walking model, its crowd and clock, and simulated data sets."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
+from functools import partial
 from typing import Any
 
-from pedpred.errors import ConfigError
-from pedpred.simulation.forces import ForceSettings
+from pedpred.errors import ValueRuleError
+from pedpred.simulation.fields import Range, check_ranges, parsed
+from pedpred.simulation.forces import FORCE_RANGES, ForceSettings
 from pedpred.simulation.routing import RoutingSettings
-
-LARGEST_STEP_S = 0.1  # beyond it the border force (R = 0.2 m) is stepped over
 
 
 @dataclass(frozen=True)
 class CrowdSettings:
-    """Who walks, and where to.
+    """Desired speeds, targets and distances of a crowd.
 
     Attributes:
         mean_speed_mps: mean of the desired speeds.
         speed_deviation_mps: their standard deviation.
-        speed_range_mps: speeds outside are drawn again. (least, most)
-        targets: size of an arrangement's pool of targets.
+        speed_range_mps: speeds outside are drawn again; contains the mean.
+        targets: size of a room's pool of targets.
         target_spacing_m: least distance between two targets.
-        least_leg_m: distance between a target and the next one (less only where none is farther).
-        reach_m: a target counts as reached at this distance.
+        least_leg_m: least distance between successive targets (less only where none is farther).
+        reach_m: distance at which a target counts as reached.
         clearance_m: free ground around targets and starting positions.
         spacing_m: least distance between two starting positions.
     """
 
     mean_speed_mps: float
     speed_deviation_mps: float
-    speed_range_mps: tuple[float, float]
+    speed_range_mps: Range
     targets: int
     target_spacing_m: float
     least_leg_m: float
@@ -40,17 +40,25 @@ class CrowdSettings:
     clearance_m: float
     spacing_m: float
 
+    def __post_init__(self) -> None:
+        names = ("mean_speed_mps", "speed_deviation_mps", "speed_range_mps", "reach_m")
+        check_ranges(self, dict.fromkeys(names, "(0, inf)"))
+        names = ("target_spacing_m", "least_leg_m", "clearance_m", "spacing_m")
+        check_ranges(self, dict.fromkeys(names, "[0, inf)") | {"targets": "[2, inf)"})
+        if not self.speed_range_mps[0] <= self.mean_speed_mps <= self.speed_range_mps[1]:
+            raise ValueRuleError("speed_range_mps", self.speed_range_mps, "it must contain mean_speed_mps")
+
 
 @dataclass(frozen=True)
 class ClockSettings:
     """Time steps.
 
     Attributes:
-        step_s: integration step, at most 0.1; a test bounds what halving it changes.
-        record_s: time between two recorded states.
+        step_s: integration step; above 0.1 s people step over the border force (R = 0.2 m).
+        record_s: time between two recorded states; a multiple of `step_s`.
         warm_up_s: discarded at the start.
         noise_mps2: sigma of the random acceleration.
-        noise_hold_s: how long one random acceleration lasts.
+        noise_hold_s: duration of one random acceleration; a multiple of `step_s`.
     """
 
     step_s: float
@@ -60,56 +68,86 @@ class ClockSettings:
     noise_hold_s: float
 
     def __post_init__(self) -> None:
-        if not 0 < self.step_s <= LARGEST_STEP_S:
-            raise ConfigError(
-                "social_force.clock.step_s", self.step_s, f"it must lie in (0, {LARGEST_STEP_S}] s"
-            )
+        check_ranges(self, {"step_s": "(0, 0.1]", "warm_up_s": "[0, inf)", "noise_mps2": "[0, inf)"})
+        check_ranges(self, {"record_s": "(0, inf)", "noise_hold_s": "(0, inf)"})
         for name in ("record_s", "noise_hold_s"):
             value = getattr(self, name)
-            if abs(value / self.step_s - round(value / self.step_s)) > 1e-6:
-                raise ConfigError(
-                    f"social_force.clock.{name}", value, f"make it a multiple of step_s = {self.step_s}"
-                )
+            if round(value / self.step_s) < 1 or abs(value / self.step_s - round(value / self.step_s)) > 1e-6:
+                raise ValueRuleError(name, value, f"it must be a multiple of step_s = {self.step_s}")
+
+
+def _forces(plain: Any, path: str) -> ForceSettings:
+    """Parse the constants of the model; the field of sight is given as an angle."""
+    known = [name.replace("sight_cosine", "sight_half_angle_deg") for name in ForceSettings._fields]
+    if not isinstance(plain, Mapping) or sorted(plain) != sorted(known):
+        wrong = sorted(set(plain) ^ set(known)) if isinstance(plain, Mapping) else plain
+        raise ValueRuleError(path, wrong, f"its fields are {', '.join(known)}")
+    values = {n: float(v) if type(v) is int else v for n, v in plain.items() if n != "sight_half_angle_deg"}
+    angle = plain["sight_half_angle_deg"]
+    if isinstance(angle, bool) or not isinstance(angle, (int, float)) or not 0 <= angle <= 180:
+        raise ValueRuleError(f"{path}.sight_half_angle_deg", angle, "it must be a number in [0, 180]")
+    return ForceSettings(**values, sight_cosine=math.cos(math.radians(angle)))
 
 
 @dataclass(frozen=True)
 class SocialForceSettings:
-    """Everything that the simulator and the social-force forecaster are told."""
+    """Parameters of the simulator and of the social-force forecasters."""
 
-    forces: ForceSettings
-    routing: RoutingSettings
-    crowd: CrowdSettings
-    clock: ClockSettings
+    forces: ForceSettings = field(metadata={"parse": _forces})
+    routing: RoutingSettings = field(metadata={"parse": partial(parsed, RoutingSettings)})
+    crowd: CrowdSettings = field(metadata={"parse": partial(parsed, CrowdSettings)})
+    clock: ClockSettings = field(metadata={"parse": partial(parsed, ClockSettings)})
+
+    def __post_init__(self) -> None:
+        try:
+            check_ranges(self.forces, FORCE_RANGES)
+        except ValueRuleError as cause:
+            raise ValueRuleError(f"forces.{cause.field}", cause.value, cause.rule) from cause
 
 
-def social_force_settings(cfg: Mapping[str, Any]) -> SocialForceSettings:
-    """Read the group `social_force`.
+def social_force_settings(plain: Mapping[str, Any]) -> SocialForceSettings:
+    """Parse `forces`, `routing`, `crowd` and `clock`.
 
     Raises:
-        ConfigError: a key is missing or unknown, or a value breaks its rule.
+        ValueRuleError: a field is missing or unknown, or breaks its rule.
     """
-    forces = dict(_block(cfg, "forces"))
-    angle = forces.pop("sight_half_angle_deg", None)
-    if angle is not None:
-        forces["sight_cosine"] = math.cos(math.radians(angle))
-    crowd = dict(_block(cfg, "crowd"))
-    crowd["speed_range_mps"] = tuple(crowd.get("speed_range_mps", ()))
-    return SocialForceSettings(
-        _build(ForceSettings, "forces", {name: float(value) for name, value in forces.items()}),
-        _build(RoutingSettings, "routing", dict(_block(cfg, "routing"))),
-        _build(CrowdSettings, "crowd", crowd),
-        _build(ClockSettings, "clock", dict(_block(cfg, "clock"))),
-    )
+    return parsed(SocialForceSettings, plain)
 
 
-def _block(cfg: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    if name not in cfg:
-        raise ConfigError(f"social_force.{name}", None, "it is missing")
-    return cfg[name]
+@dataclass(frozen=True)
+class SimulationSettings:
+    """A simulated data set.
 
+    Attributes:
+        drawn: names of layouts.
+        generated: number of random rooms.
+        pedestrians: per room.
+        hours: recorded time, shared equally among the rooms.
+        seed: fixes, together with a room's name, all random numbers of that room.
+    """
 
-def _build(kind: type, name: str, values: dict[str, Any]) -> Any:
-    try:
-        return kind(**values)
-    except TypeError as cause:
-        raise ConfigError(f"social_force.{name}", values, str(cause)) from cause
+    drawn: tuple[str, ...]
+    generated: int
+    pedestrians: int
+    hours: float
+    seed: int
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"generated": "[0, inf)", "pedestrians": "[1, inf)", "hours": "(0, inf)"})
+        check_ranges(self, {"seed": "[0, inf)"})
+        names = self.rooms
+        if not names:
+            raise ValueRuleError("drawn", self.drawn, "name a layout or set 'generated' above 0")
+        if len(set(names)) < len(names):
+            raise ValueRuleError("drawn", self.drawn, "the names of rooms must differ")
+
+    @classmethod
+    def parse(cls, row: Mapping[str, Any]) -> SimulationSettings:
+        """Parse a row of the configuration; its other fields (tracker, sensor, ...) are for other users."""
+        own = {name: row[name] for name in (f.name for f in fields(cls)) if name in row}
+        return parsed(cls, own)
+
+    @property
+    def rooms(self) -> list[str]:
+        """Names of all rooms."""
+        return [*self.drawn, *(f"room{index:03d}" for index in range(self.generated))]

@@ -1,4 +1,4 @@
-"""Obstacle shapes: each answers which points lie inside it. Metres and degrees, world frame."""
+"""Obstacle shapes, as point-membership tests. Metres and degrees, world frame."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pedpred.errors import ConfigError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.geometry import rotate
-from pedpred.simulation.fields import built, finite, positive
+from pedpred.simulation.fields import finite, parsed, positive
 
 Point = Sequence[float]
 
 
 class Shape(Protocol):
-    """What every shape can tell."""
+    """Interface of every shape."""
 
     def covers(self, points: np.ndarray) -> np.ndarray:
-        """Points (m, [..., 2]) inside the shape. [...] bool."""
+        """Whether points (m, [..., 2]) lie inside the shape. [...] bool."""
         ...
 
     def bounds(self) -> np.ndarray:
-        """Lower left and upper right corner of an upright box that holds the shape, m. [2, 2]."""
+        """Lower left and upper right corner of an axis-aligned box around the shape, m. [2, 2]."""
         ...
 
 
 @dataclass(frozen=True)
 class Rectangle:
-    """A rectangle turned counter-clockwise about its centre."""
+    """A rectangle rotated counter-clockwise about its centre."""
 
     center: Point
     size_m: Point
@@ -75,14 +75,14 @@ class Circle:
 
 @dataclass(frozen=True)
 class Polygon:
-    """What a closed line encloses that does not cross itself; its corners in order, [K, 2]."""
+    """A simple polygon given by its corners in order, [K, 2]."""
 
     corners: Sequence[Point]
 
     def __post_init__(self) -> None:
         corners = finite("corners", self.corners, (None, 2))
         if len(corners) < 3:
-            raise ValueRuleError("corners", self.corners, "three at least are needed")
+            raise ValueRuleError("corners", self.corners, "at least three corners are needed")
         if _crosses_itself(corners):
             raise ValueRuleError("corners", self.corners, "its edges must not cross or touch each other")
 
@@ -105,7 +105,7 @@ class Polygon:
 
 @dataclass(frozen=True)
 class Door:
-    """An opening in a wall: its centre's distance from the wall's start, and its width."""
+    """An opening in a wall: distance of its centre from the start of the wall, and its width."""
 
     at_m: float
     width_m: float
@@ -116,18 +116,18 @@ class Door:
 
     @property
     def sides_m(self) -> tuple[float, float]:
-        """Where it begins and ends, counted from the wall's start."""
+        """Distances of its two sides from the start of the wall."""
         return self.at_m - 0.5 * self.width_m, self.at_m + 0.5 * self.width_m
 
 
 @dataclass(frozen=True)
 class Wall:
-    """All within half a thickness of the segment from `start` to `end`, except where doors are."""
+    """All points within half a thickness of the segment from `start` to `end`, except in doors."""
 
     start: Point
     end: Point
     thickness_m: float
-    doors: Sequence[Door] = field(default=(), metadata={"each": partial(built, Door)})
+    doors: Sequence[Door] = field(default=(), metadata={"each": partial(parsed, Door)})
 
     def __post_init__(self) -> None:
         finite("start", self.start, (2,))
@@ -135,7 +135,7 @@ class Wall:
         positive("thickness_m", self.thickness_m)
         length = float(np.linalg.norm(np.subtract(self.end, self.start)))
         if not length > 0:
-            raise ValueRuleError("end", self.end, "it must not be where the wall starts")
+            raise ValueRuleError("end", self.end, "it must differ from the start of the wall")
         before = 0.0
         for n, door in sorted(enumerate(self.doors), key=lambda numbered: numbered[1].at_m):
             left, right = door.sides_m
@@ -146,7 +146,7 @@ class Wall:
             before = right
 
     def covers(self, points: np.ndarray) -> np.ndarray:
-        """See `Shape`; the wall's ends are round, its doors are cut straight."""
+        """See `Shape`; ends are round, doors have straight sides."""
         first = np.asarray(self.start, dtype=np.float64)
         along = np.asarray(self.end, dtype=np.float64) - first
         share = ((points - first) @ along) / float(along @ along)
@@ -165,35 +165,35 @@ class Wall:
 SHAPES: dict[str, type] = {"rectangle": Rectangle, "circle": Circle, "polygon": Polygon, "wall": Wall}
 
 
-def shape_from(plain: Any, key: str) -> Shape:
-    """A shape written as `{kind: {field: value, ...}}`.
+def shape_from(plain: Any, path: str) -> Shape:
+    """Parse a shape written as `{kind: {field: value, ...}}`.
 
     Args:
         plain: one kind of `SHAPES` and its fields.
-        key: where the shape stands in the configuration, for the error.
+        path: of the shape, for errors.
 
     Raises:
-        ConfigError: unknown kind, unknown or missing field, value that breaks its rule.
+        ValueRuleError: unknown kind, unknown or missing field, or a value that breaks its rule.
     """
     kinds = list(plain) if isinstance(plain, Mapping) else []
     if len(kinds) != 1 or kinds[0] not in SHAPES:
-        raise ConfigError(key, plain, f"write one of {', '.join(SHAPES)} with its fields")
-    return built(SHAPES[kinds[0]], plain[kinds[0]], f"{key}.{kinds[0]}")
+        raise ValueRuleError(path, plain, f"write one of {', '.join(SHAPES)} with its fields")
+    return parsed(SHAPES[kinds[0]], plain[kinds[0]], f"{path}.{kinds[0]}")
 
 
 def kind_of(shape: Shape) -> str:
-    """The name under which `SHAPES` has it."""
+    """Key of a shape in `SHAPES`."""
     return next(kind for kind, known in SHAPES.items() if type(shape) is known)
 
 
 def _box(points: Sequence[Point], margin_m: float) -> np.ndarray:
-    """An upright box around points, with a margin. [2, 2]."""
+    """An axis-aligned box around points, with a margin. [2, 2]."""
     ends = np.asarray(points, dtype=np.float64)
     return np.stack([ends.min(axis=0) - margin_m, ends.max(axis=0) + margin_m])
 
 
 def _crosses_itself(corners: np.ndarray) -> bool:
-    """Whether two edges of a polygon (corners [K, 2]) meet that are no neighbours."""
+    """Whether two edges of a polygon (corners [K, 2]) that are not adjacent meet."""
     after = np.roll(corners, -1, axis=0)
     a, b, c, d = corners[:, None], after[:, None], corners[None], after[None]
 

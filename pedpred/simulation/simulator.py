@@ -1,10 +1,10 @@
-"""From a map and a pool of targets to a `Scene`, and from a known crowd to its future."""
+"""Simulation of a scene from a map and targets, and noise-free rollouts of a known crowd."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from pedpred.errors import ConfigError
+from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.crowd import Clock, Crowd, crowd_of
 from pedpred.simulation.ground import Ground, ground_of
@@ -25,19 +25,19 @@ def simulate(
     duration_s: float,
     rng: np.random.Generator,
 ) -> Scene:
-    """Let people walk between targets and record them, with the truth about each.
+    """Simulate people who walk between targets; record true states, goals and desired speeds.
 
-    Noise: each component of the acceleration gets a Gaussian number of deviation `noise_mps2` that
-    is held for `noise_hold_s` and then drawn anew. In the limit of short holds this is white noise
-    of density sigma^2 * hold, so the spread of a path is fixed by these two numbers and does not
-    depend on the integration step (Helbing & Molnar 1995, eq. 9, leave the time scale open).
+    Noise: a Gaussian number of deviation `noise_mps2` is added to each component of the acceleration,
+    held for `noise_hold_s` and then drawn again. For short holds this approaches white noise of
+    density sigma^2 * hold, so the spread of a path does not depend on the integration step
+    (Helbing & Molnar 1995, eq. 9, leave the time scale open).
 
     Args:
         name: of the scene.
         occupancy: closed map of the obstacles.
-        targets: pool that all goals are drawn from.
+        targets: all goals are drawn from this pool.
         settings: model, routing, crowd and clock.
-        pedestrians: how many.
+        pedestrians: number of people.
         duration_s: recorded time, after the warm-up.
         rng: source of all randomness.
     """
@@ -80,14 +80,14 @@ def rollout(
     horizon_steps: int,
     dt_s: float,
 ) -> np.ndarray:
-    """The noise-free future of a crowd, all of them together; `crowd` itself is left as it is.
+    """Simulate the noise-free future of a crowd; `crowd` itself is not changed.
 
     Args:
         crowd: states and plans.
         ground: obstacles.
-        routes: ways to the targets of the plans.
+        routes: to the targets of the plans.
         settings: model and integration step (shortened so that it divides `dt_s`).
-        horizon_steps: how many positions per pedestrian.
+        horizon_steps: number of positions P per pedestrian.
         dt_s: time between them, s.
 
     Returns:
@@ -101,7 +101,7 @@ def rollout(
 
 
 def desired_speeds(count: int, settings: CrowdSettings, rng: np.random.Generator) -> np.ndarray:
-    """Truncated normal desired speeds, m/s. [N]."""
+    """Draw truncated normal desired speeds, m/s. [N]."""
     speeds = np.empty(0)
     least, most = settings.speed_range_mps
     while len(speeds) < count:
@@ -111,23 +111,23 @@ def desired_speeds(count: int, settings: CrowdSettings, rng: np.random.Generator
 
 
 def successors(position: np.ndarray, region: np.ndarray, least_leg_m: float) -> np.ndarray:
-    """Which target may follow which: of another region, and far enough (or the farthest there is).
+    """Which target may follow which: one of another region, far enough away (or the farthest).
 
     Args:
         position: of the targets, world frame, m. [G, 2]
         region: of the targets. [G]
-        least_leg_m: least distance between a target and the next.
+        least_leg_m: least distance between successive targets.
 
     Returns:
         True where the column's target may follow the row's. [G, G] bool
 
     Raises:
-        ConfigError: a target has none to follow it, for all are of one region.
+        ValueRuleError: all targets lie in one region.
     """
     apart = np.linalg.norm(position[:, None] - position[None], axis=-1)
     other = region[:, None] != region[None]
     if not other.any(axis=1).all():
-        raise ConfigError("social_force.crowd.targets", len(region), "people need two regions to walk to")
+        raise ValueRuleError("targets", len(region), "they must lie in two regions at least")
     apart = np.where(other, apart, 0.0)
     return apart >= np.minimum(least_leg_m, apart.max(axis=1, keepdims=True))
 
@@ -135,13 +135,13 @@ def successors(position: np.ndarray, region: np.ndarray, least_leg_m: float) -> 
 def visiting_plans(
     targets: TargetPool, count: int, legs: int, least_leg_m: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Random sequences of targets; each differs from the last in region and is far enough from it.
+    """Draw sequences of targets; successive ones differ in region and are far enough apart.
 
     Returns:
         Indices into the pool. [N, legs]
 
     Raises:
-        ConfigError: all targets are of one region.
+        ValueRuleError: all targets lie in one region.
     """
     allowed = successors(targets.position, targets.region, least_leg_m)
     choices = [np.flatnonzero(row) for row in allowed]
@@ -163,12 +163,12 @@ def _drawn_crowd(
     duration_s: float,
     rng: np.random.Generator,
 ) -> Crowd:
-    """People at rest at scattered places, with more plans than the time allows."""
+    """People at rest at random places, with plans longer than the simulated time."""
     crowd = settings.crowd
     cells = open_cells(ground, crowd.clearance_m)
     position = scattered(cells, pedestrians, crowd.spacing_m, rng)
     if len(position) < pedestrians:
-        raise ConfigError("pedestrians", pedestrians, f"only {len(position)} find room on this map")
+        raise ValueRuleError("pedestrians", pedestrians, f"only {len(position)} fit on this map")
     speed = desired_speeds(pedestrians, crowd, rng)
     farthest = (duration_s + settings.clock.warm_up_s) * settings.forces.speed_cap * speed.max()
     shortest_leg = max(crowd.least_leg_m - 2.0 * crowd.reach_m, crowd.reach_m)

@@ -1,4 +1,4 @@
-"""Do simulated people walk as people do? What is checked over every recorded state of a data set."""
+"""Validation of the simulated walking: counts over all recorded states of a data set."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from pedpred.simulation.settings import SocialForceSettings
 
 SLOW_MPS = 0.2
 QUEUE_M = 1.0
-"""Whoever has somebody this near, within 90 degrees of their way, stands in a queue."""
+"""Queueing: another person closer than this, within 90 degrees of the desired direction."""
 PATIENCE = 3.0
-"""A target should be reached within this many times the time of free walking."""
+"""A target should be reached within this multiple of the free-walking time."""
 CLOSE_M = 0.3
 _ROUNDING_MPS = 1e-6
 
 
 @dataclass(frozen=True)
 class WalkingCounts:
-    """Counts over a scene; those of several scenes add up.
+    """Counts over a scene; counts of several scenes add up.
 
     Attributes:
         states: recorded states of pedestrians.
-        in_obstacle: of them inside an obstacle.
-        above_cap: faster than the speed cap.
-        slow: below `SLOW_MPS`.
-        slow_outside_queues: of the slow ones those with nobody close ahead.
-        close: with somebody nearer than `CLOSE_M`.
-        targets: set within the recording, early enough to be reached with patience.
-        reached: of them reached within `PATIENCE` times the free-walk time.
-        speed_sum: of speed / desired speed.
+        in_obstacle: states inside an obstacle.
+        above_cap: states above the speed cap.
+        slow: states below `SLOW_MPS`.
+        slow_outside_queues: slow states without queueing, see `QUEUE_M`.
+        close: states with another person nearer than `CLOSE_M`.
+        targets: targets whose outcome is known: reached, or overdue by the end of the recording.
+        reached: targets reached within `PATIENCE` times the free-walking time.
+        speed_sum: sum of speed / desired speed.
     """
 
     states: int = 0
@@ -52,7 +52,7 @@ class WalkingCounts:
         return WalkingCounts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
     def shares(self) -> dict[str, float | int]:
-        """What is reported; the counts beside the shares say how much they mean."""
+        """The reported shares, with the counts they are based on."""
         return {
             "states": self.states,
             "in_obstacle_share": self.in_obstacle / self.states,
@@ -68,7 +68,7 @@ class WalkingCounts:
 
 @dataclass(frozen=True)
 class _Film:
-    """A simulated recording as arrays over time: every pedestrian is there at every instant."""
+    """A simulated recording as arrays over time; all pedestrians are present at all instants."""
 
     position: np.ndarray  # [T, N, 2]
     velocity: np.ndarray  # [T, N, 2]
@@ -81,7 +81,7 @@ def count_walking(scenes: Iterable[Scene], settings: SocialForceSettings) -> Wal
     """Count over simulated scenes.
 
     Raises:
-        ValueRuleError: a scene does not know the velocities, goals and desired speeds of its people.
+        ValueRuleError: a scene lacks velocities, goals or desired speeds.
     """
     return sum((_one(scene, settings) for scene in scenes), WalkingCounts())
 
@@ -108,7 +108,9 @@ def _one(scene: Scene, settings: SocialForceSettings) -> WalkingCounts:
 def _film(scene: Scene) -> _Film:
     people = scene.trajectories
     if people.goal is None or people.velocity is None or people.desired_speed_mps is None:
-        raise ValueRuleError("scene", scene.name, "only simulated scenes know what their people want")
+        raise ValueRuleError(
+            "scene", scene.name, "only simulated scenes have goals, velocities and desired speeds"
+        )
     count = len(np.unique(people.track_id))
     goals, goal = np.unique(people.goal, axis=0, return_inverse=True)
     return _Film(
@@ -121,7 +123,7 @@ def _film(scene: Scene) -> _Film:
 
 
 def _neighbours(scene: Scene, film: _Film, settings: SocialForceSettings) -> tuple[np.ndarray, np.ndarray]:
-    """Who has somebody nearer than `CLOSE_M`, and who has somebody close ahead on their way. [T, N] each."""
+    """Whether each person has another nearer than `CLOSE_M`, and whether it queues. [T, N] bool each."""
     routes = routes_to(film.goals, ground_of(scene.occupancy), settings.routing)
     cell = ((film.position - routes.origin) / routes.resolution_m).astype(int)
     cell = cell.clip(0, np.array(routes.direction.shape[1:3]) - 1)
@@ -134,7 +136,7 @@ def _neighbours(scene: Scene, film: _Film, settings: SocialForceSettings) -> tup
 
 
 def _targets(scene: Scene, film: _Film, settings: SocialForceSettings) -> tuple[int, int]:
-    """How many targets people set out for in time, and how many of them they reached in time."""
+    """Number of targets with a known outcome, and of those reached in time."""
     ground = ground_of(scene.occupancy)
     cell_m = settings.routing.resolution_m
     clearance = clearance_grid(ground, cell_m)
@@ -151,10 +153,10 @@ def _targets(scene: Scene, film: _Film, settings: SocialForceSettings) -> tuple[
         goal = film.goal[begins, n]
         way_m = free_m[goal, cell[:, 0], cell[:, 1]]
         straight_m = np.linalg.norm(film.position[begins, n] - film.goals[goal], axis=-1)
-        way_m = np.where(np.isfinite(way_m), way_m, straight_m)  # someone pushed off the routes' ground
+        way_m = np.where(np.isfinite(way_m), way_m, straight_m)  # people pushed off the ground of the routes
         patience_s = PATIENCE * np.maximum(way_m, cell_m) / film.desired_speed[n]
         took_s = (ends - begins) * dt_s
-        told = (ends < instants) | (took_s > patience_s)  # the others are still on their way
-        targets += int(told.sum())
-        reached += int((told & (took_s <= patience_s)).sum())
+        known = (ends < instants) | (took_s > patience_s)  # the others are still walking there
+        targets += int(known.sum())
+        reached += int((known & (took_s <= patience_s)).sum())
     return targets, reached
