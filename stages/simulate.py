@@ -29,10 +29,12 @@ def main(cfg: DictConfig) -> None:
         settings = social_force_settings(row(cfg, "social_forces", simulation["social_force"]))
     with configured("clutter"):
         clutter = clutter_settings(plain(cfg.clutter))
-    with configured("layouts"):
-        layouts = parsed_layouts(plain(cfg.layouts), simulation["drawn"], settings)
     with configured(f"simulations.{key}"):
-        todo = arrangements(SimulationSettings.parse(simulation), layouts, clutter, settings)
+        data_set = SimulationSettings.parse(simulation)
+    with configured("layouts"):
+        layouts = parsed_layouts(plain(cfg.layouts), data_set.drawn, settings)
+    with configured(f"simulations.{key}"):
+        todo = arrangements(data_set, layouts, clutter, settings)
     tasks = [(out, arrangement, settings) for arrangement in todo]
     in_parallel(simulate_into, tasks, f"simulate {key}", "room")
 

@@ -18,7 +18,7 @@ def read(name):
     return yaml.safe_load((CONF / f"{name}.yaml").read_text())
 
 
-SOCIAL_FORCE = read("social_force/helbing1995")
+SOCIAL_FORCE = read("social_forces/walking")["helbing1995"]
 SETTINGS = social_force_settings(SOCIAL_FORCE)
 CLUTTER = read("clutter/rooms")
 DRAWN = {path.stem: yaml.safe_load(path.read_text()) for path in sorted((CONF / "layouts").glob("*.yaml"))}

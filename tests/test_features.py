@@ -28,7 +28,7 @@ from pedpred.features.targets import future_velocities
 from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
-from pedpred.sources import SOURCES as EWAP
+from pedpred.sources import SOURCES as SOURCES_OF_PLACES
 from pedpred.tracking import KalmanSettings, follow, resampled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 from tests.worlds import empty_map, walled_scene
@@ -133,8 +133,8 @@ def test_the_paper_protocol_does_leak():
 
 def minute_of(ewap_folder, place):
     """The first minute of a real recording."""
-    about = yaml.safe_load((CONF / "scenes" / f"{place}.yaml").read_text())
-    scene = EWAP["ewap"](ewap_folder / about["sequence"], place, about)
+    row = yaml.safe_load((CONF / "places/recorded.yaml").read_text())[place]
+    scene = SOURCES_OF_PLACES[row["source"]](ewap_folder / Path(row["folder"]).name, place, row["settings"])
     start = scene.trajectories.time_s.min()
     minute = scene.trajectories.select(scene.trajectories.time_s < start + 60.0)
     return dataclasses.replace(scene, trajectories=dataclasses.replace(minute, time_s=minute.time_s - start))

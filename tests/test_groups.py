@@ -7,8 +7,9 @@ from pedpred.baselines.fitting import FITTED, fitted
 from pedpred.baselines.social_force import initial_state, intentions
 from pedpred.errors import ShapeError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from pedpred.simulation import groups, kernel
+from pedpred.simulation import kernel
 from pedpred.simulation.settings import SocialForceSettings
+from tests import groups
 from tests.simulated import SETTINGS
 
 FORCES = SETTINGS.forces

@@ -136,7 +136,7 @@ def test_a_layout_of_ones_own_is_a_file_a_line_and_a_command(tmp_path):
     defaults.write_text(defaults.read_text().replace(beside, beside + line))
     simulate, info = (shlex.split(command) for command in commands.splitlines())
     cfg = yaml.safe_load(composed(tmp_path / "conf", simulate[3:]))
-    (todo,) = asked(cfg["scenes"][cfg["name"]], cfg["layouts"])
+    (todo,) = asked(cfg["simulations"][cfg["name"]], cfg["layouts"])
     assert f"{cfg['out']}/{todo.name}" == info[-1]
     scene = scene_of(replace(todo, duration_s=6.0))
     assert len(scene.trajectories) == 20 * 20
