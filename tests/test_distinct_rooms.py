@@ -63,9 +63,7 @@ def test_a_room_nearly_equals_itself_however_turned_and_lengthened():
 def test_no_test_room_nearly_equals_a_training_room():
     layouts, rows = {name: drawn(name) for name in DRAWN}, read("simulations/rooms")
     made = {
-        key: rooms(
-            SimulationSettings.parse(read("simulations/rooms")[key]), layouts, clutter_settings(CLUTTER)
-        )
+        key: rooms(SimulationSettings.parse(rows[key]), layouts, clutter_settings(CLUTTER))
         for key in ("corridor", "main", "sim_test")
     }
     trained = [layout for key in ("corridor", "main") for layout, _ in made[key].values()]
