@@ -190,7 +190,7 @@ def main() -> None:
     """Reproduce a copy, disturb it again and again, and print what survived."""
     parser = argparse.ArgumentParser(prog="python -m tests.trust.faults", description=__doc__)
     parser.add_argument("--kills", type=int, default=2, help="of each kind of stage")
-    parser.add_argument("--stages", nargs="+", help="only these of them, e.g. encode@eth")
+    parser.add_argument("--stages", nargs="+", help="only these of them, e.g. encode_real@eth")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--project", type=Path, help="a reproduced copy, instead of one made anew")
     parser.add_argument("--short", action="store_true", help="kill, and nothing else")

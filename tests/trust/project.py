@@ -20,7 +20,7 @@ from tqdm import tqdm
 ROOT = Path(__file__).resolve().parents[2]
 SILENT = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 RAW = "fetch"
-"""The stage without which no real place can be had."""
+"""The kind of stage that every real place depends on."""
 TOY = """\
 autoencoder: {steps: 24, validate_every: 6, validation_crops: 100}
 distilled: {steps: 20, validate_every: 10}
@@ -145,11 +145,15 @@ def pipeline(folder: Path, raw: bool) -> dict[str, str]:
     needs = {
         stage: {names[other] for other in nx.descendants(graph, stage)} | {names[stage]} for stage in order
     }
-    return {names[stage]: stage.cmd for stage in order if raw or RAW not in needs[stage]}
+    return {
+        names[stage]: stage.cmd
+        for stage in order
+        if raw or not any(name.split("@")[0] == RAW for name in needs[stage])
+    }
 
 
 def kinds(stages: Mapping[str, str]) -> dict[str, str]:
-    """One stage of each kind: of `features@eth` and `features@hotel` the first by name."""
+    """One stage of each kind: of `features_real@...` the first by name."""
     first = {min(name for name in stages if name.split("@")[0] == kind.split("@")[0]) for kind in stages}
     return {name: command for name, command in stages.items() if name in first}
 
@@ -171,5 +175,5 @@ def made(folder: Path) -> Project:
 
 def found(folder: Path) -> Project:
     """A copy that has been reproduced before."""
-    raw = (folder / "data/raw/ewap").exists()
+    raw = any((folder / "data/raw").glob("*"))
     return Project(folder, pipeline(folder, raw), raw, results(folder))

@@ -13,7 +13,7 @@ from pedpred import config
 from pedpred.errors import WorkerError
 from pedpred.workers import in_parallel
 from tests.trust.faults import CLOCK, killed, killed_half_trained, plan, under_a_jumping_clock
-from tests.trust.project import RAW, ROOT, kinds, pipeline
+from tests.trust.project import ROOT, kinds, pipeline
 
 
 def killed_by_the_system():
@@ -64,10 +64,11 @@ def test_the_campaign_disturbs_every_kind_of_stage():
 @of_dvc
 def test_without_raw_data_no_stage_is_tried_that_needs_them():
     with_raw, without = (pipeline(ROOT, raw) for raw in (True, False))
-    assert {RAW, "features@eth", "evaluate_real", "page"} & without.keys() == set()
-    assert {"features@main", "evaluate_sim", "record_sim@office"} < without.keys() < with_raw.keys()
+    place, fold = ("features_real@eth", "evaluate_real@hotel")
+    assert {"fetch@ewap", place, fold, "page"} & without.keys() == set()
+    assert {"features_simulated@main", "gather@sim", "record@office"} < without.keys() < with_raw.keys()
     order = list(with_raw)
-    assert order.index(RAW) < order.index("features@eth") < order.index("page")
+    assert order.index("fetch@ewap") < order.index(place) < order.index(fold) < order.index("page")
 
 
 def test_the_clock_of_the_campaign_jumps():

@@ -1,32 +1,52 @@
-"""Nothing that is tested was seen before: proven from the graph of the pipeline, and on forecasts."""
+"""No test scene is used for training, by the pipeline's graph and folds; no forecast uses the future."""
 
+import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 import yaml
+from dvc.dependency import ParamsDependency
+from dvc.repo import Repo
+from omegaconf import OmegaConf
 
 from pedpred.features import FeatureSettings, extract
 from pedpred.networks import GridAutoencoder, MotionLstm
 from pedpred.networks.encoding import encode
 from pedpred.networks.forecasting import forecast_motion
 from pedpred.tracking import KalmanSettings, follow
+from stages import train
 from tests.exported import NETWORK
 from tests.worlds import walled_scene
 
 ROOT = Path(__file__).resolve().parents[2]
-STAGES = yaml.load((ROOT / "dvc.lock").read_text(), yaml.CSafeLoader)["stages"]
 PARAMS = yaml.load((ROOT / "params.yaml").read_text(), yaml.CSafeLoader)
-TRAINED_IN = {
+FOLDS = PARAMS["folds"]
+SIMULATED = {
     "autoencoder": {"main"},
-    "corridor/lstm": {"main", "corridor"},  # the auto-encoder's convolutions come from main
-    "main/lstm": {"main", "corridor"},
-    "finetune_eth/lstm": {"main", "corridor", "eth"},
-    "finetune_hotel/lstm": {"main", "corridor", "hotel"},
+    "corridor": {"main", "corridor"},  # the auto-encoder's convolutions come from main
+    "main": {"main", "corridor"},
+    **{f"folds/{fold}": {"main", "corridor"} for fold in FOLDS["real"]},
 }
-TESTED = list((PARAMS["evaluation"]["sim"] | PARAMS["evaluation"]["real"]).items())
+"""The simulated sets behind each folder of trained networks."""
+of_dvc = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")
+
+
+@cache
+def outputs():
+    """What every output of the pipeline is made from: (output, dependencies), as paths in the project."""
+
+    def names(parts):
+        return [Path(part.fs_path).relative_to(ROOT).as_posix() for part in parts if not is_params(part)]
+
+    return [(out, names(stage.deps)) for stage in Repo(str(ROOT)).index.stages for out in names(stage.outs)]
+
+
+def is_params(part):
+    return isinstance(part, ParamsDependency)
 
 
 def within(path, folder):
@@ -34,53 +54,68 @@ def within(path, folder):
 
 
 def behind(path):
-    """Every file and folder that a path of the pipeline was made from, and itself."""
+    """Every file and folder that a path of the pipeline is made from, and itself."""
     seen, waiting = set(), [path]
     while waiting:
         now = waiting.pop()
         seen.add(now)
-        for stage in STAGES.values():
-            outs = [out["path"] for out in stage.get("outs", [])]
-            if any(within(out, now) or within(now, out) for out in outs):
-                waiting += [d["path"] for d in stage.get("deps", []) if d["path"] not in seen]
+        for out, dependencies in outputs():
+            if within(out, now) or within(now, out):
+                waiting += [name for name in dependencies if name not in seen]
     return seen
 
 
-def scenes_behind(path):
-    return {Path(name).parts[2] for name in behind(path) if name.startswith("data/scenes/")}
+def simulated_behind(path):
+    return {Path(name).name for name in behind(path) if within(name, "data/scenes/simulated")}
 
 
-@pytest.mark.parametrize("network", TRAINED_IN)
-def test_a_network_saw_the_scenes_that_it_may_see(network):
-    assert scenes_behind(f"models/{network}") <= TRAINED_IN[network]
-    assert TRAINED_IN[network] - {"corridor"} <= scenes_behind(f"models/{network}")
+@of_dvc
+@pytest.mark.parametrize("models", SIMULATED)
+def test_a_network_saw_the_scenes_that_it_may_see(models):
+    assert simulated_behind(f"models/{models}") == SIMULATED[models]
 
 
-@pytest.mark.parametrize(("test", "phase"), TESTED)
-def test_a_network_is_tested_where_it_has_never_been(test, phase):
-    folders = {name.split("/")[1] for name in behind("reports/metrics") if name.startswith("models/")}
-    assert phase in folders
-    for model in PARAMS["evaluation"]["models"]:
-        assert test not in scenes_behind(f"models/{phase}/{model}")
+@of_dvc
+@pytest.mark.parametrize("models", set(SIMULATED) - {f"folds/{fold}" for fold in FOLDS["real"]})
+def test_before_fine_tuning_no_network_saw_a_real_place(models):
+    assert not [name for name in behind(f"models/{models}") if within(name, "data/scenes/real")]
 
 
-@pytest.mark.parametrize("place", ["eth", "hotel"])
-def test_what_a_place_is_measured_with_was_tuned_at_the_other(place):
-    other = {"eth": "hotel", "hotel": "eth"}[place]
+@pytest.mark.parametrize(("kind", "fold"), [(kind, fold) for kind in FOLDS for fold in FOLDS[kind]])
+def test_a_network_is_tested_where_it_has_never_been(kind, fold):
+    tested = set(FOLDS[kind][fold]["test"])
+    assert tested
+    assert tested & set(FOLDS[kind][fold]["train"]) == set()
+    assert tested & {"main", "corridor"} == set()
 
-    def tuned(group, name):
-        return yaml.safe_load((ROOT / "conf" / group / f"{name}.yaml").read_text())
 
-    scene = PARAMS["scenes"][place]
-    assert scene["tracker"] == tuned("tracker", f"tuned_on_{other}")
-    assert scene["tracker"] != tuned("tracker", f"tuned_on_{place}")
-    own = {"forces": scene["social_force"].get("forces")}
-    assert own["forces"] != tuned("social_force", f"fitted_on_{place}").get("forces")
-    assert scene["sequence"] != PARAMS["scenes"][other]["sequence"]
+@pytest.mark.parametrize("fold", FOLDS["real"])
+def test_fine_tuning_reads_the_places_of_its_fold_alone(fold, monkeypatch):
+    def record(*given, **named):
+        read.update(re.findall(r"real/(\w+)", repr((given, named))))
+        raise InterruptedError
+
+    read = set()
+    monkeypatch.setattr(train, "fit", record)
+    monkeypatch.setattr(train, "initialised", lambda *_: None)
+    given = {"phase": "finetune", "name": next(iter(PARAMS["methods"]["networks"])), "fold": fold}
+    with pytest.raises(InterruptedError):
+        train.main.__wrapped__(OmegaConf.create(PARAMS | given))
+    assert read == set(FOLDS["real"][fold]["train"])
+
+
+@pytest.mark.parametrize("place", PARAMS["places"])
+def test_what_a_place_is_measured_with_was_tuned_elsewhere(place):
+    row = PARAMS["places"][place]
+    for group, prefix in (("tracker", "tuned_on_"), ("social_force", "fitted_on_")):
+        assert row[group].startswith(prefix)
+        assert row[group] != f"{prefix}{place}"
+    for fold in FOLDS["real"].values():
+        assert place not in fold["test"] or fold["tracker"] != f"tuned_on_{place}"
 
 
 def test_simulated_sets_have_seeds_of_their_own():
-    seeds = [PARAMS["scenes"][name]["seed"] for name in ("corridor", "main", "sim_test")]
+    seeds = [row["seed"] for row in PARAMS["simulations"].values()]
     assert len(set(seeds)) == len(seeds)
 
 
