@@ -1,4 +1,4 @@
-"""distil_encoder: a narrow encoder learns the full one's codes, for the distilled export."""
+"""distil_encoder: train a narrow encoder on the full one's embeddings, for the distilled export."""
 
 from pathlib import Path
 
@@ -12,7 +12,8 @@ from pedpred.datasets.crops import embedded_crops_of
 from pedpred.networks.encoding import load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.distillation import DistillationSettings, distil
-from pedpred.training.fit import write_curve
+from pedpred.training.fit import manifests_sha256, write_curve
+from pedpred.training.progress import scratch_folder
 
 
 @stage
@@ -22,15 +23,18 @@ def main(cfg: DictConfig) -> None:
     torch.set_num_threads(options.pop("threads"))
     share, every = options.pop("validation_share"), options.pop("every")
     settings = DistillationSettings(**options | {"widths": tuple(options["widths"])})
-    training, validation = embedded_crops_of(
-        Path("data/features/simulated/main"),
-        Path("data/embeddings/simulated/main"),
-        share,
-        every,
-        np.random.default_rng(settings.seed),
-    )
-    encoder, curve = distil(load_encoder(Path("models/autoencoder")), training, validation, settings)
-    about = {"kind": "encoder", "settings": options | {"latent": encoder.fc.out_features}}
+    features, rng = Path("data/features/simulated/main"), np.random.default_rng(settings.seed)
+    embeddings = Path("data/embeddings/simulated/main")
+    training, validation = embedded_crops_of(features, embeddings, share, every, rng)
+    teacher = load_encoder(Path("models/autoencoder"))
+    about = {
+        "kind": "encoder",
+        "settings": options | {"latent": teacher.fc.out_features},
+        "cells": training.cells,
+    }
+    origin = {"every": every, "share": share, "features_sha256": manifests_sha256([features])}
+    with scratch_folder({**about, **origin}, teacher.state_dict()) as scratch:
+        encoder, curve = distil(teacher, training, validation, settings, scratch)
     weights = {f"encoder.{name}": value for name, value in encoder.state_dict().items()}
     out = Path(cfg.get("out", "models/distilled"))
     write_checkpoint(out, weights, about)

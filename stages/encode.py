@@ -19,9 +19,9 @@ from pedpred.workers import in_parallel
 def embed_into(
     out: Path, features: Path, shard: str, settings: FeatureSettings, encoder: GridEncoder
 ) -> None:
-    """One worker's job, on one thread, whatever their number: the codes of one scene, in half precision.
+    """One worker's job, on one thread, whatever their number: the embeddings of one scene, in half precision.
 
-    Training reads them over and over, so size matters; forecasts are made from exact codes.
+    Half precision is for training, which reads them many times; forecasts use exact embeddings.
     """
     torch.set_num_threads(1)
     crops = read_crops(features, shard, settings)
@@ -38,7 +38,7 @@ def main(cfg: DictConfig) -> None:
     out = Path(cfg.get("out", f"data/embeddings/{cfg.kind}/{name}"))
     settings, shards = read_manifest(features)
     tasks = [(out, features, shard, settings, encoder) for shard in shards]
-    in_parallel(embed_into, tasks, f"codes of {name}", "scene")
+    in_parallel(embed_into, tasks, f"embeddings of {name}", "scene")
 
 
 if __name__ == "__main__":

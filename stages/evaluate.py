@@ -16,9 +16,7 @@ from pedpred.evaluation.scores import Scores
 from pedpred.evaluation.summary import figures
 from pedpred.features import FeatureSettings
 from pedpred.files import write_json
-from pedpred.networks import GridEncoder, MotionLstm
-from pedpred.networks.encoding import encode, load_encoder
-from pedpred.networks.forecasting import forecast_motion, load_motion_lstm
+from pedpred.networks import NetworkForecaster, forecaster
 from pedpred.storage.columns import write_columns
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import read_manifest, read_shard
@@ -46,7 +44,6 @@ class Comparison:
         features: folder of their shards.
         settings: of the features.
         source: configuration of the scenes.
-        encoder: frozen convolutions.
         networks: by name.
         baselines: names of the untrained methods.
         options: `evaluation` configuration.
@@ -56,8 +53,7 @@ class Comparison:
     features: Path
     settings: FeatureSettings
     source: Mapping[str, Any]
-    encoder: GridEncoder
-    networks: Mapping[str, MotionLstm]
+    networks: Mapping[str, NetworkForecaster]
     baselines: Sequence[str]
     options: Mapping[str, Any]
     out: Path
@@ -72,8 +68,7 @@ def compared_in(folder: Path, common: Comparison) -> tuple[str, dict[str, Scores
     torch.set_num_threads(1)
     scene, settings = read_scene(folder), common.settings
     table = read_shard(common.features, scene.name, settings)
-    embeddings = encode(common.encoder, table.occupancy, settings.grid_cells)
-    forecasts = {m: forecast_motion(n, table, embeddings, settings) for m, n in common.networks.items()}
+    forecasts = {name: network.predict for name, network in common.networks.items()}
     kalman = kalman_spread(common.source, scene.detection_dt_s, settings)
     social_force = common.source["social_force"]
     columns, scores = compare(
@@ -97,15 +92,15 @@ def main(cfg: DictConfig) -> None:
     learned = [key for key, method in groups["networks"].items() if where in method["where"]]
     out = Path(cfg.get("out", f"data/forecasts/{kind}/{cfg.fold}"))
     metrics: dict = {}
-    encoder = load_encoder(Path("models/autoencoder"))
-    networks = {name: load_motion_lstm(Path(cfg.networks, name)) for name in learned}
+    autoencoder = Path("models/autoencoder")
+    networks = {name: forecaster(Path(cfg.networks, name), autoencoder) for name in learned}
     for key in cfg.folds[kind][cfg.fold].test:
         features, source = Path("data/features", kind, key), plain(cfg[SETS[kind]][key])
         source["tracker"] = row(cfg, "trackers", source["tracker"])
         source["sensor"] = row(cfg, "sensors", source["sensor"])
         source["social_force"] = row(cfg, "social_forces", source["social_force"])
         settings, _ = read_manifest(features)
-        common = Comparison(features, settings, source, encoder, networks, baselines, options, out)
+        common = Comparison(features, settings, source, networks, baselines, options, out)
         folders = scene_folders(Path("data/scenes", kind, key))
         scores = dict(in_parallel(compared_in, [(f, common) for f in folders], f"evaluate {key}", "scene"))
         metrics |= figures(key, scores, options["bootstrap"], options["seed"], settings.noncausal)

@@ -7,8 +7,8 @@ from omegaconf import DictConfig
 from pedpred.config import row, stage
 from pedpred.networks.encoding import load_encoder
 from pedpred.networks.export import export_int8, export_onnx
-from pedpred.networks.forecasting import load_motion_lstm
-from pedpred.online.network import ModelDescription, write_description
+from pedpred.networks.registry import load_network, plain_settings
+from pedpred.online.network import ModelDescription, sensor_shapes, write_description
 from pedpred.storage.shards import read_manifest
 from pedpred.tracking import KalmanSettings
 
@@ -18,22 +18,22 @@ def main(cfg: DictConfig) -> None:
     """Read the network and both encoders, write models/online/<fold> and <fold>_distilled."""
     out = Path(cfg.get("out", f"models/online/{cfg.fold}"))
     distilled = out.with_name(f"{out.name}_distilled")
-    network = load_motion_lstm(Path(cfg.networks, cfg.online.network))
+    network = load_network(Path(cfg.networks, cfg.online.network))
     features, _ = read_manifest(Path("data/features/simulated/main"))
     encoders = {
         out: load_encoder(Path("models/autoencoder")),
         distilled: load_encoder(Path("models/distilled")),
     }
     for folder, encoder in encoders.items():
-        names = export_onnx(network, encoder, features.grid_cells, folder / "network.onnx")
+        ends = export_onnx(network, encoder, sensor_shapes(features), folder / "network.onnx")
     export_int8(distilled / "network.onnx", distilled / "network.onnx")
     options = row(cfg, "trackers", cfg.folds[cfg.kind][cfg.fold].tracker)
     options.pop("kind")
     tracker = KalmanSettings(**options)
     description = ModelDescription(
-        **names, features=features, tracker=tracker, standstill_mps=cfg.online.standstill_mps
+        **ends, features=features, tracker=tracker, standstill_mps=cfg.online.standstill_mps
     )
-    origin = {"fold": cfg.fold, "network": network.settings.plain()}
+    origin = {"fold": cfg.fold, "network": plain_settings(network.settings)}
     write_description(out, description, {**origin, "weights": "float32"})
     narrow = "narrow convolutions, int8 in LSTMs and dense layers"
     write_description(distilled, description, {**origin, "weights": narrow})

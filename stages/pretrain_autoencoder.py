@@ -10,8 +10,9 @@ from omegaconf import DictConfig
 from pedpred.config import plain, stage
 from pedpred.datasets.crops import crops_of
 from pedpred.storage.checkpoints import write_checkpoint
-from pedpred.training.fit import write_curve
+from pedpred.training.fit import manifests_sha256, write_curve
 from pedpred.training.pretraining import AutoencoderSettings, train_autoencoder
+from pedpred.training.progress import scratch_folder
 
 
 @stage
@@ -21,12 +22,14 @@ def main(cfg: DictConfig) -> None:
     torch.set_num_threads(options.pop("threads"))
     share, crops = options.pop("validation_share"), options.pop("validation_crops")
     settings = AutoencoderSettings(**options)
-    training, validation, cells = crops_of(
-        Path("data/features/simulated/main"), share, crops, np.random.default_rng(settings.seed)
-    )
-    network, curve = train_autoencoder(training, validation, cells, settings)
+    features = Path("data/features/simulated/main")
+    training, validation, cells = crops_of(features, share, crops, np.random.default_rng(settings.seed))
+    about = {"kind": "autoencoder", "settings": options, "cells": cells}
+    origin = {"share": share, "crops": crops, "features_sha256": manifests_sha256([features])}
+    with scratch_folder({**about, **origin}) as scratch:
+        network, curve = train_autoencoder(training, validation, cells, settings, scratch)
     out = Path(cfg.get("out", "models/autoencoder"))
-    write_checkpoint(out, network.state_dict(), {"kind": "autoencoder", "settings": options, "cells": cells})
+    write_checkpoint(out, network.state_dict(), about)
     write_curve(pd.DataFrame(curve), Path(cfg.get("curve", "reports/curves/sim/autoencoder.tsv")))
 
 

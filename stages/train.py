@@ -1,4 +1,4 @@
-"""train_corridor, train_main, finetune: one phase of the curriculum for one model."""
+"""train_corridor, train_main, finetune: one phase of the curriculum for one network."""
 
 from pathlib import Path
 
@@ -6,9 +6,9 @@ import torch
 from omegaconf import DictConfig
 
 from pedpred.config import plain, stage, stage_key
-from pedpred.networks import MotionSettings
+from pedpred.networks import parse_settings
 from pedpred.training.distributed import distributed_context
-from pedpred.training.fit import fit, initialised, write_phase
+from pedpred.training.fit import PhaseData, copy_phase, fit, write_phase
 from pedpred.training.recurrent import TrainingSettings
 
 PREVIOUS = {
@@ -20,35 +20,36 @@ PREVIOUS = {
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Train network `name` in `phase` on `data` or on the places of `fold`.
+    """Train network `name` in `phase` on `data` or on the places of `fold`; without places, copy it.
 
     Several processes: `torchrun -m stages.train`.
     """
     name = stage_key(cfg)
     torch.set_num_threads(cfg.training.threads)
     phase = plain(cfg.training[cfg.phase])
-    split = (phase.pop("validation_by"), phase.pop("validation_share"))
-    settings = TrainingSettings.parse(phase)
-    sizes = plain(cfg.methods.networks[name].settings)
-    sizes.pop("architecture")
-    (data,) = [f"real/{place}" for place in cfg.folds.real[cfg.fold].train] if "fold" in cfg else [cfg.data]
-    network = initialised(
-        MotionSettings.parse(sizes | {"horizon_steps": cfg.protocol.horizon_steps}),
-        Path(PREVIOUS[cfg.phase].format(name=name)),
-        settings.seed,
+    folded = "fold" in cfg
+    sets = [f"real/{place}" for place in cfg.folds.real[cfg.fold].train] if folded else [cfg.data]
+    data = PhaseData(
+        [Path("data/features", part) for part in sets],
+        [Path("data/embeddings", part) for part in sets],
+        Path("models/autoencoder"),
+        phase.pop("validation_by"),
+        phase.pop("validation_share"),
     )
-    title = f"{cfg.phase} of {name} on {data}"
-    grid = (Path("data/embeddings") / data, Path("models/autoencoder"))
-    with distributed_context(cfg.training.device, cfg.training.autocast) as here:
-        curve, about = fit(network, Path("data/features") / data, grid, split, settings, title, here)
-    if not here.writes:
+    label, kind = (f"{cfg.phase}_{cfg.fold}", "real") if folded else (cfg.phase, "sim")
+    out = Path(cfg.get("out", f"models/folds/{cfg.fold}/{name}" if folded else f"models/{cfg.phase}/{name}"))
+    curve_path = Path(cfg.get("curve", f"reports/curves/{kind}/{label}_{name}.tsv"))
+    previous = Path(PREVIOUS[cfg.phase].format(name=name))
+    if not sets:
+        copy_phase(previous, out, curve_path)
         return
-    real = cfg.phase == "finetune"
-    label, kind = (f"{cfg.phase}_{cfg.fold}", "real") if real else (cfg.phase, "sim")
-    out = Path(cfg.get("out", f"models/folds/{cfg.fold}/{name}" if real else f"models/{cfg.phase}/{name}"))
-    write_phase(
-        network, about, curve, out, Path(cfg.get("curve", f"reports/curves/{kind}/{label}_{name}.tsv"))
-    )
+    architecture = parse_settings(plain(cfg.methods.networks[name].settings))
+    title = f"{cfg.phase} of {name} on {', '.join(sets)}"
+    settings = TrainingSettings.parse(phase)
+    with distributed_context(cfg.training.device, cfg.training.autocast) as here:
+        network, curve, about = fit(architecture, previous, data, settings, title, here)
+    if here.writes:
+        write_phase(network, about, curve, out, curve_path)
 
 
 if __name__ == "__main__":

@@ -3,14 +3,16 @@
 import torch
 
 from pedpred.features import FeatureSettings
-from pedpred.networks import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.networks import GridAutoencoder, parse_settings
 from pedpred.networks.export import export_onnx
-from pedpred.online.network import ModelDescription, write_description
+from pedpred.online.network import ModelDescription, sensor_shapes, write_description
 from pedpred.tracking import KalmanSettings
 
+WIDTHS = {"state": 2, "grid": 392, "angular": 72}
 TRACKER = KalmanSettings(acceleration_noise=0.05, position_noise_m=0.05)
-NETWORK = MotionSettings.parse(
+NETWORK = parse_settings(
     {
+        "architecture": "lstm",
         "channels": {
             "state": {"projection": 8, "lstm": 8},
             "grid": {"projection": 64, "lstm": 16},
@@ -18,7 +20,6 @@ NETWORK = MotionSettings.parse(
         },
         "joint": 32,
         "head": 16,
-        "horizon_steps": 10,
         "residual": True,
         "uncertainty": "gaussian",
     }
@@ -28,10 +29,11 @@ NETWORK = MotionSettings.parse(
 def export(folder):
     """Write it, with large weights; the folder, the network and its encoder."""
     torch.manual_seed(0)
-    network, encoder = MotionLstm(NETWORK).eval(), GridAutoencoder(64).encoder
+    network, encoder = NETWORK.build(WIDTHS, 10).eval(), GridAutoencoder(64).encoder
     for weights in network.parameters():
         torch.nn.init.normal_(weights, std=0.3)
-    names = export_onnx(network, encoder, 60, folder / "network.onnx")
-    description = ModelDescription(**names, features=FeatureSettings(), tracker=TRACKER, standstill_mps=0.2)
+    sizes = FeatureSettings()
+    ends = export_onnx(network, encoder, sensor_shapes(sizes), folder / "network.onnx")
+    description = ModelDescription(**ends, features=sizes, tracker=TRACKER, standstill_mps=0.2)
     write_description(folder, description, {"trained_on": "nothing"})
     return folder, network, encoder

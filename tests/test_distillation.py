@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from pedpred.datasets.crops import EmbeddedCrops, embedded_crops_of
-from pedpred.errors import ConfigError, ShapeError
+from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.networks import GridEncoder
 from pedpred.networks.encoding import encode, load_encoder
@@ -13,7 +13,7 @@ from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import write_embeddings, write_manifest, write_shard
 from pedpred.tracking import follow
-from pedpred.training.distillation import DistillationSettings, batch, distil, unexplained, validate
+from pedpred.training.distillation import DistillationSettings, crops_at, distil, unexplained, validate
 from tests.exported import TRACKER
 from tests.worlds import walled_scene
 
@@ -65,7 +65,7 @@ def test_validation_in_blocks_is_that_of_all_crops_at_once(taught, monkeypatch):
     whole = validate(student, crops)
     monkeypatch.setattr("pedpred.training.distillation._CROPS_AT_ONCE", 7)  # of 40: the last block is short
     blocks = validate(student, crops)
-    direct = unexplained(student, *batch(crops, np.arange(len(crops))))
+    direct = unexplained(student, *crops_at(crops, np.arange(len(crops))))
     for name, share in direct.items():
         assert whole[f"validation_{name}_missed"] == pytest.approx(share.item(), rel=1e-5)
         assert blocks[f"validation_{name}_missed"] == pytest.approx(share.item(), rel=1e-5)
@@ -73,7 +73,7 @@ def test_validation_in_blocks_is_that_of_all_crops_at_once(taught, monkeypatch):
 
 def test_a_narrow_encoder_comes_back_from_disk(taught, tmp_path):
     narrow, (_, crops) = GridEncoder(16, (4, 6)), taught
-    about = {"settings": {"latent": 16, "widths": [4, 6]}}
+    about = {"settings": {"latent": 16, "widths": [4, 6]}, "cells": 60}
     write_checkpoint(tmp_path, {f"encoder.{k}": v for k, v in narrow.state_dict().items()}, about)
     again = encode(load_encoder(tmp_path), crops.packed, 60)
     np.testing.assert_array_equal(again, encode(narrow, crops.packed, 60))
@@ -101,7 +101,7 @@ def test_crops_and_codes_stay_together_and_rooms_apart(tmp_path):
     assert len(training) > len(validation) > 0
     for part in (training, validation):
         np.testing.assert_array_equal(part.embedding, _code_of(part.packed))
-    with pytest.raises(ConfigError, match="validation_share"):
+    with pytest.raises(ValueRuleError, match="validation_share"):
         divided(1.0)
     with pytest.raises(ShapeError, match="embedding"):
         EmbeddedCrops(training.packed, training.embedding[1:], training.cells)

@@ -10,9 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.datasets import MotionData, split_sequences, stream_lanes
-from pedpred.errors import ConfigError, StorageError
-from pedpred.networks import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.errors import StorageError, ValueRuleError
+from pedpred.networks import GridAutoencoder, load_network, parse_settings
 from pedpred.networks.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
+from pedpred.networks.contract import detach, mean_over, reset, velocity_distance
+from pedpred.networks.registry import plain_settings, write_network
 from pedpred.networks.rolling import roll, rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.training import (
@@ -20,17 +22,16 @@ from pedpred.training import (
     TrainingSettings,
     train_autoencoder,
     train_motion,
-    velocity_loss,
 )
-from pedpred.training.loss import spread_loss
 from pedpred.training.schedule import learning_rate
 
-SMALL = MotionSettings.parse(
+WIDTHS = {"state": 2, "angular": 72}
+SMALL = parse_settings(
     {
+        "architecture": "lstm",
         "channels": {"state": {"projection": 8, "lstm": 8}, "angular": {"projection": 8, "lstm": 8}},
         "joint": 16,
         "head": 16,
-        "horizon_steps": 4,
         "residual": True,
         "uncertainty": "gaussian",
     }
@@ -109,46 +110,46 @@ def test_long_tracks_are_cut_but_nothing_is_lost():
 @given(st.integers(0, 2**32 - 1), st.integers(1, 11))
 def test_chunked_forward_equals_one_long_forward(seed, cut):
     torch.manual_seed(seed)
-    network = MotionLstm(SMALL).eval()
+    network = SMALL.build(WIDTHS, 4).eval()
     inputs = {"state": torch.randn(3, 12, 2), "angular": torch.rand(3, 12, 72)}
-    (whole, _), _ = network(inputs, network.start(3))
-    (first, _), state = network({k: v[:, :cut] for k, v in inputs.items()}, network.start(3))
-    (second, _), _ = network({k: v[:, cut:] for k, v in inputs.items()}, state.detached())
-    torch.testing.assert_close(torch.cat([first, second], dim=1), whole, atol=1e-5, rtol=1e-4)
+    whole, _ = network(inputs, network.start(3))
+    first, state = network({k: v[:, :cut] for k, v in inputs.items()}, network.start(3))
+    second, _ = network({k: v[:, cut:] for k, v in inputs.items()}, detach(state))
+    for name, values in whole.items():
+        torch.testing.assert_close(torch.cat([first[name], second[name]], 1), values, atol=1e-5, rtol=1e-4)
 
 
 def test_reset_forgets_the_starting_lanes_only():
-    network = MotionLstm(SMALL).eval()
+    network = SMALL.build(WIDTHS, 4).eval()
     inputs = {"state": torch.randn(2, 3, 2), "angular": torch.rand(2, 3, 72)}
     _, state = network(inputs, network.start(2))
-    after = state.reset(torch.tensor([True, False]))
-    for name, (hidden, cell) in after.memory.items():
-        assert not hidden[:, 0].any()
-        assert not cell[:, 0].any()
-        torch.testing.assert_close(hidden[:, 1], state.memory[name][0][:, 1])
+    after = reset(state, torch.tensor([True, False]))
+    for name, value in after.items():
+        assert not value[0].any()
+        assert torch.equal(value[1], state[name][1])
 
 
 def test_no_gradient_flows_into_the_sub_sequence_before():
-    network = MotionLstm(SMALL)
+    network = SMALL.build(WIDTHS, 4)
     first = {"state": torch.randn(1, 3, 2, requires_grad=True), "angular": torch.rand(1, 3, 72)}
     _, state = network(first, network.start(1))
-    second, _ = network({"state": torch.randn(1, 3, 2), "angular": torch.rand(1, 3, 72)}, state.detached())
-    (second.velocities.sum() + second.spread.sum()).backward()
+    second, _ = network({"state": torch.randn(1, 3, 2), "angular": torch.rand(1, 3, 72)}, detach(state))
+    sum(values.sum() for values in second.values()).backward()
     assert first["state"].grad is None
 
 
 def test_rolling_whole_tracks_does_not_depend_on_their_company():
     data = toy_data(np.random.default_rng(0))
-    network = MotionLstm(SMALL).eval()
+    network = SMALL.build(WIDTHS, 4).eval()
     together, alone = roll(network, data, data.sequences), roll(network, data, data.sequences[2:3])
-    for a, b in zip(together, alone, strict=True):
-        torch.testing.assert_close(a[40:60], b[40:60], atol=1e-5, rtol=1e-4)
-        assert not b[:40].any()
+    for name, values in together.items():
+        torch.testing.assert_close(values[40:60], alone[name][40:60], atol=1e-5, rtol=1e-4)
+        assert not alone[name][:40].any()
 
 
 def test_rolling_block_by_block_tells_every_row_once(monkeypatch):
     data = toy_data(np.random.default_rng(0))
-    network = MotionLstm(SMALL).eval()
+    network = SMALL.build(WIDTHS, 4).eval()
     whole = roll(network, data, data.sequences)
     monkeypatch.setattr("pedpred.networks.rolling._TRACKS_AT_ONCE", 4)
     monkeypatch.setattr("pedpred.networks.rolling._STEPS_AT_ONCE", 7)
@@ -156,43 +157,41 @@ def test_rolling_block_by_block_tells_every_row_once(monkeypatch):
     assert max(len(rows) for rows, _ in blocks) == 4 * 7
     rows = torch.cat([rows for rows, _ in blocks])
     assert sorted(rows.tolist()) == list(range(20, 120))
-    velocities = torch.cat([motion.velocities for _, motion in blocks])
-    torch.testing.assert_close(velocities, whole.velocities[rows], atol=1e-5, rtol=1e-4)
-    spread = torch.cat([motion.spread for _, motion in blocks])
-    torch.testing.assert_close(spread, whole.spread[rows], atol=1e-5, rtol=1e-4)
+    for name, values in whole.items():
+        together = torch.cat([outputs[name] for _, outputs in blocks])
+        torch.testing.assert_close(together, values[rows], atol=1e-5, rtol=1e-4)
 
 
 def test_padding_counts_neither_in_loss_nor_in_gradient():
     data = toy_data(np.random.default_rng(0))
-    network = MotionLstm(SMALL)
+    network = SMALL.build(WIDTHS, 4)
     rows = torch.tensor([[0, 1, 2], [20, 21, 22]])
     padded = torch.cat([rows, torch.full((2, 4), -1)], dim=1)
     losses = []
     for chosen in (rows, padded):
-        motion, _ = network(data.inputs(chosen), network.start(2))
+        outputs, _ = network(data.inputs(chosen), network.start(2))
         future, known = data.future[chosen.clamp(min=0)], data.known(chosen)
-        losses.append(velocity_loss(motion.velocities, future, known))
-        losses.append(spread_loss(motion, future, known, data.dt_s))
-    torch.testing.assert_close(losses[:2], losses[2:])
+        losses += network.loss(outputs, future, known, data.dt_s)
+    torch.testing.assert_close(losses[:3], losses[3:])
 
 
 def test_unknown_futures_do_not_count():
     predicted, truth = torch.zeros(1, 4, 2), torch.zeros(1, 4, 2)
     truth[0, :, 0] = torch.tensor([3.0, 3.0, 100.0, 100.0])
     known = torch.tensor([[True, True, False, False]])
-    assert velocity_loss(predicted, truth, known).item() == pytest.approx(3.0)
+    assert mean_over(velocity_distance(predicted, truth), known).item() == pytest.approx(3.0)
 
 
 def test_carried_memory_solves_what_one_sub_sequence_cannot(tmp_path):
     """The direction is shown at the first of 20 steps, sub-sequences have 5: only memory knows it."""
     torch.manual_seed(0)
     data = toy_data(np.random.default_rng(1), tracks=24)
-    network = MotionLstm(SMALL)
+    network = SMALL.build(WIDTHS, 4)
     long = dataclasses.replace(QUICK, steps=250, lanes=12, longest_track=100, validate_every=50)
     train_motion(network, data, data.sequences, data.sequences, long, tmp_path, "memory")
     late = [row for first, last in data.sequences for row in range(first + 10, last)]
     error = torch.linalg.vector_norm(
-        roll(network.eval(), data, data.sequences).velocities[late] - data.future[late], dim=-1
+        roll(network.eval(), data, data.sequences)["velocities"][late] - data.future[late], dim=-1
     )
     assert error.mean() < 0.2  # without memory nothing beats an error of 1 m/s
 
@@ -202,22 +201,22 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
 
     def run(scratch):
         torch.manual_seed(3)
-        network = MotionLstm(SMALL)
+        network = SMALL.build(WIDTHS, 4)
         curve = train_motion(network, data, data.sequences[:4], data.sequences[4:], QUICK, scratch, "toy")
         return network.state_dict(), curve
 
     whole, curve = run(tmp_path / "whole")
-    import pedpred.training.recurrent as recurrent
+    import pedpred.training.loop as loop
 
     def killed(*arguments):
         save(*arguments)
         raise KeyboardInterrupt
 
-    save = recurrent.save_progress
-    monkeypatch.setattr(recurrent, "save_progress", killed)
+    save = loop.save_progress
+    monkeypatch.setattr(loop, "save_progress", killed)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "killed")
-    monkeypatch.setattr(recurrent, "save_progress", save)
+    monkeypatch.setattr(loop, "save_progress", save)
     resumed, resumed_curve = run(tmp_path / "killed")
     for name, weight in whole.items():
         torch.testing.assert_close(resumed[name], weight, rtol=0, atol=0)
@@ -241,25 +240,27 @@ def test_splits_keep_scenes_and_tracks_whole():
         of = {tuple(s): g for s, g in zip(data.sequences, group, strict=True)}
         assert {of[tuple(s)] for s in training}.isdisjoint({of[tuple(s)] for s in validation})
         assert len(training) + len(validation) == len(data.sequences)
-    with pytest.raises(ConfigError, match="validation_by"):
+    with pytest.raises(ValueRuleError, match="validation_by"):
         split_sequences(data, "window", 0.3, np.random.default_rng(0))
 
 
 def test_unknown_channel_is_named():
-    plain = SMALL.plain() | {"channels": {"smell": {"projection": 1, "lstm": 1}}}
-    with pytest.raises(ConfigError, match="smell"):
-        MotionSettings.parse(plain)
+    plain = plain_settings(SMALL) | {"channels": {"smell": {"projection": 1, "lstm": 1}}}
+    with pytest.raises(ValueRuleError, match="smell"):
+        parse_settings(plain)
+    with pytest.raises(ValueRuleError, match=r"architecture = 'gru'.*lstm"):
+        parse_settings(plain_settings(SMALL) | {"architecture": "gru"})
 
 
 def test_checkpoint_round_trip_and_damage(tmp_path):
-    network = MotionLstm(SMALL)
-    write_checkpoint(tmp_path, network.state_dict(), {"kind": "motion", "network": SMALL.plain()})
-    weights, about = read_checkpoint(tmp_path)
-    other = MotionLstm(MotionSettings.parse(about["network"]))
-    load_weights(other, weights, tmp_path)
+    network = SMALL.build(WIDTHS, 4)
+    write_network(tmp_path, network)
+    weights, _ = read_checkpoint(tmp_path)
+    other = load_network(tmp_path)
+    assert other.settings == SMALL
     for a, b in zip(network.parameters(), other.parameters(), strict=True):
         assert torch.equal(a, b)
-    wider = MotionLstm(dataclasses.replace(SMALL, joint=17))
+    wider = dataclasses.replace(SMALL, joint=17).build(WIDTHS, 4)
     with pytest.raises(StorageError, match="weights"):
         load_weights(wider, weights, tmp_path)
     (tmp_path / "weights.safetensors").write_bytes(b"\x08")

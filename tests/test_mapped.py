@@ -93,7 +93,7 @@ def test_a_block_that_does_not_fit_is_refused():
         rows.array()
     rows.append(np.zeros((2, 3), np.float32))
     for other in (np.zeros((2, 4), np.float32), np.zeros((2, 3), np.float16)):
-        with pytest.raises(ShapeError, match=r"code .* expected \(2, 3\) float32 as before"):
+        with pytest.raises(ShapeError, match=r"embedding .* expected \(2, 3\) float32 as before"):
             rows.append(other)
 
 
@@ -115,7 +115,7 @@ def test_rows_on_disk_are_no_memory_of_the_process(tmp_path):
 
 
 def test_a_data_set_is_its_shards_one_behind_the_other(stored):
-    data = load_motion_data(stored, stored / "embeddings")
+    data = load_motion_data([stored], [stored / "embeddings"])
     tables = [read_shard(stored, name, SETTINGS) for name in SHARDS]
     for name in NETWORK_COLUMNS:
         expected = np.concatenate([network_columns(table, SETTINGS)[name] for table in tables])
@@ -139,7 +139,7 @@ def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
             (part / f"{name}.parquet").symlink_to(source)
         write_manifest(folder, SETTINGS, scenes)
         tracemalloc.start()
-        data = load_motion_data(folder, folder / "embeddings")
+        data = load_motion_data([folder], [folder / "embeddings"])
         found = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return found, sum(t.nbytes for t in (data.angular, data.future, data.embedding))
@@ -157,13 +157,13 @@ def test_a_cut_shard_is_named(stored, tmp_path):
             (folder / name).write_bytes(whole[: len(whole) // 2] if name == part else whole)
         write_manifest(folder, SETTINGS, {"a": stored / "scenes" / "a"})
         with pytest.raises(StorageError, match=part):
-            load_motion_data(folder, folder / "embeddings")
+            load_motion_data([folder], [folder / "embeddings"])
     assert not any(Path("build").iterdir())
 
 
 @pytest.mark.parametrize("by", ["scene", "track"])
 def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
-    data = load_motion_data(stored, None)
+    data = load_motion_data([stored])
     for seed in range(5):
         halves = split_sequences(data, by, 0.3, np.random.default_rng(seed))
         owner = dict(zip(data.sequences[:, 0].tolist(), getattr(data, by).tolist(), strict=True))
@@ -175,7 +175,7 @@ def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
 
 def test_crops_are_divided_as_sequences_are(stored):
     """The same draw keeps the same scenes for validation, with all their variants and in the same order."""
-    data = load_motion_data(stored, None)
+    data = load_motion_data([stored])
     _, held = split_sequences(data, "scene", 0.3, np.random.default_rng(3))
     rows = np.concatenate([np.arange(first, last) for first, last in held])
     packed = np.concatenate([read_shard(stored, name, SETTINGS).occupancy for name in SHARDS])

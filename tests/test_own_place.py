@@ -12,9 +12,11 @@ import yaml
 from omegaconf import OmegaConf
 
 from pedpred import config
-from pedpred.networks import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.networks import GridAutoencoder, parse_settings
+from pedpred.networks.registry import write_network
 from pedpred.storage.checkpoints import write_checkpoint
 from tests.conftest import ROOT
+from tests.exported import WIDTHS
 
 SMALL = [
     "scale=smoke",
@@ -56,11 +58,8 @@ def project(tmp_path, monkeypatch):
     settings = {"kind": "autoencoder", "settings": {"latent": 64}, "cells": 60}
     write_checkpoint(Path("models/autoencoder"), GridAutoencoder(64).state_dict(), settings)
     for name, model in params["models"].items():
-        network = MotionLstm(
-            MotionSettings.parse(model | {"horizon_steps": params["protocol"]["horizon_steps"]})
-        )
-        about = {"kind": "motion", "network": network.settings.plain()}
-        write_checkpoint(Path("models/main", name), network.state_dict(), about)
+        own = parse_settings(model | {"architecture": "lstm"})
+        write_network(Path("models/main", name), own.build(WIDTHS, params["protocol"]["horizon_steps"]))
     return params
 
 

@@ -10,14 +10,13 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from pedpred.errors import ConfigError
-from pedpred.networks import MotionLstm
+from pedpred.errors import ValueRuleError
 from pedpred.training import train_motion
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
-from pedpred.training.progress import Progress
-from pedpred.training.recurrent import training_batches, training_step
+from pedpred.training.loop import train_step
+from pedpred.training.recurrent import RecurrentLearner
 from pedpred.training.variation import Variation
-from tests.test_learning import QUICK, SMALL, toy_data
+from tests.test_learning import QUICK, SMALL, WIDTHS, toy_data
 
 VARIED = dataclasses.replace(QUICK, variation=Variation(0.5, (0.8, 1.2), 0.1, 0.2, 0.2))
 
@@ -28,7 +27,7 @@ def train(here, folder):
     data = toy_data(np.random.default_rng(2))
     data.future_steps[::7] = 1  # so that the processes' shares weigh differently
     return train_motion(
-        MotionLstm(SMALL), data, data.sequences[:4], data.sequences[4:], VARIED, folder, "", here
+        SMALL.build(WIDTHS, 4), data, data.sequences[:4], data.sequences[4:], VARIED, folder, "", here
     )
 
 
@@ -71,17 +70,17 @@ def test_two_processes_learn_what_one_does_with_all_lanes(tmp_path):
 def test_lanes_are_divided_evenly_or_refused():
     shares = [DistributedContext(ALONE.device, rank=rank, size=4).share(64) for rank in range(4)]
     assert [i for share in shares for i in range(64)[share]] == list(range(64))
-    with pytest.raises(ConfigError, match=r"lanes.*multiple of the number of processes, 3"):
+    with pytest.raises(ValueRuleError, match=r"lanes.*multiple of the number of processes, 3"):
         DistributedContext(ALONE.device, size=3).share(64)
 
 
 def test_devices_that_are_not_there_or_not_meant_are_named():
-    with pytest.raises(ConfigError, match=r"training\.device.*'tpu'"), distributed_context("tpu", False):
+    with pytest.raises(ValueRuleError, match=r"device.*'tpu'"), distributed_context("tpu", False):
         pass
-    with pytest.raises(ConfigError, match=r"training\.autocast"), distributed_context("cpu", True):
+    with pytest.raises(ValueRuleError, match="autocast"), distributed_context("cpu", True):
         pass
     if not torch.cuda.is_available():
-        with pytest.raises(ConfigError, match="no CUDA device"), distributed_context("cuda", False):
+        with pytest.raises(ValueRuleError, match="no CUDA device"), distributed_context("cuda", False):
             pass
         with distributed_context("auto", False) as here:
             assert here == ALONE
@@ -97,10 +96,9 @@ def test_a_data_set_moves_as_a_whole():
 def test_a_training_step_stays_on_its_device():
     """Nothing in a step makes a tensor elsewhere, or looks at a value: on "meta" both would fail."""
     far = DistributedContext(torch.device("meta"))
-    network, data = MotionLstm(SMALL).to(far.device), toy_data(np.random.default_rng(0)).to(far.device)
-    optimizer = torch.optim.SGD(network.parameters())
-    progress = Progress(0, network.start(4))
-    for batch in islice(training_batches(data.sequences, VARIED, 0), 2):
-        part = batch.part(far.share(4), far.device)
-        loss = training_step(network, data, part, optimizer, progress, VARIED, far)
+    network, data = SMALL.build(WIDTHS, 4).to(far.device), toy_data(np.random.default_rng(0)).to(far.device)
+    learner = RecurrentLearner(network, data, data.sequences, data.sequences, VARIED, far)
+    learner.optimizer = torch.optim.SGD(network.parameters())
+    for step, batch in enumerate(islice(learner.batches(0), 2)):
+        loss = train_step(learner, batch, step, VARIED, far)
         assert loss.device.type == "meta"

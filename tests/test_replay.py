@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 import yaml
 
-from pedpred.evaluation.scores import world_covariance, world_paths
 from pedpred.features import FeatureSettings, extract
-from pedpred.networks.encoding import encode
-from pedpred.networks.forecasting import forecast_motion
+from pedpred.networks import NetworkForecaster
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import paths_at, replayed
 from pedpred.sources import SOURCES
@@ -26,11 +24,10 @@ def offline_and_online(scene, kind, phase_offsets, model):
     settings = FeatureSettings(phase_offsets=phase_offsets)
     tracks = follow(scene.trajectories, kind, TRACKER if kind == "kalman" else None, 0.2)
     table = extract(scene, tracks, settings)
-    velocities, covariance = forecast_motion(network, table, encode(encoder, table.occupancy, 60), settings)
+    whole = NetworkForecaster(network, encoder).predict(table, settings, np.arange(len(table)))
     robot = OnlinePredictor.load(folder, OnlineSettings.as_offline(settings, scene.detection_dt_s))
     online = paths_at(replayed(scene, robot, kind == "truth"), table.track_id, table.time_s, 10)
-    offline = world_paths(table, velocities, settings.dt_s), world_covariance(table, covariance)
-    return table, offline, online
+    return table, (whole.point, whole.covariance[:, 0]), online
 
 
 @pytest.mark.parametrize(

@@ -208,9 +208,9 @@ def test_codes_must_belong_to_the_features(shard):
     folder, table = shard
     write_embeddings([np.zeros((len(table) - 1, 392), np.float16)], folder / "embeddings", "walled")
     with pytest.raises(StorageError, match="rows"):
-        load_motion_data(folder, folder / "embeddings")
+        load_motion_data([folder], [folder / "embeddings"])
     write_embeddings([np.ones((len(table), 392), np.float16)], folder / "embeddings", "walled")
-    data = load_motion_data(folder, folder / "embeddings")
+    data = load_motion_data([folder], [folder / "embeddings"])
     assert len(data.sequences) == 3 * len(np.unique(table.track_id))
     assert set(data.track) == set(table.track_id)
 
@@ -221,7 +221,7 @@ def test_a_variant_is_validated_with_its_track(tmp_path):
     for name in ("walled", "walled_mirrored"):
         write_shard([extract(scene, tracks, SETTINGS)], tmp_path, name)
     write_manifest(tmp_path, SETTINGS, dict.fromkeys(("walled", "walled_mirrored"), tmp_path / "scene"))
-    data = load_motion_data(tmp_path, None)
+    data = load_motion_data([tmp_path])
     owner = dict(zip(data.sequences[:, 0].tolist(), data.track.tolist(), strict=True))
     halves = split_sequences(data, "track", 0.5, np.random.default_rng(0))
     training, validation = ({owner[first] for first in half[:, 0].tolist()} for half in halves)

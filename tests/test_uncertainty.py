@@ -9,18 +9,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.datasets import MotionData
-from pedpred.errors import ConfigError
-from pedpred.networks import MotionLstm, MotionSettings
+from pedpred.errors import ValueRuleError
+from pedpred.networks import parse_settings
+from pedpred.networks.contract import displacements
 from pedpred.networks.gaussian import FLOOR_M, GaussianHead, covariance_of, negative_log_density
-from pedpred.networks.rolling import displacements, roll
+from pedpred.networks.registry import plain_settings
+from pedpred.networks.rolling import roll
 from pedpred.training import TrainingSettings, train_motion
 
-MEAN_ONLY = MotionSettings.parse(
+MEAN_ONLY = parse_settings(
     {
+        "architecture": "lstm",
         "channels": {"state": {"projection": 8, "lstm": 8}},
         "joint": 16,
         "head": 16,
-        "horizon_steps": 3,
         "residual": True,
         "dropout": 0.2,
     }
@@ -62,7 +64,7 @@ def noisy_walks(error_m, tracks=12, length=30, dt_s=0.3):
 
 def trained(shape, data, scratch, **changes):
     torch.manual_seed(1)
-    network = MotionLstm(shape)
+    network = shape.build({"state": 2}, 3)
     how = dataclasses.replace(QUICK, **changes)
     curve = train_motion(network, data, data.sequences, data.sequences, how, scratch, "toy")
     return network.eval(), curve
@@ -95,7 +97,7 @@ def test_the_mean_is_to_the_last_bit_what_it_is_without_a_spread(tmp_path):
     untouched = spread.state_dict()
     assert all(torch.equal(weight, untouched[name]) for name, weight in plain.state_dict().items())
     assert [row["validation_ade_m"] for row in curve] == [row["validation_ade_m"] for row in other]
-    assert roll(plain, data, data.sequences).spread is None
+    assert set(roll(plain, data, data.sequences)) == {"velocities"}
 
 
 def test_the_spread_of_noise_is_found(tmp_path):
@@ -104,13 +106,13 @@ def test_the_spread_of_noise_is_found(tmp_path):
     noise = torch.randn(360, 3, 2, generator=torch.Generator().manual_seed(0))
     data = noisy_walks(noise * deviation_m)
     network, curve = trained(WITH_SPREAD, data, tmp_path, steps=120, validate_every=60, clip_norm=1.0)
-    motion = roll(network, data, data.sequences)
-    found = torch.diagonal(covariance_of(motion.spread), dim1=-2, dim2=-1).mean(dim=0).sqrt()
-    off = displacements(motion.velocities, data.future, data.dt_s).square().mean(dim=0).sqrt()
+    outputs = roll(network, data, data.sequences)
+    found = torch.diagonal(covariance_of(outputs["spread"]), dim1=-2, dim2=-1).mean(dim=0).sqrt()
+    off = displacements(outputs["velocities"], data.future, data.dt_s).square().mean(dim=0).sqrt()
     torch.testing.assert_close(found, off, rtol=0.2, atol=0.0)
     assert curve[-1]["validation_nll"] < curve[0]["validation_nll"]
 
 
 def test_an_unknown_uncertainty_is_named():
-    with pytest.raises(ConfigError, match=r"uncertainty.*cauchy"):
-        MotionSettings.parse(MEAN_ONLY.plain() | {"uncertainty": "cauchy"})
+    with pytest.raises(ValueRuleError, match=r"uncertainty.*cauchy"):
+        parse_settings(plain_settings(MEAN_ONLY) | {"uncertainty": "cauchy"})

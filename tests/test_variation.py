@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.datasets import LaneBatch, MotionData
-from pedpred.errors import ConfigError
+from pedpred.errors import ValueRuleError
 from pedpred.training.variation import Variation, looked_up, varied
 
 CPU = torch.device("cpu")
@@ -136,5 +136,5 @@ def test_lanes_shared_among_processes_vary_as_they_would_together():
     ],
 )
 def test_an_impossible_variation_is_named(field, value):
-    with pytest.raises(ConfigError, match=field):
+    with pytest.raises(ValueRuleError, match=field):
         dataclasses.replace(Variation(), **{field: value})

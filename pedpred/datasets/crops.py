@@ -1,4 +1,4 @@
-"""The occupancy crops of a data set, for the auto-encoder and for what learns from it."""
+"""The occupancy crops of a data set, for training the auto-encoder and for distillation."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import ConfigError, ShapeError
+from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.shards import read_crops, read_embeddings, read_manifest
@@ -44,7 +44,7 @@ def crops_of(
 
 @dataclass(frozen=True)
 class EmbeddedCrops:
-    """Crops and what the frozen encoder makes of them.
+    """Crops and their embeddings by the frozen encoder.
 
     Attributes:
         packed: bit-packed crops. [M, cells^2 / 8] uint8
@@ -73,11 +73,12 @@ def embedded_crops_of(
         features: folder of feature shards.
         embeddings: folder of the encoder's outputs.
         validation_share: share of the arrangements kept for validation; at least one.
-        every: only each so manieth row is taken; neighbouring rows show nearly the same.
+        every: take every n-th row; neighbouring rows are nearly the same.
         rng: decides which arrangements.
 
     Raises:
         StorageError: a file cannot be read.
+        ValueRuleError: there are too few arrangements.
         ShapeError: features and embeddings do not belong together.
     """
     settings, *halves = _divided(features, validation_share, rng)
@@ -96,7 +97,7 @@ def embedded_crops_of(
 
 
 def _thinned(blocks: Iterable[np.ndarray], every: int) -> Iterator[np.ndarray]:
-    """Each so manieth row, counted through all blocks."""
+    """Every n-th row, counted across all blocks."""
     seen = 0
     for block in blocks:
         yield block[-seen % every :: every]
@@ -111,7 +112,7 @@ def _divided(
     scenes = list(dict.fromkeys(shards.values()))
     held = max(1, round(validation_share * len(scenes)))
     if held >= len(scenes):
-        raise ConfigError("validation_share", validation_share, f"{features} has {len(scenes)} scenes only")
+        raise ValueRuleError("validation_share", validation_share, f"{features} has {len(scenes)} scenes")
     order = [scenes[i] for i in rng.permutation(len(scenes))]
     training, validation = (
         [name for scene in half for name in shards if shards[name] == scene]

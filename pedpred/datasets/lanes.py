@@ -1,4 +1,4 @@
-"""Truncated back-propagation through time in lanes: each lane streams whole tracks."""
+"""Batches for truncated back-propagation through time: each lane streams whole tracks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class LaneBatch:
 
     Attributes:
         rows: rows of the data set; -1 pads behind the end of a track. [B, L]
-        starts: a track starts here, so the lane's memory is forgotten first. [B] bool
+        starts: a track starts here, so the lane's state is reset first. [B] bool
         chance: uniform numbers in [0, 1), drawn where a track starts and held along it. [B, 3] float32
     """
 

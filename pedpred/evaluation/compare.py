@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,9 @@ from pedpred.evaluation.scores import (
     score,
     true_paths,
     windows_of,
-    world_covariance,
-    world_paths,
 )
 from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.scenes import Scene
+from pedpred.scenes import Predictions, Scene
 
 _SAME_INSTANT_S = 1e-4
 
@@ -26,7 +24,7 @@ def compare(
     scene: Scene,
     table: FeatureTable,
     settings: FeatureSettings,
-    networks: Mapping[str, tuple[np.ndarray, np.ndarray | None]],
+    networks: Mapping[str, Callable[[FeatureTable, FeatureSettings, np.ndarray], Predictions]],
     baselines: Sequence[str],
     options: Mapping[str, Any],
     social_force: Mapping[str, Any],
@@ -38,8 +36,7 @@ def compare(
         scene: the test scene.
         table: its features, all rows.
         settings: sizes of the features.
-        networks: what each network forecasts at every row, agent frames: velocities, m/s [M, P, 2], and
-            the covariance of positions, m^2 [M, P, 2, 2], or None.
+        networks: give the world-frame predictions of some rows of the table, by name.
         baselines: names of the untrained methods.
         options: `evaluation` configuration: moving_mps, collision_m, imagined_goals.
         social_force: settings of the social-force model at this place.
@@ -63,10 +60,11 @@ def compare(
         paths[name] = everybody[np.searchsorted(together, window)]
     if kalman is not None:
         covariances["kalman_cv"] = np.tile(kalman, (len(window), 1, 1, 1))
-    for name, (velocities, covariance) in networks.items():
-        paths[name] = world_paths(windows, velocities[window], settings.dt_s)
-        if covariance is not None:
-            covariances[name] = world_covariance(windows, covariance[window])
+    for name, predict in networks.items():
+        predictions = predict(table, settings, window)
+        paths[name] = predictions.point
+        if predictions.covariance is not None:
+            covariances[name] = predictions.covariance[:, 0]
     truth = true_paths(windows, settings.dt_s)
     near = (options["moving_mps"], options["collision_m"])
     scores = {

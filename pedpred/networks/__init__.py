@@ -1,6 +1,17 @@
-"""The grid auto-encoder and the recurrent motion network."""
+"""The grid auto-encoder and the recurrent motion networks."""
 
-from pedpred.networks.autoencoder import EMBEDDING_WIDTH, GridAutoencoder, GridEncoder
-from pedpred.networks.lstm import MotionLstm, MotionSettings, MotionState
+from pedpred.networks.autoencoder import GridAutoencoder, GridEncoder
+from pedpred.networks.contract import RecurrentNetwork
+from pedpred.networks.forecasting import NetworkForecaster, forecaster
+from pedpred.networks.registry import ARCHITECTURES, load_network, parse_settings
 
-__all__ = ["EMBEDDING_WIDTH", "GridAutoencoder", "GridEncoder", "MotionLstm", "MotionSettings", "MotionState"]
+__all__ = [
+    "ARCHITECTURES",
+    "GridAutoencoder",
+    "GridEncoder",
+    "NetworkForecaster",
+    "RecurrentNetwork",
+    "forecaster",
+    "load_network",
+    "parse_settings",
+]

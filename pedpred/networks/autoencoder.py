@@ -10,35 +10,47 @@ from torch import Tensor, nn
 from torch.nn import functional as f
 
 from pedpred.errors import StorageError
+from pedpred.features import FeatureSettings
 from pedpred.files import translate_errors
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
 WIDTHS = (64, 32)
 """Channels behind the first and the second convolution."""
-EMBEDDING_SHAPE = (8, 7, 7)
-EMBEDDING_WIDTH = 8 * 7 * 7
-"""What the convolutions leave of a 60 x 60 crop: 7 x 7 cells of 8 channels."""
+_EMBEDDING_CHANNELS = 8
+_CONVOLUTIONS = ((5, 0), (3, 1), (3, 1))
+"""(kernel size, padding) of the three convolutions; their stride is 2."""
+CELLS = FeatureSettings().grid_cells
 
 
 class GridEncoder(nn.Module):
     """Crop -> embedding (convolutions, frozen after pre-training) -> latent (fully connected)."""
 
-    def __init__(self, latent: int = 64, widths: tuple[int, int] = WIDTHS):
+    def __init__(self, latent: int = 64, widths: tuple[int, int] = WIDTHS, cells: int = CELLS):
+        """Make random weights.
+
+        Args:
+            latent: width of the latent features.
+            widths: channels behind the first and the second convolution.
+            cells: cells per side of a crop.
+        """
         super().__init__()
-        first, second = widths
-        self.conv1 = nn.Conv2d(1, first, kernel_size=5, stride=2)
-        self.conv2 = nn.Conv2d(first, second, kernel_size=3, stride=2, padding=1)
-        self.conv3 = nn.Conv2d(second, 8, kernel_size=3, stride=2, padding=1)
-        self.fc = nn.Linear(EMBEDDING_WIDTH, latent)
+        channels = (1, *widths, _EMBEDDING_CHANNELS)
+        layers = [
+            nn.Conv2d(before, after, kernel_size=kernel, stride=2, padding=padding)
+            for before, after, (kernel, padding) in zip(channels, channels[1:], _CONVOLUTIONS, strict=False)
+        ]
+        self.conv1, self.conv2, self.conv3 = layers
+        self.sides = _sides(cells)
+        self.fc = nn.Linear(_EMBEDDING_CHANNELS * self.sides[-1] ** 2, latent)
 
     def embedding(self, crops: Tensor) -> Tensor:
-        """Convolve crops of 0 and 1. [N, 60, 60] -> [N, 392]."""
+        """Convolve crops of 0 and 1. [N, cells, cells] -> [N, C]."""
         hidden = torch.relu(self.conv1(crops[:, None]))
         hidden = torch.relu(self.conv2(hidden))
         return torch.relu(self.conv3(hidden)).flatten(1)
 
     def forward(self, crops: Tensor) -> Tensor:
-        """Latent features of crops. [N, 60, 60] -> [N, latent]."""
+        """Latent features of crops. [N, cells, cells] -> [N, latent]."""
         return self.fc(self.embedding(crops))
 
 
@@ -48,23 +60,24 @@ class GridAutoencoder(nn.Module):
     Untied, for comparison, the decoder has weights of its own.
     """
 
-    def __init__(self, latent: int = 64, tied: bool = True):
+    def __init__(self, latent: int = 64, tied: bool = True, cells: int = CELLS):
         super().__init__()
-        self.encoder = GridEncoder(latent)
-        self.decoder = nn.ParameterDict({} if tied else _weights(GridEncoder(latent)))
-        self.embedding_bias = nn.Parameter(torch.zeros(EMBEDDING_WIDTH))
-        self.bias3 = nn.Parameter(torch.zeros(32))
-        self.bias2 = nn.Parameter(torch.zeros(64))
+        self.encoder = GridEncoder(latent, cells=cells)
+        self.decoder = nn.ParameterDict({} if tied else _weights(GridEncoder(latent, cells=cells)))
+        self.embedding_bias = nn.Parameter(torch.zeros(self.encoder.fc.in_features))
+        self.bias3 = nn.Parameter(torch.zeros(WIDTHS[1]))
+        self.bias2 = nn.Parameter(torch.zeros(WIDTHS[0]))
         self.bias1 = nn.Parameter(torch.zeros(1))
 
     def forward(self, crops: Tensor) -> Tensor:
-        """Reconstruct crops, linearly: a sigmoid saturates at "all free" first. [N, 60, 60] both."""
+        """Reconstruct crops, linearly: a sigmoid would saturate at "all free". [N, cells, cells] both."""
         weights = _weights(self.encoder) | dict(self.decoder.items())
         embedding = torch.relu(f.linear(self.encoder(crops), weights["fc"].t(), self.embedding_bias))
-        hidden = embedding.unflatten(1, EMBEDDING_SHAPE)
-        hidden = torch.relu(_up(hidden, weights["conv3"], self.bias3, padding=1))
-        hidden = torch.relu(_up(hidden, weights["conv2"], self.bias2, padding=1))
-        return _up(hidden, weights["conv1"], self.bias1, padding=0).squeeze(1)
+        cells, outer, inner, innermost = self.encoder.sides
+        hidden = embedding.unflatten(1, (_EMBEDDING_CHANNELS, innermost, innermost))
+        hidden = torch.relu(_transposed(hidden, weights["conv3"], self.bias3, inner))
+        hidden = torch.relu(_transposed(hidden, weights["conv2"], self.bias2, outer))
+        return _transposed(hidden, weights["conv1"], self.bias1, cells).squeeze(1)
 
 
 def read_autoencoder(folder: Path) -> tuple[GridAutoencoder, int]:
@@ -76,9 +89,10 @@ def read_autoencoder(folder: Path) -> tuple[GridAutoencoder, int]:
     weights, about = read_checkpoint(folder)
     tied = not any(name.startswith("decoder.") for name in weights)
     with translate_errors(
-        partial(StorageError, folder / "about.json", "settings", remedy="Train it again (dvc repro)")
+        partial(StorageError, folder / "about.json", "settings", remedy="Train the auto-encoder again")
     ):
-        network, cells = GridAutoencoder(about["settings"]["latent"], tied), int(about["cells"])
+        cells = int(about["cells"])
+        network = GridAutoencoder(about["settings"]["latent"], tied, cells)
     load_weights(network, weights, folder)
     return network, cells
 
@@ -87,13 +101,23 @@ def _weights(encoder: GridEncoder) -> dict[str, Tensor]:
     return {name: encoder.get_parameter(f"{name}.weight") for name, _ in encoder.named_children()}
 
 
-def _up(hidden: Tensor, weight: Tensor, bias: Tensor, padding: int) -> Tensor:
-    """Transpose of a stride-2 convolution with the same weights; doubles the side."""
-    return f.conv_transpose2d(hidden, weight, bias, stride=2, padding=padding, output_padding=1)
+def _sides(cells: int) -> list[int]:
+    """Cells per side of a crop and after each convolution. [4]."""
+    sides = [cells]
+    for kernel, padding in _CONVOLUTIONS:
+        sides.append((sides[-1] + 2 * padding - kernel) // 2 + 1)
+    return sides
+
+
+def _transposed(hidden: Tensor, weight: Tensor, bias: Tensor, side: int) -> Tensor:
+    """Transpose of a stride-2 convolution with the same weights, to so many cells per side."""
+    padding = dict(_CONVOLUTIONS)[weight.shape[-1]]
+    rest = side - (2 * (hidden.shape[-1] - 1) - 2 * padding + weight.shape[-1])
+    return f.conv_transpose2d(hidden, weight, bias, stride=2, padding=padding, output_padding=rest)
 
 
 def reconstruction_loss(crops: Tensor, reconstruction: Tensor) -> Tensor:
-    """Sum of squared cell errors of a crop, averaged over crops (paper, eq. 4). [N, 60, 60] x 2 -> []."""
+    """Sum of squared cell errors of a crop, averaged over crops (paper, eq. 4). [N, ...] x 2 -> []."""
     return (crops - reconstruction).square().sum(dim=(1, 2)).mean()
 
 

@@ -1,29 +1,37 @@
-"""The frozen convolutions at work: packed occupancy crops in, embeddings out."""
+"""Encode packed occupancy crops with the frozen convolutions."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from pedpred.errors import StorageError
 from pedpred.features import unpack_crops
+from pedpred.files import translate_errors
 from pedpred.networks.autoencoder import WIDTHS, GridEncoder
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
 _CROPS_AT_ONCE = 8
-"""The first layer's output of so many, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
+"""Their first layer's output, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
 _PREFIX = "encoder."
 
 
 def load_encoder(folder: Path) -> GridEncoder:
-    """The encoder of a pre-trained auto-encoder, whatever its decoder looks like, or a narrow one alone.
+    """The encoder of a checkpoint: of a pre-trained auto-encoder, or a narrow one alone.
 
     Raises:
         StorageError: a file is missing, damaged or of another network.
     """
     weights, about = read_checkpoint(folder)
-    encoder = GridEncoder(about["settings"]["latent"], tuple(about["settings"].get("widths", WIDTHS)))
+    with translate_errors(
+        partial(StorageError, folder / "about.json", "settings", remedy="Train the encoder again")
+    ):
+        settings = about["settings"]
+        widths = tuple(settings.get("widths", WIDTHS))
+        encoder = GridEncoder(settings["latent"], widths, int(about["cells"]))
     own = {name.removeprefix(_PREFIX): w for name, w in weights.items() if name.startswith(_PREFIX)}
     load_weights(encoder, own, folder)
     return encoder
@@ -39,7 +47,7 @@ def encode(encoder: GridEncoder, packed: np.ndarray, cells: int) -> np.ndarray:
         cells: per side of a crop.
 
     Returns:
-        Embeddings. [M, 392] float32
+        Embeddings. [M, C] float32
     """
     fast = encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     # Filled, not collected: small pieces kept between the layers' large outputs make the heap grow.

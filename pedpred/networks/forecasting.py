@@ -1,63 +1,57 @@
-"""A trained network as a forecaster of whole feature tables."""
+"""A trained network as a forecaster (`pedpred.forecasting.Forecaster`)."""
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from pedpred.datasets.motion import MotionData, network_columns, sequences_of
-from pedpred.errors import StorageError
+from pedpred.datasets.motion import motion_data
 from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.files import translate_errors
-from pedpred.networks.gaussian import covariance_of
-from pedpred.networks.lstm import MotionLstm, MotionSettings
+from pedpred.forecasting import ForecastRequest
+from pedpred.forecasting.tensors import predictions_of
+from pedpred.networks.autoencoder import GridEncoder
+from pedpred.networks.contract import RecurrentNetwork, select
+from pedpred.networks.encoding import encode, load_encoder
+from pedpred.networks.registry import load_network
 from pedpred.networks.rolling import roll
-from pedpred.storage.checkpoints import load_weights, read_checkpoint
+from pedpred.scenes import Predictions
 
 
-def load_motion_lstm(folder: Path) -> MotionLstm:
-    """The network of a checkpoint, ready to forecast.
+@dataclass(frozen=True)
+class NetworkForecaster:
+    """Runs a network over the whole table of a request, so that its state builds up as on a robot.
+
+    Attributes:
+        network: trained.
+        encoder: the frozen convolutions; None for a network that does not read the grid.
+    """
+
+    network: RecurrentNetwork
+    encoder: GridEncoder | None
+
+    def __call__(self, request: ForecastRequest) -> Predictions:
+        """World-frame predictions of the request's rows."""
+        return self.predict(request.table, request.sizes, request.rows)
+
+    def predict(self, table: FeatureTable, sizes: FeatureSettings, rows: np.ndarray) -> Predictions:
+        """World-frame predictions of some rows [W] of a whole table that was made with `sizes`."""
+        embeddings = None if self.encoder is None else encode(self.encoder, table.occupancy, sizes.grid_cells)
+        data = motion_data(table, sizes, embeddings)
+        outputs = select(roll(self.network, data, data.sequences), torch.from_numpy(rows))
+        with torch.inference_mode():
+            answer = {name: values.numpy() for name, values in self.network.answer(outputs).items()}
+        return predictions_of(answer, sizes.dt_s).in_world(table.position[rows], table.heading_rad[rows])
+
+
+def forecaster(network_folder: Path, autoencoder_folder: Path) -> NetworkForecaster:
+    """The forecaster of a checkpoint; the auto-encoder is read only if the network reads the grid.
 
     Raises:
-        StorageError: the checkpoint is missing or damaged.
+        StorageError: a checkpoint is missing or damaged.
     """
-    weights, about = read_checkpoint(folder)
-    path = folder / "about.json"
-    with translate_errors(partial(StorageError, path, "network", remedy="Train it again (dvc repro)")):
-        settings = MotionSettings.parse(about["network"])
-        with torch.device("meta"):  # no memory until the weights are known to fit
-            network = MotionLstm(settings)
-    load_weights(network, weights, folder)
-    return network.eval()
-
-
-def forecast_motion(
-    network: MotionLstm, table: FeatureTable, embeddings: np.ndarray, settings: FeatureSettings
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """Forecast at every row of one scene's feature table, in agent frames.
-
-    Args:
-        network: trained.
-        table: the whole table, so that memory builds up as it would on a robot.
-        embeddings: the frozen encoder's outputs of its crops, not rounded. [M, C] float32
-        settings: the sizes that the table was made with.
-
-    Returns:
-        Velocities, m/s. [M, P, 2]
-        Covariance of the position at the end of each step, m^2; None if the network tells none. [M, P, 2, 2]
-    """
-    spans = sequences_of(table)
-    data = MotionData(
-        **{name: torch.from_numpy(column) for name, column in network_columns(table, settings).items()},
-        embedding=torch.from_numpy(embeddings.copy()),
-        sequences=spans,
-        scene=np.zeros(len(spans), dtype=np.int64),
-        track=table.track_id[spans[:, 0]],
-        dt_s=settings.dt_s,
-    )
-    motion = roll(network, data, spans)
-    covariance = None if motion.spread is None else covariance_of(motion.spread).numpy()
-    return motion.velocities.numpy(), covariance
+    network = load_network(network_folder)
+    reads_grid = "grid" in network.settings.channels_read
+    return NetworkForecaster(network, load_encoder(autoencoder_folder) if reads_grid else None)

@@ -1,10 +1,10 @@
-"""How far off a forecast may be: a 2D Gaussian of the position error at every step of the horizon.
+"""Uncertainty of a forecast: a 2D Gaussian of the position error at every step of the horizon.
 
-The error e = (forward, left) of a step is told in two parts, first forward, then what is left given that:
+The error e = (forward, left) of a step is factorised, forward first, then left given forward:
     e_x ~ N(0, a^2),    e_y | e_x ~ N(k e_x, c^2)
     Sigma = [[a^2, k a^2], [k a^2, k^2 a^2 + c^2]],    det Sigma = a^2 c^2
 (modified Cholesky decomposition, Pourahmadi 1999, Biometrika 86, eq. 2). Any a, c > 0 and any k give a
-covariance, so nothing has to be clipped.
+valid covariance, so nothing has to be clipped.
 """
 
 from __future__ import annotations
@@ -14,34 +14,34 @@ from torch import Tensor, nn
 from torch.nn.functional import softplus
 
 FLOOR_M = 0.01
-"""Least standard deviation, m: people's own sway and the annotators' clicks are not smaller."""
+"""Smallest standard deviation, m: body sway and annotation errors are not smaller."""
 
-_FIRST_GUESS_M = 0.05
-"""Standard deviation per step of the horizon before anything is learned, m."""
+_INITIAL_M = 0.05
+"""Standard deviation per step of the horizon before training, m."""
 
 
 class GaussianHead(nn.Module):
-    """From the joint memory to the spread (a, c, k) of the position error at every step.
+    """Maps the joint hidden state to the spread (a, c, k) of the position error at every step.
 
-    It looks at the memory without moving it (its gradient ends there), so that forecasts are to the last
-    bit what they are without it.
+    No gradient flows back into the hidden state, so the point forecasts are bit for bit those of a network
+    without this head.
     """
 
     def __init__(self, units: int, horizon_steps: int):
         super().__init__()
         self.out = nn.Linear(units, 3 * horizon_steps)
-        guess = _FIRST_GUESS_M * torch.arange(1.0, horizon_steps + 1)[:, None]
+        guess = _INITIAL_M * torch.arange(1.0, horizon_steps + 1)[:, None]
         with torch.no_grad():  # softplus(ln(e^s - 1)) = s
             self.out.bias.view(-1, 3)[:] = guess.expm1().log() * torch.tensor([1.0, 1.0, 0.0])
 
-    def forward(self, memory: Tensor) -> Tensor:
+    def forward(self, hidden: Tensor) -> Tensor:
         """Spread of the position error, agent frame. [..., units] -> [..., P, 3]: a (m), c (m), k."""
-        raw = self.out(memory.detach()).unflatten(-1, (-1, 3))
+        raw = self.out(hidden.detach()).unflatten(-1, (-1, 3))
         return torch.cat([FLOOR_M + softplus(raw[..., :2]), raw[..., 2:]], dim=-1)
 
 
 UNCERTAINTIES = {"gaussian": GaussianHead}
-"""What else a network can tell of its error; "none" tells nothing."""
+"""Heads that estimate the uncertainty, by the name in the settings."""
 
 
 def covariance_of(spread: Tensor) -> Tensor:

@@ -4,42 +4,53 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import NamedTuple
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import leaky_relu
 
-from pedpred.errors import ConfigError
-from pedpred.networks.gaussian import UNCERTAINTIES
+from pedpred.errors import ValueRuleError
+from pedpred.networks.autoencoder import GridEncoder
+from pedpred.networks.contract import (
+    CHANNELS,
+    Loss,
+    RecurrentNetwork,
+    Tensors,
+    displacements,
+    mean_over,
+    velocity_distance,
+)
+from pedpred.networks.gaussian import UNCERTAINTIES, covariance_of, negative_log_density
+
+_NEGATIVE_SLOPE = 0.1
+"""Of a projection below zero: the auto-encoder's latent is linear, a ReLU would lose half of it."""
 
 
 @dataclass(frozen=True)
 class ChannelWidths:
-    """One input channel: fully connected embedding, then an LSTM of its own."""
+    """Units of one input channel: its fully connected projection, and its LSTM."""
 
     projection: int
     lstm: int
 
 
 @dataclass(frozen=True)
-class MotionSettings:
-    """Everything that shapes a `MotionLstm`.
+class LstmSettings:
+    """Settings of a `MotionLstm`.
 
     Attributes:
-        channels: input name -> widths; an input that is not named is not used.
+        channels: input channel -> widths; the network does not read the others.
         joint: units of the LSTM that fuses the channels.
         head: units of the fully connected layer before the output.
-        horizon_steps: forecast velocities P.
-        residual: the output is added to the tracked velocity instead of standing alone.
-        dropout: probability that a unit in front of the head is dropped while training.
-        uncertainty: what the network tells of its own error: "none", or a key of `UNCERTAINTIES`.
+        residual: the output is added to the tracked velocity.
+        dropout: probability that a unit in front of the head is dropped in training.
+        uncertainty: "none", or a key of `UNCERTAINTIES`.
     """
 
     channels: Mapping[str, ChannelWidths]
     joint: int
     head: int
-    horizon_steps: int
     residual: bool
     dropout: float = 0.0
     uncertainty: str = "none"
@@ -47,120 +58,131 @@ class MotionSettings:
     def __post_init__(self) -> None:
         known = ("none", *UNCERTAINTIES)
         if self.uncertainty not in known:
-            raise ConfigError("uncertainty", self.uncertainty, f"known uncertainties are {known}")
+            raise ValueRuleError("uncertainty", self.uncertainty, f"known uncertainties are {known}")
+        unknown = sorted(set(self.channels) - set(CHANNELS))
+        if unknown or not self.channels:
+            raise ValueRuleError("channels", unknown, f"known channels are {CHANNELS}")
 
     @classmethod
-    def parse(cls, plain: Mapping) -> MotionSettings:
-        """Build from plain dictionaries (configuration or a checkpoint's description)."""
-        unknown = set(plain["channels"]) - set(INPUT_WIDTHS)
-        if unknown:
-            raise ConfigError("channels", sorted(unknown), f"known channels are {sorted(INPUT_WIDTHS)}")
-        # The joint LSTM reads the channels in this order, whatever order a file lists them in.
-        names = [name for name in INPUT_WIDTHS if name in plain["channels"]]
-        channels = {name: ChannelWidths(**plain["channels"][name]) for name in names}
+    def parse(cls, plain: Mapping[str, Any]) -> LstmSettings:
+        """Build from plain dictionaries; the joint LSTM reads the channels in the order of `CHANNELS`."""
+        order = sorted(plain["channels"], key=lambda name: (*CHANNELS, name).index(name))
+        channels = {name: ChannelWidths(**plain["channels"][name]) for name in order}
         return cls(**{**plain, "channels": channels})
 
-    def plain(self) -> dict:
+    def plain(self) -> dict[str, Any]:
         """The inverse of `parse`."""
         return asdict(self)
 
+    @property
+    def channels_read(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(self.channels)
 
-INPUT_WIDTHS = {"state": 2, "grid": 392, "angular": 72}
-"""The channel table: what the network can look at, and how many numbers that is per step.
-
-state: velocity, agent frame, m/s. grid: the frozen encoder's embedding of the occupancy crop.
-angular: 1 - r / r_max of the angular pedestrian grid, so that an empty cone is 0.
-"""
-
-LEAK = 0.1
-"""Slope of an embedding below zero: the auto-encoder's latent is linear, so no half of it may be lost."""
+    def build(self, widths: Mapping[str, int], horizon_steps: int) -> MotionLstm:
+        """A network with random weights."""
+        return MotionLstm(self, widths, horizon_steps)
 
 
-@dataclass(frozen=True)
-class MotionState:
-    """Recurrent memory of B lanes: per LSTM (hidden, cell), each [1, B, units]."""
+class MotionLstm(RecurrentNetwork):
+    """A projection and an LSTM per channel, a joint LSTM, a head that gives the next P velocities.
 
-    memory: dict[str, tuple[Tensor, Tensor]]
-
-    def reset(self, starts: Tensor) -> MotionState:
-        """Forget lanes in which a new track starts. starts: [B] bool."""
-        keep = (~starts).to(torch.float32)[None, :, None]
-        return MotionState({k: (h * keep, c * keep) for k, (h, c) in self.memory.items()})
-
-    def detached(self) -> MotionState:
-        """The same memory, cut off from the gradient."""
-        return MotionState({k: (h.detach(), c.detach()) for k, (h, c) in self.memory.items()})
-
-
-class Motion(NamedTuple):
-    """What a network says about the next P steps, in agent frames.
-
-    Attributes:
-        velocities: m/s. [..., P, 2]
-        spread: of the position error at the end of each step, (a, c, k) of `GaussianHead`; None from a
-            network that tells none. [..., P, 3]
+    Its outputs are "velocities" [..., P, 2], agent frame, m/s, and, unless `uncertainty` is "none", the
+    "spread" (a, c, k) of `GaussianHead`, [..., P, 3].
     """
 
-    velocities: Tensor
-    spread: Tensor | None
+    settings: LstmSettings
 
-
-class MotionLstm(nn.Module):
-    """Velocity, obstacles and neighbours in, the next P velocities out, step by step."""
-
-    def __init__(self, settings: MotionSettings):
-        super().__init__()
-        self.settings = settings
+    def __init__(self, settings: LstmSettings, widths: Mapping[str, int], horizon_steps: int):
+        super().__init__(settings, widths, horizon_steps)
         self.projections = nn.ModuleDict()
         self.lstms = nn.ModuleDict()
-        for name, widths in settings.channels.items():
-            self.projections[name] = nn.Linear(INPUT_WIDTHS[name], widths.projection)
-            self.lstms[name] = nn.LSTM(widths.projection, widths.lstm, batch_first=True)
-        fused = sum(widths.lstm for widths in settings.channels.values())
+        for name, units in settings.channels.items():
+            self.projections[name] = nn.Linear(widths[name], units.projection)
+            self.lstms[name] = nn.LSTM(units.projection, units.lstm, batch_first=True)
+        fused = sum(units.lstm for units in settings.channels.values())
         self.joint = nn.LSTM(fused, settings.joint, batch_first=True)
         self.dropout = nn.Dropout(settings.dropout)
         self.head = nn.Linear(settings.joint, settings.head)
-        self.out = nn.Linear(settings.head, 2 * settings.horizon_steps)
-        # Made last: the random numbers before it are those of a network without it.
+        self.out = nn.Linear(settings.head, 2 * horizon_steps)
+        # Last, so that the random weights before it are those of a network without it.
         self.uncertainty = (
-            UNCERTAINTIES[settings.uncertainty](settings.joint, settings.horizon_steps)
+            UNCERTAINTIES[settings.uncertainty](settings.joint, horizon_steps)
             if settings.uncertainty != "none"
             else None
         )
 
-    def start(self, lanes: int) -> MotionState:
-        """Memory of tracks that have just been seen: zeros."""
+    @property
+    def state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """A hidden and a cell state per LSTM."""
         units = {name: widths.lstm for name, widths in self.settings.channels.items()}
         units["joint"] = self.settings.joint
-        zeros = self.out.weight.new_zeros
-        return MotionState({k: (zeros(1, lanes, n), zeros(1, lanes, n)) for k, n in units.items()})
+        return {f"{name}_{part}": (n,) for name, n in units.items() for part in ("hidden", "cell")}
 
-    def forward(self, inputs: Mapping[str, Tensor], state: MotionState) -> tuple[Motion, MotionState]:
-        """Forecast after every step of a sub-sequence.
+    def forward(self, inputs: Mapping[str, Tensor], state: Tensors) -> tuple[Tensors, Tensors]:
+        """Forecast after every step; see `RecurrentNetwork.forward`."""
+        after: Tensors = {}
 
-        Args:
-            inputs: channel name -> [B, L, width], see `INPUT_WIDTHS`.
-            state: memory before the sub-sequence.
+        def advance(name: str, lstm: nn.Module, values: Tensor) -> Tensor:
+            before = state[f"{name}_hidden"][None], state[f"{name}_cell"][None]
+            outputs, (hidden, cell) = lstm(values, before)
+            after[f"{name}_hidden"], after[f"{name}_cell"] = hidden[0], cell[0]
+            return outputs
 
-        Returns:
-            Motion in the agent frame of each step, [B, L, ...], and the memory after it.
-        """
-        memory = {}
-        hidden = []
+        channels = []
         for name, lstm in self.lstms.items():
-            embedded = leaky_relu(self.projections[name](inputs[name]), LEAK)
-            channel, memory[name] = lstm(embedded, state.memory[name])
-            hidden.append(channel)
-        fused, memory["joint"] = self.joint(torch.cat(hidden, dim=-1), state.memory["joint"])
+            projected = leaky_relu(self.projections[name](inputs[name]), _NEGATIVE_SLOPE)
+            channels.append(advance(name, lstm, projected))
+        fused = advance("joint", self.joint, torch.cat(channels, dim=-1))
         head = torch.relu(self.head(self.dropout(fused)))
-        velocities = self.out(head).unflatten(-1, (self.settings.horizon_steps, 2))
+        velocities = self.out(head).unflatten(-1, (self.horizon_steps, 2))
         if self.settings.residual:
             velocities = velocities + inputs["state"][..., None, :]
-        spread = None if self.uncertainty is None else self.uncertainty(fused)
-        return Motion(velocities, spread), MotionState(memory)
+        outputs = {"velocities": velocities}
+        if self.uncertainty is not None:
+            outputs["spread"] = self.uncertainty(fused)
+        return outputs, after
 
-    def parts(self) -> list[list[nn.Parameter]]:
-        """Weights of the mean and of its uncertainty; no gradient of one reaches the other."""
+    def loss(self, outputs: Tensors, future: Tensor, known: Tensor, dt_s: float) -> Loss:
+        """Mean distance of velocities (eq. 5), and the negative log likelihood of the positions.
+
+        The likelihood takes the mean as given, so it trains the spread alone. Weight decay, the
+        regularisation term of the equation, is the optimiser's.
+        """
+        velocity = mean_over(velocity_distance(outputs["velocities"], future), known)
+        total = velocity
+        if "spread" in outputs:
+            error = displacements(outputs["velocities"].detach(), future, dt_s)
+            total = total + mean_over(negative_log_density(error, outputs["spread"]), known)
+        return Loss(total, velocity, known.sum())
+
+    @property
+    def score_names(self) -> tuple[str, ...]:
+        """Displacement, and the likelihood where there is a spread."""
+        return ("ade_m",) if self.uncertainty is None else ("ade_m", "nll")
+
+    def scores(self, outputs: Tensors, future: Tensor, dt_s: float) -> Tensors:
+        """Displacement, m; and the negative log likelihood of the positions, nats. [..., P] each."""
+        error = displacements(outputs["velocities"], future, dt_s)
+        scores = {"ade_m": torch.linalg.vector_norm(error, dim=-1)}
+        if "spread" in outputs:
+            scores["nll"] = negative_log_density(error, outputs["spread"])
+        return scores
+
+    def answer(self, outputs: Tensors) -> Tensors:
+        """Velocities, and the covariance of the single mode."""
+        answer = {"velocities": outputs["velocities"]}
+        if "spread" in outputs:
+            answer["covariance"] = covariance_of(outputs["spread"]).unsqueeze(-4)
+        return answer
+
+    def clipped_groups(self) -> list[list[nn.Parameter]]:
+        """Weights of the mean and of the spread: with one norm, the spread would slow the mean down."""
         spread = [] if self.uncertainty is None else list(self.uncertainty.parameters())
         own = {id(weight) for weight in spread}
         return [[weight for weight in self.parameters() if id(weight) not in own], spread]
+
+    def take_encoder(self, encoder: GridEncoder) -> None:
+        """The encoder's fully connected layer becomes the projection of the grid (paper, III-B.2)."""
+        if "grid" in self.projections:
+            self.projections["grid"].load_state_dict(encoder.fc.state_dict())

@@ -1,4 +1,4 @@
-"""An exported network: a folder that says all about itself, run by onnxruntime."""
+"""An exported network: a self-contained folder, run by onnxruntime."""
 
 from __future__ import annotations
 
@@ -14,12 +14,26 @@ import onnxruntime
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
 from pedpred.files import read_bytes, read_json, translate_errors, write_json
+from pedpred.forecasting.tensors import TENSORS, predictions_of
+from pedpred.scenes import Predictions
 from pedpred.tracking import KalmanSettings
 
-MODEL_SCHEMA = 1
-_MOST_UNITS = 10_000
+MODEL_SCHEMA = 2
+_LARGEST_SIDE = 10_000
 _GRAPH, _ABOUT = "network.onnx", "model.json"
-_REMEDY = "Export the model again (dvc repro export) or fetch the folder anew"
+_REMEDY = "Export the model again or copy the folder again"
+Shape = tuple[int, ...]
+
+
+def sensor_shapes(sizes: FeatureSettings) -> dict[str, Shape]:
+    """The inputs that a robot can compute: name -> shape per person."""
+    return {"state": (2,), "crop": (sizes.grid_cells, sizes.grid_cells), "angular": (sizes.angular_cells,)}
+
+
+def output_shapes(steps: int, modes: int) -> dict[str, Shape]:
+    """Shapes per person of `pedpred.forecasting.tensors`."""
+    path = (modes, steps, 2)
+    return dict(zip(TENSORS, [(steps, 2), path, (modes,), (*path, 2)], strict=True))
 
 
 @dataclass(frozen=True)
@@ -27,40 +41,43 @@ class ModelDescription:
     """What a robot must know to use a network.
 
     Attributes:
-        inputs: names of the graph's inputs, in order.
-        memory: names of its memory tensors, in order, and their units.
-        features: sizes and clock of the inputs.
-        tracker: noise of the tracker that the positions go through.
+        inputs: names of the graph's inputs, in order; see `sensor_shapes`.
+        memory: tensors of its recurrent state, which starts as zeros: name -> shape per person, in order.
+        outputs: its outputs, in order: name -> shape per person; see `pedpred.forecasting.tensors`.
+        features: sizes and time step of the inputs.
+        tracker: noise of the tracker that filters the positions.
         standstill_mps: below this speed a pedestrian keeps its heading, m/s.
-        spread: the graph tells the covariance of its positions.
     """
 
     inputs: tuple[str, ...]
-    memory: dict[str, int]
+    memory: dict[str, Shape]
+    outputs: dict[str, Shape]
     features: FeatureSettings
     tracker: KalmanSettings
     standstill_mps: float
-    spread: bool = False
 
     def __post_init__(self) -> None:
-        strangers = set(self.inputs) - {"state", "crop", "angular"}
-        if strangers or not self.inputs:
-            raise ValueRuleError("inputs", self.inputs, "known inputs are state, crop and angular")
-        for name, units in self.memory.items():
-            if not 0 < units <= _MOST_UNITS:
-                raise ValueRuleError(f"memory.{name}", units, f"it must be between 1 and {_MOST_UNITS}")
+        known = sensor_shapes(self.features)
+        if set(self.inputs) - set(known) or not self.inputs:
+            raise ValueRuleError("inputs", self.inputs, f"known inputs are {list(known)}")
+        for name, shape in self.memory.items():
+            if not all(0 < side <= _LARGEST_SIDE for side in shape):
+                raise ValueRuleError(f"memory.{name}", shape, f"sides must be between 1 and {_LARGEST_SIDE}")
+        modes = self.outputs.get("weight", (1,))[0]
+        allowed = output_shapes(self.features.horizon_steps, modes)
+        if "velocities" not in self.outputs or ("path" in self.outputs) != ("weight" in self.outputs):
+            raise ValueRuleError("outputs", list(self.outputs), "velocities, or path and weight are missing")
+        for name, shape in self.outputs.items():
+            if shape != allowed.get(name):
+                raise ValueRuleError(f"outputs.{name}", shape, f"known outputs are {allowed}")
         if not 0 <= self.standstill_mps < np.inf:
             raise ValueRuleError("standstill_mps", self.standstill_mps, "it must not be negative")
 
-    def ends(self) -> tuple[dict[str, tuple[int, ...]], list[tuple[int, ...]]]:
-        """Sizes per person of the graph's inputs, by name, and of its outputs, in order."""
-        sizes = self.features
-        crop = (sizes.grid_cells, sizes.grid_cells)
-        known = {"state": (2,), "crop": crop, "angular": (sizes.angular_cells,)}
-        memory = {name: (units,) for name, units in self.memory.items()}
-        steps = sizes.horizon_steps
-        told = [(steps, 2), (steps, 2, 2)] if self.spread else [(steps, 2)]
-        return {name: known[name] for name in self.inputs} | memory, [*told, *memory.values()]
+    def ends(self) -> tuple[dict[str, Shape], list[Shape]]:
+        """Shapes per person of the graph's inputs, by name, and of its outputs, in order."""
+        known = sensor_shapes(self.features)
+        inputs = {name: known[name] for name in self.inputs} | self.memory
+        return inputs, [*self.outputs.values(), *self.memory.values()]
 
 
 def write_description(folder: Path, description: ModelDescription, origin: Mapping[str, object]) -> None:
@@ -71,8 +88,10 @@ def write_description(folder: Path, description: ModelDescription, origin: Mappi
             "state": "m/s, agent frame (forward, left)",
             "crop": "0 free, 1 occupied, cell (i forward, j left)",
             "angular": "1 - distance / max_range_m",
-            "velocities": "m/s, agent frame, [people, horizon_steps, 2]",
-            "covariance": "m^2, agent frame, of the position after each step, [people, horizon_steps, 2, 2]",
+            "velocities": "m/s, agent frame, of the point forecast, [people, horizon_steps, 2]",
+            "path": "m, agent frame, [people, modes, horizon_steps, 2]; absent: one mode, the point forecast",
+            "weight": "probability of each mode, [people, modes]",
+            "covariance": "m^2, agent frame, in each mode, [people, modes, horizon_steps, 2, 2]",
         },
         "network_sha256": _digest(folder / _GRAPH),
         **asdict(description),
@@ -97,12 +116,16 @@ def read_description(folder: Path) -> ModelDescription:
             raise StorageError(folder / _GRAPH, "checksum", f"it is not what {_ABOUT} describes", _REMEDY)
         return ModelDescription(
             tuple(about["inputs"]),
-            {str(name): int(units) for name, units in about["memory"].items()},
+            _shapes(about["memory"]),
+            _shapes(about["outputs"]),
             FeatureSettings(**about["features"]),
             KalmanSettings(**about["tracker"]),
             float(about["standstill_mps"]),
-            bool(about.get("spread", False)),  # a folder from before networks told any
         )
+
+
+def _shapes(plain: Mapping[str, list[int]]) -> dict[str, Shape]:
+    return {str(name): tuple(int(side) for side in shape) for name, shape in plain.items()}
 
 
 class ExportedNetwork:
@@ -121,7 +144,7 @@ class ExportedNetwork:
             self._session = onnxruntime.InferenceSession(
                 str(path), options, providers=["CPUExecutionProvider"]
             )
-        self._memory, self._spread = list(description.memory), description.spread
+        self._about = description
         ends = {end.name: tuple(end.shape[1:]) for end in self._session.get_inputs()}
         sizes = [tuple(end.shape[1:]) for end in self._session.get_outputs()]
         if (ends, sizes) != description.ends():
@@ -129,20 +152,28 @@ class ExportedNetwork:
 
     def step(
         self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray | None, dict[str, np.ndarray]]:
+    ) -> tuple[Predictions, np.ndarray, dict[str, np.ndarray]]:
         """One step of N people.
 
         Args:
             inputs: name -> [N, ...] float32.
-            memory: name -> [N, units] float32, before the step.
+            memory: name -> [N, ...] float32, before the step.
 
         Returns:
-            Future velocities, agent frames, m/s [N, P, 2]; the covariance of positions, agent frames, m^2
-            [N, P, 2, 2], or None from a network that tells none; the memory after the step.
+            Predictions, agent frames; velocities of the point forecast, agent frames, m/s [N, P, 2]; and the
+            memory after the step.
         """
-        velocities, *others = self._session.run(None, {**inputs, **memory})
-        covariance = others.pop(0) if self._spread else None
-        return velocities, covariance, dict(zip(self._memory, others, strict=True))
+        values = self._session.run(None, {**inputs, **memory})
+        split = len(self._about.outputs)
+        return *self._answer(values[:split]), dict(zip(self._about.memory, values[split:], strict=True))
+
+    def nobody(self) -> tuple[Predictions, np.ndarray]:
+        """The answer for no people."""
+        return self._answer([np.zeros((0, *shape), np.float32) for shape in self._about.outputs.values()])
+
+    def _answer(self, values: list[np.ndarray]) -> tuple[Predictions, np.ndarray]:
+        tensors = dict(zip(self._about.outputs, values, strict=True))
+        return predictions_of(tensors, self._about.features.dt_s), tensors["velocities"]
 
 
 def _digest(path: Path) -> str:

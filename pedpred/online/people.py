@@ -1,4 +1,4 @@
-"""Everybody whom a robot follows: tracked states, clocks and memory of the network, as arrays."""
+"""The people that a robot tracks: states, phases and the network's memory, as arrays."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class People:
         velocity: tracked, m/s. [N, 2]
         covariance: of the tracker's belief. [N, 3]
         heading_rad: held while standing. [N]
-        ticks: how often each clock of the network has ticked. [N, C]
-        memory: the network's memory on each clock, name -> [N, C, units] float32
+        ticks: steps of the network in each phase. [N, C]
+        memory: the network's state in each phase, name -> [N, C, ...] float32
     """
 
     track_id: np.ndarray
@@ -42,10 +42,10 @@ class People:
         return len(self.track_id)
 
     @classmethod
-    def nobody(cls, phase_offsets: int, memory: Mapping[str, int]) -> People:
-        """An empty place."""
+    def nobody(cls, phase_offsets: int, memory: Mapping[str, tuple[int, ...]]) -> People:
+        """Nobody yet; memory: name -> shape per person."""
         none, pairs = np.zeros(0), np.zeros((0, 2))
-        empty = {name: np.zeros((0, phase_offsets, units), np.float32) for name, units in memory.items()}
+        empty = {name: np.zeros((0, phase_offsets, *shape), np.float32) for name, shape in memory.items()}
         ids, ticks = np.zeros(0, np.int64), np.zeros((0, phase_offsets), np.int64)
         return cls(ids, none, none, pairs, pairs, np.zeros((0, 3)), none, ticks, empty)
 
@@ -55,7 +55,7 @@ class People:
         return People(**kept, memory={name: values[rows] for name, values in self.memory.items()})
 
     def at(self, rows: np.ndarray, time_s: float) -> Pedestrians:
-        """Where some of them are believed to be at an instant."""
+        """Estimated positions of some of them at an instant."""
         position = self.position[rows] + (time_s - self.seen_s[rows])[:, None] * self.velocity[rows]
         return Pedestrians(self.track_id[rows], position, self.heading_rad[rows], self.velocity[rows])
 
@@ -82,14 +82,14 @@ def detected(
     tracker: KalmanSettings,
     standstill_mps: float,
 ) -> People:
-    """People after the detections of one instant; whoever is unknown is born.
+    """People after the detections of one instant; an unknown id is added.
 
     Args:
         people: before, at an earlier instant.
         time_s: s.
         track_id: unique. [D]
         position: world frame, m. [D, 2]
-        velocity: true velocities, where the source knows them; then nothing is filtered. [D, 2] m/s
+        velocity: true velocities, if the source has them; then nothing is filtered. [D, 2] m/s
         tracker: noise of the filter.
         standstill_mps: below this speed the heading is held.
     """
@@ -135,7 +135,7 @@ def _heading(velocity: np.ndarray, before: np.ndarray, standstill_mps: float) ->
 
 
 def next_ticks_s(people: People, dt_s: float, phase_offset_s: float) -> np.ndarray:
-    """When each clock of each person ticks next, on the grid that offline features use, s. [N, C]."""
+    """Time of the next step of each person in each phase, on the grid of the offline features, s. [N, C]."""
     offset = np.arange(people.ticks.shape[1]) * phase_offset_s
     exact = people.born_s[:, None] + offset + people.ticks * dt_s
     return np.round(exact / TIME_TOLERANCE_S) * TIME_TOLERANCE_S

@@ -11,10 +11,10 @@ import numpy as np
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings, Pedestrians, unpack_crops
 from pedpred.features.observe import Neighbours, observe
-from pedpred.geometry import rotate, rotated_covariance
+from pedpred.geometry import rotate
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.people import People, detected, next_ticks_s
-from pedpred.scenes import Forecast, OccupancyMap
+from pedpred.scenes import Forecast, OccupancyMap, Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LOG = logging.getLogger(__name__)
@@ -83,7 +83,7 @@ class OnlinePredictor:
         """Forget everybody; the map stays."""
         self._people = People.nobody(self._settings.phase_offsets, self._about.memory)
         self._now = -np.inf
-        self._last = self._forecast(np.zeros(0, int), *self._nothing(), 0.0)
+        self._last = self._forecast(np.zeros(0, int), *self._network.nobody(), 0.0)
 
     def set_map(self, occupancy: OccupancyMap) -> None:
         """Use these static obstacles from now on; without a map everything is free."""
@@ -149,41 +149,34 @@ class OnlinePredictor:
         latest = people.ticks[waiting].argmax(axis=1)
         rows, lanes = np.concatenate([person, waiting]), np.concatenate([phase, latest])
         keep = np.arange(len(rows)) < len(person)
-        velocities, covariance = self._step(rows, lanes, time_s, keep)
+        predictions, velocities = self._step(rows, lanes, time_s, keep)
         answer = np.full(len(people), -1)
-        answer[rows[::-1]] = np.arange(len(rows))[::-1]  # the first clock that ticks speaks for its person
-        spoken = answer[there]
-        spread = None if covariance is None else covariance[spoken]
-        return self._forecast(there, velocities[spoken], spread, time_s)
+        answer[rows[::-1]] = np.arange(len(rows))[::-1]  # the first phase with a step now gives the forecast
+        given = answer[there]
+        return self._forecast(there, predictions.select(given), velocities[given], time_s)
 
     def _step(
         self, person: np.ndarray, phase: np.ndarray, time_s: float, keep: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray | None]:
-        """Run the network for some (person, clock) and remember the step where `keep`.
+    ) -> tuple[Predictions, np.ndarray]:
+        """Run the network for some (person, phase) and store the step where `keep`.
 
         Returns:
-            Future velocities, agent frames, m/s [R, P, 2], and the covariance of positions, m^2
-            [R, P, 2, 2], or None.
+            Predictions and velocities of `ExportedNetwork.step`, R rows.
         """
         people = self._people
         if not len(person):
-            return self._nothing()
+            return self._network.nobody()
         inputs = self._inputs(people.at(person, time_s), time_s)
         memory = {name: values[person, phase] for name, values in people.memory.items()}
-        velocities, covariance, after = self._network.step(inputs, memory)
+        predictions, velocities, after = self._network.step(inputs, memory)
         who, which = person[keep], phase[keep]
         for name, values in after.items():
             people.memory[name][who, which] = values[keep]
         people.ticks[who, which] += 1
-        return velocities, covariance
-
-    def _nothing(self) -> tuple[np.ndarray, np.ndarray | None]:
-        """What the network says when nobody is there."""
-        steps = self.features.horizon_steps
-        return np.zeros((0, steps, 2)), np.zeros((0, steps, 2, 2)) if self._about.spread else None
+        return predictions, velocities
 
     def _inputs(self, observers: Pedestrians, time_s: float) -> dict[str, np.ndarray]:
-        """What the network sees, name -> [R, ...] float32."""
+        """The network's inputs, name -> [R, ...] float32."""
         people, sizes = self._people, self.features
         age_s = time_s - people.seen_s
         crowd = people.at(np.flatnonzero(age_s <= self._settings.max_age_s + TIME_TOLERANCE_S), time_s)
@@ -196,14 +189,13 @@ class OnlinePredictor:
         return {name: inputs[name] for name in self._about.inputs}
 
     def _forecast(
-        self, rows: np.ndarray, velocities: np.ndarray, covariance: np.ndarray | None, time_s: float
+        self, rows: np.ndarray, predictions: Predictions, velocities: np.ndarray, time_s: float
     ) -> Forecast:
         frame = self._people.at(rows, time_s)
         world = rotate(velocities.astype(np.float64), frame.heading_rad[:, None])
-        path = frame.position[:, None] + np.cumsum(world * self.features.dt_s, axis=1)
-        if covariance is not None:
-            covariance = rotated_covariance(covariance.astype(np.float64), frame.heading_rad[:, None])
-        return Forecast(time_s, self.features.dt_s, frame.track_id, path, world, covariance)
+        return Forecast(
+            time_s, frame.track_id, world, predictions.in_world(frame.position, frame.heading_rad)
+        )
 
 
 def _checked(

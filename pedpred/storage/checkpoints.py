@@ -13,11 +13,11 @@ from safetensors.torch import load_file, save_file
 from pedpred.errors import StorageError
 from pedpred.files import atomic_write, read_json, translate_errors, write_text
 
-_REMEDY = "Train it again (dvc repro)"
+_REMEDY = "Train the network again"
 
 
 def write_checkpoint(folder: Path, weights: dict[str, torch.Tensor], about: dict[str, Any]) -> None:
-    """Write `weights.safetensors` and `about.json` (what the network is, how it reads its inputs)."""
+    """Write `weights.safetensors` and `about.json` (settings, widths of the inputs)."""
     with atomic_write(folder / "weights.safetensors") as new:
         save_file({k: v.detach().cpu().contiguous() for k, v in weights.items()}, new)
     write_text(folder / "about.json", json.dumps(about, indent=1, sort_keys=True) + "\n")
@@ -40,7 +40,7 @@ def load_weights(module: torch.nn.Module, weights: dict[str, torch.Tensor], fold
     """Make weights those of a module, which may have none yet (device "meta").
 
     Raises:
-        StorageError: names or shapes do not fit, which means the configuration has changed.
+        StorageError: names or shapes do not fit the settings.
     """
     with translate_errors(partial(StorageError, folder / "weights.safetensors", "weights", remedy=_REMEDY)):
         module.load_state_dict(weights, assign=True)

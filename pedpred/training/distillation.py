@@ -1,25 +1,28 @@
-"""A narrow encoder learns to give the embeddings of the full one (distillation, Hinton et al. 2015).
+"""Train a narrow encoder to reproduce the embeddings of the full one (distillation, Hinton et al. 2015).
 
-Two thirds of a forecast's cost are the full encoder's convolutions. The narrow one puts numbers with the same
-meaning in the same places, so every recurrent network works with it as it is, with no training of its own.
+The full encoder's convolutions are two thirds of a forecast's cost. The narrow one approximates the same
+embedding, so every recurrent network works with it without further training.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
 from pedpred.datasets.crops import EmbeddedCrops
 from pedpred.features import unpack_crops
 from pedpred.networks import GridEncoder
-from pedpred.training.schedule import learning_rate
+from pedpred.networks.contract import Loss
+from pedpred.training.loop import Learner, train
+from pedpred.training.pretraining import random_rows
 
-_SEEN_AS = ("embedding", "latent")
+_FIGURES = ("embedding", "latent")
 _CROPS_AT_ONCE = 256
 
 
@@ -46,49 +49,71 @@ class DistillationSettings:
     seed: int
 
 
+class DistillationLearner(Learner):
+    """A narrow encoder, its teacher's fully connected layer, and crops with the teacher's embeddings."""
+
+    network: GridEncoder
+
+    def __init__(
+        self,
+        teacher: GridEncoder,
+        training: EmbeddedCrops,
+        validation: EmbeddedCrops,
+        settings: DistillationSettings,
+    ):
+        """See `distil`."""
+        torch.manual_seed(settings.seed)
+        self.training, self.validation, self.settings = training, validation, settings
+        student = GridEncoder(teacher.fc.out_features, settings.widths, training.cells)
+        student.fc.load_state_dict(teacher.fc.state_dict())
+        student.fc.requires_grad_(False)
+        self.network = student
+        self.optimizer = torch.optim.Adam([p for p in student.parameters() if p.requires_grad], settings.lr)
+        self.memory = {}
+
+    def batches(self, done: int) -> Iterator[np.ndarray]:
+        """Rows of random crops. [B] each."""
+        rows = random_rows(len(self.training), self.settings.batch, self.settings.seed)
+        return islice(rows, done, None)
+
+    def loss(self, batch: np.ndarray, step: int) -> Loss:
+        """Sum of the shares of `unexplained`."""
+        shares = unexplained(self.network, *crops_at(self.training, batch))
+        loss = torch.stack(list(shares.values())).sum()
+        return Loss(loss, loss, torch.tensor(len(batch)))
+
+    def validate(self) -> dict[str, float]:
+        """See `validate`."""
+        return validate(self.network, self.validation)
+
+
 def distil(
-    teacher: GridEncoder, training: EmbeddedCrops, validation: EmbeddedCrops, settings: DistillationSettings
+    teacher: GridEncoder,
+    training: EmbeddedCrops,
+    validation: EmbeddedCrops,
+    settings: DistillationSettings,
+    scratch: Path | None = None,
 ) -> tuple[GridEncoder, list[dict[str, float]]]:
     """Train a narrow encoder.
 
     Args:
-        teacher: pre-trained; its fully connected layer is taken over as it is.
+        teacher: pre-trained; its fully connected layer is copied unchanged.
         training: crops and the teacher's embeddings.
         validation: those of other arrangements.
         settings: see there.
+        scratch: see `pedpred.training.loop.train`.
 
     Returns:
         The encoder, and its curve: one row per validation.
     """
-    torch.manual_seed(settings.seed)
-    rng = np.random.default_rng(settings.seed)
-    student = GridEncoder(teacher.fc.out_features, settings.widths)
-    student.fc.load_state_dict(teacher.fc.state_dict())
-    student.fc.requires_grad_(False)
-    optimizer = torch.optim.Adam([p for p in student.parameters() if p.requires_grad], lr=settings.lr)
-    curve: list[dict[str, float]] = [{"step": 0, "train_loss": float("nan")} | validate(student, validation)]
-    losses: list[float] = []
-    for step in tqdm(range(settings.steps), desc="narrow encoder", unit="step"):
-        rows = np.sort(rng.integers(0, len(training), settings.batch))
-        optimizer.param_groups[0]["lr"] = learning_rate(
-            step, settings.steps, settings.lr, settings.warmup_steps
-        )
-        loss = torch.stack(list(unexplained(student, *batch(training, rows)).values())).sum()
-        optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        optimizer.step()
-        losses.append(loss.item())
-        if (step + 1) % settings.validate_every == 0 or step + 1 == settings.steps:
-            row = {"step": step + 1, "train_loss": float(np.mean(losses))}
-            curve.append(row | validate(student, validation))
-            losses = []
-    return student, curve
+    learner = DistillationLearner(teacher, training, validation, settings)
+    return learner.network, train(learner, settings, scratch, "narrow encoder")
 
 
 def unexplained(student: GridEncoder, crops: Tensor, embeddings: Tensor) -> Mapping[str, Tensor]:
     """Share of the teacher's variance that a student misses, sum |c - c'|^2 / sum |c - mean c|^2.
 
-    Of the embedding c, and of the latent features W c, which is what the recurrent network first makes of it.
+    Of the embedding c, and of the latent features W c, the first layer of the recurrent network.
 
     Args:
         student: with the teacher's fully connected layer W.
@@ -96,11 +121,11 @@ def unexplained(student: GridEncoder, crops: Tensor, embeddings: Tensor) -> Mapp
         embeddings: the teacher's. [N, C]
     """
     missed, spread = squares(student, crops, embeddings, embeddings.mean(dim=0))
-    return dict(zip(_SEEN_AS, missed / spread, strict=True))
+    return dict(zip(_FIGURES, missed / spread, strict=True))
 
 
 def squares(student: GridEncoder, crops: Tensor, embeddings: Tensor, mean: Tensor) -> Tensor:
-    """What `unexplained` divides, [missed, spread] x [embedding, latent]: sum |c - c'|^2, |c - mean|^2."""
+    """Sums that `unexplained` divides, [missed, spread] x [embedding, latent]: |c - c'|^2, |c - mean|^2."""
     parts = (student.embedding(crops) - embeddings, embeddings - mean)
     weight = student.fc.weight
     return torch.stack([torch.stack([p.square().sum(), (p @ weight.T).square().sum()]) for p in parts])
@@ -108,15 +133,15 @@ def squares(student: GridEncoder, crops: Tensor, embeddings: Tensor, mean: Tenso
 
 @torch.inference_mode()
 def validate(student: GridEncoder, crops: EmbeddedCrops) -> dict[str, float]:
-    """What a student misses of all crops, see `unexplained`, with some of them in memory at a time."""
+    """Unexplained shares of all crops, see `unexplained`, with some of them in memory at a time."""
     mean = torch.from_numpy(np.mean(crops.embedding, axis=0, dtype=np.float64).astype(np.float32))
     blocks = np.split(np.arange(len(crops)), range(_CROPS_AT_ONCE, len(crops), _CROPS_AT_ONCE))
-    parts = torch.stack([squares(student, *batch(crops, rows), mean) for rows in blocks])
+    parts = torch.stack([squares(student, *crops_at(crops, rows), mean) for rows in blocks])
     missed, spread = parts.double().sum(dim=0)
-    return {f"validation_{n}_missed": float(s) for n, s in zip(_SEEN_AS, missed / spread, strict=True)}
+    return {f"validation_{n}_missed": float(s) for n, s in zip(_FIGURES, missed / spread, strict=True)}
 
 
-def batch(crops: EmbeddedCrops, rows: np.ndarray) -> tuple[Tensor, Tensor]:
+def crops_at(crops: EmbeddedCrops, rows: np.ndarray) -> tuple[Tensor, Tensor]:
     """Crops and embeddings of some rows. [B, cells, cells], [B, C] float32."""
     cells = unpack_crops(crops.packed[rows], crops.cells)
     return torch.from_numpy(cells).to(torch.float32), torch.from_numpy(crops.embedding[rows]).to(

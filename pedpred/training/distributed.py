@@ -1,7 +1,7 @@
-"""Where a training runs: on which device, and beside which other processes.
+"""The device and the process group of a training.
 
-Processes that `torchrun` starts divide the lanes of one joint batch. They learn what one process with all
-lanes would: gradients are averages over known targets, so each process weighs as many as it has.
+Processes started by `torchrun` divide the lanes of one joint batch. Their result is that of one process with
+all lanes: gradients are averaged over known targets, so each process is weighted by the targets it has.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import torch
 import torch.distributed as dist
 from torch import Tensor
 
-from pedpred.errors import ConfigError
-from pedpred.networks.lstm import MotionState
+from pedpred.errors import ValueRuleError
+from pedpred.networks.contract import Tensors
 
 DEVICES = ("auto", "cpu", "cuda")
-_PLACE = {"RANK": 0, "WORLD_SIZE": 1, "LOCAL_RANK": 0}  # what torchrun sets, and what holds without it
+_ENVIRONMENT = {"RANK": 0, "WORLD_SIZE": 1, "LOCAL_RANK": 0}  # set by torchrun; defaults without it
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class DistributedContext:
     Attributes:
         device: where network and data live.
         autocast: matrix products in bfloat16; CUDA only.
-        rank: which process this is, 0 being the one that writes files.
-        size: how many there are.
+        rank: index of this process; process 0 writes the files.
+        size: number of processes.
 
     Raises:
-        ConfigError: bfloat16 is asked for on a CPU, where it is slower than float32.
+        ValueRuleError: `autocast` on a CPU, where bfloat16 is slower than float32.
     """
 
     device: torch.device
@@ -43,7 +43,7 @@ class DistributedContext:
 
     def __post_init__(self) -> None:
         if self.autocast and self.device.type != "cuda":
-            raise ConfigError("training.autocast", True, "needs training.device=cuda; set it to false")
+            raise ValueRuleError("autocast", True, "it needs a CUDA device")
 
     @property
     def writes(self) -> bool:
@@ -58,12 +58,11 @@ class DistributedContext:
         """This process's part of so many lanes.
 
         Raises:
-            ConfigError: they cannot be divided evenly.
+            ValueRuleError: they cannot be divided evenly.
         """
         if lanes % self.size:
-            raise ConfigError(
-                "training.*.lanes", lanes, f"use a multiple of the number of processes, {self.size}"
-            )
+            rule = f"it must be a multiple of the number of processes, {self.size}"
+            raise ValueRuleError("lanes", lanes, rule)
         each = lanes // self.size
         return slice(self.rank * each, (self.rank + 1) * each)
 
@@ -94,21 +93,18 @@ class DistributedContext:
             gradient.copy_(part.view_as(gradient))
         return joint[-2]
 
-    def gathered(self, state: MotionState) -> MotionState:
-        """The memory of all lanes, from every process's share."""
-        if self.size == 1:
-            return state
-        return MotionState({k: (self._lanes(h), self._lanes(c)) for k, (h, c) in state.memory.items()})
+    def gathered(self, state: Tensors) -> Tensors:
+        """The recurrent state of all lanes, from every process's share. [N, ...] each."""
+        return state if self.size == 1 else {name: self._all(value) for name, value in state.items()}
 
-    def mine(self, state: MotionState) -> MotionState:
-        """This process's share of the memory of all lanes: the inverse of `gathered`."""
-        lanes = self.share(next(iter(state.memory.values()))[0].shape[1])
-        return MotionState({k: (h[:, lanes], c[:, lanes]) for k, (h, c) in state.memory.items()})
+    def mine(self, state: Tensors) -> Tensors:
+        """This process's share of the state of all lanes: the inverse of `gathered`."""
+        return {name: value[self.share(len(value))] for name, value in state.items()}
 
-    def _lanes(self, part: Tensor) -> Tensor:
+    def _all(self, part: Tensor) -> Tensor:
         parts = [torch.empty_like(part) for _ in range(self.size)]
         dist.all_gather(parts, part.contiguous())
-        return torch.cat(parts, dim=1)
+        return torch.cat(parts)
 
 
 ALONE = DistributedContext(torch.device("cpu"))
@@ -117,21 +113,21 @@ ALONE = DistributedContext(torch.device("cpu"))
 
 @contextmanager
 def distributed_context(device: str, autocast: bool) -> Iterator[DistributedContext]:
-    """This process's place, as `torchrun` tells it through the environment; alone without it.
+    """The context of this process, from the environment that `torchrun` sets; `ALONE` without it.
 
     Args:
         device: "cpu", "cuda", or "auto": CUDA where there is one.
         autocast: see `DistributedContext`.
 
     Raises:
-        ConfigError: the device is unknown or not there.
+        ValueRuleError: the device is unknown or missing.
     """
     if device not in DEVICES:
-        raise ConfigError("training.device", device, f"use one of {DEVICES}")
+        raise ValueRuleError("device", device, f"use one of {DEVICES}")
     there = torch.cuda.is_available()
     if device == "cuda" and not there:
-        raise ConfigError("training.device", device, "no CUDA device is visible; use auto or cpu")
-    rank, size, local = (int(os.environ.get(k, d)) for k, d in _PLACE.items())
+        raise ValueRuleError("device", device, "no CUDA device is visible; use auto or cpu")
+    rank, size, local = (int(os.environ.get(k, d)) for k, d in _ENVIRONMENT.items())
     chosen = torch.device("cpu") if device == "cpu" or not there else torch.device("cuda", local)
     here = DistributedContext(chosen, autocast, rank, size)
     if chosen.type == "cuda":

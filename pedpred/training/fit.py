@@ -3,96 +3,131 @@
 from __future__ import annotations
 
 import hashlib
-import json
-import shutil
-from dataclasses import asdict, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import torch
 
-from pedpred.datasets.motion import load_motion_data
+from pedpred.datasets.motion import MotionData, load_motion_data
 from pedpred.datasets.split import split_sequences
-from pedpred.files import atomic_write
-from pedpred.networks import MotionLstm, MotionSettings
+from pedpred.errors import StorageError
+from pedpred.files import atomic_write, translate_errors
+from pedpred.networks.contract import NetworkSettings, RecurrentNetwork
 from pedpred.networks.encoding import encode, load_encoder
+from pedpred.networks.registry import describe_network, is_network
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.storage.shards import read_manifest
 from pedpred.training.distributed import DistributedContext
+from pedpred.training.progress import scratch_folder
 from pedpred.training.recurrent import TrainingSettings, train_motion
 
 
-def initialised(settings: MotionSettings, previous: Path, seed: int) -> MotionLstm:
-    """A motion network with the weights of the phase before.
+@dataclass(frozen=True)
+class PhaseData:
+    """Where a phase finds its data.
+
+    Attributes:
+        features: folders of feature shards, one per place or set of scenes.
+        embeddings: the folder of the frozen encoder's outputs that belongs to each of them; read only if the
+            network reads the grid.
+        autoencoder: checkpoint of that encoder; likewise.
+        validation_by: what the split keeps whole, "scene" or "track".
+        validation_share: share of the data kept for validation.
+    """
+
+    features: Sequence[Path]
+    embeddings: Sequence[Path]
+    autoencoder: Path
+    validation_by: str
+    validation_share: float
+
+    def load(self, with_grid: bool) -> MotionData:
+        """All rows, with the encoder's outputs and those of an empty crop for a network that reads them."""
+        if not with_grid:
+            return load_motion_data(self.features)
+        cells = read_manifest(self.features[0])[0].grid_cells
+        data = load_motion_data(self.features, self.embeddings)
+        return replace(data, empty_embedding=empty_embedding(self.autoencoder, cells))
+
+
+def initialised(settings: NetworkSettings, data: MotionData, previous: Path, seed: int) -> RecurrentNetwork:
+    """A network with the weights of the phase before.
 
     Args:
-        settings: the network to build.
-        previous: checkpoint of a motion network, or of the auto-encoder, whose fully connected
-            layer then becomes the grid channel's embedding (paper, III-B.2).
-        seed: of the weights that nothing initialises.
+        settings: of the network to build.
+        data: whose widths and horizon the network gets.
+        previous: checkpoint of the same network, or of the auto-encoder, from which the network takes what it
+            can (`RecurrentNetwork.take_encoder`).
+        seed: of all other weights.
+
+    Raises:
+        StorageError: the checkpoint is missing, damaged or does not fit the settings.
     """
-    torch.manual_seed(seed)
-    network = MotionLstm(settings)
     weights, about = read_checkpoint(previous)
-    if about["kind"] == "motion":
+    torch.manual_seed(seed)
+    network = settings.build(data.widths, data.horizon_steps)
+    if is_network(about):
         load_weights(network, weights, previous)
-    elif "grid" in settings.channels:
-        layer = {k: weights[f"encoder.fc.{k}"] for k in ("weight", "bias")}
-        load_weights(network.projections["grid"], layer, previous)
+        return network
+    encoder = load_encoder(previous)
+    remedy = "Train the auto-encoder with the sizes of the network"
+    with translate_errors(partial(StorageError, previous / "weights.safetensors", "weights", remedy=remedy)):
+        network.take_encoder(encoder)
     return network
 
 
 def fit(
-    network: MotionLstm,
-    features: Path,
-    grid: tuple[Path, Path],
-    split: tuple[str, float],
+    network_settings: NetworkSettings,
+    previous: Path,
+    phase: PhaseData,
     settings: TrainingSettings,
     description: str,
     context: DistributedContext,
-) -> tuple[pd.DataFrame, dict]:
-    """Load a data set, divide it and train; leaves the best weights in `network`.
+) -> tuple[RecurrentNetwork, pd.DataFrame, dict]:
+    """Load the data, divide them and train.
 
     Args:
-        network: initialised.
-        features: folder of feature shards.
-        grid: folder of the frozen encoder's outputs and that of the auto-encoder; read only when the network
-            has a grid channel.
-        split: what is kept whole ("scene" or "track") and the share kept for validation.
+        network_settings: of the network.
+        previous: see `initialised`.
+        phase: the data.
         settings: see there.
         description: title of the progress bar.
-        context: where to train; the network is moved there.
+        context: where to train.
 
     Returns:
-        The curve and the checkpoint's description.
+        The network with the best weights, the curve, and the checkpoint's description.
     """
-    embeddings, autoencoder = grid if "grid" in network.settings.channels else (None, None)
-    data = load_motion_data(features, embeddings)
-    if autoencoder is not None:
-        data = replace(
-            data, empty_embedding=empty_embedding(autoencoder, read_manifest(features)[0].grid_cells)
-        )
-    by, share = split
-    training, validation = split_sequences(data, by, share, np.random.default_rng(settings.seed))
+    data = phase.load("grid" in network_settings.channels_read)
+    network = initialised(network_settings, data, previous, settings.seed)
+    rng = np.random.default_rng(settings.seed)
+    training, validation = split_sequences(data, phase.validation_by, phase.validation_share, rng)
     about = {
-        "kind": "motion",
-        "network": network.settings.plain(),
+        **describe_network(network),
         "dt_s": data.dt_s,
         "training": asdict(settings),
-        "features_sha256": hashlib.sha256((features / "manifest.json").read_bytes()).hexdigest(),
+        "features_sha256": manifests_sha256(phase.features),
     }
-    scratch = Path("build/training") / _digest(network, about)
-    network.to(context.device)
-    resident = data.to(context.device)
-    curve = train_motion(network, resident, training, validation, settings, scratch, description, context)
-    if context.writes:
-        shutil.rmtree(scratch, ignore_errors=True)
-    return pd.DataFrame(curve), about
+    with scratch_folder(about, network.state_dict(), context) as scratch:
+        network.to(context.device)
+        resident = data.to(context.device)
+        curve = train_motion(network, resident, training, validation, settings, scratch, description, context)
+    return network, pd.DataFrame(curve), about
+
+
+def manifests_sha256(features: Iterable[Path]) -> str:
+    """Checksum of the manifests of feature folders, which identify their content."""
+    digest = hashlib.sha256()
+    for folder in features:
+        digest.update((folder / "manifest.json").read_bytes())
+    return digest.hexdigest()
 
 
 def empty_embedding(encoder: Path, cells: int) -> torch.Tensor:
-    """What the frozen convolutions make of a crop without obstacles: unmapped ground is free. [C] float32.
+    """The frozen encoder's output for a crop without obstacles; unmapped ground is free. [C] float32.
 
     Args:
         encoder: checkpoint of the auto-encoder.
@@ -102,21 +137,23 @@ def empty_embedding(encoder: Path, cells: int) -> torch.Tensor:
     return torch.from_numpy(encode(load_encoder(encoder), free, cells)[0])
 
 
-def write_phase(network: MotionLstm, about: dict, curve: pd.DataFrame, out: Path, curve_path: Path) -> None:
+def write_phase(
+    network: RecurrentNetwork, about: dict, curve: pd.DataFrame, out: Path, curve_path: Path
+) -> None:
     """Write checkpoint and curve of a finished phase."""
     write_checkpoint(out, network.state_dict(), about)
     write_curve(curve, curve_path)
+
+
+def copy_phase(previous: Path, out: Path, curve_path: Path) -> None:
+    """A phase without data: the checkpoint before it, unchanged, and a curve without rows."""
+    for name in ("weights.safetensors", "about.json"):
+        with atomic_write(out / name) as new:
+            new.write_bytes((previous / name).read_bytes())
+    write_curve(pd.DataFrame(columns=["epoch", "step", "train_loss"]), curve_path)
 
 
 def write_curve(curve: pd.DataFrame, path: Path) -> None:
     """Write a training curve as TSV, one row per validation."""
     with atomic_write(path) as new:
         curve.to_csv(new, sep="\t", index=False, float_format="%.5f")
-
-
-def _digest(network: MotionLstm, about: dict) -> str:
-    """Identifies a training by its configuration, data and initial weights."""
-    digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
-    for tensor in network.state_dict().values():
-        digest.update(tensor.numpy().tobytes())
-    return digest.hexdigest()[:16]

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import torch
 from torch.nn.utils import clip_grad_norm_
-from tqdm import tqdm
 
 from pedpred.features import unpack_crops
 from pedpred.networks.autoencoder import GridAutoencoder, intersection_over_union, reconstruction_loss
-from pedpred.training.schedule import learning_rate
+from pedpred.networks.contract import Loss
+from pedpred.training.loop import Learner, train
 
 _CROPS_AT_ONCE = 8
-"""The first layer's output of so many, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
+"""Their first layer's output, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,47 @@ class AutoencoderSettings:
     tied: bool = True
 
 
+class AutoencoderLearner(Learner):
+    """An auto-encoder and its crops."""
+
+    network: GridAutoencoder
+
+    def __init__(
+        self, training: np.ndarray, validation: np.ndarray, cells: int, settings: AutoencoderSettings
+    ):
+        """See `train_autoencoder`."""
+        torch.manual_seed(settings.seed)
+        self.training, self.validation, self.cells, self.settings = training, validation, cells, settings
+        self.network = GridAutoencoder(settings.latent, settings.tied, cells)
+        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=settings.lr)
+        self.memory = {}
+
+    def batches(self, done: int) -> Iterator[np.ndarray]:
+        """Rows of random crops. [B] each."""
+        rows = random_rows(len(self.training), self.settings.batch, self.settings.seed)
+        return islice(rows, done, None)
+
+    def loss(self, batch: np.ndarray, step: int) -> Loss:
+        """Reconstruction loss."""
+        crops = torch.from_numpy(unpack_crops(self.training[batch], self.cells)).to(torch.float32)
+        loss = reconstruction_loss(crops, self.network(crops))
+        return Loss(loss, loss, torch.tensor(len(batch)))
+
+    def clip(self) -> None:
+        """One norm for all weights."""
+        clip_grad_norm_(self.network.parameters(), self.settings.clip_norm)
+
+    def validate(self) -> dict[str, float]:
+        """See `validate`."""
+        return validate(self.network, self.validation, self.cells)
+
+
 def train_autoencoder(
-    training: np.ndarray, validation: np.ndarray, cells: int, settings: AutoencoderSettings
+    training: np.ndarray,
+    validation: np.ndarray,
+    cells: int,
+    settings: AutoencoderSettings,
+    scratch: Path | None = None,
 ) -> tuple[GridAutoencoder, list[dict[str, float]]]:
     """Train on bit-packed crops.
 
@@ -54,34 +96,20 @@ def train_autoencoder(
         validation: crops of other arrangements. [V, cells^2 / 8] uint8
         cells: cells per side of a crop.
         settings: see there.
+        scratch: see `pedpred.training.loop.train`.
 
     Returns:
         The network, and its curve: one row per validation.
     """
-    torch.manual_seed(settings.seed)
-    rng = np.random.default_rng(settings.seed)
-    network = GridAutoencoder(settings.latent, settings.tied)
-    optimizer = torch.optim.Adam(network.parameters(), lr=settings.lr)
-    untrained = {"epoch": 0, "step": 0, "train_loss": float("nan")}
-    curve: list[dict[str, float]] = [untrained | validate(network, validation, cells)]
-    losses: list[float] = []
-    for step in tqdm(range(settings.steps), desc="auto-encoder", unit="step"):
-        rows = np.sort(rng.integers(0, len(training), settings.batch))
-        crops = torch.from_numpy(unpack_crops(training[rows], cells)).to(torch.float32)
-        optimizer.param_groups[0]["lr"] = learning_rate(
-            step, settings.steps, settings.lr, settings.warmup_steps
-        )
-        loss = reconstruction_loss(crops, network(crops))
-        optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        clip_grad_norm_(network.parameters(), settings.clip_norm)
-        optimizer.step()
-        losses.append(loss.item())
-        if (step + 1) % settings.validate_every == 0 or step + 1 == settings.steps:
-            row = {"epoch": len(curve), "step": step + 1, "train_loss": float(np.mean(losses))}
-            curve.append(row | validate(network, validation, cells))
-            losses = []
-    return network, curve
+    learner = AutoencoderLearner(training, validation, cells, settings)
+    return learner.network, train(learner, settings, scratch, "auto-encoder")
+
+
+def random_rows(count: int, batch: int, seed: int) -> Iterator[np.ndarray]:
+    """An endless stream of random rows below `count`, sorted, because neighbours lie together on disk."""
+    rng = np.random.default_rng(seed)
+    while True:
+        yield np.sort(rng.integers(0, count, batch))
 
 
 @torch.inference_mode()

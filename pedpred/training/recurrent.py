@@ -1,4 +1,4 @@
-"""The one recurrent training loop: corridor, main training and fine-tuning."""
+"""Training of recurrent networks by truncated back-propagation through time: all phases of the curriculum."""
 
 from __future__ import annotations
 
@@ -9,27 +9,23 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 from torch.nn.utils import clip_grad_norm_
-from tqdm import tqdm
 
 from pedpred.datasets.lanes import stream_lanes
 from pedpred.datasets.motion import MotionData
-from pedpred.networks.lstm import MotionLstm
+from pedpred.networks.contract import Loss, RecurrentNetwork, detach, reset, select
+from pedpred.networks.rolling import rolled
 from pedpred.training.distributed import ALONE, DistributedContext
-from pedpred.training.loss import spread_loss, velocity_loss
-from pedpred.training.progress import Progress, load_progress, save_progress
-from pedpred.training.schedule import learning_rate
-from pedpred.training.validation import validate
+from pedpred.training.loop import Learner, train
 from pedpred.training.variation import Variation, VariedBatch, looked_up, varied
 
-_APART = 1_000_003
+_SEED_DISTANCE = 1_000_003
 """Between the seeds of two processes, so that they do not drop the same units."""
 
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """How a motion network is trained.
+    """How a recurrent network is trained.
 
     Attributes:
         steps: optimiser steps.
@@ -41,8 +37,8 @@ class TrainingSettings:
         warmup_steps: steps of linear warm-up.
         clip_norm: largest gradient norm.
         weight_decay: decoupled weight decay (the paper's lambda).
-        seed: of the order of the tracks, the split and dropout.
-        variation: how the tracks vary, see there.
+        seed: of the order of the tracks, the split, the weights and dropout.
+        variation: see there.
     """
 
     steps: int
@@ -63,66 +59,83 @@ class TrainingSettings:
         return cls(**{**plain, "variation": Variation(**plain["variation"])})
 
 
+class RecurrentLearner(Learner):
+    """A recurrent network, its data and the state of its lanes."""
+
+    network: RecurrentNetwork
+
+    def __init__(
+        self,
+        network: RecurrentNetwork,
+        data: MotionData,
+        training: np.ndarray,
+        validation: np.ndarray,
+        settings: TrainingSettings,
+        context: DistributedContext,
+    ):
+        """See `train_motion`."""
+        self.network, self.data, self.settings, self.context = network, data, settings, context
+        self.training, self.validation = training, validation
+        self.optimizer = torch.optim.AdamW(
+            network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay, fused=True
+        )
+        self.lanes = context.share(settings.lanes)
+        self.memory = network.start(self.lanes.stop - self.lanes.start)
+        self.best_by = f"validation_{network.score_names[0]}"
+
+    def batches(self, done: int) -> Iterator[VariedBatch]:
+        """This process's part of every batch."""
+        batches = training_batches(self.training, self.settings, done)
+        return (batch.part(self.lanes, self.context.device) for batch in batches)
+
+    def loss(self, batch: VariedBatch, step: int) -> Loss:
+        """One sub-sequence of every lane; the state is carried on, the gradient is not."""
+        # Dropout is the same when the training is resumed.
+        torch.manual_seed(self.settings.seed + step + _SEED_DISTANCE * self.context.rank)
+        inputs, future = looked_up(self.data, batch)
+        known = self.data.known(batch.rows)
+        state = detach(reset(self.memory, batch.starts))
+        with self.context.precision():
+            outputs, self.memory = self.network(inputs, state)
+        return self.network.loss(outputs, future, known, self.data.dt_s)
+
+    def clip(self) -> None:
+        """Clip each group of weights by its own norm."""
+        for weights in self.network.clipped_groups():
+            clip_grad_norm_(weights, self.settings.clip_norm)
+
+    def validate(self) -> dict[str, float]:
+        """See `validation`."""
+        return validation(self.network, self.data, self.validation, self.context)
+
+
 def train_motion(
-    network: MotionLstm,
+    network: RecurrentNetwork,
     data: MotionData,
     training: np.ndarray,
     validation: np.ndarray,
     settings: TrainingSettings,
-    scratch: Path,
+    scratch: Path | None,
     description: str,
     context: DistributedContext = ALONE,
 ) -> list[dict[str, float]]:
     """Train by truncated back-propagation through time; leaves the best validated weights in `network`.
 
     Args:
-        network: initialised, on the machine's device; the starting weights count as the first candidate.
+        network: initialised, on the context's device; the starting weights count as the first candidate.
         data: all rows, on the same device.
         training: rows [first, last) of the sequences to learn from. [S, 2]
         validation: rows [first, last) of the sequences to choose the weights by. [S, 2]
         settings: see there.
-        scratch: folder for the state of an unfinished training; where one lies, it is continued.
+        scratch: see `pedpred.training.loop.train`.
         description: title of the progress bar.
-        context: every process of a training calls this with the same arguments but its own machine.
+        context: every process of a training calls this with the same arguments but its own context.
 
     Returns:
-        The curve, one row per validation: epoch, step, train_loss (m/s), validation_ade_m, validation_nll.
+        The curve, one row per validation: epoch, step, train_loss (m/s) and the figures of `validation`.
     """
-    optimizer = adamw(network, settings)
-    progress = load_progress(scratch, network, optimizer, context)
-    if progress is None:
-        lanes = context.share(settings.lanes)
-        progress = Progress(0, network.start(lanes.stop - lanes.start))
-        validate(network, data, validation, progress, float("nan"), context)
-    batches = training_batches(training, settings, progress.step)
-    losses: list[Tensor] = []
-    bar = tqdm(
-        total=settings.steps,
-        initial=progress.step,
-        desc=description,
-        unit="step",
-        disable=not context.writes,
-    )
-    while progress.step < settings.steps:
-        batch = next(batches).part(context.share(settings.lanes), context.device)
-        losses.append(training_step(network, data, batch, optimizer, progress, settings, context))
-        bar.update()
-        if progress.step % settings.validate_every == 0 or progress.step == settings.steps:
-            train_loss = float(torch.stack(losses).double().mean())  # the only wait for a GPU
-            ade_m = validate(network, data, validation, progress, train_loss, context)
-            bar.set_postfix_str(f"validation ADE {ade_m:.3f} m")
-            losses = []
-            save_progress(scratch, progress, network, optimizer, context)
-    bar.close()
-    network.load_state_dict(progress.best)
-    return progress.curve
-
-
-def adamw(network: MotionLstm, settings: TrainingSettings) -> torch.optim.Optimizer:
-    """Adam with decoupled weight decay; one pass over the weights instead of one per operation."""
-    return torch.optim.AdamW(
-        network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay, fused=True
-    )
+    learner = RecurrentLearner(network, data, training, validation, settings, context)
+    return train(learner, settings, scratch, description, context)
 
 
 def training_batches(training: np.ndarray, settings: TrainingSettings, done: int) -> Iterator[VariedBatch]:
@@ -133,30 +146,22 @@ def training_batches(training: np.ndarray, settings: TrainingSettings, done: int
         yield varied(batch, settings.variation, np.random.default_rng([settings.seed, step]))
 
 
-def training_step(
-    network: MotionLstm,
-    data: MotionData,
-    batch: VariedBatch,
-    optimizer: torch.optim.Optimizer,
-    progress: Progress,
-    settings: TrainingSettings,
-    context: DistributedContext,
-) -> Tensor:
-    """One sub-sequence of every lane: forward, backward, update; returns the joint loss, m/s. []."""
-    torch.manual_seed(settings.seed + progress.step + _APART * context.rank)  # dropout: same when resumed
-    for group in optimizer.param_groups:
-        group["lr"] = learning_rate(progress.step, settings.steps, settings.lr, settings.warmup_steps)
-    inputs, future = looked_up(data, batch)
-    known = data.known(batch.rows)
-    state = progress.state.reset(batch.starts).detached()  # the memory stays, the gradient ends
-    with context.precision():
-        motion, progress.state = network(inputs, state)
-    loss = velocity_loss(motion.velocities, future, known)
-    optimizer.zero_grad(set_to_none=True)
-    (loss + spread_loss(motion, future, known, data.dt_s)).backward()
-    joint_loss = context.average(network.parameters(), loss.detach(), known.sum())
-    for weights in network.parts():  # one norm for both would let the spread slow the mean down
-        clip_grad_norm_(weights, settings.clip_norm)
-    optimizer.step()
-    progress.step += 1
-    return joint_loss
+def validation(
+    network: RecurrentNetwork, data: MotionData, sequences: np.ndarray, context: DistributedContext = ALONE
+) -> dict[str, float]:
+    """Means over all steps whose whole horizon is known; nan where there is none.
+
+    The processes of a training divide the sequences [S, 2] among them.
+
+    Returns:
+        "validation_<score>" for each of the network's scores; the first one chooses the weights.
+    """
+    names = [f"validation_{name}" for name in network.score_names]
+    sums = torch.zeros(len(names) + 1, dtype=torch.float64, device=data.future.device)  # and how many
+    for rows, outputs in rolled(network, data, sequences[context.rank :: context.size]):
+        known = data.known(rows).all(dim=-1)
+        scores = list(network.scores(select(outputs, known), data.future[rows[known]], data.dt_s).values())
+        counted = sums.new_tensor(scores[0].numel())
+        sums += torch.stack([*(score.double().sum() for score in scores), counted])
+    *totals, count = context.total(sums).tolist()
+    return {name: total / count if count else float("nan") for name, total in zip(names, totals, strict=True)}

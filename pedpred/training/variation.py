@@ -1,4 +1,4 @@
-"""Tracks as they could have been elsewhere, and as a worse sensor would have shown them."""
+"""Augmentation of tracks: mirrored, scaled, with other obstacles, with sensor noise and dropout."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from torch import Tensor
 
 from pedpred.datasets.lanes import LaneBatch
 from pedpred.datasets.motion import MotionData
-from pedpred.errors import ConfigError
+from pedpred.errors import ValueRuleError
 
 _STANDING = np.float32(0.1)
-"""Largest factor on the velocities of somebody who stands: 0.13 m/s for a usual walker."""
+"""Largest factor on the velocities of a person made to stand: 0.13 m/s for an average walker."""
 
 
 @dataclass(frozen=True)
 class Variation:
-    """How much the tracks of a training vary; nothing by default.
+    """How much the tracks of a training are augmented; nothing by default.
 
-    A place has one map, habits (most turn left at that door) and a pace of its own; a network tuned there
-    would learn all three by heart, and where nobody stands it would learn that people never do. And a robot's
-    tracker is noisy, loses people and drives beyond its map.
+    One place has one map, its habits (most turn left at that door) and its pace; a network tuned there
+    overfits to all three, and where nobody stands it learns that people never stand. A robot's tracker is
+    noisy, loses people and drives beyond its map.
 
     Attributes:
-        map_swap: share of the tracks that are mirrored at their heading, and walk beside the obstacles
-            that the next lane sees.
+        map_swap: share of the tracks that are mirrored about their heading and get the obstacles of the
+            next lane.
         speed_scale: factor on all velocities of a track, uniform in (least, most).
-        standing_share: share of the tracks that hardly move: their velocities are divided by ten or more.
-        velocity_noise_mps: standard deviation of the noise on each component of the velocity seen, m/s.
-        neighbour_dropout: share of the steps at which no other pedestrian is seen.
-        map_dropout: share of the sub-sequences along which no obstacle is known.
+        standing_share: share of the tracks whose velocities are divided by ten or more.
+        velocity_noise_mps: standard deviation of the noise on each component of the input velocity, m/s.
+        neighbour_dropout: share of the steps at which the input has no neighbour.
+        map_dropout: share of the sub-sequences in which the input has no obstacle.
 
     Raises:
-        ConfigError: a share is outside [0, 1], the noise negative or the range upside down.
+        ValueRuleError: a share is outside [0, 1], the noise negative or the range reversed.
     """
 
     map_swap: float = 0.0
@@ -47,28 +47,26 @@ class Variation:
     def __post_init__(self) -> None:
         for name in ("map_swap", "standing_share", "neighbour_dropout", "map_dropout"):
             if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ConfigError(f"training.*.variation.{name}", getattr(self, name), "use 0 to 1")
+                raise ValueRuleError(name, getattr(self, name), "use 0 to 1")
         if not 0.0 <= self.velocity_noise_mps < float("inf"):
-            raise ConfigError(
-                "training.*.variation.velocity_noise_mps", self.velocity_noise_mps, "use 0 or more"
-            )
+            raise ValueRuleError("velocity_noise_mps", self.velocity_noise_mps, "use 0 or more")
         least, most = self.speed_scale
         if not 0.0 < least <= most:
-            raise ConfigError("training.*.variation.speed_scale", self.speed_scale, "use 0 < least <= most")
+            raise ValueRuleError("speed_scale", self.speed_scale, "use 0 < least <= most")
 
 
 @dataclass(frozen=True)
 class VariedBatch:
-    """One sub-sequence of every lane: which rows its inputs come from, and what becomes of them.
+    """One sub-sequence of every lane: the rows of its inputs, and how they are altered.
 
     Attributes:
         rows: rows of the data set; -1 pads behind the end of a track. [B, L]
-        crowd: rows whose neighbours are seen; -1 where nobody is. [B, L]
-        scenery: rows whose obstacles are seen; -1 where none is. [B, L]
+        crowd: rows whose neighbours are the input; -1 for none. [B, L]
+        scenery: rows whose obstacles are the input; -1 for none. [B, L]
         starts: a track starts here. [B] bool
         mirrored: left and right are exchanged. [B] bool
         pace: factor on all velocities. [B] float32
-        noise_mps: added to the velocity seen. [B, L, 2] float32
+        noise_mps: added to the input velocity. [B, L, 2] float32
     """
 
     rows: Tensor
@@ -86,10 +84,10 @@ class VariedBatch:
 
 
 def varied(batch: LaneBatch, variation: Variation, rng: np.random.Generator) -> VariedBatch:
-    """Draw what happens to each lane; the pace and the strangeness of a track hold all along it."""
+    """Draw the augmentation of each lane; swap and pace are constant along a track."""
     rows, (least, most) = batch.rows, variation.speed_scale
-    strange = batch.chance[:, 0] < variation.map_swap
-    scenery = np.where(strange[:, None], np.roll(rows, 1, axis=0), rows)
+    swapped = batch.chance[:, 0] < variation.map_swap
+    scenery = np.where(swapped[:, None], np.roll(rows, 1, axis=0), rows)
     pace = least + (most - least) * batch.chance[:, 1]
     standing = batch.chance[:, 2] < variation.standing_share
     unseen, unmapped = rng.random(rows.shape), rng.random((len(rows), 1))
@@ -99,14 +97,14 @@ def varied(batch: LaneBatch, variation: Variation, rng: np.random.Generator) -> 
         crowd=torch.from_numpy(np.where(unseen < variation.neighbour_dropout, -1, rows)),
         scenery=torch.from_numpy(np.where(unmapped < variation.map_dropout, -1, scenery)),
         starts=torch.from_numpy(batch.starts),
-        mirrored=torch.from_numpy(strange),
+        mirrored=torch.from_numpy(swapped),
         pace=torch.from_numpy(np.where(standing, _STANDING * batch.chance[:, 1], pace)),
         noise_mps=torch.from_numpy(noise),
     )
 
 
 def looked_up(data: MotionData, batch: VariedBatch) -> tuple[dict[str, Tensor], Tensor]:
-    """What the varied tracks see and do.
+    """Inputs and targets of varied tracks.
 
     Returns:
         Inputs, channel -> [B, L, width], and targets, agent frame, m/s. [B, L, P, 2]

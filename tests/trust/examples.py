@@ -22,13 +22,12 @@ from rosbags.typesys import Stores
 from pedpred import config
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.geometry import Homography
-from pedpred.networks import MotionLstm
+from pedpred.networks.registry import write_network
 from pedpred.online.network import ExportedNetwork, read_description
 from pedpred.report import measures
 from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
-from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.columns import write_columns
 from pedpred.storage.scenes import tracks_table, write_scene
 from pedpred.storage.shards import (
@@ -38,7 +37,7 @@ from pedpred.storage.shards import (
     write_manifest,
     write_shard,
 )
-from tests.exported import NETWORK
+from tests.exported import NETWORK, WIDTHS
 from tests.test_bags import Store, stream
 
 EWAP = {"frame_rate_hz": 10.0, "annotation_frames": 4, "resolution_m": 0.5, "margin_m": 1.0}
@@ -139,15 +138,14 @@ def make_windows(folder: Path) -> None:
 def make_checkpoint(folder: Path) -> None:
     """An untrained motion network."""
     torch.manual_seed(0)
-    about = {"kind": "motion", "network": NETWORK.plain(), "dt_s": 0.3}
-    write_checkpoint(folder, MotionLstm(NETWORK).state_dict(), about)
+    write_network(folder, NETWORK.build(WIDTHS, 10), {"dt_s": 0.3})
 
 
 def read_model(folder: Path) -> object:
     """Description and network, and one step of two people."""
     about = read_description(folder)
     network = ExportedNetwork(folder, about)
-    memory = {name: np.zeros((2, units), np.float32) for name, units in about.memory.items()}
+    memory = {name: np.zeros((2, *shape), np.float32) for name, shape in about.memory.items()}
     cells, cones = about.features.grid_cells, about.features.angular_cells
     shapes = {"state": (2, 2), "crop": (2, cells, cells), "angular": (2, cones)}
     return network.step({n: np.zeros(shapes[n], np.float32) for n in about.inputs}, memory)

@@ -15,7 +15,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores
 
 from pedpred import config
-from pedpred.networks.forecasting import load_motion_lstm
+from pedpred.networks import load_network
 from pedpred.report import measures
 from pedpred.ros import read_bag, read_recording, write_recording
 from pedpred.sources import ewap
@@ -79,7 +79,7 @@ READERS = {
         ("sim.json",),
         lambda folder: measures.read_metrics(folder / "sim.json"),
     ),
-    "checkpoint": Reader(make_checkpoint, ("weights.safetensors", "about.json"), load_motion_lstm),
+    "checkpoint": Reader(make_checkpoint, ("weights.safetensors", "about.json"), load_network),
     "model": Reader(export, ("model.json", "network.onnx"), read_model),
     "recording": Reader(
         lambda folder: write_recording(place(), folder / "place.mcap"),

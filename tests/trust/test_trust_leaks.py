@@ -14,12 +14,10 @@ from dvc.repo import Repo
 from omegaconf import OmegaConf
 
 from pedpred.features import FeatureSettings, extract
-from pedpred.networks import GridAutoencoder, MotionLstm
-from pedpred.networks.encoding import encode
-from pedpred.networks.forecasting import forecast_motion
+from pedpred.networks import GridAutoencoder, NetworkForecaster
 from pedpred.tracking import KalmanSettings, follow
 from stages import train
-from tests.exported import NETWORK
+from tests.exported import NETWORK, WIDTHS
 from tests.worlds import walled_scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -122,15 +120,15 @@ def test_simulated_sets_have_seeds_of_their_own():
 def test_no_forecast_moves_when_the_future_does():
     """The whole chain: tracker, features, encoder, recurrent network."""
     torch.manual_seed(0)
-    encoder, network = GridAutoencoder(64).eval(), MotionLstm(NETWORK).eval()
+    encoder, network = GridAutoencoder(64).eval(), NETWORK.build(WIDTHS, 10).eval()
     sizes, now = FeatureSettings(), 8.0
     scene = walled_scene(np.random.default_rng(0))
 
     def forecast(trajectories):
         seen = replace(scene, trajectories=trajectories)
         table = extract(seen, follow(trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2), sizes)
-        embeddings = encode(encoder.encoder, table.occupancy, sizes.grid_cells)
-        return table.time_s, forecast_motion(network, table, embeddings, sizes)[0]
+        forecaster = NetworkForecaster(network, encoder.encoder)
+        return table.time_s, forecaster.predict(table, sizes, np.arange(len(table))).point
 
     later = scene.trajectories.time_s > now
     moved = scene.trajectories.position + later[:, None] * np.random.default_rng(1).normal(

@@ -1,0 +1,39 @@
+"""The output tensors that networks have in common, offline and exported, and the predictions they mean.
+
+Agent frame, W people, P steps, K modes; all but the velocities are optional:
+    velocities  [W, P, 2]           of the point forecast, m/s
+    path        [W, K, P, 2]        modes, m; without them the point forecast is the only one
+    weight      [W, K]              probability of each mode
+    covariance  [W, K, P, 2, 2]     of the positions within each mode, m^2
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pedpred.scenes import Predictions
+
+TENSORS = ("velocities", "path", "weight", "covariance")
+
+
+def predictions_of(tensors: Mapping[str, np.ndarray], dt_s: float) -> Predictions:
+    """Agent-frame predictions; modes are sorted by weight, which is made to sum to 1."""
+    exact = {name: values.astype(np.float64) for name, values in tensors.items()}
+    point = np.cumsum(exact["velocities"] * dt_s, axis=1)
+    covariance = exact.get("covariance")
+    if "path" not in exact:
+        own = None if covariance is None else covariance[:, 0]
+        return Predictions.single(point, dt_s, own, "agent")
+    order = np.argsort(-exact["weight"], axis=1, kind="stable")
+    rows = np.arange(len(point))[:, None]
+    weight = exact["weight"][rows, order]
+    return Predictions(
+        point,
+        exact["path"][rows, order],
+        weight / weight.sum(axis=1, keepdims=True),
+        dt_s,
+        None if covariance is None else covariance[rows, order],
+        "agent",
+    )

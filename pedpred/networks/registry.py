@@ -1,0 +1,78 @@
+"""The architectures of recurrent networks, and how one is built, written and read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from pedpred.errors import StorageError, ValueRuleError
+from pedpred.files import translate_errors
+from pedpred.networks.contract import NetworkSettings, RecurrentNetwork
+from pedpred.networks.lstm import LstmSettings
+from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
+
+ARCHITECTURES: dict[str, type[NetworkSettings]] = {
+    "lstm": LstmSettings,
+}
+"""`architecture`, in configuration and checkpoints, -> its settings, which build the network."""
+
+_KIND = "motion"
+
+
+def parse_settings(plain: Mapping[str, Any]) -> NetworkSettings:
+    """Settings of a network from plain dictionaries; the key `architecture` chooses their type.
+
+    Raises:
+        ValueRuleError: the architecture is unknown, or a setting breaks its rule.
+    """
+    own = dict(plain)
+    name = own.pop("architecture", None)
+    if name not in ARCHITECTURES:
+        raise ValueRuleError("architecture", name, f"known architectures are {list(ARCHITECTURES)}")
+    return ARCHITECTURES[name].parse(own)
+
+
+def plain_settings(settings: NetworkSettings) -> dict[str, Any]:
+    """The inverse of `parse_settings`."""
+    names = [name for name, kind in ARCHITECTURES.items() if type(settings) is kind]
+    return {"architecture": names[0], **settings.plain()}
+
+
+def describe_network(network: RecurrentNetwork) -> dict[str, Any]:
+    """What `about.json` must hold so that `load_network` can build the network again."""
+    return {
+        "kind": _KIND,
+        "network": plain_settings(network.settings),
+        "widths": network.widths,
+        "horizon_steps": network.horizon_steps,
+    }
+
+
+def is_network(about: Mapping[str, Any]) -> bool:
+    """Whether a checkpoint's description is that of a recurrent network."""
+    return about["kind"] == _KIND
+
+
+def write_network(folder: Path, network: RecurrentNetwork, about: Mapping[str, Any] | None = None) -> None:
+    """Write a network as a checkpoint; `about` adds to its description."""
+    write_checkpoint(folder, network.state_dict(), {**describe_network(network), **(about or {})})
+
+
+def load_network(folder: Path) -> RecurrentNetwork:
+    """The network of a checkpoint, ready to forecast.
+
+    Raises:
+        StorageError: the checkpoint is missing or damaged.
+    """
+    weights, about = read_checkpoint(folder)
+    remedy = "Train the network again"
+    with translate_errors(partial(StorageError, folder / "about.json", "network", remedy=remedy)):
+        settings = parse_settings(about["network"])
+        with torch.device("meta"):  # no memory until the weights are known to fit
+            network = settings.build(about["widths"], int(about["horizon_steps"]))
+    load_weights(network, weights, folder)
+    return network.eval()

@@ -1,0 +1,143 @@
+"""The one training loop: steps, learning rate, periodic validation, best weights, curve, resuming."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Protocol
+
+import torch
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from pedpred.networks.contract import Loss, Tensors
+from pedpred.training.distributed import ALONE, DistributedContext
+from pedpred.training.progress import Progress, load_progress, save_progress
+from pedpred.training.schedule import learning_rate
+
+
+class Schedule(Protocol):
+    """What the loop reads of a training's settings.
+
+    Attributes:
+        steps: optimiser steps.
+        validate_every: steps between two validations (and saved states).
+        lr: peak learning rate.
+        warmup_steps: steps of linear warm-up.
+    """
+
+    @property
+    def steps(self) -> int: ...  # noqa: D102
+    @property
+    def validate_every(self) -> int: ...  # noqa: D102
+    @property
+    def lr(self) -> float: ...  # noqa: D102
+    @property
+    def warmup_steps(self) -> int: ...  # noqa: D102
+
+
+class Learner(ABC):
+    """What one kind of training gives the loop.
+
+    Attributes:
+        network: initialised, on its device.
+        optimizer: of its weights.
+        memory: recurrent state that is carried from step to step; saved with the progress. [N, ...] each
+        best_by: validation figure, lower is better, that chooses the weights; None keeps the last weights.
+    """
+
+    network: nn.Module
+    optimizer: torch.optim.Optimizer
+    memory: Tensors
+    best_by: str | None = None
+
+    @abstractmethod
+    def batches(self, done: int) -> Iterator[Any]:
+        """An endless stream of batches, from where a training of so many steps stands."""
+
+    @abstractmethod
+    def loss(self, batch: Any, step: int) -> Loss:
+        """Forward pass of a batch; carries `memory` on."""
+
+    @abstractmethod
+    def validate(self) -> dict[str, float]:
+        """Figures of the validation data; the network is in evaluation mode."""
+
+    def clip(self) -> None:  # noqa: B027, optional
+        """Clip gradients; not at all by default."""
+
+
+def train(
+    learner: Learner,
+    schedule: Schedule,
+    scratch: Path | None,
+    description: str,
+    context: DistributedContext = ALONE,
+) -> list[dict[str, float]]:
+    """Train a network; leaves the best validated weights in it, or the last ones without `best_by`.
+
+    Args:
+        learner: see there.
+        schedule: see there.
+        scratch: folder for the state of an unfinished training, which is resumed if there is one; None
+            keeps no state.
+        description: title of the progress bar.
+        context: every process of a training calls this with the same arguments but its own context.
+
+    Returns:
+        The curve, one row per validation: epoch, step, train_loss, and the figures of the validation.
+    """
+    progress = load_progress(scratch, learner, context)
+    if progress is None:
+        progress = Progress()
+        _validate(learner, progress, float("nan"))
+    batches = learner.batches(progress.step)
+    losses: list[Tensor] = []
+    bar = tqdm(
+        total=schedule.steps,
+        initial=progress.step,
+        desc=description,
+        unit="step",
+        disable=not context.writes,
+    )
+    while progress.step < schedule.steps:
+        losses.append(train_step(learner, next(batches), progress.step, schedule, context))
+        progress.step += 1
+        bar.update()
+        if progress.step % schedule.validate_every == 0 or progress.step == schedule.steps:
+            train_loss = float(torch.stack(losses).double().mean())  # the only wait for a GPU
+            bar.set_postfix_str(_validate(learner, progress, train_loss))
+            losses = []
+            save_progress(scratch, progress, learner, context)
+    bar.close()
+    if learner.best_by:
+        learner.network.load_state_dict(progress.best)
+    return progress.curve
+
+
+def train_step(
+    learner: Learner, batch: Any, step: int, schedule: Schedule, context: DistributedContext
+) -> Tensor:
+    """Forward, backward and update with one batch; returns the joint reported loss. []."""
+    for group in learner.optimizer.param_groups:
+        group["lr"] = learning_rate(step, schedule.steps, schedule.lr, schedule.warmup_steps)
+    loss = learner.loss(batch, step)
+    learner.optimizer.zero_grad(set_to_none=True)
+    loss.total.backward()
+    joint = context.average(learner.network.parameters(), loss.reported.detach(), loss.weight)
+    learner.clip()
+    learner.optimizer.step()
+    return joint
+
+
+def _validate(learner: Learner, progress: Progress, train_loss: float) -> str:
+    """Add a row to the curve and keep the weights if they are the best so far; returns the first figure."""
+    learner.network.eval()
+    found = learner.validate()
+    learner.network.train()
+    if learner.best_by and found[learner.best_by] < progress.lowest(learner.best_by):
+        progress.best = {k: v.detach().clone() for k, v in learner.network.state_dict().items()}
+    row = {"epoch": len(progress.curve), "step": progress.step, "train_loss": train_loss}
+    progress.curve.append(row | found)
+    return "".join(f"{name} {value:.3f}" for name, value in list(found.items())[:1])
