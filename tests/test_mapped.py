@@ -149,9 +149,9 @@ def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
 
 
 def test_a_cut_shard_is_named(stored, tmp_path):
-    for part in ("a.parquet", "codes/a.parquet"):
+    for part in ("a.parquet", "embeddings/a.parquet"):
         folder = Path(tempfile.mkdtemp(dir=tmp_path))
-        for name in ("a.parquet", "codes/a.parquet"):
+        for name in ("a.parquet", "embeddings/a.parquet"):
             whole = (stored / name).read_bytes()
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(whole[: len(whole) // 2] if name == part else whole)
