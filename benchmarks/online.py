@@ -100,7 +100,7 @@ def traffic_rows(folder: Path, minutes: int = 60, dt_s: float = 0.3) -> Iterator
 
 def eager_ms(settings: MotionSettings, count: int) -> float:
     """The same network in torch, convolutions included, features not."""
-    network, encoder = MotionLstm(settings).eval(), GridAutoencoder(64).encoder
+    network, encoder = MotionLstm(settings).eval(), GridAutoencoder(60, 64).encoder
     crops, inputs = torch.zeros(count, 60, 60), {"state": torch.zeros(count, 1, 2)}
     inputs["angular"] = torch.zeros(count, 1, 72)
     state = network.start(count)

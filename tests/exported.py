@@ -29,7 +29,7 @@ NETWORK = parse_settings(
 def export(folder):
     """Write it, with large weights; the folder, the network and its encoder."""
     torch.manual_seed(0)
-    network, encoder = NETWORK.build(WIDTHS, 10).eval(), GridAutoencoder(64).encoder
+    network, encoder = NETWORK.build(WIDTHS, 10).eval(), GridAutoencoder(60, 64).encoder
     for weights in network.parameters():
         torch.nn.init.normal_(weights, std=0.3)
     sizes = FeatureSettings()

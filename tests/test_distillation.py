@@ -26,7 +26,7 @@ SHORT = DistillationSettings(
 def taught():
     """A teacher and what it makes of crops with one square each."""
     torch.manual_seed(0)
-    teacher, rng = GridEncoder(16), np.random.default_rng(0)
+    teacher, rng = GridEncoder(60, 16), np.random.default_rng(0)
     cells = np.zeros((40, 60, 60), np.uint8)
     for crop in cells:
         x, y = rng.integers(0, 40, 2)
@@ -51,7 +51,7 @@ def test_the_teacher_misses_nothing_and_a_constant_everything(taught):
     images = torch.from_numpy(np.unpackbits(crops.packed, axis=-1, bitorder="little")).reshape(-1, 60, 60)
     exact = teacher.embedding(images.float()).detach()
     assert unexplained(teacher, images.float(), exact)["embedding"] < 1e-10
-    mean = GridEncoder(16)
+    mean = GridEncoder(60, 16)
     mean.fc.load_state_dict(teacher.fc.state_dict())
     mean.embedding = lambda images: exact.mean(dim=0).expand(len(images), -1)
     missed = unexplained(mean, images.float(), exact)
@@ -60,7 +60,7 @@ def test_the_teacher_misses_nothing_and_a_constant_everything(taught):
 
 def test_validation_in_blocks_is_that_of_all_crops_at_once(taught, monkeypatch):
     teacher, crops = taught
-    student = GridEncoder(16, (4, 6))
+    student = GridEncoder(60, 16, (4, 6))
     student.fc.load_state_dict(teacher.fc.state_dict())
     whole = validate(student, crops)
     monkeypatch.setattr("pedpred.training.distillation._CROPS_AT_ONCE", 7)  # of 40: the last block is short
@@ -72,7 +72,7 @@ def test_validation_in_blocks_is_that_of_all_crops_at_once(taught, monkeypatch):
 
 
 def test_a_narrow_encoder_comes_back_from_disk(taught, tmp_path):
-    narrow, (_, crops) = GridEncoder(16, (4, 6)), taught
+    narrow, (_, crops) = GridEncoder(60, 16, (4, 6)), taught
     about = {"settings": {"latent": 16, "widths": [4, 6]}, "cells": 60}
     write_checkpoint(tmp_path, {f"encoder.{k}": v for k, v in narrow.state_dict().items()}, about)
     again = encode(load_encoder(tmp_path), crops.packed, 60)

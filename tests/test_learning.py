@@ -269,7 +269,7 @@ def test_checkpoint_round_trip_and_damage(tmp_path):
 
 
 def test_decoder_uses_the_encoders_weights():
-    network = GridAutoencoder()
+    network = GridAutoencoder(60)
     names = {name for name, _ in network.named_parameters()}
     assert {n for n in names if "encoder" not in n} == {"embedding_bias", "bias1", "bias2", "bias3"}
     crops = (torch.rand(2, 60, 60) > 0.8).float()
@@ -287,7 +287,7 @@ def test_decoder_uses_the_encoders_weights():
 
 @pytest.mark.parametrize("tied", [True, False])
 def test_an_auto_encoder_on_disk_knows_whether_it_is_tied(tmp_path, tied):
-    network, crops = GridAutoencoder(4, tied), (torch.rand(2, 60, 60) > 0.8).float()
+    network, crops = GridAutoencoder(60, 4, tied), (torch.rand(2, 60, 60) > 0.8).float()
     write_checkpoint(tmp_path, network.state_dict(), {"settings": {"latent": 4}, "cells": 60})
     other, cells = read_autoencoder(tmp_path)
     assert cells == 60

@@ -56,7 +56,7 @@ def project(tmp_path, monkeypatch):
     params["evaluation"]["real"] = {"crossing": "main"}  # the raw data of the others are not part of this
     torch.manual_seed(0)
     settings = {"kind": "autoencoder", "settings": {"latent": 64}, "cells": 60}
-    write_checkpoint(Path("models/autoencoder"), GridAutoencoder(64).state_dict(), settings)
+    write_checkpoint(Path("models/autoencoder"), GridAutoencoder(60, 64).state_dict(), settings)
     for name, model in params["models"].items():
         own = parse_settings(model | {"architecture": "lstm"})
         write_network(Path("models/main", name), own.build(WIDTHS, params["protocol"]["horizon_steps"]))

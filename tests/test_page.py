@@ -36,7 +36,9 @@ def hall(tmp_path_factory):
 def contents_of(scene, windows):
     metrics = {"sim_test": metrics_of(IN_SIMULATION), "sim_test_hall": metrics_of(IN_SIMULATION)}
     real = {"eth": metrics_of(MEETING | {"lstm": 0.65, "ca": 9.0}), "hotel": metrics_of(MEETING)}
-    gallery = simulation_gallery(metrics, {"sim_test": [scene]}, {"hall": windows}, {}, GridAutoencoder(8))
+    gallery = simulation_gallery(
+        metrics, {"sim_test": [scene]}, {"hall": windows}, {}, GridAutoencoder(60, 8)
+    )
     few = {name: real["eth"][name] | {"fde_ci95_m": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
     literature = {"eth": few, "hotel": few}
     shown = [replay(scene, windows, 2.1), replay(wall_scene("attic"), windows, 1.2)]

@@ -389,7 +389,7 @@ def galleries(folder):
     matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
     picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
     torch.manual_seed(0)
-    network = GridAutoencoder(8)
+    network = GridAutoencoder(60, 8)
     seen = wall_scene(camera=Camera(Homography(matrix), picture))
     simulated = simulation_gallery(
         metrics, {"sim_test": [scene], "main": [scene] * 3}, windows, curve_tables(), network
@@ -420,7 +420,7 @@ def test_crops_are_chosen_at_even_ranks_of_occupied_share():
 
 
 def test_each_crop_is_reconstructed_by_itself():
-    network = GridAutoencoder(8)
+    network = GridAutoencoder(60, 8)
     crops = np.random.default_rng(0).random((3, 60, 60)) < 0.2
     both, alone = reconstructed(network, crops), reconstructed(network, crops[2:])
     np.testing.assert_array_equal(both.image[2:], alone.image)
@@ -442,7 +442,11 @@ def test_forecasts_of_an_unknown_scene_are_refused(tmp_path):
     windows = {"attic": windows_of(tmp_path, wall_scene("attic"))}
     with pytest.raises(ValueRuleError, match="attic"):
         simulation_gallery(
-            {"sim_test": metrics_of(MEETING)}, {"sim_test": [wall_scene()]}, windows, {}, GridAutoencoder(8)
+            {"sim_test": metrics_of(MEETING)},
+            {"sim_test": [wall_scene()]},
+            windows,
+            {},
+            GridAutoencoder(60, 8),
         )
 
 

@@ -10,7 +10,6 @@ from torch import Tensor, nn
 from torch.nn import functional as f
 
 from pedpred.errors import StorageError
-from pedpred.features import FeatureSettings
 from pedpred.files import translate_errors
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
@@ -19,19 +18,18 @@ WIDTHS = (64, 32)
 _EMBEDDING_CHANNELS = 8
 _CONVOLUTIONS = ((5, 0), (3, 1), (3, 1))
 """(kernel size, padding) of the three convolutions; their stride is 2."""
-CELLS = FeatureSettings().grid_cells
 
 
 class GridEncoder(nn.Module):
     """Crop -> embedding (convolutions, frozen after pre-training) -> latent (fully connected)."""
 
-    def __init__(self, latent: int = 64, widths: tuple[int, int] = WIDTHS, cells: int = CELLS):
+    def __init__(self, cells: int, latent: int = 64, widths: tuple[int, int] = WIDTHS):
         """Make random weights.
 
         Args:
+            cells: cells per side of a crop.
             latent: width of the latent features.
             widths: channels behind the first and the second convolution.
-            cells: cells per side of a crop.
         """
         super().__init__()
         channels = (1, *widths, _EMBEDDING_CHANNELS)
@@ -60,10 +58,10 @@ class GridAutoencoder(nn.Module):
     Untied, for comparison, the decoder has weights of its own.
     """
 
-    def __init__(self, latent: int = 64, tied: bool = True, cells: int = CELLS):
+    def __init__(self, cells: int, latent: int = 64, tied: bool = True):
         super().__init__()
-        self.encoder = GridEncoder(latent, cells=cells)
-        self.decoder = nn.ParameterDict({} if tied else _weights(GridEncoder(latent, cells=cells)))
+        self.encoder = GridEncoder(cells, latent)
+        self.decoder = nn.ParameterDict({} if tied else _weights(GridEncoder(cells, latent)))
         self.embedding_bias = nn.Parameter(torch.zeros(self.encoder.fc.in_features))
         self.bias3 = nn.Parameter(torch.zeros(WIDTHS[1]))
         self.bias2 = nn.Parameter(torch.zeros(WIDTHS[0]))
@@ -92,7 +90,7 @@ def read_autoencoder(folder: Path) -> tuple[GridAutoencoder, int]:
         partial(StorageError, folder / "about.json", "settings", remedy="Train the auto-encoder again")
     ):
         cells = int(about["cells"])
-        network = GridAutoencoder(about["settings"]["latent"], tied, cells)
+        network = GridAutoencoder(cells, about["settings"]["latent"], tied)
     load_weights(network, weights, folder)
     return network, cells
 

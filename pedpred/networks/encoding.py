@@ -31,7 +31,7 @@ def load_encoder(folder: Path) -> GridEncoder:
     ):
         settings = about["settings"]
         widths = tuple(settings.get("widths", WIDTHS))
-        encoder = GridEncoder(settings["latent"], widths, int(about["cells"]))
+        encoder = GridEncoder(int(about["cells"]), settings["latent"], widths)
     own = {name.removeprefix(_PREFIX): w for name, w in weights.items() if name.startswith(_PREFIX)}
     load_weights(encoder, own, folder)
     return encoder

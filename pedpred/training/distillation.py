@@ -64,7 +64,7 @@ class DistillationLearner(Learner):
         """See `distil`."""
         torch.manual_seed(settings.seed)
         self.training, self.validation, self.settings = training, validation, settings
-        student = GridEncoder(teacher.fc.out_features, settings.widths, training.cells)
+        student = GridEncoder(training.cells, teacher.fc.out_features, settings.widths)
         student.fc.load_state_dict(teacher.fc.state_dict())
         student.fc.requires_grad_(False)
         self.network = student

@@ -58,7 +58,7 @@ class AutoencoderLearner(Learner):
         """See `train_autoencoder`."""
         torch.manual_seed(settings.seed)
         self.training, self.validation, self.cells, self.settings = training, validation, cells, settings
-        self.network = GridAutoencoder(settings.latent, settings.tied, cells)
+        self.network = GridAutoencoder(cells, settings.latent, settings.tied)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=settings.lr)
         self.memory = {}
 

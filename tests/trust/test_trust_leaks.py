@@ -120,7 +120,7 @@ def test_simulated_sets_have_seeds_of_their_own():
 def test_no_forecast_moves_when_the_future_does():
     """The whole chain: tracker, features, encoder, recurrent network."""
     torch.manual_seed(0)
-    encoder, network = GridAutoencoder(64).eval(), NETWORK.build(WIDTHS, 10).eval()
+    encoder, network = GridAutoencoder(60, 64).eval(), NETWORK.build(WIDTHS, 10).eval()
     sizes, now = FeatureSettings(), 8.0
     scene = walled_scene(np.random.default_rng(0))
 
