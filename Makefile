@@ -5,9 +5,10 @@ VENV := .venv
 SHELL := /bin/bash
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
+# Threads that wait for work sleep; results do not depend on it.
+export OMP_WAIT_POLICY := PASSIVE
 
 .DEFAULT_GOAL := help
-PLACES := eth hotel
 REV ?= HEAD
 .PHONY: help setup params tune reproduce compare smoke test trust audit check
 
@@ -25,11 +26,11 @@ params: setup ## write params.yaml from conf/
 	python -m pedpred.config
 
 tune: setup ## fit tracker and social forces to each real place again (writes conf/, about ten minutes)
-	dvc repro $(PLACES:%=ingest@%)
-	for place in $(PLACES); do python -m tools.tune_tracker +name=$$place || exit; done
+	dvc repro ingest
+	for place in $$(python -m tools.places); do python -m tools.tune_tracker $$place || exit; done
 	python -m pedpred.config
-	dvc repro $(PLACES:%=features@%)
-	for place in $(PLACES); do python -m tools.fit_social_force +name=$$place || exit; done
+	dvc repro features_real
+	for place in $$(python -m tools.places); do python -m tools.fit_social_force $$place || exit; done
 	python -m pedpred.config
 
 reproduce: setup ## raw data -> networks -> reports/; does only what is out of date

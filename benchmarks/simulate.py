@@ -133,7 +133,7 @@ def main() -> None:
         parser.error(
             f"{' and '.join(missing)} not installed: pip install 'pedpred[bench]', or add --no-peers"
         )
-    conf = OmegaConf.load(Path(__file__).parents[1] / "conf/social_force/helbing1995.yaml")
+    conf = OmegaConf.load(Path(__file__).parents[1] / "conf/social_forces/walking.yaml").helbing1995
     settings = social_force_settings(OmegaConf.to_container(conf))
     rows = [
         row

@@ -1,9 +1,9 @@
 """Many independent jobs at once: on this machine's cores, or on a cluster's.
 
-`$PEDPRED_JOBS` says how many at a time (all cores by default). `$PEDPRED_BACKEND=dask` takes them to
-the cluster whose scheduler `$DASK_SCHEDULER_ADDRESS` names (else to one within this machine); its machines
-must see the project's folder under the same path. In a program of your own any backend of joblib's will
-do, ray's too:
+`$PEDPRED_JOBS` is the number of jobs at a time (default: all cores). `$PEDPRED_BACKEND=dask` sends them to
+the cluster whose scheduler `$DASK_SCHEDULER_ADDRESS` names (default: a cluster on this machine); its machines
+must see the project's folder under the same path. In your own programs use any backend of joblib, for example
+ray:
 
     with joblib.parallel_config(backend="ray"):
         in_parallel(job, tasks, "simulate", "room")
@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 from joblib import Parallel, delayed, parallel_config
 from tqdm import tqdm
 
-from pedpred.errors import ConfigError, WorkerError
+from pedpred.errors import ValueRuleError, WorkerError
 
 Result = TypeVar("Result")
 
@@ -30,19 +30,19 @@ Result = TypeVar("Result")
 def in_parallel(
     job: Callable[..., Result], tasks: Sequence[Iterable[Any]], title: str, unit: str
 ) -> list[Result]:
-    """Call `job(*task)` for every task, several at a time, beside a progress bar.
+    """Call `job(*task)` for every task, several at a time, and show a progress bar.
 
     Args:
-        job: returns little; what is large it writes to a file of its own.
+        job: returns small values; it writes large results to files.
         tasks: the arguments of each call.
-        title: what the progress bar says.
-        unit: what one task is.
+        title: label of the progress bar.
+        unit: name of one task.
 
     Returns:
-        What the jobs returned, in the order of the tasks.
+        The results of the jobs, in the order of the tasks.
 
     Raises:
-        ConfigError: there is no such backend.
+        ValueRuleError: there is no such backend.
         WorkerError: a worker process was killed.
     """
     with backend(os.environ.get("PEDPRED_BACKEND")):
@@ -56,10 +56,10 @@ def in_parallel(
 
 @contextmanager
 def backend(name: str | None) -> Iterator[None]:
-    """Let joblib work there; None leaves it as it is configured.
+    """Use this backend of joblib inside; None: as joblib is configured.
 
     Raises:
-        ConfigError: there is no such backend, or its package is not installed.
+        ValueRuleError: there is no such backend, or its package is not installed.
     """
     if name is None:
         yield
@@ -67,8 +67,10 @@ def backend(name: str | None) -> Iterator[None]:
         try:
             from distributed import Client
         except ImportError as cause:
-            raise ConfigError("$PEDPRED_BACKEND", name, "pip install 'dask[distributed]' first") from cause
+            raise ValueRuleError(
+                "$PEDPRED_BACKEND", name, "dask is not installed: pip install 'dask[distributed]'"
+            ) from cause
         with Client(), parallel_config(backend="dask"):
             yield
     else:
-        raise ConfigError("$PEDPRED_BACKEND", name, "leave it away, or set it to dask")
+        raise ValueRuleError("$PEDPRED_BACKEND", name, "it must be unset or dask")

@@ -31,8 +31,9 @@ def test_every_point_composes_and_differs(path):
         for overrides in ablation.points.values()
     ]
     assert len(set(composed)) == len(ablation.points)
-    written = PIPELINE[ablation.target]["outs"]
-    assert ablation.metrics in [next(iter(entry)) for entry in written if isinstance(entry, dict)]
+    name, _, key = ablation.target.partition("@")
+    written = PIPELINE[name]["do"]["outs"]
+    assert ablation.metrics in [next(iter(entry)).replace("${key}", key) for entry in written]
 
 
 def measured(ablation):

@@ -10,7 +10,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from pedpred import config
-from pedpred.errors import ConfigError
+from pedpred.errors import ConfigError, ValueRuleError
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -32,7 +32,11 @@ stages:
     params: ["models.${item.network}", "scenes.${item.to}"]
   deep:
     foreach: ${training.phases}
-    do: {cmd: x, params: ["training.phases.${item}"]}
+    do: {cmd: x, params: ["training.phases.${key}"]}
+  referring:
+    foreach: ${scenes}
+    do: {cmd: x, params: ["scenes.${key}", "trackers.${item.tracker}"]}
+  missing: {cmd: x, params: [scenes.zara]}
   wrong:
     foreach: [eth]
     do: {cmd: x, params: ["scenes.${item.name}"]}
@@ -40,9 +44,11 @@ stages:
 PARAMS_YAML = """
 seed: null
 training: {rate: 0.1, phases: {first: {steps: 1}, second: {steps: 2}}}
-scenes: {eth: {clocks: 3}, hotel: {clocks: 3}}
+scenes: {eth: {tracker: quick}, hotel: {tracker: slow}}
+trackers: {quick: {q: 1}, slow: {q: 2}}
 models: {lstm: {units: 4}, lstm_nogrid: {units: 2}}
 """
+TRAINING = {"rate": 0.1, "phases": {"first": {"steps": 1}, "second": {"steps": 2}}}
 STAGE = """
 from pathlib import Path
 from pedpred.config import stage
@@ -90,49 +96,69 @@ def python(project, *arguments, **environment):
     )
 
 
-def test_only_keeps_the_named_keys_and_nothing_else():
-    cfg = OmegaConf.create({"a": {"b": 1, "c": 2}, "d": None, "e": 5})
-    assert config.only(cfg, ["a.b", "d"]) == {"a": {"b": 1}, "d": None}
-    assert config.only(cfg, ["a.b", "a"]) == {"a": {"b": 1, "c": 2}}
-    assert config.only(cfg, []) == {}
-
-
-def test_only_names_a_key_that_is_not_there():
-    with pytest.raises(ConfigError, match=r"a\.missing"):
-        config.only(OmegaConf.create({"a": {"b": 1}}), ["a.missing"])
-
-
 @pytest.mark.parametrize(
     ("address", "expected"),
     [
-        ("plain", ["training.rate", "seed"]),
-        ("bare", []),
-        ("listed@hotel", ["scenes.hotel"]),
-        ("keyed@lstm_nogrid", ["models.lstm_nogrid", "training"]),
-        ("crossed@lstm-hotel", ["models.lstm", "scenes.hotel"]),
-        ("deep@second", ["training.phases.second"]),
-        ("dvc.yaml:listed@eth", ["scenes.eth"]),
+        ("plain", {"training": {"rate": 0.1}, "seed": None}),
+        ("bare", {}),
+        ("listed@hotel", {"scenes": {"hotel": {"tracker": "slow"}}}),
+        ("keyed@lstm_nogrid", {"models": {"lstm_nogrid": {"units": 2}}, "training": TRAINING}),
+        ("referring@eth", {"scenes": {"eth": {"tracker": "quick"}}, "trackers": {"quick": {"q": 1}}}),
+        ("crossed@lstm-hotel", {"models": {"lstm": {"units": 4}}, "scenes": {"hotel": {"tracker": "slow"}}}),
+        ("deep@second", {"training": {"phases": {"second": {"steps": 2}}}}),
+        ("dvc.yaml:listed@eth", {"scenes": {"eth": {"tracker": "quick"}}}),
     ],
 )
-def test_declared_params_follow_every_kind_of_stage(project, address, expected):
-    assert config.declared_params(project, address) == expected
+def test_a_stage_sees_the_declared_keys_of_every_kind_of_stage_and_nothing_else(project, address, expected):
+    assert config.declared(project, address, []) == expected
+
+
+def test_the_arguments_of_the_command_are_added(project):
+    seen = config.declared(project, "bare", ["+name=eth", "--flag", "out=a"])
+    assert seen == {"name": "eth", "out": "a"}
+
+
+def test_a_declared_key_that_is_not_in_params_is_named(project):
+    with pytest.raises(ConfigError, match=r"'scenes\.zara' = None: dvc\.yaml declares it"):
+        config.declared(project, "missing", [])
+
+
+def test_a_row_is_merged_over_its_base():
+    cfg = OmegaConf.create({"forces": {"a": {"x": {"p": 1, "q": 2}}, "b": {"base": "a", "x": {"q": 3}}}})
+    assert config.row(cfg, "forces", "b") == {"x": {"p": 1, "q": 3}}
+    assert config.row(cfg, "forces", "a") == {"x": {"p": 1, "q": 2}}
+    with pytest.raises(ConfigError, match=r"'forces' = 'c': no such row; there are a, b"):
+        config.row(cfg, "forces", "c")
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (ValueRuleError("every", 0, "it must be positive"), "'sensors.robot.every' = 0: it must be positive"),
+        (TypeError("unexpected keyword argument 'magic'"), "'sensors.robot' = None: unexpected.*'magic'"),
+        (KeyError("seed"), "'sensors.robot' = None: 'seed'"),
+    ],
+)
+def test_errors_of_settings_get_the_configuration_key(error, message):
+    with pytest.raises(ConfigError, match=message), config.configured("sensors.robot"):
+        raise error
 
 
 def test_a_stage_is_told_its_name_by_its_command():
     assert config.stage_key(OmegaConf.create({"name": "lstm"})) == "lstm"
-    with pytest.raises(ConfigError, match="say which one"):
+    with pytest.raises(ConfigError, match="give one"):
         config.stage_key(OmegaConf.create({}))
 
 
 @pytest.mark.parametrize("address", ["nothing", "listed@zara", "listed", "plain@eth"])
 def test_an_unknown_stage_is_refused(project, address):
-    with pytest.raises(ConfigError, match="no such stage"):
-        config.declared_params(project, address)
+    with pytest.raises(ConfigError, match=f"'DVC_STAGE' = '{address}': DVC cannot load this stage"):
+        config.declared(project, address, [])
 
 
 def test_a_template_value_that_does_not_exist_is_named(project):
     with pytest.raises(ConfigError, match=r"item\.name"):
-        config.declared_params(project, "wrong@eth")
+        config.declared(project, "wrong@eth", [])
 
 
 def test_a_stage_under_dvc_sees_declared_keys_and_its_own_arguments(project):

@@ -20,7 +20,8 @@ from pedpred.sources.ewap import ALONE, read_sequence
 from pedpred.sources.obstacles import occupancy_from_image
 from pedpred.tracking import KalmanSettings, follow, log_likelihood
 
-CONF = Path(__file__).resolve().parents[1] / "conf" / "scenes"
+CONF = Path(__file__).resolve().parents[1] / "conf"
+PLACES = yaml.safe_load((CONF / "places" / "recorded.yaml").read_text())
 FACTS = {
     "eth": {
         "rows": 8908,
@@ -64,9 +65,9 @@ FACTS = {
 @pytest.fixture(scope="module", params=FACTS)
 def real(request, ewap_folder):
     """A real scene, as configured, and what is known about it."""
-    settings = yaml.safe_load((CONF / f"{request.param}.yaml").read_text())
-    folder = ewap_folder / settings["sequence"]
-    return SOURCES[settings["source"]](folder, request.param, settings), FACTS[request.param], folder
+    about = PLACES[request.param]
+    folder = ewap_folder / Path(about["folder"]).name
+    return SOURCES[about["source"]](folder, request.param, about["settings"]), FACTS[request.param], folder
 
 
 def test_real_detections(real):
@@ -137,13 +138,12 @@ def test_a_transposed_homography_file_is_refused(ewap_folder, tmp_path):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     matrix = np.loadtxt(tmp_path / "H.txt")
     np.savetxt(tmp_path / "H.txt", matrix[:, [1, 0, 2]])
-    settings = yaml.safe_load((CONF / "hotel.yaml").read_text())
     with pytest.raises(SourceError, match=r"far outside map\.png"):
-        read_sequence(tmp_path, "hotel", settings)
+        read_sequence(tmp_path, "hotel", PLACES["hotel"]["settings"])
 
 
 def tracker_tuned_on(place):
-    values = yaml.safe_load((CONF.parent / "tracker" / f"tuned_on_{place}.yaml").read_text())
+    values = yaml.safe_load((CONF / "trackers" / "kalman.yaml").read_text())[f"tuned_on_{place}"]
     return KalmanSettings(**{name: value for name, value in values.items() if name != "kind"})
 
 
@@ -163,7 +163,7 @@ def test_real_windows_and_the_errors_of_constant_velocity(real):
 
 
 def test_the_committed_tracker_is_what_its_command_finds(real):
-    """Perturbing any parameter of conf/tracker/tuned_on_<place> makes the place's detections less likely."""
+    """Perturbing any parameter of the tracker tuned_on_<place> makes the place's detections less likely."""
     scene = real[0]
     committed = tracker_tuned_on(scene.name)
     best = log_likelihood(scene.trajectories, committed, 8)

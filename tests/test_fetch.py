@@ -10,9 +10,11 @@ import threading
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
+import yaml
 
-from pedpred.errors import ConfigError, FetchError
+from pedpred.errors import FetchError, ValueRuleError
 from pedpred.sources import mirrors
+from tests.conftest import ROOT
 
 CONTENT = {
     f"seq_{place}/{name}": f"{place} {name}\n".encode() * 500
@@ -23,9 +25,7 @@ NEEDED = [name for name in CONTENT if not name.endswith("reference.png")]
 
 
 @pytest.fixture(autouse=True)
-def tiny_data_set(monkeypatch):
-    sums = {name: hashlib.sha256(content).hexdigest() for name, content in CONTENT.items()}
-    monkeypatch.setattr(mirrors, "checksums", lambda data_set: sums)
+def own_environment(monkeypatch):
     monkeypatch.delenv("PEDPRED_MIRROR", raising=False)
     monkeypatch.delenv("DVC_ROOT", raising=False)
 
@@ -61,7 +61,10 @@ def write_archive(path, members=None, names=tuple(CONTENT)):
 
 
 def fetch(target, folders=(), archives=()):
-    mirrors.fetch("ewap", target, [str(f) for f in folders], [str(a) for a in archives], timeout_s=2.0)
+    sums = [f"{hashlib.sha256(content).hexdigest()}  {name}" for name, content in CONTENT.items()]
+    listed = {"folders": [str(f) for f in folders], "archives": [str(a) for a in archives]}
+    about = {"timeout_s": 2.0, "sha256sums": sums, "optional": ["reference.png"]}
+    mirrors.fetch(mirrors.Mirrors.parse("ewap", listed | about), target)
 
 
 def assert_fetched(target, names=tuple(CONTENT)):
@@ -161,10 +164,10 @@ def test_no_mirror_is_one_clear_error(target, mirror, tmp_path):
 
 @pytest.mark.parametrize("address", ["http://example.org/a.tgz", "ftp://example.org/a.tgz"])
 def test_an_address_without_https_is_refused_before_anything_is_tried(target, mirror, monkeypatch, address):
-    with pytest.raises(ConfigError, match=f"{address}.*https"):
+    with pytest.raises(ValueRuleError, match=f"{address}.*https"):
         fetch(target, [mirror], [address])
     monkeypatch.setenv("PEDPRED_MIRROR", address)
-    with pytest.raises(ConfigError, match="https"):
+    with pytest.raises(ValueRuleError, match="https"):
         fetch(target, [mirror])
     assert not target.exists()
 
@@ -262,14 +265,19 @@ def test_members_that_nobody_asked_for_are_not_written(target, tmp_path):
     assert not list(tmp_path.rglob("evil.txt"))
 
 
-def test_committed_sums_name_both_sequences(monkeypatch):
-    monkeypatch.undo()
-    sums = mirrors.checksums("ewap")
+def test_a_damaged_sum_is_named():
+    with pytest.raises(ValueRuleError, match=r"sha256sums = 'abc  a\.txt', but a sum has 64"):
+        mirrors.Mirrors("ewap", (), (), 1.0, {"a.txt": "abc"})
+
+
+def committed():
+    return mirrors.Mirrors.parse("ewap", yaml.safe_load((ROOT / "conf/mirrors/ewap.yaml").read_text()))
+
+
+def test_committed_sums_name_both_sequences():
     names = ["H.txt", "destinations.txt", "groups.txt", "info.txt", "map.png", "obsmat.txt", "reference.png"]
-    assert sorted(sums) == [f"seq_{place}/{name}" for place in ("eth", "hotel") for name in names]
-    assert all(len(digest) == 64 for digest in sums.values())
+    assert sorted(committed().sums) == [f"seq_{place}/{name}" for place in ("eth", "hotel") for name in names]
 
 
-def test_committed_sums_are_those_of_the_recordings(monkeypatch, ewap_folder):
-    monkeypatch.undo()
-    assert mirrors.lack(ewap_folder, mirrors.checksums("ewap")) is None
+def test_committed_sums_are_those_of_the_recordings(ewap_folder):
+    assert mirrors.lack(ewap_folder, committed()) is None

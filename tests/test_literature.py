@@ -72,10 +72,9 @@ def test_forecasts_see_the_window_alone():
 
 @pytest.mark.parametrize(("place", "ade_m", "fde_m"), [("eth", 0.678, 1.344), ("hotel", 0.344, 0.657)])
 def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_m, fde_m):
-    settings = yaml.safe_load((CONF / "scenes" / f"{place}.yaml").read_text())
-    trajectories = SOURCES[settings["source"]](
-        ewap_folder / settings["sequence"], place, settings
-    ).trajectories
+    about = yaml.safe_load((CONF / "places" / "recorded.yaml").read_text())[place]
+    folder = ewap_folder / Path(about["folder"]).name
+    trajectories = SOURCES[about["source"]](folder, place, about["settings"]).trajectories
     errors = []
     for track in np.unique(trajectories.track_id):
         path = trajectories.position[trajectories.track_id == track]  # in time's order, and without holes

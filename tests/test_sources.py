@@ -1,11 +1,14 @@
 """EWAP: a tiny hand-made sequence, and everything that can be wrong with one."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from PIL import Image
 
-from pedpred.errors import ConfigError, SourceError, ValueRuleError
+from pedpred.errors import SourceError, ValueRuleError
 from pedpred.geometry import Homography
+from pedpred.sources import SOURCES
 from pedpred.sources.ewap import merged, read_sequence
 from pedpred.sources.obstacles import occupancy_from_image
 
@@ -127,7 +130,7 @@ def test_a_map_up_to_the_horizon_is_refused(folder):
 
 @pytest.mark.parametrize("key", SETTINGS)
 def test_settings_out_of_range(folder, key):
-    with pytest.raises(ConfigError, match=key):
+    with pytest.raises(ValueRuleError, match=key):
         read_sequence(folder, "tiny", SETTINGS | {key: -1})
 
 
@@ -141,3 +144,12 @@ def test_no_obstacle_no_cell():
     occupancy = occupancy_from_image(np.zeros((8, 10), dtype=bool), homography, points, 0.5, 0.9)
     assert not occupancy.occupied.any()
     assert occupancy.origin.tolist() == [1.0, 2.0]
+
+
+def test_a_scene_folder_is_read_under_the_name_of_its_place():
+    example = Path(__file__).parents[1] / "examples" / "crossing"
+    scene = SOURCES["scene_folder"](example, "mine", {})
+    assert scene.name == "mine"
+    assert len(scene.trajectories.time_s) == 1340
+    with pytest.raises(ValueRuleError, match="a scene folder has none"):
+        SOURCES["scene_folder"](example, "mine", {"margin_m": 1.0})

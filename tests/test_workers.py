@@ -1,14 +1,17 @@
 """Wherever the work is done, the results are the same bytes."""
 
 import hashlib
+import inspect
+import pickle
 import time
+from pathlib import Path
 
 import dask
 import pytest
 from distributed import LocalCluster
 from joblib import parallel_config
 
-from pedpred.errors import ConfigError
+from pedpred import errors
 from pedpred.workers import in_parallel
 from stages.simulate import simulate_into
 from tests.simulated import SETTINGS, short
@@ -61,7 +64,22 @@ def test_a_dask_cluster_gives_the_same_bytes(alone, cluster, tmp_path, monkeypat
     assert sum(worker.state.executed_count for worker in cluster.workers.values()) >= 3
 
 
+def subclasses(kind):
+    return [kind, *(found for below in kind.__subclasses__() for found in subclasses(below))]
+
+
+@pytest.mark.parametrize("kind", subclasses(errors.PedpredError))
+def test_an_error_crosses_the_border_of_a_process(kind):
+    arguments = {"path": Path("a.txt"), "tried": {"b": "it is empty"}}
+    names = list(inspect.signature(kind).parameters) if kind is not errors.PedpredError else []
+    error = kind(*(arguments.get(name, name) for name in names))
+    other = pickle.loads(pickle.dumps(error))  # noqa: S301
+    assert (type(other), str(other), vars(other)) == (kind, str(error), vars(error))
+
+
 def test_a_backend_that_does_not_exist_is_named(monkeypatch):
     monkeypatch.setenv("PEDPRED_BACKEND", "abacus")
-    with pytest.raises(ConfigError, match=r"PEDPRED_BACKEND' = 'abacus': leave it away, or set it to dask"):
+    with pytest.raises(
+        errors.ValueRuleError, match=r"PEDPRED_BACKEND = 'abacus', but it must be unset or dask"
+    ):
         in_parallel(print, [()], "nothing", "task")

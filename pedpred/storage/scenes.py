@@ -1,8 +1,8 @@
 """Scenes on disk: one folder with `tracks.parquet`, `map.yaml` + `map.pgm`, `scene.json`.
 
-What pedpred writes has all of them. Somebody's own folder may have `tracks.csv` instead, and no map.
+pedpred writes all of them. A folder of your own may have `tracks.csv` instead, and no map.
 
-A scene *set* is a folder of such folders (many arrangements of one simulated data set).
+A scene *set* is a folder of scene folders (the arrangements of one simulated set).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 SCENE_SCHEMA = 1
 _PAIRS = {"position": ("x_m", "y_m"), "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
 _SHORT_NAMES = {"time": "time_s", "id": "track_id", "x": "x_m", "y": "y_m"}
-"""What may head a column of a CSV file; seconds and metres all the same."""
+"""Alternative column names in CSV files; the units are the same."""
 _OCCUPIED, _FREE = 0, 254
 _REMEDY = "Correct the file or write the scene again"
 
@@ -93,7 +93,7 @@ def read_scenes(folder: Path) -> Iterator[Scene]:
 
 
 def tracks_table(trajectories: Trajectories) -> pd.DataFrame:
-    """The recording as columns with units in their names."""
+    """Return trajectories as columns with units in their names."""
     columns: dict[str, np.ndarray] = {}
     for field in fields(trajectories):
         value = getattr(trajectories, field.name)
@@ -105,7 +105,7 @@ def tracks_table(trajectories: Trajectories) -> pd.DataFrame:
 
 
 def tracks_of(table: pd.DataFrame, path: Path) -> Trajectories:
-    """The recording that `tracks_table` made a table of; `path` is where the table was found.
+    """Return the trajectories in a table of `tracks_table`; `path` is the file for error messages.
 
     Raises:
         StorageError: a column is missing or holds no numbers; it is named.
