@@ -192,8 +192,8 @@ def read_archive(folder: Path) -> None:
     target = folder / "raw" / "ewap"
     shutil.rmtree(target.parent, ignore_errors=True)
     sums = dict.fromkeys(ARCHIVED, hashlib.sha256(CONTENT).hexdigest())
-    archives = [str(folder / f"mirror.{kind}") for kind in ("tar", "tgz")]
-    mirrors.fetch("ewap", target, [], archives, 1.0, sums)
+    archives = tuple(str(folder / f"mirror.{kind}") for kind in ("tar", "tgz"))
+    mirrors.fetch(mirrors.Mirrors("ewap", (), archives, 1.0, sums), target)
 
 
 def make_project(folder: Path) -> None:
@@ -211,6 +211,5 @@ def make_project(folder: Path) -> None:
 
 def read_project(folder: Path) -> None:
     """What a stage does before it begins."""
-    params = config.read_params(folder)
     for address in ("plain", "listed@eth", "crossed@a-eth"):
-        OmegaConf.to_container(config.declared(params, folder, address, []), resolve=True)
+        OmegaConf.to_container(config.declared(folder, address, []), resolve=True)
