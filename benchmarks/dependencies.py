@@ -1,6 +1,6 @@
-"""What pedpred needs, why, under which licence, and how large it is: `python -m benchmarks.dependencies`.
+"""Dependencies with reason, licence and size: `python -m benchmarks.dependencies`.
 
-Sizes are those of the installed packages here; `--write` puts the table into docs/dependencies.md.
+Sizes are those of the packages installed here; `--write` puts the table into docs/dependencies.md.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ REASONS = {
 
 
 def declared() -> dict[str, list[Requirement]]:
-    """The direct dependencies in pyproject.toml that users install: light, then train."""
+    """Return the direct dependencies in pyproject.toml that users install: light, then train."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     groups = {"light": project["dependencies"], "train": extras["train"]}
@@ -53,13 +53,13 @@ def declared() -> dict[str, list[Requirement]]:
 
 
 def size_bytes(package: Distribution) -> int:
-    """Of the package's installed files."""
+    """Sum the sizes of the package's installed files."""
     paths = (Path(str(package.locate_file(file))) for file in package.files or [])
     return sum(path.stat().st_size for path in paths if path.is_file())
 
 
 def licence(package: Distribution) -> str:
-    """As the package states it: an SPDX expression, else a classifier, else the first words of its text."""
+    """Return the package's SPDX expression, else its classifier, else the first line of its licence."""
     about = package.metadata
     classified = [
         c.rpartition(" :: ")[2] for c in about.get_all("Classifier") or [] if c.startswith("License ::")
@@ -69,7 +69,7 @@ def licence(package: Distribution) -> str:
 
 
 def closure(wanted: Iterable[Requirement]) -> dict[str, Distribution]:
-    """Every installed package that these need, directly or not, by its name."""
+    """Return every installed package that these need, directly or indirectly, by name."""
     found: dict[str, Distribution] = {}
     waiting = list(wanted)
     seen: set[tuple[str, str]] = set()
@@ -91,7 +91,7 @@ def closure(wanted: Iterable[Requirement]) -> dict[str, Distribution]:
 
 
 def table() -> str:
-    """The page: one row per direct dependency, then the totals with all that these need themselves."""
+    """Make the table: one row per direct dependency, then the totals with indirect ones."""
     groups = declared()
     lines = ["| package | install | why | licence | MB |", "| --- | --- | --- | --- | --: |"]
     for group, needs in groups.items():

@@ -1,8 +1,8 @@
-"""One long scene to a shard and back, for `benchmarks.features` to watch its memory.
+"""Write and read the shard of one long scene; `benchmarks.features` measures the memory of this process.
 
-`python -m benchmarks.feature_memory COPIES {stream,whole} SCENE`: the scene's recording is repeated that
-many times, one after the other, by new people; its shard is written and read block by block, or as a whole.
-Without copies it only imports.
+`python -m benchmarks.feature_memory COPIES {stream,whole} SCENE`: the scene is repeated COPIES times, one
+after the other, with new track ids; its shard is written and read block by block or as a whole. With 0
+copies the process only imports.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NOISE = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05)
 
 
 def repeated(scene: Scene, copies: int) -> Scene:
-    """The scene's recording many times, one after the other; every copy has tracks of its own."""
+    """Repeat a scene, one copy after the other; every copy has tracks of its own."""
     one = scene.trajectories
     copy = np.repeat(np.arange(copies), len(one))
     rows = np.tile(np.arange(len(one)), copies)
@@ -36,7 +36,7 @@ def repeated(scene: Scene, copies: int) -> Scene:
 
 
 def main() -> None:
-    """Write and read; the caller measures."""
+    """Write and read the shard."""
     copies, way, folder = int(sys.argv[1]), sys.argv[2], Path(sys.argv[3])
     if not copies:
         return

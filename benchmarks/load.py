@@ -1,13 +1,13 @@
-"""Ten times as much simulation through the pipeline: `python -m benchmarks.load --hours 5 50`.
+"""Memory and throughput of the stages at several sizes: `python -m benchmarks.load --hours 5 50`.
 
-Every stage up to one epoch of training runs as the pipeline runs it, in a temporary folder, first with a
-minute of simulation (twice, since the first time compiles), then with each of the given sizes, at 60 rooms an
-hour, as shipped. Half of the rooms are for validation, which looks at 256 tracks at a time: so that half an
-hour, which has 300 of them, takes what more would. The table says how much anonymous memory the processes of
-a stage held at most and how many rows they got done per second of the processor, beyond what the minute took;
-then how both changed from the first size to the last. Anonymous is what a process cannot do without: pages of
-mapped files are not counted, since the system takes them back whenever it needs the room (`benchmarks.watch`;
-Linux only). The processor's seconds are those of all threads, so that a busy machine changes little.
+Every stage up to one epoch of training runs as in the pipeline, in a temporary folder: first with one
+minute of simulation (twice, since the first run compiles), then with each given size, at 60 rooms per hour
+as in the default configuration. Half of the rooms are for validation, so that its blocks of 256 tracks are
+full from half an hour (300 tracks) on. The table shows the peak anonymous memory of a stage's processes and
+the rows per CPU second beyond those of the minute, then the ratio of both between the last size and the
+first. Anonymous memory excludes pages of mapped files, which the system evicts under memory pressure
+(`benchmarks.watch`; Linux only). CPU seconds are summed over all threads, so that other load on the machine
+matters little.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ ROOT = Path(__file__).resolve().parents[1]
 MINUTE_H = 1 / 60
 ROOMS_PER_HOUR = 60
 LANES, SUB_SEQUENCE = 64, 10
-"""As in conf/training: of the phase that starts from an auto-encoder."""
+"""As in conf/training, of the phase that starts from an auto-encoder."""
 HELD_OUT = 0.5  # of the rooms, for validation
 EPOCH = "train, one epoch"
 Size = tuple[int, dict[str, Usage]]
-"""Rows of a simulation, and what each stage used on it."""
+"""Rows of a simulation, and the resources that each stage used on it."""
 
 
 def commands(hours: float) -> dict[str, list[str]]:
-    """The stages before training, with the overrides that make them so large."""
+    """The stages before training, with the overrides that set their size."""
     rooms = max(2, round(ROOMS_PER_HOUR * hours))
     return {
-        "simulate": ["+name=main", f"scenes.main.hours={hours}", f"scenes.main.generated={rooms}"],
-        "features": ["+name=main"],
+        "simulate": ["+name=main", f"simulations.main.hours={hours}", f"simulations.main.generated={rooms}"],
+        "features": ["+kind=simulated", "+name=main"],
         "pretrain_autoencoder": ["autoencoder.steps=5", "autoencoder.validate_every=5"],
-        "encode": ["+name=main"],
+        "encode": ["+kind=simulated", "+name=main"],
     }
 
 
@@ -53,19 +53,19 @@ def epoch(rows: int) -> list[str]:
     lengths = [f"training.corridor.{key}={steps}" for key in ("steps", "validate_every")]
     sizes = [f"training.corridor.lanes={LANES}", f"training.corridor.sub_sequence={SUB_SEQUENCE}"]
     sizes.append(f"training.corridor.validation_share={HELD_OUT}")
-    return ["+phase=corridor", "+data=main", "+name=lstm", *lengths, *sizes]
+    return ["+phase=corridor", "+data=simulated/main", "+name=lstm", *lengths, *sizes]
 
 
 def rows_of(folder: Path) -> int:
-    """Rows of all feature shards."""
+    """Count the rows of all feature shards."""
     shards = (folder / "data/features/simulated/main").glob("*.parquet")
     return sum(pq.read_metadata(shard).num_rows for shard in shards)
 
 
 def measured(hours: float, stages: Sequence[str]) -> Size:
-    """These stages at one size, in a folder that is thrown away."""
+    """Run these stages at one size, in a temporary folder."""
     outer = {k: v for k, v in os.environ.items() if not k.startswith("DVC_")}
-    alone = {"PYTHONPATH": str(ROOT), "PEDPRED_JOBS": "1"}  # all in one process, to see what it holds
+    alone = {"PYTHONPATH": str(ROOT), "PEDPRED_JOBS": "1"}  # all in one process, to measure its memory
     environment = outer | alone
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -79,7 +79,7 @@ def measured(hours: float, stages: Sequence[str]) -> Size:
 
 
 def compared(sizes: dict[float, Size], least: Size) -> list[dict[str, Any]]:
-    """One line per stage and size, the last ones with their ratio to the first ones."""
+    """Make one line per stage and size; those of the last size have the ratios to the first."""
     first, last = min(sizes), max(sizes)
 
     def speed(stage: str, hours: float) -> float:

@@ -1,4 +1,4 @@
-"""Measuring and telling: what all benchmarks share."""
+"""Measure time and memory, print tables: shared by all benchmarks."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _WATCH = Path(__file__).with_name("watch.py")
 
 @dataclass(frozen=True)
 class Usage:
-    """What a command and all its children used.
+    """Resources that a command and all its children used.
 
     Attributes:
         wall_s: from its start to its end, s.
-        cpu_s: of the processor, all processes and threads, s.
-        peak_mib: memory of the largest process, mapped files included, MiB.
-        anonymous_mib: memory that all processes held together without mapped files, MiB; see
+        cpu_s: CPU time of all processes and threads, s.
+        peak_mib: peak memory of the largest process, with mapped files, MiB.
+        anonymous_mib: peak memory of all processes together, without mapped files, MiB; see
             `benchmarks.watch`.
     """
 
@@ -36,7 +36,7 @@ class Usage:
 
 
 def median_ms(function: Callable[[], object], budget_s: float = 1.0) -> float:
-    """Median wall time of a call, ms, after one to warm up; at least five calls are measured."""
+    """Measure the median wall time of a call, ms, after one warm-up call; at least five calls."""
     function()
     times: list[float] = []
     began = time.perf_counter()
@@ -50,7 +50,7 @@ def median_ms(function: Callable[[], object], budget_s: float = 1.0) -> float:
 def used(
     command: Sequence[str], folder: Path | None = None, environment: Mapping[str, str] | None = None
 ) -> Usage:
-    """Run a command in a folder and say what it took."""
+    """Run a command in a folder and measure it."""
     watched = [sys.executable, str(_WATCH), *command]
     start = time.perf_counter()
     done = subprocess.run(watched, cwd=folder, env=environment, stdout=subprocess.PIPE, check=True)
@@ -58,7 +58,7 @@ def used(
 
 
 def run_measured(command: Sequence[str], environment: dict[str, str] | None = None) -> tuple[float, float]:
-    """Wall time, s, and peak memory of the largest process, MiB, of a command and its children."""
+    """Measure wall time, s, and peak memory of the largest process, MiB, of a command and its children."""
     usage = used(command, environment=os.environ | (environment or {}))
     return usage.wall_s, usage.peak_mib
 
@@ -76,6 +76,6 @@ def tell(title: str, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def keep(figures: dict[str, Any], path: Path | None) -> None:
-    """Write the figures as JSON, when a path is given."""
+    """Write the figures as JSON if a path is given."""
     if path is not None:
         path.write_text(json.dumps(figures, indent=1) + "\n")

@@ -1,12 +1,12 @@
-"""Run a command and say what it used: `python benchmarks/watch.py COMMAND...`, a JSON object on stdout.
+"""Run a command and measure it: `python benchmarks/watch.py COMMAND...` writes a JSON object to stdout.
 
-cpu_s: of the processor, by the command and its children, s.
-peak_mib: most that the largest of these processes ever had in memory, MiB; pages of files that are mapped
-count, though the system may take them back at any time.
-anonymous_mib: most that all of them held together of what is theirs alone (RssAnon and VmSwap of
-/proc/<pid>/status, looked at every 20 ms, so that a shorter peak may be missed), MiB; null without /proc.
+cpu_s: CPU time of the command and its children, s.
+peak_mib: peak resident memory of the largest of these
+processes, MiB, with pages of mapped files, though the system may evict them at any time. anonymous_mib:
+peak private memory of all of them together, MiB (RssAnon and VmSwap of /proc/<pid>/status, sampled every 20
+ms, so that a shorter peak may be missed); null without /proc.
 
-A small process of its own: a child counts the memory of its parent until it has begun.
+This is a small process of its own, because a child's peak includes its parent's memory until it calls exec.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _HELD = re.compile(r"^(?:RssAnon|VmSwap):\s+(\d+) kB", re.MULTILINE)
 
 
 def family(pid: int) -> list[int]:
-    """A process and all that it has started, and these in turn."""
+    """Return a process and all its descendants."""
     try:
         tasks = list(Path(f"/proc/{pid}/task").iterdir())
         children = [int(child) for task in tasks for child in (task / "children").read_text().split()]
@@ -34,7 +34,7 @@ def family(pid: int) -> list[int]:
 
 
 def anonymous_kib(pid: int) -> int:
-    """Memory that is a process's own, in or out of a swap file, KiB; 0 when it has just ended."""
+    """Return the private memory of a process, in RAM and in swap, KiB; 0 if it has just ended."""
     try:
         return sum(map(int, _HELD.findall(Path(f"/proc/{pid}/status").read_text())))
     except OSError:
@@ -42,21 +42,21 @@ def anonymous_kib(pid: int) -> int:
 
 
 def main() -> None:
-    """Start, look, and tell; the command's own output goes to stderr."""
+    """Run the command and print the figures; the command's own output goes to stderr."""
     process = subprocess.Popen(sys.argv[1:], stdout=sys.stderr)
-    most = 0
+    peak = 0
     while process.poll() is None:
-        most = max(most, sum(map(anonymous_kib, family(process.pid))))
+        peak = max(peak, sum(map(anonymous_kib, family(process.pid))))
         time.sleep(PERIOD_S)
     if process.returncode:
         raise subprocess.CalledProcessError(process.returncode, process.args)
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    told = {
+    figures = {
         "cpu_s": used.ru_utime + used.ru_stime,
         "peak_mib": used.ru_maxrss / 1024,
-        "anonymous_mib": most / 1024 if most else None,
+        "anonymous_mib": peak / 1024 if peak else None,
     }
-    sys.stdout.write(json.dumps(told))
+    sys.stdout.write(json.dumps(figures))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A ROS 2 node: tracked people and a map in, everybody's next three seconds out as lines.
+"""A ROS 2 node: tracked people and a map in, the next three seconds of every person out as lines.
 
     python examples/ros2_node.py --model models/online/simulation_distilled --type people_msgs/msg/People
 
@@ -19,25 +19,25 @@ from pedpred.scenes import Forecast
 
 
 class Follower:
-    """From messages to forecasts; one for one stream of people."""
+    """Turns messages into forecasts; one instance per stream of people."""
 
     def __init__(self, predictor: OnlinePredictor, people_type: str):
         self._predictor, self._people_in = predictor, ADAPTERS[people_type]
         self._names = TrackNumbers()
 
     def map_came(self, message: Any) -> None:
-        """Use a nav_msgs/OccupancyGrid from now on; it may change at any time."""
+        """Use a nav_msgs/OccupancyGrid from now on; a new map may come at any time."""
         self._predictor.set_map(occupancy_of(message))
 
     def people_came(self, message: Any) -> Forecast:
-        """Take one message of tracked people, forecast everybody. Errors leave the stream as it was."""
+        """Forecast the people of a message. An error leaves the state as it was before the message."""
         people = [(self._names.number(name), (p.x, p.y)) for name, p in self._people_in(message)]
         ids, positions = zip(*people, strict=True) if people else ((), ())
         return self._predictor.update(seconds(message.header.stamp), list(ids), list(positions))
 
 
 def lines(forecast: Forecast, header: Any, marker: type, point: type) -> list[Any]:
-    """A marker per person, its path as a line strip, after one that deletes the last picture."""
+    """Return one line strip per person, after a marker that deletes the previous ones."""
     erase = marker(header=header, action=3)
     markers = [erase]
     for track_id, path in zip(forecast.track_id.tolist(), forecast.position.tolist(), strict=True):
