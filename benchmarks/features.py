@@ -1,10 +1,10 @@
-"""Occupancy crop and angular grid: ours, a plain numpy implementation and the memory bound, in one run.
+"""Speed of occupancy crop and angular grid, compared with plain numpy and the memory bound.
 
-`python -m benchmarks.features [--json FILE] [--main-set]`. One thread. The pedestrians are spread over one
-room of 20 m x 20 m, so 1000 of them are a crush (2.5 per m^2) in which each sees hundreds of others: the
-worst case. The bound is what the crop's look-ups take when their addresses are known; the angular grid comes
-on top. With `--main-set` the whole set `simulated/main` goes to Parquet on two cores, and one
-long scene shows how memory grows.
+`python -m benchmarks.features [--json FILE] [--main-set]`. One thread. The pedestrians are in one room of
+20 m x 20 m; 1000 of them (2.5 per m^2) are the worst case, with hundreds of others in range. The bound is the
+time of the crop's look-ups at known addresses; the angular grid is not part of it. With `--main-set` the
+features of the whole set `simulated/main` are written on two cores, and the peak memory of one long scene is
+measured.
 """
 
 from __future__ import annotations
@@ -44,18 +44,18 @@ def room(rng: np.random.Generator) -> OccupancyMap:
 
 
 def crowd(count: int, rng: np.random.Generator) -> Pedestrians:
-    """People anywhere in the room, looking anywhere."""
+    """People at random positions with random headings."""
     heading, position = rng.uniform(-np.pi, np.pi, count), rng.uniform(0.0, 20.0, (count, 2))
     return Pedestrians(np.arange(count), position, heading, rng.normal(0.0, 1.0, (count, 2)))
 
 
 def both_grids(frame: Pedestrians, occupancy: OccupancyMap) -> Observation:
-    """What runs online."""
+    """Both inputs, as computed online."""
     return observe(frame, Neighbours.together(frame, len(frame)), occupancy, SIZES)
 
 
 def crop_only(frame: Pedestrians, occupancy: OccupancyMap) -> np.ndarray:
-    """The part of it that the bound is about."""
+    """The occupancy crop alone, to compare with the bound."""
     sizes = SIZES.grid_cells, SIZES.grid_resolution_m
     return occupancy_crops(occupancy, frame.position, frame.heading_rad, *sizes)
 
@@ -78,13 +78,13 @@ def plain_numpy(frame: Pedestrians, occupancy: OccupancyMap) -> tuple[np.ndarray
 
 @numba.njit
 def gather(cells, index, found):
-    """Look-ups and nothing else."""
+    """Look-ups only."""
     for k in range(len(index)):
         found[k] = cells[index[k]]
 
 
 def look_up_ns(occupancy: OccupancyMap, rng: np.random.Generator) -> float:
-    """Time of one look-up in a map of that size, its address known, ns."""
+    """Time of one look-up at a known address in a map of that size, ns."""
     cells = occupancy.occupied.ravel().view(np.uint8)
     index = rng.integers(0, len(cells), SIZES.grid_cells**2 * 200).astype(np.int32)
     found = np.empty(len(index), np.uint8)
@@ -92,7 +92,7 @@ def look_up_ns(occupancy: OccupancyMap, rng: np.random.Generator) -> float:
 
 
 def latency(rng: np.random.Generator) -> list[dict]:
-    """Milliseconds per frame, and the look-ups alone."""
+    """Milliseconds per frame, and for the look-ups alone."""
     occupancy = room(rng)
     look_up = look_up_ns(occupancy, rng)
     rows = []
@@ -122,7 +122,7 @@ def latency(rng: np.random.Generator) -> list[dict]:
 
 
 def main_set() -> list[dict]:
-    """The whole set to Parquet, as the pipeline does it, on two cores."""
+    """Write the features of the whole set as in the pipeline, on two cores."""
     with tempfile.TemporaryDirectory() as out:
         command = [sys.executable, "-m", "stages.features", "+name=main", f"+out={out}"]
         seconds, peak_mib = run_measured(command, {"PEDPRED_JOBS": "2"})
@@ -138,7 +138,7 @@ def main_set() -> list[dict]:
 
 
 def growth() -> list[dict]:
-    """Peak memory of one scene, and of one ten times as long."""
+    """Peak memory of a scene, and of one ten times as long."""
     scene = str(next(path.parent for path in sorted(MAIN.glob("*/scene.json"))))
     command = [sys.executable, "-m", "benchmarks.feature_memory"]
     ways = {
@@ -152,9 +152,9 @@ def growth() -> list[dict]:
 
 
 def main() -> None:
-    """Measure, print, and keep the figures when asked to."""
+    """Measure, print, and write the figures if `--json` is given."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", type=Path, help="write the figures there")
+    parser.add_argument("--json", type=Path, help="file for the figures")
     parser.add_argument("--main-set", action="store_true", help="also the 5 h set and the growth of memory")
     options = parser.parse_args()
     numba.set_num_threads(1)

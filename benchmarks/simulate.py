@@ -1,10 +1,10 @@
-"""Walking crowds: ours beside JuPedSim and PySocialForce, in one run, one thread.
+"""Simulation speed, compared with JuPedSim and PySocialForce in one run on one thread.
 
-`python -m benchmarks.simulate [--json FILE] [--no-peers] [--main-set]`. The ground is tiles of 20 m x 20 m
-with eight blocks and twenty people each, so density stays the same from 20 to 1000. Compared is wall time
-per simulated second, each simulator at its own step: stepping alone, without set-up (routing of ours stands
-beside). With `--main-set` the whole set `main` is simulated and written as the pipeline does it, by two
-workers.
+`python -m benchmarks.simulate [--json FILE] [--no-peers] [--main-set]`. The ground consists of
+tiles of 20 m x 20 m with eight blocks and twenty people each, so density is constant from 20 to 1000 people.
+The figure is wall time per simulated second, each simulator at its own step, without set-up (our routing
+time is listed separately). With `--main-set` the whole set `main` is simulated and written as in the
+pipeline, by two workers.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from omegaconf import OmegaConf
+import yaml
 
 from benchmarks.simulation_peers import PEERS, Corners, Step
 from benchmarks.timing import keep, run_measured, tell
@@ -37,7 +37,7 @@ BLOCK_M = (1.6, 1.2)
 CROWDS = {"20 in the room": (20, (1, 1)), "200": (200, (5, 2)), "1000": (1000, (10, 5))}
 TARGETS = 32
 BUDGET_S = 2.0
-CHUNK_S = 3.0  # simulated by one call of ours
+CHUNK_S = 3.0  # simulated time per call of our simulator
 
 
 def blocks(tiles: tuple[int, int]) -> np.ndarray:
@@ -47,7 +47,7 @@ def blocks(tiles: tuple[int, int]) -> np.ndarray:
 
 
 def world(tiles: tuple[int, int]) -> tuple[Layout, Corners]:
-    """The same ground for us and for the peers."""
+    """The same ground for all simulators."""
     size = TILE_M * np.array(tiles)
     shapes = [Rectangle(center, BLOCK_M) for center in blocks(tiles)]
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -56,7 +56,7 @@ def world(tiles: tuple[int, int]) -> tuple[Layout, Corners]:
 
 
 def measured_ms(step: Step, simulated_s: float) -> float:
-    """Median wall time per simulated second, ms, after one step to warm up; one step at least is measured."""
+    """Median wall time per simulated second, ms, after a warm-up step; measures at least one step."""
     step()
     took: list[float] = []
     while not took or sum(took) < BUDGET_S:
@@ -67,7 +67,7 @@ def measured_ms(step: Step, simulated_s: float) -> float:
 
 
 def compare(label: str, settings: SocialForceSettings, peers: bool, rng: np.random.Generator) -> list[dict]:
-    """One crowd in all simulators."""
+    """Measure one crowd in all simulators."""
     people, tiles = CROWDS[label]
     layout, rings = world(tiles)
     ground = ground_of(layout.occupancy())
@@ -90,7 +90,7 @@ def compare(label: str, settings: SocialForceSettings, peers: bool, rng: np.rand
         clock = Clock(step_s, steps, every, hold)
         advance(crowd, noise, clock, ground, routes, settings.forces, settings.crowd.reach_m)
 
-    walk()  # compiles, and lets everybody pick up speed
+    walk()  # compile, and accelerate from rest
     walkers: dict[str, tuple[Step, float, float]] = {"ours": (walk, CHUNK_S, step_s)}
     for name, peer in PEERS.items() if peers else ():
         one_step, dt_s = peer(rings, start, targets, speed)
@@ -112,7 +112,7 @@ def compare(label: str, settings: SocialForceSettings, peers: bool, rng: np.rand
 
 
 def main_set() -> list[dict]:
-    """The 5 h set simulated and written, as the pipeline does it."""
+    """Simulate and write the 5 h set as in the pipeline."""
     with tempfile.TemporaryDirectory() as out:
         command = [sys.executable, "-m", "stages.simulate", "+name=main", f"+out={out}"]
         seconds, peak_mib = run_measured(command, {"PEDPRED_JOBS": "2"})
@@ -122,19 +122,19 @@ def main_set() -> list[dict]:
 
 
 def main() -> None:
-    """Measure, print, and keep the figures when asked to."""
+    """Measure, print, and write the figures if `--json` is given."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", type=Path, help="write the figures there")
-    parser.add_argument("--no-peers", action="store_true", help="ours alone")
-    parser.add_argument("--main-set", action="store_true", help="also the 5 h set: time and memory")
+    parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--no-peers", action="store_true", help="only our simulator")
+    parser.add_argument("--main-set", action="store_true", help="also measure the 5 h set: time and memory")
     options = parser.parse_args()
     missing = [name for name in PEERS if importlib.util.find_spec(name.lower()) is None]
     if missing and not options.no_peers:
         parser.error(
             f"{' and '.join(missing)} not installed: pip install 'pedpred[bench]', or add --no-peers"
         )
-    conf = OmegaConf.load(Path(__file__).parents[1] / "conf/social_forces/walking.yaml").helbing1995
-    settings = social_force_settings(OmegaConf.to_container(conf))
+    conf = yaml.safe_load((Path(__file__).parents[1] / "conf/social_forces/walking.yaml").read_text())
+    settings = social_force_settings(conf["helbing1995"])
     rows = [
         row
         for label in CROWDS

@@ -1,7 +1,7 @@
-"""The same crowds walked by other simulators (`pip install pedpred[bench]`).
+"""The same crowds in other simulators (`pip install pedpred[bench]`).
 
-Both take the room's obstacles as polygons or segments. JuPedSim (C++) routes people round and round between
-the same targets as ours; PySocialForce (numba) pulls each straight towards one of them.
+Both take the obstacles as polygons or segments. JuPedSim (C++) routes people between the same targets as our
+simulator; PySocialForce (numba) pulls each person straight towards one of them.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 Step = Callable[[], object]
-"""Walk everybody one step further."""
+"""Advance all people by one step."""
 
 Corners = Sequence[np.ndarray]
-"""Obstacles as polygons, world frame, m; the first one is the ground's outline. Each [C, 2]."""
+"""Obstacles as polygons, world frame, m; the first one outlines the ground. Each [C, 2]."""
 
 
 def jupedsim(
@@ -26,7 +26,7 @@ def jupedsim(
     Args:
         outline: ground and obstacles, m.
         start: positions, m. [N, 2]
-        targets: visited round and round, m. [G, 2]
+        targets: visited in turn, m. [G, 2]
         speed: desired, m/s. [N]
     """
     import jupedsim as peer
@@ -57,7 +57,7 @@ def pysocialforce(
     outline: Corners, start: np.ndarray, targets: np.ndarray, speed: np.ndarray
 ) -> tuple[Step, float]:
     """Moussaid et al. 2010 with numba, at its own step of 0.4 s; arguments as in `jupedsim`."""
-    logging.disable(logging.INFO)  # it switches on every library's debugging messages
+    logging.disable(logging.INFO)  # it enables the debug messages of all libraries
     import pysocialforce as peer
 
     logging.getLogger().setLevel(logging.WARNING)

@@ -1,7 +1,7 @@
-"""People who walk together: the group terms of Moussaid et al. 2010 (PLoS ONE 5(4), e10047).
+"""Reference implementation of the group terms of Moussaid et al. 2010 (PLoS ONE 5(4), e10047).
 
-One pure function per term, accelerations in m/s^2, world frame. `kernel.py` holds the same formulas
-compiled; a test keeps the two equal.
+One pure function per term, accelerations in m/s^2, world frame. `pedpred.simulation.kernel` holds the same
+formulas compiled; a test compares the two.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ import numpy as np
 
 from pedpred.simulation.forces import ForceSettings
 
-HALF_VIEW_RAD = 0.5 * np.pi  # phi, how far to either side of the way one sees without turning the head
+HALF_VIEW_RAD = 0.5 * np.pi  # phi, angle of sight to either side without turning the head
 _SMALLEST_M = 1e-9
 
 
 def gaze(
     velocity: np.ndarray, direction: np.ndarray, to_others: np.ndarray, settings: ForceSettings
 ) -> np.ndarray:
-    """Slow down for those behind, f = -beta_1 alpha v; alpha = angle to the others' centre beyond phi.
+    """Deceleration to see the others, f = -beta_1 alpha v; alpha = angle to the others' centre beyond phi.
 
     Args:
         velocity: m/s. [N, 2]
-        direction: e, where one looks, unit vectors. [N, 2]
-        to_others: from oneself to the centre of the group's other members, m. [N, 2]
+        direction: e, direction of gaze, unit vectors. [N, 2]
+        to_others: from each person to the centre of the other members, m. [N, 2]
         settings: beta_1.
 
     Returns:
@@ -34,10 +34,10 @@ def gaze(
 
 
 def cohesion(to_centre: np.ndarray, size: np.ndarray, settings: ForceSettings) -> np.ndarray:
-    """Pull to the group's centre, f = beta_2 U, when it is farther than (size - 1) / 2 metres.
+    """Attraction to the centre of the group, f = beta_2 U, when it is farther than (size - 1) / 2 metres.
 
     Args:
-        to_centre: from oneself to the centre of all members, m; U is its unit vector. [N, 2]
+        to_centre: from each person to the centre of all members, m; U is its unit vector. [N, 2]
         size: of the group. [N]
         settings: beta_2.
 
@@ -49,10 +49,10 @@ def cohesion(to_centre: np.ndarray, size: np.ndarray, settings: ForceSettings) -
 
 
 def elbow_room(offset: np.ndarray, settings: ForceSettings) -> np.ndarray:
-    """Push of another member who is nearer than d0, f = beta_3 W.
+    """Repulsion by another member closer than d0, f = beta_3 W.
 
     Args:
-        offset: from the other member to oneself, m; W is its unit vector. [..., 2]
+        offset: from the other member to this one, m; W is its unit vector. [..., 2]
         settings: beta_3 and d0.
 
     Returns:
@@ -69,13 +69,13 @@ def group_acceleration(
     group: np.ndarray,
     settings: ForceSettings,
 ) -> np.ndarray:
-    """Sum of the group terms; zero for who is alone or has lost its group.
+    """Sum of the group terms; zero for people without others of their group.
 
     Args:
         position: world frame, m. [N, 2]
         velocity: m/s. [N, 2]
         direction: e, unit vector of the way to the goal. [N, 2]
-        group: equal numbers walk together, -1 = alone. [N]
+        group: people with equal numbers walk together; -1: alone. [N]
         settings: beta_1, beta_2, beta_3, d0.
 
     Returns:

@@ -29,7 +29,7 @@ def wandering(rng, tracks=4, detections=40, dt_s=0.4, noise_m=0.05, truth=False)
 
 
 def walled_scene(rng, dt_s=0.4, truth=False, **options):
-    """Wanderers in a room with random blocks."""
+    """Random walks in a room with random blocks."""
     room = empty_map()
     occupied = room.occupied.copy()
     for _ in range(12):

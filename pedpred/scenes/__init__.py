@@ -1,4 +1,4 @@
-"""The vocabulary: what was seen (`Trajectories`), where (`OccupancyMap`), and what is forecast."""
+"""Value types: trajectories, occupancy maps, scenes and forecasts."""
 
 from pedpred.scenes.forecast import Forecast
 from pedpred.scenes.occupancy import OccupancyMap

@@ -8,13 +8,16 @@ import numpy as np
 
 from pedpred.errors import ShapeError, ValueRuleError
 
+_FREE_CELL_M = 0.1
+"""Least side of a cell of a map without obstacles."""
+
 _FREE_CELLS = 1000
-"""Per side of a map without obstacles, at most: one stray position must not cost gigabytes."""
+"""Largest number of cells per side of such a map, so that one stray position does not need gigabytes."""
 
 
 @dataclass(frozen=True)
 class OccupancyMap:
-    """Which cells of the ground are blocked. Outside the map everything is free.
+    """Which cells of the ground are blocked. The ground outside the map is free.
 
     Attributes:
         occupied: cell (i, j) spans origin + resolution * [i, i+1) x [j, j+1). [X, Y] bool
@@ -42,15 +45,15 @@ class OccupancyMap:
 
     @classmethod
     def free_around(cls, points: np.ndarray, margin_m: float = 1.0) -> OccupancyMap:
-        """A map without obstacles for a place whose obstacles nobody knows; its cells are 0.1 m or more.
+        """Make a map without obstacles, for a place with unknown ones.
 
         Args:
-            points: lie inside, world frame, m. [M, 2]
+            points: the map contains these, world frame, m. [M, 2]
             margin_m: ground around them, m.
         """
         ends = points if len(points) else np.zeros((1, 2))
         low, high = ends.min(axis=0) - margin_m, ends.max(axis=0) + margin_m
-        resolution_m = max(0.1, float((high - low).max()) / _FREE_CELLS)
+        resolution_m = max(_FREE_CELL_M, float((high - low).max()) / _FREE_CELLS)
         shape = np.ceil((high - low) / resolution_m).astype(np.int64)
         return cls(np.zeros(shape, bool), low, resolution_m)
 

@@ -1,4 +1,4 @@
-"""A place with its obstacles and the people seen in it."""
+"""A place: its obstacles and the trajectories recorded there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pedpred.scenes.trajectories import Trajectories
 
 @dataclass(frozen=True)
 class Camera:
-    """A still picture of the place and the map from its pixels to the ground.
+    """A still picture of the place and the homography to the ground.
 
     Attributes:
         homography: image (row, column) <-> world.
@@ -31,11 +31,11 @@ class Camera:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything known about one place.
+    """Trajectories and obstacles of one place.
 
     Attributes:
         name: short identifier, also its folder's name.
-        trajectories: who was where, and when.
+        trajectories: detections of all pedestrians.
         occupancy: the static obstacles.
         detection_dt_s: usual time between two detections of a track, s.
         camera: optional view of the place.
@@ -49,6 +49,6 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not self.name.isprintable() or self.name in ("", ".", "..") or "/" in self.name:
-            raise ValueRuleError("name", self.name, "a scene needs a name that can be a folder's")
+            raise ValueRuleError("name", self.name, "it must be a valid folder name")
         if not 0 < self.detection_dt_s < np.inf:
             raise ValueRuleError("detection_dt_s", self.detection_dt_s, "it must be positive")

@@ -17,13 +17,13 @@ class Trajectories:
 
     Attributes:
         time_s: time stamps, s. [M]
-        track_id: whose detection. [M]
+        track_id: of the detected pedestrian. [M]
         position: world frame, m. [M, 2]
-        velocity: true velocity where the source knows it (simulation), m/s. [M, 2]
+        velocity: true velocity, in simulations, m/s. [M, 2]
         goal: true current goal, world frame, m. [M, 2]
         desired_speed_mps: true desired speed, m/s. [M]
-        group_id: pedestrians who walk together share one; -1 is alone. [M]
-        person_id: who it really was, where a sensor confuses people. [M]
+        group_id: shared by pedestrians who walk together; -1: alone. [M]
+        person_id: the true identity, where a simulated sensor swaps ids. [M]
     """
 
     time_s: np.ndarray
@@ -59,7 +59,7 @@ class Trajectories:
         self._sort()
 
     def _sort(self) -> None:
-        """Order rows by (time, track); a pedestrian cannot be at two places at one time."""
+        """Sort rows by (time, track), and check that no pair occurs twice."""
         order = np.lexsort((self.track_id, self.time_s))
         for field in fields(self):
             value = getattr(self, field.name)
@@ -78,15 +78,15 @@ class Trajectories:
         """Median time between two detections of a track, s.
 
         Raises:
-            ValueRuleError: nobody was detected twice.
+            ValueRuleError: no pedestrian was detected twice.
         """
         order = np.lexsort((self.time_s, self.track_id))
         same = np.diff(self.track_id[order]) == 0
         if not same.any():
-            raise ValueRuleError("track_id", len(self), "nobody was detected twice, so no interval is known")
+            raise ValueRuleError("track_id", len(self), "no pedestrian was detected twice")
         return float(np.median(np.diff(self.time_s[order])[same]))
 
     def select(self, rows: np.ndarray) -> Trajectories:
-        """The recording of some rows (mask or indices)."""
+        """Select some rows (mask or indices)."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return Trajectories(**{name: value[rows] for name, value in values.items() if value is not None})

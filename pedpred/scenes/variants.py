@@ -1,8 +1,7 @@
-"""The same place seen otherwise: its mirror image, and its people walking backwards.
+"""Data augmentation of whole scenes: mirror image and time reversal.
 
-Both are worlds in which people walk as plausibly as in the real one, but habits are not: where most people
-turn left they now turn right, and where they slow down they now speed up. A network that learns from all of
-them learns how people walk rather than what is usual at one place.
+People walk plausibly in both, but the habits of the place are changed: where most people turn left they turn
+right, and where they slow down they speed up. Training on all variants teaches walking in general.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ _MIRROR = np.array([-1.0, 1.0])
 
 
 def mirrored(scene: Scene) -> Scene:
-    """Left and right exchanged: x becomes -x, for people and obstacles."""
+    """Mirror a scene: x becomes -x, for people and obstacles."""
     places, people = scene.occupancy, scene.trajectories
     edge = -(places.origin[0] + places.extent_m[0])
     return replace(
@@ -37,7 +36,7 @@ def mirrored(scene: Scene) -> Scene:
 
 
 def backwards(scene: Scene) -> Scene:
-    """The recording from its last instant to its first; people who walk backwards have no known goal."""
+    """Reverse time; goals are dropped."""
     people: Trajectories = scene.trajectories
     if not len(people.time_s):
         return replace(scene, camera=None)
@@ -58,4 +57,4 @@ VARIANTS = {
     "backwards": backwards,
     "mirrored_backwards": lambda scene: mirrored(backwards(scene)),
 }
-"""Name -> what becomes of a scene."""
+"""Name -> function from scene to scene."""
