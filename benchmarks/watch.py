@@ -1,10 +1,10 @@
 """Run a command and measure it: `python benchmarks/watch.py COMMAND...` writes a JSON object to stdout.
 
 cpu_s: CPU time of the command and its children, s.
-peak_mib: peak resident memory of the largest of these
-processes, MiB, with pages of mapped files, though the system may evict them at any time. anonymous_mib:
-peak private memory of all of them together, MiB (RssAnon and VmSwap of /proc/<pid>/status, sampled every 20
-ms, so that a shorter peak may be missed); null without /proc.
+peak_mib: peak resident memory of the largest of these processes, MiB, with pages of mapped files, though
+the system may evict them at any time.
+anonymous_mib: peak private memory of all of them together, MiB (RssAnon and VmSwap of /proc/<pid>/status,
+sampled every 20 ms, so that a shorter peak may be missed); null without /proc.
 
 This is a small process of its own, because a child's peak includes its parent's memory until it calls exec.
 """

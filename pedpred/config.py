@@ -184,7 +184,6 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
         ConfigError: dvc.yaml has no such stage, one of the files is damaged, or a declared key is missing.
     """
     from dvc.dependency import ParamsDependency  # takes 0.3 s to import; a stage by hand does without
-    from dvc.exceptions import DvcException
     from dvc.repo import Repo
 
     seen = OmegaConf.create()
@@ -197,8 +196,11 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
                     if key not in values:
                         raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
                     OmegaConf.update(seen, key, values[key], force_add=True)
-    except DvcException as error:
-        raise ConfigError("DVC_STAGE", address, f"DVC cannot load this stage: {error}") from error
+    except ConfigError:
+        raise
+    except Exception as error:  # DVC documents no complete list of what it raises on damaged files
+        remedy = f"DVC cannot load this stage from {root / 'dvc.yaml'}: {error}"
+        raise ConfigError("DVC_STAGE", address, remedy) from error
     seen.merge_with_dotlist([a.lstrip("+") for a in arguments if "=" in a and not a.startswith("-")])
     return seen
 
