@@ -18,11 +18,12 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation.metrics import displacement
 from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract
-from pedpred.simulation import forces, kernel
+from pedpred.simulation import kernel
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.placement import open_cells
 from pedpred.simulation.routing import directions_at, routes_to
 from pedpred.tracking import follow
+from tests.forces import driving_acceleration, social_acceleration
 from tests.simulated import SETTINGS, SOCIAL_FORCE, drawn, scene_of, short
 
 PEOPLE = 8
@@ -216,8 +217,8 @@ def test_pushes_are_those_of_the_model_when_all_goals_are_known():
     goal, everyone = rng.integers(0, 3, 6), np.arange(6)
     found = others_push(here, ways, np.eye(3)[goal], SETTINGS.forces)[everyone, goal]
     direction, speed, far = ways[everyone, goal], np.ones(6), np.full(6, 1e3)
-    pull = forces.driving_acceleration(here.velocity, direction, speed, SETTINGS.forces.relaxation_time_s)
-    total = forces.social_acceleration(*here, direction, speed, far, 0 * direction, SETTINGS.forces)
+    pull = driving_acceleration(here.velocity, direction, speed, SETTINGS.forces.relaxation_time_s)
+    total = social_acceleration(*here, direction, speed, far, 0 * direction, SETTINGS.forces)
     np.testing.assert_allclose(found, total - pull, atol=1e-12)
 
 

@@ -9,6 +9,7 @@ from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap
 from pedpred.simulation import forces, kernel
 from pedpred.simulation.ground import ground_of, interpolate, signed_distance
+from tests.forces import driving_acceleration, social_acceleration
 from tests.simulated import SETTINGS
 
 FORCES = SETTINGS.forces
@@ -25,7 +26,7 @@ def free_acceleration(position, velocity, settings):
     speed = np.linalg.norm(velocity, axis=-1)
     far, nowhere = np.full(len(position), 100.0), np.zeros_like(position)
     direction = velocity / speed[:, None]
-    return forces.social_acceleration(position, velocity, direction, speed, far, nowhere, settings)
+    return social_acceleration(position, velocity, direction, speed, far, nowhere, settings)
 
 
 @pytest.mark.parametrize("gap_m", [0.4, 1.0, 2.0])
@@ -65,7 +66,7 @@ def test_border_repulsion_is_minus_the_gradient_of_its_potential():
 
 
 def test_driving_reaches_the_desired_velocity_in_tau():
-    pull = forces.driving_acceleration(np.zeros((1, 2)), np.array([[0.0, 1.0]]), np.array([1.3]), 0.5)
+    pull = driving_acceleration(np.zeros((1, 2)), np.array([[0.0, 1.0]]), np.array([1.3]), 0.5)
     np.testing.assert_allclose(pull, [[0.0, 2.6]])
 
 
@@ -95,7 +96,7 @@ def pure(ground, crowd):
     cells = (crowd[0] - ground.origin) / ground.resolution_m
     distance = interpolate(ground.distance, cells)
     away = np.stack([interpolate(ground.away[..., axis], cells) for axis in range(2)], axis=-1)
-    return forces.social_acceleration(*crowd, distance, away, FORCES)
+    return social_acceleration(*crowd, distance, away, FORCES)
 
 
 def test_kernel_equals_the_pure_functions_where_all_are_near():

@@ -1,7 +1,7 @@
 """The social forces of Helbing & Molnar 1995 (Phys. Rev. E 51, 4282), one pure function per term.
 
-All are accelerations (mass 1), m/s^2, world frame. `kernel.py` holds the same formulas compiled;
-tests compare the two.
+All are accelerations (mass 1), m/s^2, world frame. `kernel.py` holds the same formulas compiled, and
+the driving term; tests compare the two.
 """
 
 from __future__ import annotations
@@ -57,13 +57,6 @@ FORCE_RANGES = {
     "unseen_weight": "[0, 1]",
 }
 """Valid values of the fields of `ForceSettings`."""
-
-
-def driving_acceleration(
-    velocity: np.ndarray, direction: np.ndarray, desired_speed: np.ndarray, relaxation_time_s: float
-) -> np.ndarray:
-    """Pull towards the goal, (v0 e - v) / tau. Helbing & Molnar 1995, eq. 2. [N, 2]."""
-    return (desired_speed[:, None] * direction - velocity) / relaxation_time_s
 
 
 def ellipse_axis(offset: np.ndarray, stride: np.ndarray) -> np.ndarray:
@@ -143,36 +136,3 @@ def border_repulsion(distance: np.ndarray, away: np.ndarray, settings: ForceSett
         Acceleration. [..., 2]
     """
     return (border_potential(distance, settings) / settings.border_range_m)[..., None] * away
-
-
-def social_acceleration(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    direction: np.ndarray,
-    desired_speed: np.ndarray,
-    distance: np.ndarray,
-    away: np.ndarray,
-    settings: ForceSettings,
-) -> np.ndarray:
-    """Sum of all forces on each pedestrian of a crowd. Helbing & Molnar 1995, eq. 9.
-
-    Args:
-        position: world frame, m. [N, 2]
-        velocity: m/s. [N, 2]
-        direction: e, unit vector of the way to the goal. [N, 2]
-        desired_speed: v0, m/s. [N]
-        distance: to the nearest obstacle point, m. [N]
-        away: gradient of that distance. [N, 2]
-        settings: constants of the model.
-
-    Returns:
-        Acceleration without noise. [N, 2]
-    """
-    total = driving_acceleration(velocity, direction, desired_speed, settings.relaxation_time_s)
-    total = total + border_repulsion(distance, away, settings)
-    stride = np.linalg.norm(velocity, axis=-1)[:, None] * settings.anticipation_s * direction
-    offset = position[:, None] - position[None, :]
-    push = pedestrian_repulsion(offset, stride[None, :], settings)
-    weight = sight_weight(push, direction[:, None], settings)
-    others = ~np.eye(len(position), dtype=bool)
-    return total + (push * (weight * others)[..., None]).sum(axis=1)

@@ -133,7 +133,7 @@ def _pedestrians(n, position, stride, direction, range_m, cells, forces):
 
 @njit(cache=True, nogil=True)
 def accelerations(position, velocity, direction, desired_speed, ground, forces, out):
-    """Write `forces.social_acceleration` of a crowd (N > 0) to `out`. [N, 2] m/s^2."""
+    """Write the sum of all forces on a crowd (N > 0) to `out`. Helbing & Molnar 1995, eq. 9. [N, 2] m/s^2."""
     stride, longest = np.empty_like(position), 0.0
     for n in range(len(position)):
         length = math.sqrt(velocity[n, 0] ** 2 + velocity[n, 1] ** 2) * forces.anticipation_s

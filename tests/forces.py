@@ -1,0 +1,45 @@
+"""Reference implementation of the whole social force, for comparison with the compiled kernel."""
+
+import numpy as np
+
+from pedpred.simulation.forces import ForceSettings, border_repulsion, pedestrian_repulsion, sight_weight
+
+
+def driving_acceleration(
+    velocity: np.ndarray, direction: np.ndarray, desired_speed: np.ndarray, relaxation_time_s: float
+) -> np.ndarray:
+    """Pull towards the goal, (v0 e - v) / tau. Helbing & Molnar 1995, eq. 2. [N, 2]."""
+    return (desired_speed[:, None] * direction - velocity) / relaxation_time_s
+
+
+def social_acceleration(
+    position: np.ndarray,
+    velocity: np.ndarray,
+    direction: np.ndarray,
+    desired_speed: np.ndarray,
+    distance: np.ndarray,
+    away: np.ndarray,
+    settings: ForceSettings,
+) -> np.ndarray:
+    """Sum of all forces on each pedestrian of a crowd. Helbing & Molnar 1995, eq. 9.
+
+    Args:
+        position: world frame, m. [N, 2]
+        velocity: m/s. [N, 2]
+        direction: e, unit vector of the way to the goal. [N, 2]
+        desired_speed: v0, m/s. [N]
+        distance: to the nearest obstacle point, m. [N]
+        away: gradient of that distance. [N, 2]
+        settings: constants of the model.
+
+    Returns:
+        Acceleration without noise. [N, 2]
+    """
+    total = driving_acceleration(velocity, direction, desired_speed, settings.relaxation_time_s)
+    total = total + border_repulsion(distance, away, settings)
+    stride = np.linalg.norm(velocity, axis=-1)[:, None] * settings.anticipation_s * direction
+    offset = position[:, None] - position[None, :]
+    push = pedestrian_repulsion(offset, stride[None, :], settings)
+    weight = sight_weight(push, direction[:, None], settings)
+    others = ~np.eye(len(position), dtype=bool)
+    return total + (push * (weight * others)[..., None]).sum(axis=1)
