@@ -1,4 +1,4 @@
-"""A room in which people cannot walk is refused before anybody does, by an error that names what to mend."""
+"""Rooms in which people cannot walk are refused before simulation, by errors that name the field."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Features: causal, and the same however the world is turned."""
+"""Features: causality, invariance to rotation, and agreement of online and offline values."""
 
 import dataclasses
 import math
@@ -66,7 +66,7 @@ def paper_table(scene):
 
 
 def otherwise_later(scene, now, rng):
-    """The scene with every detection after `now` moved, some of them gone and somebody else come."""
+    """The scene with detections after `now` moved, dropped and added."""
     trajectories = scene.trajectories
     later = trajectories.time_s > now + TIME_TOLERANCE_S
     moved = {"position": trajectories.position + later[:, None] * rng.normal(0, 3, (len(later), 2))}
@@ -301,7 +301,7 @@ def test_a_track_of_one_detection_and_an_empty_recording_have_an_answer():
 
 @pytest.mark.parametrize("source", ["annotations", "simulation"])
 def test_online_equals_offline_bit_by_bit(source):
-    """Replay a scene detection by detection; whoever has a step now gets the inputs of the table's row."""
+    """Replay a scene detection by detection; the inputs of each step equal those of the table."""
     source = SOURCES[source]
     scene = walled_scene(np.random.default_rng(3), source["dt_s"], source["truth"], detections=14)
     table = table_of(scene, source)
@@ -378,7 +378,7 @@ def test_states_that_are_no_numbers_are_named():
 
 
 def test_a_life_ends_with_a_long_silence():
-    """An id that comes back is somebody new: no motion, no target and no window reaches over the gap."""
+    """An id that reappears is a new person: no motion, target or window spans the gap."""
     time_s = np.concatenate([np.arange(20) * 0.4, 20.0 + np.arange(20) * 0.4])
     x = np.concatenate([np.arange(20) * 0.4, 9.0 - np.arange(20) * 0.4])
     back = Trajectories(time_s, np.zeros(40), np.stack([x, 0 * x], axis=-1))

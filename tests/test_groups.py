@@ -1,4 +1,4 @@
-"""People who walk together (Moussaid et al. 2010), and what a fit of the forces finds."""
+"""Group forces (Moussaid et al. 2010), and the fit of the forces."""
 
 import numpy as np
 import pytest

@@ -22,7 +22,7 @@ def numerical_gradient(potential, points, step=1e-6):
 
 
 def free_acceleration(position, velocity, settings):
-    """Forces on people who already walk as they wish, far from any obstacle."""
+    """Forces on people at their desired velocity, far from obstacles."""
     speed = np.linalg.norm(velocity, axis=-1)
     far, nowhere = np.full(len(position), 100.0), np.zeros_like(position)
     direction = velocity / speed[:, None]

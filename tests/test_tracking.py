@@ -1,4 +1,4 @@
-"""The tracker: optimal, causal, and steady while people stand."""
+"""The tracker is optimal and causal, and holds the heading of standing people."""
 
 import dataclasses
 

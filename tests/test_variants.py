@@ -1,4 +1,4 @@
-"""Variants of a scene are worlds of their own: seen from within, everything fits together."""
+"""Variants of a scene are consistent: people, obstacles and features change together."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What is measured of simulated people, on cases small enough to count by hand."""
+"""Validation counts of simulated walking, on cases small enough to count by hand."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ FLOW = FlowSettings(**{k: v for k, v in read("validation/corridor_flow").items()
 
 
 def walked(paths, goals, dt_s=0.3):
-    """A scene of people who are all there all the time; velocities are those of the last interval."""
+    """A scene in which all people are present at all instants; velocities are backward differences."""
     position, goal = (np.swapaxes(np.array(a, dtype=float), 0, 1) for a in (paths, goals))
     velocity = np.diff(position, axis=0, prepend=2 * position[:1] - position[1:2]) / dt_s
     instants, people, _ = position.shape
