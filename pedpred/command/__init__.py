@@ -1,11 +1,13 @@
-"""The command `pedpred`: look at scenes and recordings, convert them, predict and measure in them."""
+"""The command `pedpred`: describe and convert scenes, predict in them and evaluate a network."""
 
 from __future__ import annotations
 
 import argparse
 import logging
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from pedpred.command.evaluation import COLLISION_M, MOVING_MPS, evaluate
 from pedpred.command.prediction import predict
@@ -16,27 +18,40 @@ _SCENE = "a scene folder, an MCAP recording, a ROS bag, or a CSV file with time,
 
 
 def parser() -> argparse.ArgumentParser:
-    """Arguments of all subcommands."""
+    """Make the arguments of all subcommands."""
     top = argparse.ArgumentParser(prog="pedpred", description=__doc__)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
-    for action in (info, convert, predict, evaluate):
-        command = commands.add_parser(action.__name__, help=action.__doc__, description=action.__doc__)
-        command.set_defaults(action=action)
-        many = action is evaluate
-        command.add_argument("scene", type=Path, nargs="+" if many else None, help=_SCENE)
-        if action in (convert, predict):
-            what = "an MCAP file" if action is predict else "an MCAP file (.mcap) or a new scene folder"
-            command.add_argument("-o", "--output", type=Path, required=True, help=what)
-            command.add_argument("--force", action="store_true", help="replace what is there")
-        if action is convert:
-            command.add_argument("--topic", help="of a bag's people, where several topics carry some")
-            command.add_argument("--map", type=Path, help="a folder with map.yaml, which replaces the map")
-        if action in (predict, evaluate):
-            folder = "a model folder, e.g. models/online/simulation"
-            command.add_argument("--model", type=Path, required=True, help=folder)
-        if many:
-            _measures(command)
+    _add(commands, info)
+    command = _add(commands, convert)
+    _output(command, "an MCAP file (.mcap) or a new scene folder")
+    command.add_argument("--topic", help="of a bag's people, if several topics carry people")
+    command.add_argument("--map", type=Path, help="a folder with map.yaml, which replaces the map")
+    command = _add(commands, predict)
+    _output(command, "an MCAP file")
+    _model(command)
+    command = _add(commands, evaluate, scenes="+")
+    _model(command)
+    _measures(command)
     return top
+
+
+def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: str | None = None) -> Any:
+    """Add a subcommand named after its function, which takes one scene or several."""
+    command = commands.add_parser(action.__name__, help=action.__doc__, description=action.__doc__)
+    command.set_defaults(action=action)
+    command.add_argument("scene", type=Path, nargs=scenes, help=_SCENE)
+    return command
+
+
+def _output(command: argparse.ArgumentParser, what: str) -> None:
+    command.add_argument("-o", "--output", type=Path, required=True, help=what)
+    command.add_argument("--force", action="store_true", help="replace an existing file")
+
+
+def _model(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--model", type=Path, required=True, help="a model folder, e.g. models/online/simulation"
+    )
 
 
 def _measures(command: argparse.ArgumentParser) -> None:
@@ -50,7 +65,7 @@ def _measures(command: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run a command; an error that a user can repair ends it with its message alone."""
+    """Run a command; errors that a user can fix print their message without a traceback."""
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     given = parser().parse_args(arguments)
     try:

@@ -1,4 +1,4 @@
-"""A scene replayed through the online predictor, as a recording to look at."""
+"""`pedpred predict`: replay a scene through the online predictor and record the forecasts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pedpred.command.scenes import read_any, refuse_overwriting
+from pedpred.command.conversion import refuse_overwriting
+from pedpred.command.reading import read_any
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import as_windows, replayed
 from pedpred.ros import write_recording
@@ -31,11 +32,11 @@ def predict(given: argparse.Namespace) -> None:
 
 
 def robot_for(scene: Scene, model: Path) -> OnlinePredictor:
-    """A predictor that does not lose people between two detections of this scene."""
+    """Load a predictor that does not drop people between two detections of this scene."""
     return OnlinePredictor.load(model, OnlineSettings(max_age_s=max(0.5, 1.25 * scene.detection_dt_s)))
 
 
 def with_progress(scene: Scene, predictor: OnlinePredictor) -> Iterator[Forecast]:
-    """The forecasts of a replay, under a progress bar."""
+    """Yield the forecasts of a replay, with a progress bar."""
     frames = len(np.unique(scene.trajectories.time_s))
     yield from tqdm(replayed(scene, predictor), total=frames, desc=f"replay {scene.name}", unit="frame")
