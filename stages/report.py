@@ -30,6 +30,7 @@ def gathered(key: str) -> tuple:
     forecasts = sorted(Path("data/forecasts", KINDS[key]).glob("*/*.parquet"), key=lambda path: path.stem)
     windows = {path.stem: read_windows(path) for path in forecasts}
     curves = {table.stem: read_curve(table) for table in sorted(Path("reports/curves", key).glob("*.tsv"))}
+    curves = {name: curve for name, curve in curves.items() if len(curve)}  # a copied network has none
     return metrics, scenes, windows, curves, read_autoencoder(Path("models/autoencoder"))[0]
 
 

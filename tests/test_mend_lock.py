@@ -64,21 +64,21 @@ def test_what_was_written_after_the_copy_stays():
 
 def test_a_whole_lock_stays_as_it_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    main()
+    main([])
     assert not LOCK.exists()
     LOCK.write_text(WHOLE)
-    main()
+    main([])
     assert LOCK.read_text() == KEPT.read_text() == WHOLE
 
 
 def test_a_cut_lock_is_mended_in_place_and_an_empty_one_is_gone(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     LOCK.write_text(WHOLE[: WHOLE.index("data/features/eth")])
-    main()
+    main([])
     assert LOCK.read_text() == WHOLE[: WHOLE.index("  features@eth")]
     KEPT.unlink()
     LOCK.write_text("schema")
-    main()
+    main([])
     assert not LOCK.exists()
 
 
@@ -95,8 +95,8 @@ def test_a_cut_note_of_who_writes_is_forgotten_and_a_whole_one_stays(tmp_path, m
     RUNNING.parent.mkdir(parents=True)
     note = '{"write": {"data": {"pid": 7, "cmd": "dvc repro"}}, "read": {}}'
     RUNNING.write_text(note)
-    main()
+    main([])
     assert RUNNING.read_text() == note
     RUNNING.write_text(note[:-9])
-    main()
+    main([])
     assert not RUNNING.exists()

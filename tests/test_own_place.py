@@ -18,14 +18,16 @@ from pedpred.storage.checkpoints import write_checkpoint
 from tests.conftest import ROOT
 from tests.exported import WIDTHS
 
+NETWORKS = ("lstm", "lstm_nogrid")
 SMALL = [
     "scale=smoke",
-    *(f"models.{m}.channels.{c}.lstm=8" for m in ("lstm", "lstm_nogrid") for c in ("state", "angular")),
-    *(f"models.{m}.{width}=8" for m in ("lstm", "lstm_nogrid") for width in ("joint", "head")),
-    "models.lstm.channels.grid.lstm=8",
+    *(f"methods.networks.{n}.settings.channels.{c}.lstm=8" for n in NETWORKS for c in ("state", "angular")),
+    *(f"methods.networks.{n}.settings.{width}=8" for n in NETWORKS for width in ("joint", "head")),
+    "methods.networks.lstm.settings.channels.grid.lstm=8",
     "training.finetune.lanes=8",
-    "evaluation.baselines.real=[cv,kalman_cv]",
+    *(f"methods.baselines.{m}.where=[]" for m in ("ca", "social_force")),
 ]
+ADDED = "+folds.real.trained={train: [crossing], test: [], tracker: kalman}"
 
 
 def run(script, cfg, **given):
@@ -34,56 +36,65 @@ def run(script, cfg, **given):
     stage.main.__wrapped__(OmegaConf.create({**cfg, **given}))
 
 
+def rows():
+    """The rows of conf/places and conf/folds that README gives for the example."""
+    page = (ROOT / "README.md").read_text().partition("Then add one row to [conf/places/recorded.yaml]")[2]
+    return [part.partition("```")[0] for part in page.split("```yaml\n")[1:3]]
+
+
 @pytest.fixture
 def project(tmp_path, monkeypatch):
     """A folder with the configuration, the example as a place of one's own and untrained networks."""
-    page = (ROOT / "README.md").read_text().partition("this is `conf/scenes/crossing.yaml`:")[2]
-    for name in ("conf", "dvc.yaml"):
-        (shutil.copytree if (ROOT / name).is_dir() else shutil.copy)(ROOT / name, tmp_path / name)
-    (tmp_path / "conf/scenes/crossing.yaml").write_text(page.partition("```yaml\n")[2].partition("```")[0])
-    (tmp_path / "data/scenes").mkdir(parents=True)
-    shutil.copytree(ROOT / "examples/crossing", tmp_path / "data/scenes/crossing")
+    for name in ("conf", "examples"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    shutil.copy(ROOT / "dvc.yaml", tmp_path)
+    for name, row in zip(("places/recorded.yaml", "folds/leave_one_out.yaml"), rows(), strict=True):
+        with (tmp_path / "conf" / name).open("a") as file:
+            file.write(row)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PEDPRED_JOBS", "1")
-    named = [
-        "+scenes@scenes.crossing=crossing",
-        "places=[eth,hotel,crossing]",
-        "+evaluation.real.crossing=main",
-    ]
-    text = config.composed(Path("conf"), [*named, *SMALL])
+    text = config.composed(Path("conf"), [*SMALL, ADDED])
     Path("params.yaml").write_text(text)
     params = yaml.safe_load(text)
-    params["evaluation"]["real"] = {"crossing": "main"}  # the raw data of the others are not part of this
+    for place in ("eth", "hotel"):  # their raw data are not part of this
+        del params["folds"]["real"][place]
     torch.manual_seed(0)
     settings = {"kind": "autoencoder", "settings": {"latent": 64}, "cells": 60}
     write_checkpoint(Path("models/autoencoder"), GridAutoencoder(60, 64).state_dict(), settings)
-    for name, model in params["models"].items():
-        own = parse_settings(model | {"architecture": "lstm"})
-        write_network(Path("models/main", name), own.build(WIDTHS, params["protocol"]["horizon_steps"]))
+    for name, method in params["methods"]["networks"].items():
+        network = parse_settings(method["settings"]).build(WIDTHS, params["protocol"]["horizon_steps"])
+        write_network(Path("models/main", name), network)
     return params
 
 
-def test_it_has_stages_of_its_own(project):
-    stages = ("features@crossing", "encode_place@crossing", "finetune@lstm-crossing", "record_real@crossing")
-    for address in (*stages, "evaluate_place@crossing"):
-        assert config.declared_params(Path(), address) is not None
+@pytest.mark.usefixtures("project")
+def test_it_has_stages_of_its_own():
+    stages = ("ingest", "features_real", "encode_real", "finetune@lstm", "evaluate_real", "export_real")
+    for stage in stages:
+        address = f"{stage}{'-' if '@' in stage else '@'}crossing"
+        assert config.declared(Path.cwd(), address, []) is not None
 
 
 def test_it_flows_from_tracks_to_the_page(project, monkeypatch):
     """Every picture is composed, but none painted, which would take most of the time."""
     monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
-    run("features", project, name="crossing")
-    run("encode", project, name="crossing")
-    run("train", project, name="lstm", phase="finetune", data="crossing")
-    assert Path("models/finetune_crossing/lstm/weights.safetensors").exists()
-    curve = pd.read_csv("reports/curves/real/finetune_crossing_lstm.tsv", sep="\t")
+    run("ingest", project, name="crossing")
+    run("features", project, kind="real", name="crossing")
+    run("encode", project, kind="real", name="crossing")
+    run("train", project, name="lstm", phase="finetune", fold="trained")
+    assert Path("models/folds/trained/lstm/weights.safetensors").exists()
+    curve = pd.read_csv("reports/curves/real/finetune_trained_lstm.tsv", sep="\t")
     assert curve["validation_ade_m"].notna().all()
-    run("evaluate", project, name="real", place="crossing", metrics="data/metrics/real/crossing.json")
-    run("gather", project, name="real")
+    for name in NETWORKS:
+        run("train", project, name=name, phase="finetune", fold="crossing")
+    networks = {"networks": "models/folds/crossing"}
+    run("evaluate", project, kind="real", fold="crossing", **networks)
+    del project["folds"]["real"]["trained"]
+    run("gather", project, kind="real", out="reports/metrics/real.json")
     figures = json.loads(Path("reports/metrics/real.json").read_text())
     assert set(figures) == {"crossing"}
     assert set(figures["crossing"]) == {"cv", "kalman_cv", "lstm", "lstm_nogrid"}
     assert 0.1 < figures["crossing"]["kalman_cv"]["ade_m"] < 2.0
-    run("report", project, name="real")
+    run("report", project, name="real", kind="real")
     assert "crossing" in Path("reports/real.md").read_text().lower()
-    assert json.loads(Path("reports/ade/crossing.json").read_text())
+    assert json.loads(Path("reports/ade/real.json").read_text())["crossing"]

@@ -17,8 +17,9 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 TARGET = "simulate@corridor"
-TRACKS = Path("data/scenes/corridor/corridor/tracks.parquet")
-CORRIDOR = "scenes.corridor."
+TRACKS = Path("data/scenes/simulated/corridor/corridor/tracks.parquet")
+ROWS = Path("conf/simulations/rooms.yaml")
+CORRIDOR = "simulations.corridor."
 
 SWEPT = f"{CORRIDOR}pedestrians"
 
@@ -74,7 +75,7 @@ def project(tmp_path_factory):
     """A committed copy of the working tree in which the corridor lasts a second and is reproduced."""
     folder = tmp_path_factory.mktemp("pipeline") / "project"
     run(ROOT, ".ci/copy", str(folder))
-    corridor = folder / "conf" / "scenes" / "corridor.yaml"
+    corridor = folder / ROWS
     text = corridor.read_text()
     corridor.write_text(
         text.replace("hours: 0.95", "hours: 0.0005").replace("pedestrians: 10", "pedestrians: 3")
@@ -110,7 +111,7 @@ def test_a_stage_by_hand_writes_where_it_is_told_and_nowhere_else(project, tmp_p
 
 
 def test_an_edit_under_conf_without_make_params_is_not_ignored(project):
-    edited = project / "conf" / "scenes" / "corridor.yaml"
+    edited = project / ROWS
     original = edited.read_text()
     try:
         edited.write_text(original.replace("pedestrians: 3", "pedestrians: 4"))
@@ -137,7 +138,7 @@ def test_the_points_of_a_queued_sweep_differ_and_each_is_right(sweep, tmp_path):
     swept = {}
     for point in finished_experiments(sweep, 2):
         params = yaml.safe_load(run(sweep, "git", "show", f"{point}:params.yaml"))
-        swept[params["scenes"]["corridor"]["pedestrians"]] = tracks_md5(sweep, point)
+        swept[params["simulations"]["corridor"]["pedestrians"]] = tracks_md5(sweep, point)
     plain = {}
     for pedestrians in (2, 4):
         arguments = ["+name=corridor", f"{SWEPT}={pedestrians}", f"+out={tmp_path / str(pedestrians)}"]

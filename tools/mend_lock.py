@@ -1,13 +1,14 @@
-"""Mend what a killed `dvc repro` left half written of its own; `make reproduce` begins with it.
+"""Repair the files that a killed `dvc repro` left half written: `python -m tools.mend_lock`.
 
-DVC writes dvc.lock in place: after a kill in that moment it ends within a stage's entry, and the entries
-behind are gone. Every stage keeps a copy of it when it begins, which has them. An entry is no more than a
-claim: DVC compares it with the files, and runs the stage again where they differ. The note of what DVC is
-reading and writing just now (rwlock) suffers likewise, and is worth nothing after a kill.
+`make reproduce` starts with it. DVC writes dvc.lock in place: after a kill during that write the file ends within
+a stage's entry, and later entries are lost. Every stage makes a copy of the file when it starts, which has them.
+Restored entries are safe: DVC compares them with the files and runs the stage again where they differ. DVC's list
+of files in use (rwlock) can be cut likewise; after a kill it is removed.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import logging
 import re
@@ -22,12 +23,12 @@ from pedpred.config import KEPT, LOCK, keep_lock
 from pedpred.files import write_text
 
 RUNNING = Path(".dvc/tmp/rwlock")
-"""Who reads and writes what, of all DVC commands that run here."""
+"""The files that running DVC commands read and write."""
 _ENTRY = re.compile(r"^(?= {2}[^\s-])", re.MULTILINE)
 
 
 def whole(text: str) -> bool:
-    """Whether a lock file ends where it should, as far as can be seen, and DVC accepts it."""
+    """Return whether a lock file ends with a whole line and matches DVC's schema."""
     try:
         validate(yaml.safe_load(text), COMPILED_LOCKFILE_SCHEMA)
     except (yaml.YAMLError, YAMLValidationError):
@@ -36,7 +37,7 @@ def whole(text: str) -> bool:
 
 
 def mended(cut: str, earlier: str) -> str:
-    """A lock file without the entry in which it was cut, completed from an earlier one; may be empty."""
+    """Drop the entry in which a lock file was cut, add the entries of an earlier one; the result may be empty."""
     head, *entries = _ENTRY.split(cut)
     earlier_head, *known = _ENTRY.split(earlier)
     found = {name(entry): entry for entry in entries[:-1]}
@@ -46,27 +47,28 @@ def mended(cut: str, earlier: str) -> str:
 
 
 def name(entry: str) -> str:
-    """Of an entry's stage."""
+    """Return the name of the stage of an entry."""
     return entry.partition("\n")[0]
 
 
-def forget_the_killed() -> None:
-    """Remove the note of what is read and written, if nobody can read it."""
+def remove_damaged_rwlock() -> None:
+    """Remove the list of files in use if it is damaged."""
     if not RUNNING.exists():
         return
     with make_lock(f"{RUNNING}.lock", tmp_dir=str(RUNNING.parent)):  # as DVC does before it looks
         try:
             json.loads(RUNNING.read_text())
         except ValueError:
-            logging.warning("%s ends in the middle, as after a kill; it is forgotten", RUNNING)
+            logging.warning("%s is damaged, as after a kill; removed", RUNNING)
             RUNNING.unlink()
 
 
-def main() -> None:
-    """Mend both files, if they need that, and keep a copy of dvc.lock for the next time."""
-    forget_the_killed()
+def main(arguments: list[str] | None = None) -> None:
+    """Repair both files if necessary and keep a copy of dvc.lock for the next time."""
+    argparse.ArgumentParser(prog="python -m tools.mend_lock", description=__doc__).parse_args(arguments)
+    remove_damaged_rwlock()
     if LOCK.exists() and not whole(text := LOCK.read_text()):
-        logging.warning("dvc.lock ends in the middle, as after a kill; what was lost comes from %s", KEPT)
+        logging.warning("dvc.lock is cut, as after a kill; missing entries come from %s", KEPT)
         if kept := mended(text, KEPT.read_text() if KEPT.exists() else ""):
             write_text(LOCK, kept)
         else:
