@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from omegaconf import DictConfig
 
-from pedpred.config import SETS, plain, row, stage, stage_key
+from pedpred.config import SETS, configured, plain, row, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.scenes import VARIANTS
@@ -20,29 +20,42 @@ from pedpred.tracking import KalmanSettings, follow, resampled
 from pedpred.workers import in_parallel
 
 
-def features_into(
-    out: Path, folder: Path, variant: str, settings: FeatureSettings, source: dict, standstill_mps: float
-) -> None:
-    """One worker's job: the shard of one scene or of a variant, as its protocol and its sensor show it."""
-    real = read_scene(folder)
+@dataclass(frozen=True)
+class Processing:
+    """What happens to all scenes of a set: sensor faults, tracking, extraction.
+
+    Attributes:
+        sensor: faults between people and tracker.
+        kind: of the tracker, "truth" or "kalman".
+        kalman: parameters of the filter; None for "truth".
+        standstill_mps: below this speed the heading is held, m/s.
+        sizes: of the features.
+    """
+
+    sensor: SensorSettings
+    kind: str
+    kalman: KalmanSettings | None
+    standstill_mps: float
+    sizes: FeatureSettings
+
+
+def features_into(out: Path, folder: Path, variant: str, how: Processing) -> None:
+    """Write the shard of one scene or of a variant of it. A job of one worker."""
+    real, sizes = read_scene(folder), how.sizes
     if variant:
         real = replace(VARIANTS[variant](real), name=shard_name(folder, variant))
-    tracker, sensor = dict(source["tracker"]), SensorSettings(**source["sensor"])
-    scene = real
-    if settings.noncausal:
-        scene, tracker = resampled(real, settings.dt_s, settings.lost_after_s), {"kind": "truth"}
-    elif sensor != SensorSettings():
-        scene = apply_sensor(
-            real, sensor, np.random.default_rng([sensor.seed, zlib.crc32(real.name.encode())])
-        )
-    kind = tracker.pop("kind")
-    kalman = KalmanSettings(**tracker) if tracker else None
-    tracks = follow(scene.trajectories, kind, kalman, standstill_mps, settings.lost_after_s)
-    write_shard(extract_blocks(scene, tracks, settings, truth=real.trajectories), out, scene.name)
+    scene, kind, kalman = real, how.kind, how.kalman
+    if sizes.noncausal:
+        scene, kind, kalman = resampled(real, sizes.dt_s, sizes.lost_after_s), "truth", None
+    elif how.sensor != SensorSettings():
+        rng = np.random.default_rng([how.sensor.seed, zlib.crc32(real.name.encode())])
+        scene = apply_sensor(real, how.sensor, rng)
+    tracks = follow(scene.trajectories, kind, kalman, how.standstill_mps, sizes.lost_after_s)
+    write_shard(extract_blocks(scene, tracks, sizes, truth=real.trajectories), out, scene.name)
 
 
 def shard_name(folder: Path, variant: str) -> str:
-    """Name of a scene's shard, or of its variant's."""
+    """Return the name of a scene's shard, or of its variant's."""
     return f"{folder.name}_{variant}" if variant else folder.name
 
 
@@ -51,20 +64,24 @@ def main(cfg: DictConfig) -> None:
     """Read data/scenes/<kind>/<name>, write data/features/<kind>/<name>, several scenes at once."""
     key, rows = stage_key(cfg), SETS[cfg.kind]
     out = Path(cfg.get("out", f"data/features/{cfg.kind}/{key}"))
-    groups = plain(cfg)
-    standstill_mps = groups["features"].pop("standstill_mps")
-    source = groups[rows][key]
-    source["tracker"] = row(cfg, "trackers", source["tracker"])
-    source["sensor"] = row(cfg, "sensors", source["sensor"])
-    true = source["tracker"]["kind"] == "truth"  # states need no differences, so that none can leak
-    protocol = groups["protocol"] | {"noncausal": groups["protocol"]["noncausal"] and not true}
-    phase_offsets = 1 if protocol["noncausal"] else source["phase_offsets"]  # resampled tracks have one clock
-    settings = FeatureSettings(**protocol, **groups["features"], phase_offsets=phase_offsets)
-    folders = scene_folders(Path("data/scenes", cfg.kind, key))
+    source, protocol, sizes = plain(cfg[rows][key]), plain(cfg.protocol), plain(cfg.features)
     if unknown := sorted(set(source["variants"]) - set(VARIANTS)):
         raise ConfigError(f"{rows}.{key}.variants", unknown, f"choose among {', '.join(VARIANTS)}")
+    tracker = row(cfg, "trackers", source["tracker"])
+    kind, standstill_mps = tracker.pop("kind"), sizes.pop("standstill_mps")
+    if kind == "truth":  # true states need no differences, so inputs cannot leak the future
+        protocol["noncausal"] = False
+    phase_offsets = 1 if protocol["noncausal"] else source["phase_offsets"]  # resampled tracks have one phase
+    with configured(f"trackers.{source['tracker']}"):
+        kalman = KalmanSettings(**tracker) if tracker else None
+    with configured(f"sensors.{source['sensor']}"):
+        sensor = SensorSettings(**row(cfg, "sensors", source["sensor"]))
+    with configured("features"):
+        settings = FeatureSettings(**protocol, **sizes, phase_offsets=phase_offsets)
+    how = Processing(sensor, kind, kalman, standstill_mps, settings)
+    folders = scene_folders(Path("data/scenes", cfg.kind, key))
     seen = [(folder, variant) for folder in folders for variant in ("", *source["variants"])]
-    tasks = [(out, *one, settings, source, standstill_mps) for one in seen]
+    tasks = [(out, *one, how) for one in seen]
     in_parallel(features_into, tasks, f"features of {key}", "scene")
     write_manifest(out, settings, {shard_name(*one): one[0] for one in seen})
 

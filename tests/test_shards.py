@@ -19,6 +19,7 @@ from pedpred.datasets.motion import load_motion_data
 from pedpred.datasets.split import split_sequences
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, extract, extract_blocks, unpack_crops
+from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.columns import read_columns, write_blocks, write_columns
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import (
@@ -33,14 +34,14 @@ from pedpred.storage.shards import (
     write_shard,
 )
 from pedpred.tracking import KalmanSettings, follow
-from stages.features import features_into
+from stages.features import Processing, features_into
 from tests.worlds import walled_scene
 
 SETTINGS = FeatureSettings(phase_offsets=3)
-SOURCE = {
-    "tracker": {"kind": "kalman", "acceleration_noise": 0.1, "position_noise_m": 0.1},
-    "sensor": {"position_noise_m": 0.05, "drop_out_share": 0.1, "switch_share": 0.1},
-}
+FAULTS = SensorSettings(position_noise_m=0.05, drop_out_share=0.1, switch_share=0.1)
+HOW = Processing(
+    FAULTS, "kalman", KalmanSettings(acceleration_noise=0.1, position_noise_m=0.1), 0.2, SETTINGS
+)
 
 
 def walled(seed=0, **options):
@@ -82,7 +83,7 @@ def test_the_number_of_workers_changes_no_byte(tmp_path):
         write_scene(dataclasses.replace(scene, name=f"room{seed}"), tmp_path / f"scenes/room{seed}")
     for workers in (1, 2):
         Parallel(n_jobs=workers)(
-            delayed(features_into)(tmp_path / str(workers), folder, "", SETTINGS, SOURCE, 0.2)
+            delayed(features_into)(tmp_path / str(workers), folder, "", HOW)
             for folder in (tmp_path / "scenes").iterdir()
         )
     one, two = ({p.name: p.read_bytes() for p in (tmp_path / n).iterdir()} for n in ("1", "2"))

@@ -1,9 +1,9 @@
 """Repair the files that a killed `dvc repro` left half written: `python -m tools.mend_lock`.
 
-`make reproduce` starts with it. DVC writes dvc.lock in place: after a kill during that write the file ends within
-a stage's entry, and later entries are lost. Every stage makes a copy of the file when it starts, which has them.
-Restored entries are safe: DVC compares them with the files and runs the stage again where they differ. DVC's list
-of files in use (rwlock) can be cut likewise; after a kill it is removed.
+`make reproduce` starts with it. DVC writes dvc.lock in place: after a kill during that write the file ends
+within a stage's entry, and later entries are lost. Every stage makes a copy of the file when it starts, which
+has them. Restored entries are safe: DVC compares them with the files and runs the stage again where they
+differ. DVC's list of files in use (rwlock) can be cut likewise; after a kill it is removed.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def whole(text: str) -> bool:
 
 
 def mended(cut: str, earlier: str) -> str:
-    """Drop the entry in which a lock file was cut, add the entries of an earlier one; the result may be empty."""
+    """Drop the entry in which a lock file was cut, add entries of an earlier one; may be empty."""
     head, *entries = _ENTRY.split(cut)
     earlier_head, *known = _ENTRY.split(earlier)
     found = {name(entry): entry for entry in entries[:-1]}
