@@ -1,1 +1,1 @@
-"""What pedpred promises about foreign files, faults and leaks, tried out."""
+"""Tests of the guarantees about foreign files, faults and leakage."""

@@ -1,7 +1,7 @@
 """`make trust`: thousands of damaged files for every reader, each reader in a process of its own.
 
-A case that is lost (a crash, a hang, too much memory, a foreign exception, an error that names no file) is
-kept in build/trust/ with the command that repeats it.
+Failures (a crash, a hang, too much memory, another exception, an error that names no file) are kept in
+build/trust/ with the command that repeats them.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from tests.trust.readers import READERS
 from tests.trust.trial import LOST, READ, REFUSED, bench
 
 KEPT = Path("build/trust")
-_PATIENCE_S = 120.0  # of the campaign with a child: starting, then one trial
-_ROOM_BYTES = 6 * 2**30  # of addresses, beyond what the libraries have taken
+_TIMEOUT_S = 120.0  # of a child: to start, then for each trial
+_ADDRESS_BYTES = 6 * 2**30  # limit, beyond what the libraries have mapped
 _RESTARTS = 50
-_MOST_KEPT = 20  # lost cases of a reader
+_MOST_KEPT = 20  # failures of a reader
 
 
 def attempt(pipe: Connection, name: str, first: int, count: int) -> None:
-    """The child: trials `first` to `count` of one reader; says seed, outcome and reason of each."""
+    """Run trials `first` to `count` of one reader in a child; send seed, outcome and reason of each."""
     logging.disable(logging.CRITICAL)
     table = bench(name, READERS[name])
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (used + _ROOM_BYTES,) * 2)
+    resource.setrlimit(resource.RLIMIT_AS, (used + _ADDRESS_BYTES,) * 2)
     for seed in range(first, count):
         pipe.send((seed, *table.trial(seed)))
 
 
 def outcomes(name: str, count: int) -> Iterator[tuple[int, str, str]]:
-    """Seed, outcome and reason of every trial of a reader, whatever becomes of the children."""
+    """Yield seed, outcome and reason of every trial of a reader; restart children that die."""
     seed = 0
     for _ in range(_RESTARTS):
         here, there = multiprocessing.Pipe(duplex=False)
@@ -51,8 +51,8 @@ def outcomes(name: str, count: int) -> Iterator[tuple[int, str, str]]:
         there.close()
         try:
             while seed < count:
-                if not here.poll(_PATIENCE_S):
-                    raise TimeoutError(f"no answer for {_PATIENCE_S:g} s")
+                if not here.poll(_TIMEOUT_S):
+                    raise TimeoutError(f"no answer for {_TIMEOUT_S:g} s")
                 yield here.recv()
                 seed += 1
         except (EOFError, TimeoutError) as end:
@@ -67,7 +67,7 @@ def outcomes(name: str, count: int) -> Iterator[tuple[int, str, str]]:
 
 
 def keep(name: str, seed: int, why: str) -> None:
-    """Put a lost case where it can be looked at and repeated."""
+    """Keep the file of a failure and the command that repeats it."""
     folder = KEPT / f"{name}-{seed}"
     folder.mkdir(parents=True, exist_ok=True)
     file, raw = bench(name, READERS[name]).damaged(seed)
@@ -76,7 +76,7 @@ def keep(name: str, seed: int, why: str) -> None:
 
 
 def campaign(names: Sequence[str], count: int, jobs: int) -> dict[str, Counter[str]]:
-    """Every reader's outcomes, by kind."""
+    """Count the outcomes of every reader, by kind."""
     found = {name: Counter[str]() for name in names}
 
     def one(name: str, bar: tqdm) -> None:
@@ -96,7 +96,7 @@ def campaign(names: Sequence[str], count: int, jobs: int) -> dict[str, Counter[s
 
 
 def markdown(found: dict[str, Counter[str]]) -> str:
-    """Attempts, what survived them, and what was lost."""
+    """Format a table of attempts, passes and failures."""
     rows = ["| reader | attempts | right or refused by name | lost |", "| --- | --: | --: | --: |"]
     total = sum(found.values(), Counter[str]())
     for name, kinds in [*found.items(), ("all", total)]:

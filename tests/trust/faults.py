@@ -1,6 +1,6 @@
-"""`make trust`, second half: stages are killed, starved and raced in a copy of the project at toy size.
+"""`make trust`, second half: disturb the stages of a copy of the project at toy size.
 
-After each fault the same command must end in the bytes of an undisturbed run, with nothing left beside them.
+After each fault, the same command must end with the bytes of an undisturbed run and leave no other files.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ KIRITIMATI = {"TZ": "Pacific/Kiritimati", "LC_ALL": "C", "PEDPRED_JOBS": "1", "P
 
 
 def processes(session: int) -> Iterator[tuple[int, bytes]]:
-    """Number and command of every living process of a session."""
+    """Yield pid and command of every living process of a session."""
     for entry in Path("/proc").glob("[0-9]*"):
         number = int(entry.name)
         try:
@@ -37,21 +37,21 @@ def processes(session: int) -> Iterator[tuple[int, bytes]]:
 
 
 def kill(run: subprocess.Popen) -> None:
-    """kill -9 of a stage, of DVC above it and of all its workers."""
+    """Kill -9 a stage, the DVC process above it and all its workers."""
     while members := [number for number, _ in processes(run.pid)]:
         for number in members:
             try:
                 os.kill(number, signal.SIGKILL)
             except ProcessLookupError:
                 continue
-    run.wait()  # while its number is taken, DVC believes that it still holds its locks
+    run.wait()  # until it is reaped, DVC takes its locks for held
 
 
-# Faults of one stage: each disturbs a run of it and says what it did
+# Faults of one stage: each disturbs a run of it and describes what it did
 
 
 def killed(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """kill -9 of everything at a random moment."""
+    """Kill -9 all its processes at a random moment."""
     after_s = rng.uniform(0.0, project.usual_s[stage])
     run = started(project.folder, stage)
     time.sleep(after_s)
@@ -60,7 +60,7 @@ def killed(project: Project, stage: str, rng: np.random.Generator) -> str:
 
 
 def killed_half_trained(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """kill -9 of everything once a training has saved its state, which the next run must take up."""
+    """Kill -9 all processes after a training has saved its state; the next run must resume from it."""
     run = started(project.folder, stage)
     while run.poll() is None:
         if list((project.folder / "build/training").glob("*/progress.safetensors")):
@@ -73,7 +73,7 @@ def killed_half_trained(project: Project, stage: str, rng: np.random.Generator) 
 
 
 def without_a_worker(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """kill -9 of one worker process of joblib's, as soon as there is one."""
+    """Kill -9 one joblib worker as soon as there is one."""
     run = started(project.folder, stage)
     while run.poll() is None:
         for number, command in processes(run.pid):
@@ -86,7 +86,7 @@ def without_a_worker(project: Project, stage: str, rng: np.random.Generator) -> 
 
 
 def raced(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """Two `dvc repro` at once: a loser must say why."""
+    """Run two `dvc repro` at once: one that fails must print the reason."""
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     runs = [started(project.folder, stage, **options)]
     time.sleep(rng.uniform(0.0, 0.5 * project.usual_s[stage]))
@@ -99,17 +99,17 @@ def raced(project: Project, stage: str, rng: np.random.Generator) -> str:
 
 
 def on_a_full_disk(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """A few kB are all that is left."""
+    """Run on a disk with a few kB left."""
     return _mounted(project, "size=8k")
 
 
 def in_a_locked_folder(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """Nothing may be written where the result belongs."""
+    """Run with a read-only output folder."""
     return _mounted(project, "ro")
 
 
 def _mounted(project: Project, options: str) -> str:
-    """Simulate into a file system of its own; the stage must fail and say in words what to do."""
+    """Simulate into a mounted file system; the stage must fail with a remedy."""
     (project.folder / "build/mounted").mkdir(parents=True, exist_ok=True)
     simulate = f"{sys.executable} -m stages.simulate +name=corridor +out=build/mounted/corridor"
     script = f"mount -t tmpfs -o {options} tmpfs build/mounted && {simulate}"
@@ -123,13 +123,13 @@ def _mounted(project: Project, options: str) -> str:
 
 
 def may_mount() -> bool:
-    """Whether file systems can be mounted here, which takes rights that not everybody has."""
+    """Whether this process may mount file systems."""
     command = ["unshare", "--mount", "true"]
     return bool(shutil.which("unshare")) and subprocess.run(command, check=False, **SILENT).returncode == 0
 
 
 def under_a_jumping_clock(project: Project, stage: str, rng: np.random.Generator) -> str:
-    """Each look at the wall clock is up to a day wrong, for Python's part of the pipeline."""
+    """Run with a wall clock that is wrong by up to a day at each reading, in Python code."""
     run = started(project.folder, stage, env=environment(**CLOCK))
     if run.wait():
         raise AssertionError(f"exit code {run.returncode}")
@@ -140,7 +140,7 @@ def under_a_jumping_clock(project: Project, stage: str, rng: np.random.Generator
 
 
 def elsewhere(project: Project) -> str:
-    """Another folder, one worker, another time zone, another language; what is wrong, empty if nothing."""
+    """Run all in another folder with one worker, another time zone and locale; return the problem or ""."""
     other = project.folder.with_name("else where")
     toy(other)
     done = dvc(other, "repro", *project.targets, env=environment(**KIRITIMATI))
@@ -154,7 +154,7 @@ Fault = Callable[[Project, str, np.random.Generator], str]
 
 
 def plan(stages: Mapping[str, str], kills: int, mounts: bool, short: bool = False) -> list[tuple[Fault, str]]:
-    """Every fault, or kills alone, with the stage that it befalls; `stages` are names and commands."""
+    """List all faults (or only kills) with their stages; `stages` maps names to commands."""
     scripts = {
         stage: ROOT / f"{command.split()[2].replace('.', '/')}.py" for stage, command in stages.items()
     }
@@ -178,7 +178,7 @@ def plan(stages: Mapping[str, str], kills: int, mounts: bool, short: bool = Fals
 
 
 def tried(fault: Fault, project: Project, stage: str, rng: np.random.Generator) -> tuple[str, str]:
-    """Do it and mend it: what was done, and what is wrong afterwards (empty if nothing)."""
+    """Disturb a stage, then reproduce: what was done, and the problem afterwards or ""."""
     try:
         did, complaint = fault(project, stage, rng), ""
     except AssertionError as failure:
@@ -187,13 +187,13 @@ def tried(fault: Fault, project: Project, stage: str, rng: np.random.Generator) 
 
 
 def main() -> None:
-    """Reproduce a copy, disturb it again and again, and print what survived."""
+    """Reproduce a copy, disturb it repeatedly, and print the results."""
     parser = argparse.ArgumentParser(prog="python -m tests.trust.faults", description=__doc__)
     parser.add_argument("--kills", type=int, default=2, help="of each kind of stage")
     parser.add_argument("--stages", nargs="+", help="only these of them, e.g. encode_real@eth")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--project", type=Path, help="a reproduced copy, instead of one made anew")
-    parser.add_argument("--short", action="store_true", help="kill, and nothing else")
+    parser.add_argument("--project", type=Path, help="an existing reproduced copy")
+    parser.add_argument("--short", action="store_true", help="only kills")
     given = parser.parse_args()
     project = found(given.project.resolve()) if given.project else made(FOLDER)
     chosen = {s: project.stages[s] for s in given.stages or kinds(project.stages)}

@@ -1,4 +1,4 @@
-"""Damage to files: each mutation turns bytes into other bytes, by chance, reproducibly."""
+"""Damage to files: random, reproducible mutations of their bytes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _LONGEST = 64
 
 
 def flip(raw: bytes, rng: np.random.Generator) -> bytes:
-    """One to four bits are the other way round."""
+    """Flip one to four bits."""
     changed = bytearray(raw)
     for place in rng.integers(0, max(len(raw), 1), rng.integers(1, 5)) if raw else ():
         changed[place] ^= 1 << int(rng.integers(8))
@@ -47,42 +47,42 @@ def flip(raw: bytes, rng: np.random.Generator) -> bytes:
 
 
 def overwrite(raw: bytes, rng: np.random.Generator) -> bytes:
-    """A few bytes at one place are the smallest or largest that there are: lengths and counts go wild."""
+    """Overwrite a few bytes with extreme values, which damages lengths and counts."""
     start, length = int(rng.integers(0, len(raw) + 1)), int(rng.choice([1, 2, 4, 8]))
     return raw[:start] + bytes([int(rng.choice(_EDGES))]) * length + raw[start + length :]
 
 
 def truncate(raw: bytes, rng: np.random.Generator) -> bytes:
-    """The end is missing."""
+    """Remove the end."""
     return raw[: int(rng.integers(0, len(raw) + 1))]
 
 
 def cut(raw: bytes, rng: np.random.Generator) -> bytes:
-    """A piece in the middle is missing."""
+    """Remove a piece in the middle."""
     start, length = int(rng.integers(0, len(raw) + 1)), int(rng.integers(1, _LONGEST))
     return raw[:start] + raw[start + length :]
 
 
 def insert(raw: bytes, rng: np.random.Generator) -> bytes:
-    """Foreign bytes stand in the middle."""
+    """Insert random bytes."""
     start = int(rng.integers(0, len(raw) + 1))
     return raw[:start] + rng.bytes(int(rng.integers(1, _LONGEST))) + raw[start:]
 
 
 def repeat(raw: bytes, rng: np.random.Generator) -> bytes:
-    """A piece stands there several times."""
+    """Repeat a piece."""
     start, length = int(rng.integers(0, len(raw) + 1)), int(rng.integers(1, _LONGEST))
     return raw[:start] + raw[start : start + length] * int(rng.integers(2, 50)) + raw[start + length :]
 
 
 def swap(raw: bytes, rng: np.random.Generator) -> bytes:
-    """Two neighbouring pieces have changed places."""
+    """Swap two adjacent pieces."""
     first, second, third = np.sort(rng.integers(0, len(raw) + 1, 3)).tolist()
     return raw[:first] + raw[second:third] + raw[first:second] + raw[third:]
 
 
 def number(raw: bytes, rng: np.random.Generator) -> bytes:
-    """A number in a text is another one, or none."""
+    """Replace a number in a text."""
     found = list(_NUMBER.finditer(raw))
     if not found:
         return flip(raw, rng)
@@ -93,11 +93,11 @@ def number(raw: bytes, rng: np.random.Generator) -> bytes:
 BYTES: tuple[Callable[[bytes, np.random.Generator], bytes], ...] = (
     *(flip, overwrite, truncate, cut, insert, repeat, swap, number),
 )
-"""What can happen to any file."""
+"""Mutations of any file."""
 
 
 def _places(node: Any) -> list[tuple[Any, Any]]:
-    """Every (container, key) of nested dictionaries and lists."""
+    """List every (container, key) of nested dictionaries and lists."""
     pairs = list(node.items()) if isinstance(node, dict) else list(enumerate(node))
     return [
         place
@@ -107,7 +107,7 @@ def _places(node: Any) -> list[tuple[Any, Any]]:
 
 
 def field(content: Any, rng: np.random.Generator) -> Any:
-    """One field of a tree is gone, has another type or value, another name, or another field's value."""
+    """Remove, rename or change one field of a tree, or give it another field's value."""
     places = _places(content)
     node, key = places[int(rng.integers(len(places)))]
     what = int(rng.integers(5))
@@ -124,28 +124,28 @@ def field(content: Any, rng: np.random.Generator) -> Any:
 
 
 def json_field(raw: bytes, rng: np.random.Generator) -> bytes:
-    """`field` of a JSON file."""
+    """Apply `field` to a JSON file."""
     return json.dumps(field(json.loads(raw), rng)).encode()
 
 
 def yaml_field(raw: bytes, rng: np.random.Generator) -> bytes:
-    """`field` of a YAML file."""
+    """Apply `field` to a YAML file."""
     return yaml.safe_dump(field(yaml.safe_load(raw), rng)).encode()
 
 
 def safetensors_field(raw: bytes, rng: np.random.Generator) -> bytes:
-    """`field` of the header of a safetensors file, which says where each tensor lies."""
+    """Apply `field` to the header of a safetensors file, which holds the tensors' offsets."""
     size = int.from_bytes(raw[:8], "little")
     header = json_field(raw[8 : 8 + size], rng)
     return len(header).to_bytes(8, "little") + header + raw[8 + size :]
 
 
 def parquet_column(raw: bytes, rng: np.random.Generator) -> bytes:
-    """One column of a table is gone, has another name, type or values, or lacks some."""
+    """Remove, rename or replace one column of a table, or drop rows."""
     table = pq.read_table(io.BytesIO(raw))
     index, rows = int(rng.integers(table.num_columns)), len(table)
     name = table.column_names[index]
-    strange: tuple[Callable[[], pa.Array], ...] = (
+    replaced: tuple[Callable[[], pa.Array], ...] = (
         lambda: pa.array([None] * rows, pa.float64()),
         lambda: pa.array(["a"] * rows),
         lambda: pa.array([b"abc"] * rows, pa.binary(3)),
@@ -157,17 +157,17 @@ def parquet_column(raw: bytes, rng: np.random.Generator) -> bytes:
         lambda: pa.array([True] * rows),
         lambda: pa.nulls(rows),
     )
-    what = int(rng.integers(len(strange) + 3))
-    if what == len(strange):
+    what = int(rng.integers(len(replaced) + 3))
+    if what == len(replaced):
         table = table.drop_columns([name])
-    elif what == len(strange) + 1:
+    elif what == len(replaced) + 1:
         names = list(table.column_names)
         names[index] = str(rng.choice([names[0], f"{name}x", ""]))
         table = table.rename_columns(names)
-    elif what == len(strange) + 2:
+    elif what == len(replaced) + 2:
         table = table.slice(0, int(rng.integers(rows)))
     else:
-        table = table.set_column(index, name, strange[what]())
+        table = table.set_column(index, name, replaced[what]())
     out = io.BytesIO()
     pq.write_table(table, out)
     return out.getvalue()
@@ -179,11 +179,11 @@ STRUCTURED: dict[str, Callable[[bytes, np.random.Generator], bytes]] = {
     "safetensors": safetensors_field,
     "parquet": parquet_column,
 }
-"""What can happen to a file that is well-formed all the same, by its ending."""
+"""Mutations that keep a file well-formed, by its extension."""
 
 
 def mutate(raw: bytes, name: str, rng: np.random.Generator) -> bytes:
-    """Damage a file by chance: its fields where the file has any, else or also its bytes."""
+    """Damage a file: half of the time its fields, if it has a known structure, otherwise its bytes."""
     structured = STRUCTURED.get(name.rpartition(".")[2])
     if structured and rng.random() < 0.5:
         return structured(raw, rng)

@@ -1,4 +1,4 @@
-"""A copy of the project at toy size, reproduced undisturbed: what faults are measured against."""
+"""A copy of the project at toy size, reproduced undisturbed: the reference for faults."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ training:
   main: {steps: 40, validate_every: 5, lanes: 8}
   finetune: {steps: 24, validate_every: 3}
 """
-"""Short trainings that save their state often, so that a kill finds one."""
+"""Short trainings that save their state often."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Project:
     Attributes:
         folder: where it is.
         stages: the command of every stage by its name, in the order in which they run.
-        raw: whether the raw recordings were at hand; without them not all of dvc.yaml can be reproduced.
+        raw: whether the raw recordings are available; without them only a part of dvc.yaml can run.
         expected: checksum of every file of the results.
-        usual_s: how long the stages that faults befall take undisturbed, DVC included, s.
+        usual_s: undisturbed duration of the disturbed stages, with DVC, s.
     """
 
     folder: Path
@@ -52,14 +52,14 @@ class Project:
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """What to ask of `dvc repro`: nothing, that is all, if it can be (DVC parses dvc.lock for each)."""
+        """The targets of `dvc repro`; none means all, which is faster (DVC parses dvc.lock per target)."""
         return () if self.raw else tuple(self.stages)
 
     def timed(self, stages: Iterable[str]) -> Project:
-        """The project with the usual times of some stages.
+        """Measure the undisturbed durations of some stages.
 
         Raises:
-            SystemExit: they give other bytes the second time.
+            SystemExit: the second run gives other bytes.
         """
         usual_s = {}
         for stage in tqdm(stages, desc="undisturbed", unit="stage"):
@@ -71,21 +71,21 @@ class Project:
         return replace(self, usual_s=usual_s)
 
     def mended(self) -> str:
-        """Reproduce all as `make reproduce` does; what is wrong afterwards, empty if nothing."""
+        """Reproduce all as `make reproduce` does; return the problem or ""."""
         mend = [sys.executable, "-m", "tools.mend_lock"]
         subprocess.run(mend, cwd=self.folder, env=environment(), check=True, **SILENT)
         done = dvc(self.folder, "repro", "--no-run-cache", *self.targets)
         return f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else self.differing(self.folder)
 
     def differing(self, folder: Path) -> str:
-        """Which results in a folder are not the expected ones, empty if all are."""
+        """Name the results in a folder that differ from the expected ones; "" if none."""
         now = results(folder)
         names = sorted(k for k in now.keys() | self.expected.keys() if now.get(k) != self.expected.get(k))
         return f"other bytes in {', '.join(names[:3])} ({len(names)} in all)" if names else ""
 
 
 def environment(**more: str) -> dict[str, str]:
-    """Of every command: this interpreter's tools first, nothing of an outer DVC or git."""
+    """The environment of every command: this interpreter's tools first, no variables of outer DVC or git."""
     outer = {k: v for k, v in os.environ.items() if not k.startswith(("DVC_", "GIT_"))}
     tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     roles = ("AUTHOR", "COMMITTER")
@@ -97,7 +97,7 @@ def environment(**more: str) -> dict[str, str]:
 def dvc(
     folder: Path, *arguments: str, env: Mapping[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run DVC to its end."""
+    """Run DVC and wait for it."""
     return subprocess.run(
         ["dvc", *arguments],
         cwd=folder,
@@ -109,14 +109,14 @@ def dvc(
 
 
 def started(folder: Path, stage: str, **options: Any) -> subprocess.Popen:
-    """Begin a stage anew, in a session of its own."""
+    """Start a stage with --force, in a session of its own."""
     command = ["dvc", "repro", "--force", "--no-run-cache", "--single-item", stage]
     chosen = {"env": environment()} | SILENT | options
     return subprocess.Popen(command, cwd=folder, start_new_session=True, **chosen)
 
 
 def results(folder: Path) -> dict[str, str]:
-    """Checksum of every file that the pipeline has written, by its path."""
+    """Compute the checksum of every file that the pipeline has written, by path."""
     files = [p for top in ("data", "models", "reports") for p in (folder / top).rglob("*") if p.is_file()]
     return {
         str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest()
@@ -138,7 +138,7 @@ def toy(folder: Path) -> None:
 
 
 def pipeline(folder: Path, raw: bool) -> dict[str, str]:
-    """The command of every stage by its name, as they run; without raw data only what can do without."""
+    """The command of every stage by name, in order; without raw data only the stages that need none."""
     graph = Repo(str(folder)).index.graph  # from a stage to what it needs
     names = {stage: stage.name for stage in graph}
     order = list(reversed(list(nx.lexicographical_topological_sort(graph, key=names.get))))
@@ -174,6 +174,6 @@ def made(folder: Path) -> Project:
 
 
 def found(folder: Path) -> Project:
-    """A copy that has been reproduced before."""
+    """Load a copy that has been reproduced before."""
     raw = any((folder / "data/raw").glob("*"))
     return Project(folder, pipeline(folder, raw), raw, results(folder))

@@ -1,4 +1,4 @@
-"""One trial: damage a file, read it, and judge what came of it."""
+"""One trial: damage a file, read it, and judge the result."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from tests.trust.readers import Reader
 
 READ, REFUSED, LOST = "read", "refused", "lost"
 SLOWEST_S = 5.0
-"""Of the processor: how long a reader may think about a damaged file of some kB."""
+"""Limit of CPU time for a damaged file of some kB."""
 MOST_MEMORY_BYTES = 2**30
-"""How much memory it may take meanwhile."""
+"""Limit of additional memory."""
 
 
 class Bench:
-    """A folder with an intact example, whose files are damaged one at a time and put right again."""
+    """A folder with an intact example; each trial damages one file and restores it."""
 
     def __init__(self, name: str, reader: Reader, folder: Path):
         self._name, self._reader, self._folder = name, reader, folder
@@ -36,13 +36,13 @@ class Bench:
             raise AssertionError(f"the intact example of {name}: {why}")
 
     def damaged(self, seed: int) -> tuple[str, bytes]:
-        """The file that trial `seed` damages and its bytes then; the same each time."""
+        """Return the file that trial `seed` damages and its damaged bytes, deterministically."""
         rng = np.random.default_rng([zlib.crc32(self._name.encode()), seed])
         file = self._reader.files[int(rng.integers(len(self._reader.files)))]
         return file, mutate(self._intact[file], file, rng)
 
     def trial(self, seed: int) -> tuple[str, str]:
-        """What came of it (`READ`, `REFUSED` or `LOST`), and why."""
+        """Run trial `seed`: `READ`, `REFUSED` or `LOST`, and the reason."""
         file, raw = self.damaged(seed)
         (self._folder / file).write_bytes(raw)
         try:
@@ -52,7 +52,7 @@ class Bench:
 
 
 def judged(reader: Reader, folder: Path) -> tuple[str, str]:
-    """Read; only a result or a `PedpredError` that names the folder, in time and within bounds, will do."""
+    """Read and judge: pass if a result or a `PedpredError` that names the file comes within the bounds."""
     before_s, before_bytes = time.process_time(), _peak_bytes()
     try:
         with warnings.catch_warnings():
@@ -68,7 +68,7 @@ def judged(reader: Reader, folder: Path) -> tuple[str, str]:
         for cause in _causes(error):
             if isinstance(cause, MemoryError | RuntimeWarning):
                 outcome, why = LOST, f"{type(cause).__name__}: {cause}"
-    except Exception as error:  # the point of it all
+    except Exception as error:  # any other exception is a failure
         outcome, why = LOST, f"{type(error).__name__}: {error}"
     if time.process_time() - before_s > SLOWEST_S:
         outcome, why = LOST, f"{time.process_time() - before_s:.1f} s, {why}"
@@ -87,5 +87,5 @@ def _peak_bytes() -> int:
 
 
 def bench(name: str, reader: Reader) -> Bench:
-    """A bench in a new temporary folder."""
+    """Make a bench in a new temporary folder."""
     return Bench(name, reader, Path(tempfile.mkdtemp(prefix=f"trust-{name}-")))

@@ -1,15 +1,15 @@
-"""A wall clock that jumps by up to a day at every look, for each process with this folder on $PYTHONPATH."""
+"""Make the wall clock jump by up to a day at every reading, in processes with this folder on $PYTHONPATH."""
 
 import random
 import time
 
 DAY_NS = 86_400 * 10**9
 _true_ns = time.time_ns
-_chance = random.SystemRandom()  # not the module's own numbers, which programs may seed
+_chance = random.SystemRandom()  # independent of seeds that programs set
 
 
 def jumping_ns() -> int:
-    """What stands in for `time.time_ns`."""
+    """Replace `time.time_ns`."""
     return _true_ns() + _chance.randint(-DAY_NS, DAY_NS)
 
 
