@@ -1,6 +1,7 @@
 """Recorded people, replayed online frame by frame, get the forecasts that the offline pipeline makes."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,8 +49,9 @@ def test_a_replay_gives_the_offline_forecasts(model, kind, dt_s, phase_offsets):
 @pytest.mark.parametrize("place", ["eth", "hotel"])
 def test_real_recordings_give_the_offline_forecasts(place, ewap_folder, model):
     """Every evaluation window of the first 40 seconds, on three clocks that are one detection apart."""
-    about = yaml.safe_load((ROOT / f"conf/scenes/{place}.yaml").read_text())
-    scene = SOURCES[about["source"]](ewap_folder / about["sequence"], place, about)
+    about = yaml.safe_load((ROOT / "conf/places/recorded.yaml").read_text())[place]
+    folder = ewap_folder / Path(about["folder"]).name
+    scene = SOURCES[about["source"]](folder, place, about["settings"])
     early = scene.trajectories.time_s < scene.trajectories.time_s[0] + 40.0
     scene = dataclasses.replace(scene, trajectories=scene.trajectories.select(early))
     table, offline, online = offline_and_online(scene, "kalman", about["phase_offsets"], model)

@@ -95,7 +95,6 @@ def test_fine_tuning_reads_the_places_of_its_fold_alone(fold, monkeypatch):
 
     read = set()
     monkeypatch.setattr(train, "fit", record)
-    monkeypatch.setattr(train, "initialised", lambda *_: None)
     given = {"phase": "finetune", "name": next(iter(PARAMS["methods"]["networks"])), "fold": fold}
     with pytest.raises(InterruptedError):
         train.main.__wrapped__(OmegaConf.create(PARAMS | given))
