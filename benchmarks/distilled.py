@@ -41,12 +41,12 @@ def errors_m(model: Path, data: str, room: str) -> tuple[np.ndarray, np.ndarray]
     robot = OnlinePredictor.load(model, OnlineSettings.as_offline(settings, scene.detection_dt_s))
     frames = len(np.unique(scene.trajectories.time_s))
     forecasts = tqdm(replayed(scene, robot, True), total=frames, desc=f"{model.name} in {room}", unit="frame")
-    paths = paths_at(forecasts, windows.track_id, windows.time_s, settings.horizon_steps)
+    paths, _ = paths_at(forecasts, windows.track_id, windows.time_s, settings.horizon_steps)
     return displacement(paths, true_paths(windows, settings.dt_s)).mean(axis=1), windows.track_id
 
 
 def compared(full: Path, data: str, rooms: list[str]) -> dict[str, Any]:
-    """Errors of the full and of the lean folder over some rooms."""
+    """Errors of the full and of the distilled folder over some rooms."""
     distilled = full.with_name(f"{full.name}_distilled")
     before, after, track = [], [], []
     for index, room in enumerate(rooms):
@@ -60,8 +60,8 @@ def compared(full: Path, data: str, rooms: list[str]) -> dict[str, Any]:
         "rooms": f"{data}: {', '.join(rooms)}",
         "windows": len(difference),
         "full_ade_m": float(np.concatenate(before).mean()),
-        "lean_ade_m": float(np.concatenate(after).mean()),
-        "lean_minus_full_m": float(difference.mean()),
+        "distilled_ade_m": float(np.concatenate(after).mean()),
+        "distilled_minus_full_m": float(difference.mean()),
         "low_m": float(low),
         "high_m": float(high),
     }

@@ -19,16 +19,18 @@ import argparse
 import json
 import resource
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
+from torch import nn
 
 from benchmarks.features import room
 from benchmarks.replay import differences
 from benchmarks.timing import keep, median_ms, tell
-from pedpred.networks import GridAutoencoder, MotionLstm, MotionSettings
+from pedpred.networks import GridEncoder, parse_settings
 from pedpred.online import OnlinePredictor
 
 CROWDS = (1, 20, 200, 1000)
@@ -41,16 +43,37 @@ def matrix_rate(size: int = 1024) -> float:
     return size**3 / (median_ms(lambda: a @ a) * 1e-3)
 
 
-def multiply_adds(settings: MotionSettings) -> int:
-    """Of one pedestrian's step: convolutions, embeddings, LSTMs, head."""
-    convolutions = 28 * 28 * 64 * 25 + 14 * 14 * 32 * 64 * 9 + 7 * 7 * 8 * 32 * 9
-    widths = {"state": 2, "grid": 392, "angular": 72}
-    total = convolutions if "grid" in settings.channels else 0
-    for name, channel in settings.channels.items():
-        total += widths[name] * channel.projection + 4 * channel.lstm * (channel.projection + channel.lstm)
-    fused = sum(channel.lstm for channel in settings.channels.values())
-    total += 4 * settings.joint * (fused + settings.joint) + settings.joint * settings.head
-    return total + settings.head * 2 * settings.horizon_steps
+def model_of(folder: Path) -> tuple[nn.Module, Callable[[int], None]]:
+    """A network like the exported one, and one step of it for so many people, convolutions included."""
+    about = json.loads((folder / "model.json").read_text())
+    origin, cells = about["origin"], about["features"]["grid_cells"]
+    network = parse_settings(origin["network"]).build(origin["widths"], origin["horizon_steps"]).eval()
+    whole = nn.ModuleDict({"network": network, "encoder": GridEncoder(cells)})
+
+    @torch.inference_mode()
+    def step(count: int) -> None:
+        inputs = {name: torch.zeros(count, 1, width) for name, width in network.widths.items()}
+        if "grid" in inputs:
+            inputs["grid"] = whole["encoder"].embedding(torch.zeros(count, cells, cells))[:, None]
+        network(inputs, network.start(count))
+
+    return whole, step
+
+
+def multiply_adds(network: nn.Module, step: Callable[[int], None]) -> int:
+    """Of one pedestrian's step: every weight of a matrix once, of a convolution once per output cell."""
+    total = 0
+
+    def count(layer: nn.Module, inputs: object, output: object) -> None:
+        nonlocal total
+        cells = output[0, 0].numel() if isinstance(layer, nn.Conv2d) else 1
+        total += sum(w.numel() for w in layer.parameters(recurse=False) if w.dim() > 1) * cells
+
+    hooks = [layer.register_forward_hook(count) for layer in network.modules()]
+    step(1)
+    for hook in hooks:
+        hook.remove()
+    return total
 
 
 def walkers(count: int, rng: np.random.Generator, frames: int) -> list[np.ndarray]:
@@ -98,20 +121,6 @@ def traffic_rows(folder: Path, minutes: int = 60, dt_s: float = 0.3) -> Iterator
             }
 
 
-def eager_ms(settings: MotionSettings, count: int) -> float:
-    """The same network in torch, convolutions included, features not."""
-    network, encoder = MotionLstm(settings).eval(), GridAutoencoder(60, 64).encoder
-    crops, inputs = torch.zeros(count, 60, 60), {"state": torch.zeros(count, 1, 2)}
-    inputs["angular"] = torch.zeros(count, 1, 72)
-    state = network.start(count)
-
-    @torch.inference_mode()
-    def step() -> None:
-        network({**inputs, "grid": encoder.embedding(crops)[:, None]}, state)
-
-    return median_ms(step)
-
-
 def main() -> None:
     """Measure, print, and keep the figures when asked to."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -126,14 +135,13 @@ def main() -> None:
         keep({"replay": rows}, options.json)
         return
     torch.set_num_threads(1)
-    settings = MotionSettings.parse(
-        json.loads((options.model / "model.json").read_text())["origin"]["network"]
-    )
+    network, step = model_of(options.model)
+    work = multiply_adds(network, step)
     rate, distilled = matrix_rate(), options.model.with_name(f"{options.model.name}_distilled")
     rows = []
     for count in CROWDS:
         times = update_times_ms(options.model, count, 1010 if count <= 20 else 110)
-        bound = count * multiply_adds(settings) / rate * 1e3
+        bound = count * work / rate * 1e3
         rows.append(
             {
                 "pedestrians": count,
@@ -143,7 +151,7 @@ def main() -> None:
                 "lean_ms": float(np.median(update_times_ms(distilled, count, 110))),
                 "bound_ms": bound,
                 "median/bound": float(np.median(times)) / bound,
-                "torch_eager_ms": eager_ms(settings, count),
+                "torch_eager_ms": median_ms(partial(step, count)),
                 "paper_ms": PAPER_MS.get(count, float("nan")),
             }
         )

@@ -7,7 +7,7 @@ import pandas as pd
 import torch
 from omegaconf import DictConfig
 
-from pedpred.config import plain, stage
+from pedpred.config import configured, plain, stage
 from pedpred.datasets.crops import embedded_crops_of
 from pedpred.networks.encoding import load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
@@ -22,7 +22,8 @@ def main(cfg: DictConfig) -> None:
     options = plain(cfg.distilled)
     torch.set_num_threads(options.pop("threads"))
     share, every = options.pop("validation_share"), options.pop("every")
-    settings = DistillationSettings(**options | {"widths": tuple(options["widths"])})
+    with configured("distilled"):
+        settings = DistillationSettings(**options | {"widths": tuple(options["widths"])})
     features, rng = Path("data/features/simulated/main"), np.random.default_rng(settings.seed)
     embeddings = Path("data/embeddings/simulated/main")
     training, validation = embedded_crops_of(features, embeddings, share, every, rng)

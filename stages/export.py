@@ -7,7 +7,7 @@ from omegaconf import DictConfig
 from pedpred.config import row, stage
 from pedpred.networks.encoding import load_encoder
 from pedpred.networks.export import export_int8, export_onnx
-from pedpred.networks.registry import load_network, plain_settings
+from pedpred.networks.registry import describe_network, load_network
 from pedpred.online.network import ModelDescription, sensor_shapes, write_description
 from pedpred.storage.shards import read_manifest
 from pedpred.tracking import KalmanSettings
@@ -25,7 +25,7 @@ def main(cfg: DictConfig) -> None:
         distilled: load_encoder(Path("models/distilled")),
     }
     for folder, encoder in encoders.items():
-        ends = export_onnx(network, encoder, sensor_shapes(features), folder / "network.onnx")
+        ends = export_onnx(network, encoder, sensor_shapes(features), features.dt_s, folder / "network.onnx")
     export_int8(distilled / "network.onnx", distilled / "network.onnx")
     options = row(cfg, "trackers", cfg.folds[cfg.kind][cfg.fold].tracker)
     options.pop("kind")
@@ -33,7 +33,7 @@ def main(cfg: DictConfig) -> None:
     description = ModelDescription(
         **ends, features=features, tracker=tracker, standstill_mps=cfg.online.standstill_mps
     )
-    origin = {"fold": cfg.fold, "network": plain_settings(network.settings)}
+    origin = {"fold": cfg.fold, **describe_network(network)}
     write_description(out, description, {**origin, "weights": "float32"})
     narrow = "narrow convolutions, int8 in LSTMs and dense layers"
     write_description(distilled, description, {**origin, "weights": narrow})

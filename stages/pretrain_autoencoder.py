@@ -7,7 +7,7 @@ import pandas as pd
 import torch
 from omegaconf import DictConfig
 
-from pedpred.config import plain, stage
+from pedpred.config import configured, plain, stage
 from pedpred.datasets.crops import crops_of
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.fit import manifests_sha256, write_curve
@@ -21,7 +21,8 @@ def main(cfg: DictConfig) -> None:
     options = plain(cfg.autoencoder)
     torch.set_num_threads(options.pop("threads"))
     share, crops = options.pop("validation_share"), options.pop("validation_crops")
-    settings = AutoencoderSettings(**options)
+    with configured("autoencoder"):
+        settings = AutoencoderSettings(**options)
     features = Path("data/features/simulated/main")
     training, validation, cells = crops_of(features, share, crops, np.random.default_rng(settings.seed))
     about = {"kind": "autoencoder", "settings": options, "cells": cells}

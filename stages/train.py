@@ -1,11 +1,12 @@
 """train_corridor, train_main, finetune: one phase of the curriculum for one network."""
 
+from contextlib import ExitStack
 from pathlib import Path
 
 import torch
 from omegaconf import DictConfig
 
-from pedpred.config import plain, stage, stage_key
+from pedpred.config import configured, plain, stage, stage_key
 from pedpred.networks import parse_settings
 from pedpred.training.distributed import distributed_context
 from pedpred.training.fit import PhaseData, copy_phase, fit, write_phase
@@ -43,10 +44,15 @@ def main(cfg: DictConfig) -> None:
     if not sets:
         copy_phase(previous, out, curve_path)
         return
-    architecture = parse_settings(plain(cfg.methods.networks[name].settings))
+    with configured(f"methods.networks.{name}.settings"):
+        architecture = parse_settings(plain(cfg.methods.networks[name].settings))
     title = f"{cfg.phase} of {name} on {', '.join(sets)}"
-    settings = TrainingSettings.parse(phase)
-    with distributed_context(cfg.training.device, cfg.training.autocast) as here:
+    with configured(f"training.{cfg.phase}"):
+        settings = TrainingSettings.parse(phase)
+    with ExitStack() as group:
+        with configured("training"):
+            context = distributed_context(cfg.training.device, cfg.training.autocast)
+            here = group.enter_context(context)
         network, curve, about = fit(architecture, previous, data, settings, title, here)
     if here.writes:
         write_phase(network, about, curve, out, curve_path)

@@ -33,7 +33,7 @@ def export(folder):
     for weights in network.parameters():
         torch.nn.init.normal_(weights, std=0.3)
     sizes = FeatureSettings()
-    ends = export_onnx(network, encoder, sensor_shapes(sizes), folder / "network.onnx")
+    ends = export_onnx(network, encoder, sensor_shapes(sizes), sizes.dt_s, folder / "network.onnx")
     description = ModelDescription(**ends, features=sizes, tracker=TRACKER, standstill_mps=0.2)
     write_description(folder, description, {"trained_on": "nothing"})
     return folder, network, encoder

@@ -23,6 +23,8 @@ from pedpred.training import (
     train_autoencoder,
     train_motion,
 )
+from pedpred.training.fit import copy_phase
+from pedpred.training.pretraining import AutoencoderLearner
 from pedpred.training.schedule import learning_rate
 
 WIDTHS = {"state": 2, "angular": 72}
@@ -221,6 +223,31 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     for name, weight in whole.items():
         torch.testing.assert_close(resumed[name], weight, rtol=0, atol=0)
     assert [r["step"] for r in curve] == [r["step"] for r in resumed_curve]
+
+
+def test_a_killed_pre_training_ends_with_the_same_weights(tmp_path, monkeypatch):
+    packed = np.random.default_rng(0).integers(0, 255, (8, 450), dtype=np.uint8)
+    short = AutoencoderSettings(
+        latent=4, batch=2, steps=3, validate_every=1, lr=1e-3, warmup_steps=1, clip_norm=1.0, seed=0
+    )
+    whole, curve = train_autoencoder(packed, packed, 60, short)
+    validate = AutoencoderLearner.validate
+    found = iter([validate] * 3)  # untrained and after two steps
+    monkeypatch.setattr(AutoencoderLearner, "validate", lambda learner: next(found)(learner))
+    with pytest.raises(StopIteration):
+        train_autoencoder(packed, packed, 60, short, tmp_path)
+    monkeypatch.setattr(AutoencoderLearner, "validate", validate)
+    resumed, resumed_curve = train_autoencoder(packed, packed, 60, short, tmp_path)
+    assert all(torch.equal(a, b) for a, b in zip(whole.parameters(), resumed.parameters(), strict=True))
+    assert resumed_curve[1:] == curve[1:]  # [0] has no loss yet, and nan equals nothing
+
+
+def test_a_phase_without_places_copies_the_network(tmp_path):
+    write_network(tmp_path / "main", SMALL.build(WIDTHS, 4))
+    copy_phase(tmp_path / "main", tmp_path / "fold", tmp_path / "curve.tsv")
+    for name in ("weights.safetensors", "about.json"):
+        assert (tmp_path / "fold" / name).read_bytes() == (tmp_path / "main" / name).read_bytes()
+    assert (tmp_path / "curve.tsv").read_text() == "epoch\tstep\ttrain_loss\n"
 
 
 def test_chance_holds_along_a_track_and_changes_with_it():

@@ -1,5 +1,6 @@
 """Data sets larger than memory: rows on disk are the rows that came, and leave nothing behind."""
 
+import dataclasses
 import errno
 import itertools
 import os
@@ -18,7 +19,7 @@ from benchmarks.timing import used
 from pedpred.datasets.crops import crops_of, embedded_crops_of
 from pedpred.datasets.motion import NETWORK_COLUMNS, load_motion_data, network_columns
 from pedpred.datasets.split import split_sequences
-from pedpred.errors import ShapeError, StorageError
+from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.storage import mapped
 from pedpred.storage.mapped import MappedRows
@@ -159,6 +160,22 @@ def test_a_cut_shard_is_named(stored, tmp_path):
         with pytest.raises(StorageError, match=part):
             load_motion_data([folder], [folder / "embeddings"])
     assert not any(Path("build").iterdir())
+
+
+def test_places_follow_each_other_and_stay_apart(stored, tmp_path):
+    one = load_motion_data([stored], [stored / "embeddings"])
+    two = load_motion_data([stored, stored], [stored / "embeddings"] * 2)
+    rows, count = len(one.future), len(one.sequences)
+    np.testing.assert_array_equal(two.embedding[rows:], one.embedding)
+    np.testing.assert_array_equal(two.sequences[count:], one.sequences + rows)
+    for name in ("scene", "track"):
+        mine, all_of_them = getattr(one, name), getattr(two, name)
+        np.testing.assert_array_equal(all_of_them[:count], mine)
+        assert not set(all_of_them[count:]) & set(mine)
+        assert len(set(all_of_them[count:])) == len(set(mine))
+    write_manifest(tmp_path, dataclasses.replace(SETTINGS, max_range_m=5.0), {})
+    with pytest.raises(ValueRuleError, match=r"max_range_m = 5\.0"):
+        load_motion_data([stored, tmp_path])
 
 
 @pytest.mark.parametrize("by", ["scene", "track"])

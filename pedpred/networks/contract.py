@@ -121,7 +121,7 @@ class RecurrentNetwork(nn.Module, ABC):
         """Validation scores per step, in the order of `score_names`; lower is better. [..., P] each."""
 
     @abstractmethod
-    def answer(self, outputs: Tensors) -> Tensors:
+    def answer(self, outputs: Tensors, dt_s: float) -> Tensors:
         """The outputs as tensors of `pedpred.forecasting.tensors`, with leading axes [...]."""
 
     def clipped_groups(self) -> list[list[nn.Parameter]]:

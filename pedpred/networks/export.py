@@ -11,11 +11,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import onnx
+import onnxruntime
 import torch
 from onnxruntime.quantization import quantize_dynamic
 from torch import Tensor, nn
 
+from pedpred.errors import ValueRuleError
 from pedpred.files import atomic_write
 from pedpred.forecasting.tensors import TENSORS
 from pedpred.networks.autoencoder import GridEncoder
@@ -34,9 +37,9 @@ class ExportedStep(nn.Module):
         memory: tensors of the state, name -> shape per person.
     """
 
-    def __init__(self, network: RecurrentNetwork, encoder: GridEncoder):
+    def __init__(self, network: RecurrentNetwork, encoder: GridEncoder, dt_s: float):
         super().__init__()
-        self.network, self.encoder = network.eval(), encoder.eval()
+        self.network, self.encoder, self.dt_s = network.eval(), encoder.eval(), dt_s
         self.inputs = tuple(_SENSOR_INPUT.get(name, name) for name in network.settings.channels_read)
         self.memory = network.state_shapes
 
@@ -52,12 +55,16 @@ class ExportedStep(nn.Module):
         if "crop" in given:
             given["grid"] = self.encoder.embedding(given.pop("crop"))
         outputs, after = self.network({name: value[:, None] for name, value in given.items()}, state)
-        answer = self.network.answer(outputs)
+        answer = self.network.answer(outputs, self.dt_s)
         return {name: answer[name][:, 0] for name in TENSORS if name in answer}, after
 
 
 def export_onnx(
-    network: RecurrentNetwork, encoder: GridEncoder, shapes: Mapping[str, tuple[int, ...]], path: Path
+    network: RecurrentNetwork,
+    encoder: GridEncoder,
+    shapes: Mapping[str, tuple[int, ...]],
+    dt_s: float,
+    path: Path,
 ) -> dict[str, Any]:
     """Write the graph of one step of N people.
 
@@ -65,12 +72,13 @@ def export_onnx(
         network: trained; it decides which inputs the graph has.
         encoder: whose embeddings the network reads.
         shapes: of the sensor inputs of one person, by name (`pedpred.online.network.sensor_shapes`).
+        dt_s: time between two steps, s.
         path: the file to write.
 
     Returns:
         "inputs": their names; "outputs" and "memory": name -> shape per person; all in order.
     """
-    step = ExportedStep(network, encoder)
+    step = ExportedStep(network, encoder, dt_s)
     sizes = [shapes[name] for name in step.inputs] + list(step.memory.values())
     example = tuple(torch.zeros(2, *size) for size in sizes)  # two: a size of 1 would be taken for fixed
     with torch.inference_mode():
@@ -90,8 +98,29 @@ def export_onnx(
             dynamic_axes={name: {0: "people"} for name in sources + sinks},
         )
         onnx.checker.check_model(str(new), full_check=True)
+        _check_graph(step, sizes, sources, new)
     outputs = {name: tuple(value.shape[1:]) for name, value in answer.items()}
     return {"inputs": step.inputs, "memory": step.memory, "outputs": outputs}
+
+
+def _check_graph(step: ExportedStep, sizes: list[tuple[int, ...]], sources: list[str], path: Path) -> None:
+    """Compare graph and network for another number of people than the traced one.
+
+    Raises:
+        ValueRuleError: they differ: the network computes a shape or a branch that tracing takes for fixed.
+    """
+    rng = np.random.default_rng(0)
+    values = [rng.random((5, *size), np.float32) for size in sizes]
+    with torch.inference_mode():
+        expected = step(*map(torch.from_numpy, values))
+    try:
+        session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+        found = session.run(None, dict(zip(sources, values, strict=True)))
+    except Exception as error:  # onnxruntime documents none
+        raise ValueRuleError("graph", path.name, "it fails for other numbers of people") from error
+    for mine, own in zip(found, expected, strict=True):
+        if mine.shape != own.shape or not np.allclose(mine, own.numpy(), rtol=1e-3, atol=1e-4):
+            raise ValueRuleError("graph", path.name, "it is wrong for other numbers of people")
 
 
 def export_int8(source: Path, target: Path) -> None:

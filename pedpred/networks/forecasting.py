@@ -42,7 +42,9 @@ class NetworkForecaster:
         data = motion_data(table, sizes, embeddings)
         outputs = select(roll(self.network, data, data.sequences), torch.from_numpy(rows))
         with torch.inference_mode():
-            answer = {name: values.numpy() for name, values in self.network.answer(outputs).items()}
+            answer = {
+                name: values.numpy() for name, values in self.network.answer(outputs, sizes.dt_s).items()
+            }
         return predictions_of(answer, sizes.dt_s).in_world(table.position[rows], table.heading_rad[rows])
 
 

@@ -169,7 +169,7 @@ class MotionLstm(RecurrentNetwork):
             scores["nll"] = negative_log_density(error, outputs["spread"])
         return scores
 
-    def answer(self, outputs: Tensors) -> Tensors:
+    def answer(self, outputs: Tensors, dt_s: float) -> Tensors:
         """Velocities, and the covariance of the single mode."""
         answer = {"velocities": outputs["velocities"]}
         if "spread" in outputs:

@@ -1,0 +1,77 @@
+"""An architecture that is added goes through training, storage, forecasting, export and online use."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from pedpred.errors import ValueRuleError
+from pedpred.features import FeatureSettings, extract
+from pedpred.networks import ARCHITECTURES, GridEncoder, NetworkForecaster, load_network, parse_settings
+from pedpred.networks.export import export_onnx
+from pedpred.networks.registry import write_network
+from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.network import ModelDescription, sensor_shapes, write_description
+from pedpred.online.replay import replayed
+from pedpred.tracking import follow
+from pedpred.training import train_motion
+from tests.exported import TRACKER
+from tests.test_learning import QUICK, toy_data
+from tests.toy_network import ToySettings
+from tests.worlds import walled_scene
+
+
+@pytest.fixture
+def network(monkeypatch, tmp_path):
+    """Trained for a moment, written and read."""
+    monkeypatch.setitem(ARCHITECTURES, "toy", ToySettings)
+    data = toy_data(np.random.default_rng(0))
+    torch.manual_seed(0)
+    toy = parse_settings({"architecture": "toy", "units": 6}).build(data.widths, data.horizon_steps)
+    long = dataclasses.replace(QUICK, steps=30, validate_every=15)
+    curve = train_motion(toy, data, data.sequences, data.sequences, long, tmp_path / "run", "toy")
+    assert curve[-1]["validation_distance"] < curve[0]["validation_distance"]
+    write_network(tmp_path / "toy", toy)
+    return load_network(tmp_path / "toy")
+
+
+def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypatch):
+    sizes, own = FeatureSettings(horizon_steps=4), type(network).answer
+
+    def answer(network, outputs, dt_s):
+        known = own(network, outputs, dt_s)
+        first = known["path"][..., 0, :, :]
+        fixed = torch.zeros(first.shape)  # of as many people as are traced
+        return known | {"path": torch.stack([first, fixed], dim=-3)}
+
+    monkeypatch.setattr(type(network), "answer", answer)
+    with pytest.raises(ValueRuleError, match="other numbers of people"):
+        export_onnx(network, GridEncoder(60), sensor_shapes(sizes), sizes.dt_s, tmp_path / "network.onnx")
+    assert not (tmp_path / "network.onnx").exists()
+
+
+def test_modes_travel_from_the_network_to_the_robot(network, tmp_path):
+    """Offline and online give the same modes, the most likely one first."""
+    sizes, scene = FeatureSettings(horizon_steps=4), walled_scene(np.random.default_rng(1), 0.3)
+    table = extract(scene, follow(scene.trajectories, "kalman", TRACKER, 0.2), sizes)
+    offline = NetworkForecaster(network, None).predict(table, sizes, np.arange(len(table)))
+    assert offline.modes == 2
+    np.testing.assert_allclose(offline.weight, np.tile([2 / 3, 1 / 3], (len(table), 1)))
+    np.testing.assert_allclose(offline.most_likely, table.position[:, None].repeat(4, axis=1), atol=1e-9)
+    np.testing.assert_allclose(offline.path[:, 1], offline.point, atol=1e-5)
+
+    ends = export_onnx(network, GridEncoder(60), sensor_shapes(sizes), sizes.dt_s, tmp_path / "network.onnx")
+    assert ends["memory"] == {"trace": (1, 6)}
+    about = ModelDescription(**ends, features=sizes, tracker=TRACKER, standstill_mps=0.2)
+    write_description(tmp_path, about, {})
+    robot = OnlinePredictor.load(tmp_path, OnlineSettings.as_offline(sizes, scene.detection_dt_s))
+    compared = 0
+    for forecast in replayed(scene, robot):
+        now = np.flatnonzero(np.abs(table.time_s - forecast.time_s) < 1e-6)
+        own = np.searchsorted(forecast.track_id, table.track_id[now])
+        np.testing.assert_allclose(forecast.predictions.path[own], offline.path[now], atol=1e-4)
+        np.testing.assert_allclose(forecast.position[own], offline.point[now], atol=1e-4)
+        assert forecast.covariance is None
+        compared += len(now)
+    assert compared == len(table)
