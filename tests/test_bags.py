@@ -32,13 +32,13 @@ DEFINITIONS = {
     "vision_msgs/msg/Detection3D": "std_msgs/Header header\nvision_msgs/BoundingBox3D bbox\nstring id",
     "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
 }
-"""The fields that matter here, as the packages of that name define them."""
+"""The used fields of each type, as its package defines them."""
 
 PATHS = {3: [(0.0, 1.0), (0.5, 1.0), (1.0, 1.5)], 8: [(4.0, 0.0), (3.5, 0.1), (3.0, 0.2)]}
 
 
 class Store:
-    """Makes messages of one version of ROS."""
+    """Makes messages of one ROS version."""
 
     def __init__(self, kind):
         self.ros1 = kind == Stores.ROS1_NOETIC
@@ -61,7 +61,7 @@ class Store:
         return self.make("geometry_msgs/msg/Pose", position=point, orientation=turn)
 
     def people(self, kind, time_s, frame="map"):
-        """Everybody of PATHS at an instant (whole half seconds)."""
+        """The people of PATHS at a multiple of half a second."""
         here = {who: self.pose(*path[round(2 * time_s)]) for who, path in PATHS.items()}
         one, field = {
             "people_msgs/msg/People": ("people_msgs/msg/Person", "people"),
@@ -101,7 +101,7 @@ class Store:
         return self.make("nav_msgs/msg/OccupancyGrid", header=header, info=about, data=data)
 
     def write(self, path, messages, storage=rosbag2.StoragePlugin.SQLITE3):
-        """Messages as (topic, type, message) in the order of time."""
+        """Write (topic, type, message) tuples in order of time."""
         if self.ros1:
             writer, serialise = rosbag1.Writer(path), self.types.serialize_ros1
         else:
@@ -196,7 +196,7 @@ def test_names_that_are_no_numbers_become_some():
 
 
 def test_the_standard_types_read_every_standard_message_of_a_recording(tmp_path):
-    """With the types of ROS 2 Humble instead of the definitions that the file brings along."""
+    """With the types of ROS 2 Humble instead of the definitions in the file."""
     scene = walled_scene(np.random.default_rng(0), detections=20)
     write_recording(scene, tmp_path / "hall.mcap")
     standard, read = get_typestore(Stores.ROS2_HUMBLE), SimpleNamespace(standard=0, people=0)
@@ -241,7 +241,7 @@ def test_a_bag_that_is_cut_is_read_up_to_the_cut(share, tmp_path):
 @pytest.mark.parametrize("compression", ["", "lz4", "zstd"])
 @pytest.mark.parametrize("honest", [True, False])
 def test_a_chunk_that_would_fill_the_memory_is_refused(compression, honest, tmp_path):
-    """Whether it says how much it holds or not; half a gigabyte of zeros is half a megabyte of lz4."""
+    """Whether it declares its size or not; half a gigabyte of zeros is half a megabyte of lz4."""
     held = 2**29
     squeezed = {"": lambda: b"\0", "lz4": lambda: lz4_of_zeros(held), "zstd": lambda: zstd_of_zeros(held)}
     with (tmp_path / "bomb.mcap").open("wb") as stream:
@@ -257,7 +257,7 @@ def test_a_chunk_that_would_fill_the_memory_is_refused(compression, honest, tmp_
 
 
 def repacked(source, target, compression, **options):
-    """The messages of a recording in a file of another writer."""
+    """Write the messages of a recording with another MCAP writer."""
     with source.open("rb") as old, target.open("wb") as new:
         writer = Writer(new, compression=compression, **options)
         writer.start("ros2")

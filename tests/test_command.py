@@ -1,4 +1,4 @@
-"""The command line: scenes in, recordings and folders out, errors as sentences."""
+"""The command line: scenes in, recordings and folders out, errors without a traceback."""
 
 import dataclasses
 import json
@@ -104,7 +104,7 @@ def test_help_is_there_and_needs_no_torch():
 
 
 def test_own_tracks_in_a_table_are_measured(tmp_path, model, capsys):
-    """Two people who walk straight on, at 5 Hz: all that go on for three seconds are windows, and known."""
+    """Two people walk straight on at 5 Hz: every detection with three more seconds is a window."""
     rows = [f"{0.2 * k},{who},{0.24 * k * way},{who}.5" for k in range(30) for who, way in ((1, 1), (2, -1))]
     (tmp_path / "hall.csv").write_text("\n".join(["time,id,x,y", *rows]))
     main(

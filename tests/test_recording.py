@@ -1,4 +1,4 @@
-"""A recording holds the scene exactly, robotics readers understand it, and damage is named."""
+"""A recording holds the scene exactly, standard ROS 2 tools can read it, and damaged files are named."""
 
 import json
 import warnings
@@ -176,7 +176,7 @@ def test_same_scene_same_bytes(tmp_path):
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
-# What is cut, altered or strange
+# Cut, altered and foreign files
 
 
 def test_a_recording_cut_at_any_byte_is_read_up_to_there(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""The example node's core, fed with what the messages of ROS look like, without ROS."""
+"""The core of the example node, with stand-ins for ROS messages."""
 
 import importlib.util
 from pathlib import Path
