@@ -17,10 +17,11 @@ from tqdm import tqdm
 
 from benchmarks.timing import keep, tell
 from pedpred.config import read_params
-from pedpred.evaluation.metrics import bootstrap_interval, displacement
+from pedpred.evaluation.bootstrap import TrackBootstrap
 from pedpred.evaluation.scores import true_paths
+from pedpred.metrics.paths import displacement
 from pedpred.online import OnlinePredictor, OnlineSettings
-from pedpred.online.replay import paths_at, replayed
+from pedpred.online.replay import predictions_at, replayed
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest, read_shard
 
@@ -41,12 +42,13 @@ def errors_m(model: Path, data: str, room: str) -> tuple[np.ndarray, np.ndarray]
     robot = OnlinePredictor.load(model, OnlineSettings.as_offline(settings, scene.detection_dt_s))
     frames = len(np.unique(scene.trajectories.time_s))
     forecasts = tqdm(replayed(scene, robot, True), total=frames, desc=f"{model.name} in {room}", unit="frame")
-    paths, _ = paths_at(forecasts, windows.track_id, windows.time_s, settings.horizon_steps)
+    sizes = settings.horizon_steps, settings.dt_s
+    paths = predictions_at(forecasts, windows.track_id, windows.time_s, *sizes).point
     return displacement(paths, true_paths(windows, settings.dt_s)).mean(axis=1), windows.track_id
 
 
 def compared(full: Path, data: str, rooms: list[str]) -> dict[str, Any]:
-    """Errors of the full and of the distilled folder over some rooms."""
+    """Errors of the full and of the lean folder over some rooms."""
     distilled = full.with_name(f"{full.name}_distilled")
     before, after, track = [], [], []
     for index, room in enumerate(rooms):
@@ -55,13 +57,14 @@ def compared(full: Path, data: str, rooms: list[str]) -> dict[str, Any]:
         after.append(errors_m(distilled, data, room)[0])
         track.append(own + index * (1 << 32))
     difference = np.concatenate(after) - np.concatenate(before)
-    low, high = bootstrap_interval(difference, np.concatenate(track), 1000, np.random.default_rng(0))
+    tracks = TrackBootstrap.draw(np.concatenate(track), 1000, np.random.default_rng(0))
+    low, high = tracks.interval(difference)
     return {
         "rooms": f"{data}: {', '.join(rooms)}",
         "windows": len(difference),
         "full_ade_m": float(np.concatenate(before).mean()),
-        "distilled_ade_m": float(np.concatenate(after).mean()),
-        "distilled_minus_full_m": float(difference.mean()),
+        "lean_ade_m": float(np.concatenate(after).mean()),
+        "lean_minus_full_m": float(difference.mean()),
         "low_m": float(low),
         "high_m": float(high),
     }

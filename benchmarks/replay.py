@@ -15,7 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pedpred.online import OnlinePredictor, OnlineSettings
-from pedpred.online.replay import paths_at, replayed
+from pedpred.online.replay import predictions_at, replayed
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest
 from pedpred.storage.windows import read_windows
@@ -42,8 +42,9 @@ def differences(models: Path) -> Iterator[dict[str, Any]]:
         robot = OnlinePredictor.load(models / phase, settings)
         frames = len(np.unique(scene.trajectories.time_s))
         forecasts = tqdm(replayed(scene, robot, kind == "sim"), total=frames, desc=place, unit="frame")
-        offline = windows.paths["lstm"]
-        online, _ = paths_at(forecasts, windows.track_id, windows.time_s, offline.shape[1])
+        offline = windows.predictions["lstm"].point
+        sizes = offline.shape[1], windows.dt_s
+        online = predictions_at(forecasts, windows.track_id, windows.time_s, *sizes).point
         apart = np.linalg.norm(online - offline, axis=-1).max(axis=1)
         yield {
             "scene": place,

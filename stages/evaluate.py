@@ -1,6 +1,6 @@
 """evaluate_simulated, evaluate_real: every forecaster in every window of the test scenes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,31 +9,21 @@ import numpy as np
 import torch
 from omegaconf import DictConfig
 
-from pedpred.baselines.kinematic import kalman_covariance
-from pedpred.config import SETS, plain, row, stage
+from pedpred.baselines import baselines
+from pedpred.config import SETS, configured, plain, row, stage
+from pedpred.evaluation import EvaluationSettings, Scores
 from pedpred.evaluation.compare import compare
-from pedpred.evaluation.scores import Scores
 from pedpred.evaluation.summary import figures
 from pedpred.features import FeatureSettings
 from pedpred.files import write_json
-from pedpred.networks import NetworkForecaster, forecaster
-from pedpred.storage.columns import write_columns
+from pedpred.forecasting import Forecaster, ForecastRequest, Methods
+from pedpred.networks import forecaster
+from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import read_manifest, read_shard
+from pedpred.storage.windows import write_windows
 from pedpred.tracking import KalmanSettings
 from pedpred.workers import in_parallel
-
-
-def kalman_spread(
-    source: Mapping[str, Any], detection_dt_s: float, settings: FeatureSettings
-) -> np.ndarray | None:
-    """What the tracker of these features says of its own forecast, m^2 [P, 2, 2]; None of true states."""
-    tracker = dict(source["tracker"])
-    if settings.noncausal or tracker.pop("kind") != "kalman":
-        return None
-    interval_s = detection_dt_s * source["sensor"]["every"]
-    ahead_s = (np.arange(settings.horizon_steps) + 1) * settings.dt_s
-    return kalman_covariance(KalmanSettings(**tracker), interval_s, ahead_s)
 
 
 @dataclass(frozen=True)
@@ -42,40 +32,46 @@ class Comparison:
 
     Attributes:
         features: folder of their shards.
-        settings: of the features.
-        source: configuration of the scenes.
-        networks: by name.
-        baselines: names of the untrained methods.
-        options: `evaluation` configuration.
+        sizes: of the features.
+        tracker: noise of the filter; None where states are true.
+        every: detections used, one of so many.
+        social_force: the model of walking there.
+        forecasters: by method.
+        settings: of the metrics.
         out: folder for the forecasts.
     """
 
     features: Path
-    settings: FeatureSettings
-    source: Mapping[str, Any]
-    networks: Mapping[str, NetworkForecaster]
-    baselines: Sequence[str]
-    options: Mapping[str, Any]
+    sizes: FeatureSettings
+    tracker: KalmanSettings | None
+    every: int
+    social_force: SocialForceSettings
+    forecasters: Mapping[str, Forecaster]
+    settings: EvaluationSettings
     out: Path
 
 
-def compared_in(folder: Path, common: Comparison) -> tuple[str, dict[str, Scores]]:
-    """One worker's job, on one thread, whatever their number: write the forecasts of one scene.
+def compare_in(folder: Path, given: Comparison) -> tuple[str, dict[str, Scores]]:
+    """Write the forecasts of one scene, on one thread in every worker.
 
     Returns:
         Name of the scene, and the scores of each method there.
     """
     torch.set_num_threads(1)
-    scene, settings = read_scene(folder), common.settings
-    table = read_shard(common.features, scene.name, settings)
-    forecasts = {name: network.predict for name, network in common.networks.items()}
-    kalman = kalman_spread(common.source, scene.detection_dt_s, settings)
-    social_force = common.source["social_force"]
-    columns, scores = compare(
-        scene, table, settings, forecasts, common.baselines, common.options, social_force, kalman
-    )
-    write_columns(columns, common.out / f"{scene.name}.parquet")
+    scene = read_scene(folder)
+    table = read_shard(given.features, scene.name, given.sizes)
+    interval_s = scene.detection_dt_s * given.every
+    rows = np.flatnonzero(table.window)
+    request = ForecastRequest(scene, table, given.sizes, rows, given.tracker, interval_s, given.social_force)
+    windows, scores = compare(request, given.forecasters, given.settings)
+    write_windows(windows, given.out / f"{scene.name}.parquet")
     return scene.name, scores
+
+
+def tracker_of(plain_tracker: dict[str, Any], noncausal: bool) -> KalmanSettings | None:
+    """The filter that tracked states come from; None where they are true or know the future."""
+    kind = plain_tracker.pop("kind")
+    return KalmanSettings(**plain_tracker) if kind == "kalman" and not noncausal else None
 
 
 @stage
@@ -84,26 +80,31 @@ def main(cfg: DictConfig) -> None:
 
     Several scenes at once (see `pedpred.workers`).
     """
-    kind, options = cfg.kind, plain(cfg.evaluation)
-    where = {"simulated": "simulation"}.get(kind, kind)
-    groups = plain(cfg.methods)
-    options["imagined_goals"] = groups["baselines"]["goal_unseen"]["settings"]["imagined_goals"]
-    baselines = [key for key, method in groups["baselines"].items() if where in method["where"]]
-    learned = [key for key, method in groups["networks"].items() if where in method["where"]]
+    kind, methods = cfg.kind, Methods.parse(plain(cfg.methods))
+    applied = methods.applied_to({"simulated": "simulation"}.get(kind, kind))
+    learned = [method.key for method in applied if method.key in cfg.methods.networks]
+    forecasters: dict[str, Forecaster] = dict(baselines(m for m in applied if m.key not in learned))
+    forecasters |= {m: forecaster(Path(cfg.networks, m), Path("models/autoencoder")) for m in learned}
     out = Path(cfg.get("out", f"data/forecasts/{kind}/{cfg.fold}"))
     metrics: dict = {}
-    autoencoder = Path("models/autoencoder")
-    networks = {name: forecaster(Path(cfg.networks, name), autoencoder) for name in learned}
+    with configured("evaluation"):
+        settings = EvaluationSettings.parse(plain(cfg.evaluation))
     for key in cfg.folds[kind][cfg.fold].test:
-        features, source = Path("data/features", kind, key), plain(cfg[SETS[kind]][key])
-        source["tracker"] = row(cfg, "trackers", source["tracker"])
-        source["sensor"] = row(cfg, "sensors", source["sensor"])
-        source["social_force"] = row(cfg, "social_forces", source["social_force"])
-        settings, _ = read_manifest(features)
-        common = Comparison(features, settings, source, networks, baselines, options, out)
+        features, source = Path("data/features", kind, key), cfg[SETS[kind]][key]
+        sizes, _ = read_manifest(features)
+        given = Comparison(
+            features,
+            sizes,
+            tracker_of(row(cfg, "trackers", source.tracker), sizes.noncausal),
+            row(cfg, "sensors", source.sensor)["every"],
+            social_force_settings(row(cfg, "social_forces", source.social_force)),
+            forecasters,
+            settings,
+            out,
+        )
         folders = scene_folders(Path("data/scenes", kind, key))
-        scores = dict(in_parallel(compared_in, [(f, common) for f in folders], f"evaluate {key}", "scene"))
-        metrics |= figures(key, scores, options["bootstrap"], options["seed"], settings.noncausal)
+        scores = dict(in_parallel(compare_in, [(f, given) for f in folders], f"evaluate {key}", "scene"))
+        metrics |= figures(key, scores, methods.reference.key, settings, sizes.noncausal)
     write_json(Path(cfg.get("metrics", f"data/metrics/{kind}/{cfg.fold}.json")), metrics)
 
 

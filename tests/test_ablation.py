@@ -39,7 +39,7 @@ def test_every_point_composes_and_differs(path):
 def measured(ablation):
     return {
         point: {
-            m: {"ade_m": 0.5 - 0.01 * k, "ade_ci95_m": [0.4, 0.6]}
+            m: {"ade_m": 0.5 - 0.01 * k, "ade_m_ci95": [0.4, 0.6]}
             for m in ("kalman_cv", "lstm_nogrid", "lstm")
         }
         for k, point in enumerate(ablation.points)

@@ -5,16 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.baselines.kinematic import kalman_covariance
-from pedpred.evaluation import Scores, summary
-from pedpred.evaluation.calibration import (
+from pedpred.baselines.kalman import kalman_covariance
+from pedpred.evaluation import EvaluationSettings, Scores, summaries
+from pedpred.geometry import rotate, rotated_covariance
+from pedpred.metrics.calibration import (
     REGIONS,
     coverage,
     negative_log_likelihood,
     radius2,
     squared_mahalanobis,
 )
-from pedpred.geometry import rotate, rotated_covariance
 from pedpred.scenes import Trajectories
 from pedpred.tracking import KalmanSettings, follow
 
@@ -61,11 +61,11 @@ def test_what_is_drawn_from_a_gaussian_lies_in_its_regions():
         assert coverage(distance2, share) == pytest.approx(share, abs=0.01)
 
 
-def test_figures_of_calibration_appear_where_a_covariance_is_told():
-    one, two = np.array([0, 1]), np.zeros((2, 1))
-    scores = Scores(one, one > 0, two, two > 0, one > 0, np.array([[1.0], [5.0]]), np.array([[0.5], [1.5]]))
-    found = summary(scores, scores, 10, 0)
-    assert found["nll"] == 1.0
+def test_figures_of_calibration_appear_where_a_covariance_is_given():
+    values = {"nll": np.array([0.5, 1.5])}
+    scores = Scores(np.array([0, 1]), values, np.zeros((2, 1)), np.array([[1.0], [5.0]]), np.ones((2, 1)))
+    found = summaries({"m": scores}, "m", EvaluationSettings(bootstrap=10))["m"]
+    assert (found["nll"], found["per_step_nll"]) == (1.0, [1.0])
     assert [found[f"per_step_coverage_{p}"] for p in (50, 90, 95)] == [[0.5], [0.5], [1.0]]
 
 

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from pedpred.command import main
-from pedpred.command.evaluation import COLLISION_M, MOVING_MPS
+from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.worlds import walled_scene
@@ -146,7 +146,8 @@ def test_a_scene_that_is_too_short_to_measure_says_so(tmp_path, model):
 
 def test_what_counts_is_what_the_published_metrics_count():
     options = yaml.safe_load((Path(__file__).parents[1] / "conf/evaluation/paper.yaml").read_text())
-    assert (options["moving_mps"], options["collision_m"]) == (MOVING_MPS, COLLISION_M)
+    usual = EvaluationSettings()
+    assert (options["moving_mps"], options["collision_m"]) == (usual.moving_mps, usual.collision_m)
 
 
 def test_the_walk_through_of_the_readme_runs(model, tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""The regression gate: what moved beyond its interval is told, and worse figures fail."""
+"""The regression gate: what moved beyond its interval is listed, and worse figures fail."""
 
 import copy
 import json
@@ -10,11 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
+from pedpred.metrics import METRICS, Metric
 from pedpred.report.comparison import changes, changes_table, metrics_at, metrics_now
-from stages import compare
+from tools import compare
 
-ENTRY = {"ade_m": 0.5, "ade_ci95_m": [0.45, 0.55], "fde_m": 1.0, "windows": 10, "per_step_m": [0.1, 1.0]}
-GAP = {"minus_kalman_cv_m": -0.1, "minus_kalman_cv_ci95_m": [-0.12, -0.08]}
+ENTRY = {"ade_m": 0.5, "ade_m_ci95": [0.45, 0.55], "fde_m": 1.0, "windows": 10, "per_step_m": [0.1, 1.0]}
+GAP = {"ade_m_minus_reference": -0.1, "ade_m_minus_reference_ci95": [-0.12, -0.08]}
 BEFORE = {"sim": {"hall": {"cv": ENTRY, "lstm": ENTRY | GAP}}, "walking": {"hall": {"states": 5}}}
 
 
@@ -48,7 +49,7 @@ def test_a_figure_is_judged_by_its_earlier_interval(ade_m):
         (1.09, {}, "within"),
         (1.11, {}, "worse"),
         (0.89, {}, "better"),
-        (1.09, {"fde_ci95_m": [0.98, 1.02]}, "worse"),
+        (1.09, {"fde_m_ci95": [0.98, 1.02]}, "worse"),
     ],
 )
 def test_a_final_error_without_an_interval_has_the_relative_width_of_the_mean_errors(fde_m, own, verdict):
@@ -57,16 +58,32 @@ def test_a_final_error_without_an_interval_has_the_relative_width_of_the_mean_er
 
 
 def test_a_paired_difference_is_judged_by_its_own_narrow_interval():
-    found = verdicts(changed(ade_m=0.53, minus_kalman_cv_m=-0.07))
+    found = verdicts(changed(ade_m=0.53, ade_m_minus_reference=-0.07))
     assert found["hall", "lstm", "ade_m"] == "within"
-    assert found["hall", "lstm", "minus_kalman_cv_m"] == "worse"
+    assert found["hall", "lstm", "ade_m_minus_reference"] == "worse"
+
+
+def test_metric_files_of_earlier_revisions_are_understood():
+    old = {"ade_m": 0.5, "ade_ci95_m": [0.45, 0.55], "fde_m": 1.0, "windows": 10}
+    gap = {"minus_kalman_cv_m": -0.1, "minus_kalman_cv_ci95_m": [-0.12, -0.08]}
+    before = {"sim": {"hall": {"cacc": old, "lstm": old | gap}}}
+    now = {"sim": {"hall": {"ca": ENTRY, "lstm": ENTRY | GAP}}}
+    assert set(verdicts(now, before).values()) == {"same"}
+    assert len(verdicts(now, before)) == 5
+
+
+def test_a_metric_that_should_be_high_is_worse_when_it_falls(monkeypatch):
+    monkeypatch.setitem(METRICS, "hit_rate", Metric("hits", "%", "higher", METRICS["ade_m"].value))
+    rates = {"hit_rate": 0.5, "hit_rate_ci95": [0.4, 0.6]}
+    fallen, risen = (verdicts(changed(**rates | {"hit_rate": v}), changed(**rates)) for v in (0.3, 0.7))
+    assert (fallen["hall", "lstm", "hit_rate"], risen["hall", "lstm", "hit_rate"]) == ("worse", "better")
 
 
 def test_new_and_vanished_entries_are_named():
     after = {"sim": {"hall": {"cv": ENTRY, "mine": ENTRY}}}
     found = verdicts(after)
     assert found["hall", "mine", "ade_m"] == "new"
-    assert found["hall", "lstm", "minus_kalman_cv_m"] == "vanished"
+    assert found["hall", "lstm", "ade_m_minus_reference"] == "vanished"
     table = changes_table(changes(BEFORE, after))
     assert "| sim | hall | lstm | ade_m | 0.500 (0.450 to 0.550), 10 windows | - | vanished |" in table
     assert "5 new or vanished" in table
@@ -86,16 +103,16 @@ def repository(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("ade_m", "embedding", "told"), [(0.6, 1, "1 worse"), (0.52, 0, "1 moved within"), (0.4, 0, "1 better")]
+    ("ade_m", "code", "told"), [(0.6, 1, "1 worse"), (0.52, 0, "1 moved within"), (0.4, 0, "1 better")]
 )
-def test_the_gate_fails_when_a_figure_got_worse(repository, monkeypatch, capsys, ade_m, embedding, told):
+def test_the_gate_fails_when_a_figure_got_worse(repository, monkeypatch, capsys, ade_m, code, told):
     (repository / "sim.json").write_text(json.dumps(changed(ade_m=ade_m)["sim"]))
     assert metrics_at("HEAD", repository) == {"sim": BEFORE["sim"]}
     assert metrics_now(repository)["sim"]["hall"]["lstm"]["ade_m"] == ade_m
     monkeypatch.setattr(sys, "argv", ["compare", "HEAD", "--folder", str(repository)])
     with pytest.raises(SystemExit) as ended:
         compare.main()
-    assert ended.value.embedding == embedding
+    assert ended.value.code == code
     assert told in capsys.readouterr().out
 
 

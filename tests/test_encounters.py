@@ -5,7 +5,7 @@ import pytest
 
 from pedpred.report.encounters import before_obstacle, depth_m, mutual_avoidance
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from pedpred.storage.windows import RANGE_M, Windows
+from tests.forecasts import windows_with
 
 AHEAD_S = (np.arange(10) + 1)[:, None] * 0.3
 
@@ -16,16 +16,8 @@ def windows_of(starts, velocities, aside_m):
     count = len(starts)
     straight = starts[:, None] + velocities[:, None] * AHEAD_S
     truth = straight + aside_m[:, None] * np.minimum(AHEAD_S, 1.0)
-    return Windows(
-        np.arange(count) + 7,
-        np.zeros(count),
-        starts,
-        np.zeros(count),
-        velocities,
-        np.zeros((count, 450), np.uint8),
-        np.full((count, 72), RANGE_M),
-        truth,
-        {"kalman_cv": straight},
+    return windows_with(
+        starts, truth, {"kalman_cv": straight}, track_id=np.arange(count) + 7, velocity=velocities
     )
 
 

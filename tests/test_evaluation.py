@@ -7,19 +7,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.baselines.kinematic import constant_acceleration, constant_velocity, kalman_velocity
-from pedpred.baselines.registry import baseline
-from pedpred.errors import ConfigError, ValueRuleError
-from pedpred.evaluation import Scores, pooled, score, summary
-from pedpred.evaluation.compare import compare, seen_together
-from pedpred.evaluation.metrics import bootstrap_interval, displacement, inside_obstacle, too_close
-from pedpred.evaluation.scores import true_paths, world_paths
+from pedpred.baselines import BASELINES, baselines
+from pedpred.baselines.together import seen_together
+from pedpred.errors import ValueRuleError
+from pedpred.evaluation import EvaluationSettings, Scores, pooled, score, summaries
+from pedpred.evaluation.bootstrap import TrackBootstrap
+from pedpred.evaluation.compare import compare
+from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract
-from pedpred.scenes import Scene, Trajectories
+from pedpred.forecasting import Method
+from pedpred.metrics import METRICS
+from pedpred.metrics.paths import displacement, too_close
+from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.tracking import KalmanSettings, follow
+from tests.forecasts import metric_scene, request_about
 from tests.worlds import empty_map, walled_scene
 
-AHEAD_S = (np.arange(10) + 1) * 0.3
+SETTINGS = EvaluationSettings(bootstrap=10)
 
 
 def table_of(scene):
@@ -28,12 +32,6 @@ def table_of(scene):
         follow(scene.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2),
         FeatureSettings(phase_offsets=3),
     )
-
-
-@pytest.fixture(scope="module")
-def windows():
-    table = table_of(walled_scene(np.random.default_rng(1), detections=60))
-    return table.select(table.window)
 
 
 def test_displacement_by_hand():
@@ -53,9 +51,9 @@ def test_inside_obstacle_by_hand():
     occupied = room.occupied.copy()
     occupied[room.occupied.shape[0] // 2 :] = True
     room = dataclasses.replace(room, occupied=occupied)
-    assert inside_obstacle(np.array([[[1.0, 0.0], [-1.0, 0.0], [99.0, 0.0]]]), room).tolist() == [
-        [True, False, False]
-    ]
+    paths = np.array([[[1.0, 0.0], [-1.0, 0.0], [99.0, 0.0]]])
+    share = METRICS["obstacle_share"].value(Predictions.single(paths, 0.3), paths, metric_scene(1, room))
+    assert share == pytest.approx(1 / 3)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -75,10 +73,8 @@ def test_summary_of_parts_pools_to_the_whole(seed):
     def part(windows):
         return Scores(
             rng.integers(0, 5, windows),
-            rng.random(windows) < 0.5,
+            {"moving_ade_m": np.where(rng.random(windows) < 0.5, rng.random(windows), np.nan)},
             rng.random((windows, 10)),
-            rng.random((windows, 10)) < 0.1,
-            rng.random(windows) < 0.1,
             rng.exponential(2.0, (windows, 10)),
             rng.normal(size=(windows, 10)),
         )
@@ -86,20 +82,22 @@ def test_summary_of_parts_pools_to_the_whole(seed):
     a, b = part(30), part(20)
     whole = pooled([a, b])
     assert len(np.unique(whole.track)) == len(np.unique(a.track)) + len(np.unique(b.track))
-    total = summary(whole, whole, 10, 0)
-    assert total["ade_m"] == pytest.approx((a.error_m.sum() + b.error_m.sum()) / 500, abs=1e-5)
-    assert total["minus_kalman_cv_m"] == 0
-    assert total["nll"] == pytest.approx((a.nll.sum() + b.nll.sum()) / 500, abs=1e-5)
+    total = summaries({"m": whole}, "m", EvaluationSettings(bootstrap=10))["m"]
+    apart = np.concatenate([part.values["moving_ade_m"] for part in (a, b)])
+    assert total["moving_ade_m"] == pytest.approx(np.nanmean(apart), abs=1e-5)
+    assert total["moving_ade_m_minus_reference"] == 0
+    assert total["moving_ade_m_minus_reference_ci95"] == [0, 0]
+    assert np.mean(total["per_step_m"]) == pytest.approx((a.error_m.sum() + b.error_m.sum()) / 500, abs=1e-5)
+    assert np.mean(total["per_step_nll"]) == pytest.approx((a.nll.sum() + b.nll.sum()) / 500, abs=1e-5)
 
 
 def test_bootstrap_resamples_tracks_not_windows():
     """Windows of a track that repeat each other add no certainty."""
     rng = np.random.default_rng(0)
     per_track = rng.normal(1.0, 0.3, 40)
-    once = bootstrap_interval(per_track, np.arange(40), 2000, np.random.default_rng(1))
-    often = bootstrap_interval(
-        np.repeat(per_track, 25), np.repeat(np.arange(40), 25), 2000, np.random.default_rng(1)
-    )
+    tracks = np.arange(40), np.repeat(np.arange(40), 25)
+    drawn = [TrackBootstrap.draw(track, 2000, np.random.default_rng(1)) for track in tracks]
+    once, often = drawn[0].interval(per_track), drawn[1].interval(np.repeat(per_track, 25))
     np.testing.assert_allclose(once, often)
     assert once[0] < per_track.mean() < once[1]
     spread = 2 * 1.96 * per_track.std() / np.sqrt(40)
@@ -108,45 +106,65 @@ def test_bootstrap_resamples_tracks_not_windows():
 
 def test_baselines_are_exact_on_what_they_assume():
     time_s = np.arange(40) * 0.4
-    for bend, forecast in ((0.0, constant_velocity), (0.2, constant_acceleration)):
+    for bend, method in ((0.0, "cv"), (0.2, "ca")):
         x = 1.2 * time_s + 0.5 * bend * time_s**2
         walk = Trajectories(time_s, np.zeros(40), np.stack([x, 0 * x], axis=-1))
-        table = table_of(Scene("walk", walk, empty_map(), 0.4))
-        windows = table.select(table.window)
-        error = displacement(forecast(windows, AHEAD_S), true_paths(windows, 0.3))
+        scene = Scene("walk", walk, empty_map(), 0.4)
+        request = request_about(scene, table_of(scene))
+        error = displacement(BASELINES[method]()(request).point, true_paths(request.asked, 0.3))
         # Differences give the velocity half an interval ago: with a bend of 0.2 m/s^2 that is 4 cm/s.
         assert error.max() < (0.13 if bend else 1e-6)
 
 
-def test_zero_residual_is_kalman_constant_velocity(windows):
-    still = np.repeat(windows.velocity[:, None], 10, axis=1)
-    np.testing.assert_allclose(world_paths(windows, still, 0.3), kalman_velocity(windows, AHEAD_S), atol=1e-5)
+def test_zero_residual_is_kalman_constant_velocity():
+    scene = walled_scene(np.random.default_rng(1), detections=60)
+    request = request_about(scene, table_of(scene))
+    windows = request.asked
+    walked = np.cumsum(np.repeat(windows.velocity[:, None] * 0.3, 10, axis=1), axis=1)
+    still = Predictions.single(walked, 0.3, frame="agent").in_world(windows.position, windows.heading_rad)
+    np.testing.assert_allclose(still.point, BASELINES["kalman_cv"]()(request).point, atol=1e-5)
 
 
-def test_a_perfect_forecast_scores_zero(windows):
-    truth = true_paths(windows, 0.3)
-    perfect = score(windows, truth, truth, empty_map(), 0.3, 0.2)
-    assert summary(perfect, perfect, 10, 0)["ade_m"] == 0
-    assert perfect.moving.mean() > 0.9
+def test_a_perfect_forecast_scores_zero():
+    scene = walled_scene(np.random.default_rng(1), detections=60)
+    request = request_about(scene, table_of(scene))
+    truth = true_paths(request.asked, 0.3)
+    _, scores = compare(request, {"oracle": lambda asked: Predictions.single(truth, 0.3)}, SETTINGS)
+    assert summaries(scores, "oracle", SETTINGS)["oracle"]["ade_m"] == 0
+    assert np.isfinite(scores["oracle"].values["moving_ade_m"]).mean() > 0.9
+
+
+def test_a_window_without_a_forecast_is_refused():
+    nothing = Predictions.single(np.full((3, 2, 2), np.nan), 0.3)
+    with pytest.raises(ValueRuleError, match="every window"):
+        score(nothing, np.zeros((3, 2, 2)), np.arange(3), metric_scene(3))
 
 
 def test_everybody_at_a_window_moves_along_once():
     table = table_of(walled_scene(np.random.default_rng(2), detections=60))
-    together = table.select(seen_together(table))
+    together = table.select(seen_together(table, table.window))
     keys = list(zip(together.track_id, np.round(together.time_s, 4), strict=True))
     assert len(keys) == len(set(keys))
     assert set(np.round(table.time_s[table.window], 4)) == set(np.round(together.time_s, 4))
 
 
-def test_unknown_baseline_is_named():
-    with pytest.raises(ConfigError, match="crystal_ball"):
-        baseline("crystal_ball")
+def test_unknown_baselines_and_settings_are_named():
+    row = Method("crystal_ball", "crystal ball", "#000000", "oracle", ("real",))
+    with pytest.raises(ValueRuleError, match="crystal_ball"):
+        baselines([row])
+    with pytest.raises(ValueRuleError, match="speed"):
+        baselines([dataclasses.replace(row, key="cv", settings={"speed": 1.0})])
+
+
+def test_a_method_that_needs_a_model_of_walking_says_so():
+    scene = walled_scene(np.random.default_rng(1))
+    with pytest.raises(ValueRuleError, match="social_force"):
+        BASELINES["social_force"]()(request_about(scene, table_of(scene)))
 
 
 def test_a_scene_without_windows_says_so():
     scene = walled_scene(np.random.default_rng(1))
-    options = {"moving_mps": 0.3, "collision_m": 0.2, "imagined_goals": 1}
     table = table_of(scene)
     table = dataclasses.replace(table, window=np.zeros(len(table), bool))
     with pytest.raises(ValueRuleError, match="nobody in walled is detected 4 times and 3 s longer"):
-        compare(scene, table, FeatureSettings(phase_offsets=3), {}, ["cv"], options, {}, None)
+        compare(request_about(scene, table), {}, SETTINGS)

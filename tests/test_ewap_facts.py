@@ -8,17 +8,18 @@ import pytest
 import yaml
 from PIL import Image
 
-from pedpred.baselines.kinematic import constant_velocity, kalman_velocity
+from pedpred.baselines import BASELINES
 from pedpred.errors import SourceError
-from pedpred.evaluation.metrics import displacement
 from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract
 from pedpred.geometry import Homography
+from pedpred.metrics.paths import displacement
 from pedpred.scenes import Camera
 from pedpred.sources import SOURCES
 from pedpred.sources.ewap import ALONE, read_sequence
 from pedpred.sources.obstacles import occupancy_from_image
 from pedpred.tracking import KalmanSettings, follow, log_likelihood
+from tests.forecasts import request_about
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 PLACES = yaml.safe_load((CONF / "places" / "recorded.yaml").read_text())
@@ -156,10 +157,10 @@ def test_real_windows_and_the_errors_of_constant_velocity(real):
     windows = table.select(table.window)
     assert len(windows) == facts["windows"]
     assert len(np.unique(windows.track_id)) == facts["window_tracks"]
-    ahead_s, truth = 0.3 * np.arange(1, 11), true_paths(windows, 0.3)
-    error = {f: displacement(f(windows, ahead_s), truth).mean() for f in (constant_velocity, kalman_velocity)}
-    assert error[constant_velocity] == pytest.approx(facts["cv_ade"], rel=0.01)
-    assert error[kalman_velocity] <= facts["kalman_ade"]
+    request, truth = request_about(scene, table), true_paths(windows, 0.3)
+    error = {m: displacement(BASELINES[m]()(request).point, truth).mean() for m in ("cv", "kalman_cv")}
+    assert error["cv"] == pytest.approx(facts["cv_ade"], rel=0.01)
+    assert error["kalman_cv"] <= facts["kalman_ade"]
 
 
 def test_the_committed_tracker_is_what_its_command_finds(real):

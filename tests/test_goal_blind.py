@@ -11,24 +11,23 @@ from scipy.spatial.distance import pdist
 
 from pedpred.baselines.beliefs import Belief, arrival, gone_on, unexplained, walking, weighed
 from pedpred.baselines.candidates import drawn_anew, own_pool
-from pedpred.baselines.goal_blind import drawn_plans, geometric_median, goal_blind_paths
+from pedpred.baselines.goal_inference import drawn_plans, geometric_median, goal_unseen, inferred_paths
 from pedpred.baselines.influences import Influences, Observations, between, others_push
-from pedpred.baselines.registry import ForecastRequest, baseline
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation.metrics import displacement
 from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract
+from pedpred.metrics.paths import displacement
 from pedpred.simulation import kernel
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.placement import open_cells
 from pedpred.simulation.routing import directions_at, routes_to
 from pedpred.tracking import follow
 from tests.forces import driving_acceleration, social_acceleration
-from tests.simulated import SETTINGS, SOCIAL_FORCE, drawn, scene_of, short
+from tests.forecasts import request_about
+from tests.simulated import SETTINGS, drawn, scene_of, short
 
 PEOPLE = 8
 MOVING = walking(0.3, SETTINGS, ~np.eye(3, dtype=bool), 0.0)
-AHEAD_S = 0.3 * np.arange(1, 11)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +39,7 @@ def walked():
 
 def among(candidates, scene, table, rows):
     rng = np.random.default_rng(3)
-    return goal_blind_paths(scene.occupancy, table, rows, candidates, SOCIAL_FORCE, 10, 0.3, rng, draws=4)
+    return inferred_paths(scene.occupancy, table, rows, candidates, SETTINGS, 10, 0.3, rng, draws=4)
 
 
 def forecast(scene, table, rows):
@@ -48,7 +47,7 @@ def forecast(scene, table, rows):
 
 
 def unseen(scene, table, rows):
-    return baseline("goal_unseen")(ForecastRequest(scene, table, rows, AHEAD_S, SOCIAL_FORCE, 12))
+    return goal_unseen(12)(request_about(scene, table, rows, social_force=SETTINGS)).point
 
 
 def imagined(count, seed=0):
@@ -138,7 +137,7 @@ def test_the_past_tells_where_people_go(walked):
 def test_a_scene_without_goals_is_refused(walked):
     scene, table = walked
     aimless = dataclasses.replace(scene, trajectories=dataclasses.replace(scene.trajectories, goal=None))
-    with pytest.raises(ValueRuleError, match=r"recording\.goal"):
+    with pytest.raises(ValueRuleError, match=r"trajectories\.goal"):
         forecast(aimless, table, at_step(table, 40))
 
 

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 import yaml
 
+from pedpred.baselines import BASELINES, PRESENT_MOTION
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation.literature import filtered, last_bend, last_step, measures, methods, stretches
-from pedpred.scenes import Trajectories
+from pedpred.evaluation import EvaluationSettings
+from pedpred.evaluation.literature import literature_figures, request_about, stretches
+from pedpred.scenes import Scene, Trajectories
 from pedpred.sources import SOURCES
 from pedpred.tracking import KalmanSettings
+from tests.worlds import empty_map
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 SETTINGS = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initial_speed_mps=1.0)
@@ -29,18 +32,30 @@ def joined(*recordings):
     )
 
 
+def paths(found, method):
+    scene = Scene("walk", walk([[0, 0], [1, 0]]), empty_map(), 0.4)
+    return BASELINES[method]()(request_about(scene, found, SETTINGS)).point
+
+
+def measured(found, methods=PRESENT_MOTION):
+    scene = Scene("walk", walk([[0, 0], [1, 0]]), empty_map(), 0.4)
+    forecasters = {method: BASELINES[method]() for method in methods}
+    request = request_about(scene, found, SETTINGS)
+    return literature_figures(request, found, forecasters, methods[-1], EvaluationSettings(bootstrap=10))
+
+
 def test_errors_by_hand():
     """Seen 0, 1 m; forecast 2, 3 m; true 2, 5 m: off by 0 and 2 m."""
     found = stretches(walk([[0, 0], [1, 0], [2, 0], [5, 0]]), 2, 2, 0.4)
-    np.testing.assert_allclose(last_step(found), [[[2, 0], [3, 0]]])
-    figures = measures(found, last_step(found), 10, 0)
+    np.testing.assert_allclose(paths(found, "cv"), [[[2, 0], [3, 0]]])
+    figures = measured(found)["cv"]
     assert (figures["ade_m"], figures["fde_m"], figures["windows"], figures["tracks"]) == (1.0, 2.0, 1, 1)
 
 
 def test_a_constant_acceleration_is_continued():
     """x = 0, 1, 4: the last velocity is 3 per step, the acceleration 2 per step^2; on to x = 4 + 3 + 1."""
     found = stretches(walk([[0, 0], [1, 0], [4, 0], [9, 0]]), 3, 1, 0.4)
-    np.testing.assert_allclose(last_bend(found), [[[8, 0]]])
+    np.testing.assert_allclose(paths(found, "ca"), [[[8, 0]]])
 
 
 def test_a_window_is_full_or_is_none():
@@ -52,22 +67,22 @@ def test_a_window_is_full_or_is_none():
     assert np.ptp(np.diff(np.concatenate([found.seen, found.truth], axis=1), axis=1)[..., 0]) == 0
     assert len(stretches(walk(line[:2]), 2, 1, 0.4).track) == 0
     with pytest.raises(ValueRuleError, match="windows"):
-        measures(stretches(walk(line[:2]), 2, 1, 0.4), np.zeros((0, 1, 2)), 10, 0)
+        measured(stretches(walk(line[:2]), 2, 1, 0.4))
 
 
 def test_on_a_straight_walk_everybody_is_right():
     found = stretches(walk(np.outer(np.arange(30), [0.5, 0.2])), 8, 12, 0.4)
     assert len(found.track) == 11
-    for name, forecast in methods(SETTINGS).items():
-        tolerance_m = 0.05 if name == "kalman_cv" else 1e-9  # which begins by believing that people stand
-        np.testing.assert_allclose(forecast(found), found.truth, atol=tolerance_m)
+    for method in PRESENT_MOTION:
+        tolerance_m = 0.05 if method == "kalman_cv" else 1e-9  # the filter starts from standing people
+        np.testing.assert_allclose(paths(found, method), found.truth, atol=tolerance_m)
 
 
 def test_forecasts_see_the_window_alone():
     path = np.random.default_rng(3).normal(0, 0.4, (40, 2)).cumsum(axis=0)
     whole, part = stretches(walk(path), 8, 12, 0.4), stretches(walk(path[11:31]), 8, 12, 0.4)
-    for forecast in methods(SETTINGS).values():
-        np.testing.assert_allclose(forecast(whole)[11], forecast(part)[0], atol=1e-9)
+    for method in PRESENT_MOTION:
+        np.testing.assert_allclose(paths(whole, method)[11], paths(part, method)[0], atol=1e-9)
 
 
 @pytest.mark.parametrize(("place", "ade_m", "fde_m"), [("eth", 0.678, 1.344), ("hotel", 0.344, 0.657)])
@@ -82,10 +97,9 @@ def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_
             going = path[k + 7] + np.outer(np.arange(1, 13), path[k + 7] - path[k + 6])
             errors.append(np.hypot(*(going - path[k + 8 : k + 20]).T))
     found = stretches(trajectories, 8, 12, 0.4)
-    figures = measures(found, last_step(found), 10, 0)
+    figures, tracked = (measured(found)[method] for method in ("cv", "kalman_cv"))
     assert figures["windows"] == len(errors)
     assert figures["ade_m"] == pytest.approx(np.mean(errors), abs=1e-5) == pytest.approx(ade_m, abs=5e-4)
     assert figures["fde_m"] == pytest.approx(np.mean(errors, axis=0)[-1], abs=1e-5)
     assert figures["fde_m"] == pytest.approx(fde_m, abs=5e-4)
-    tracked = measures(found, filtered(found, SETTINGS), 10, 0)
     assert tracked["ade_m"] < figures["ade_m"]

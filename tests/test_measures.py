@@ -1,45 +1,57 @@
 """Every figure of a metric file by hand, honest intervals, a real row computed again from raw files."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from pedpred.evaluation import Scores, score, summary
-from pedpred.evaluation.metrics import bootstrap_interval
+from pedpred.evaluation import EvaluationSettings, score, summaries
+from pedpred.evaluation.bootstrap import TrackBootstrap
+from pedpred.evaluation.scores import metric_scene as scene_of_windows
 from pedpred.features import FeatureSettings, extract
+from pedpred.scenes import Predictions
 from pedpred.tracking import KalmanSettings, follow
-from tests.worlds import walled_scene
+from tests.forecasts import drawn_predictions, metric_scene
+from tests.worlds import empty_map, walled_scene
 
 REPORTED = Path(__file__).resolve().parents[1] / "reports/metrics/real.json"
 
 
 def scores_of(error_m):
-    """Three windows of two tracks, two steps: the second window stands, the third runs into a wall."""
-    return Scores(
-        np.array([4, 4, 9]),
-        np.array([True, False, True]),
-        np.array(error_m, float),
-        np.array([[False, False], [False, False], [False, True]]),
-        np.array([True, False, False]),
-        *np.zeros((2, 3, 0)),
-    )
+    """Three windows of two tracks, two steps: the second window stands, the first two come too close."""
+    truth = np.zeros((3, 2, 2))
+    path = truth + np.array(error_m, float)[..., None] * [1.0, 0.0]
+    scene = metric_scene(3, time_s=np.array([0.0, 0.0, 1.0]), speed_mps=np.array([1.0, 0.1, 1.0]))
+    scene = replace(scene, occupancy=walls_beyond(5.5), collision_m=1.5)
+    return score(Predictions.single(path, 0.3), truth, np.array([4, 4, 9]), scene)
+
+
+def walls_beyond(x_m):
+    room = empty_map()
+    occupied = room.occupied.copy()
+    occupied[round((x_m - room.origin[0]) / room.resolution_m) :] = True
+    return replace(room, occupied=occupied)
 
 
 def test_every_figure_by_hand():
     """Errors 1, 2 | 0, 2 | 4, 6: windows' means 1.5, 1, 5. A sample of two tracks of means 1.25 and 5."""
-    model, reference = scores_of([[1, 2], [0, 2], [4, 6]]), scores_of([[1, 1], [1, 1], [1, 1]])
-    assert summary(model, reference, samples=400, seed=0) == {
+    scores = {"mine": scores_of([[1, 2], [0, 2], [4, 6]]), "usual": scores_of([[1, 1], [1, 1], [1, 1]])}
+    found = summaries(scores, "usual", EvaluationSettings(bootstrap=400, seed=0))["mine"]
+    expected = {
         "ade_m": 2.5,
-        "ade_ci95_m": [1.25, 5.0],
+        "ade_m_ci95": [1.25, 5.0],
+        "ade_m_minus_reference": 1.5,
+        "ade_m_minus_reference_ci95": [0.25, 4.0],
         "fde_m": pytest.approx(10 / 3, abs=1e-5),
+        "fde_m_ci95": [2.0, 6.0],
         "moving_ade_m": 3.25,
-        "minus_kalman_cv_m": 1.5,
-        "minus_kalman_cv_ci95_m": [0.25, 4.0],
+        "standing_ade_m": 1.0,
+        "miss_rate_k1": pytest.approx(1 / 3, abs=1e-5),
         "obstacle_share": pytest.approx(1 / 6, abs=1e-5),
-        "collision_share": pytest.approx(1 / 3, abs=1e-5),
+        "collision_share": pytest.approx(2 / 3, abs=1e-5),
         "windows": 3,
         "tracks": 2,
         "per_step_m": pytest.approx([5 / 3, 10 / 3], abs=1e-5),
@@ -47,29 +59,38 @@ def test_every_figure_by_hand():
         "per_step_q50_m": [1.0, 2.0],
         "per_step_q75_m": [2.5, 4.0],
     }
+    assert {key: found[key] for key in expected} == expected
+    same = ("most_likely_ade_m", "energy_score_m", *(f"min_ade_m_k{k}" for k in (1, 3, 6)))
+    assert {found[key] for key in same} == {2.5}
+    assert not {"nll", "per_step_nll", "mode_collision_share"} & found.keys()
 
 
 def test_scores_depend_on_neither_order_nor_batch():
-    """Batches are whole instants: who runs into whom is asked of everybody at an instant."""
+    """Batches are whole instants: collisions concern all people of an instant."""
     scene = walled_scene(np.random.default_rng(5), detections=40)
     tracks = follow(scene.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2)
     table = extract(scene, tracks, FeatureSettings(phase_offsets=3))
     windows = table.select(table.window)
     rng = np.random.default_rng(6)
-    paths, truth = (rng.uniform(-1.5, 1.5, (len(windows), 10, 2)) for _ in range(2))
+    paths = drawn_predictions(rng, len(windows), steps=10)
+    truth = rng.uniform(-1.5, 1.5, (len(windows), 10, 2))
 
     def scored(rows):
-        return score(windows.select(rows), truth[rows], paths[rows], scene.occupancy, 0.3, 0.2)
+        part = windows.select(rows)
+        about = scene_of_windows(part, scene.occupancy, EvaluationSettings())
+        return score(paths.select(rows), truth[rows], part.track_id, about)
 
     whole, order = scored(np.arange(len(windows))), rng.permutation(len(windows))
     late = windows.time_s > np.median(windows.time_s)
     batches = [np.flatnonzero(~late), np.flatnonzero(late)]
-    assert whole.collides.any()
+    assert whole.values["collision_share"].any()
     assert min(map(len, batches)) > 0
-    for name in ("error_m", "in_obstacle", "collides", "moving", "track"):
-        np.testing.assert_array_equal(getattr(scored(order), name), getattr(whole, name)[order])
-        for rows in batches:
-            np.testing.assert_array_equal(getattr(scored(rows), name), getattr(whole, name)[rows])
+    for rows in (order, *batches):
+        part = scored(rows)
+        for name in ("track", "error_m", "distance2", "nll"):
+            np.testing.assert_allclose(getattr(part, name), getattr(whole, name)[rows])
+        for key, values in whole.values.items():
+            np.testing.assert_allclose(part.values[key], values[rows], err_msg=key)
 
 
 def test_intervals_hold_the_truth_about_95_times_in_100():
@@ -78,7 +99,7 @@ def test_intervals_hold_the_truth_about_95_times_in_100():
     for _ in range(repetitions):
         track = np.repeat(np.arange(80), rng.integers(1, 9, 80))
         error_m = rng.gamma(4.0, 0.25, 80)[track] + rng.normal(0.0, 0.1, len(track))
-        low, high = bootstrap_interval(error_m, track, 300, rng)
+        low, high = TrackBootstrap.draw(track, 300, rng).interval(error_m)
         held += low <= 1.0 <= high
     assert 0.91 <= held / repetitions <= 0.98
 

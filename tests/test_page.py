@@ -39,7 +39,7 @@ def contents_of(scene, windows):
     gallery = simulation_gallery(
         metrics, {"sim_test": [scene]}, {"hall": windows}, {}, GridAutoencoder(60, 8)
     )
-    few = {name: real["eth"][name] | {"fde_ci95_m": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
+    few = {name: real["eth"][name] | {"fde_m_ci95": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
     literature = {"eth": few, "hotel": few}
     shown = [replay(scene, windows, 2.1), replay(wall_scene("attic"), windows, 1.2)]
     return Contents(metrics, real, {"Simulated people": gallery}, curve_tables(), shown, literature, LATENCY)

@@ -15,14 +15,14 @@ from mcap_ros2.writer import Writer
 from PIL import Image
 
 from pedpred.errors import SourceError, ValueRuleError
-from pedpred.evaluation.calibration import radius2, squared_mahalanobis
 from pedpred.geometry import rotate
+from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.report.animation import Animation, busiest_start, positions_at, write_animation
 from pedpred.ros import read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from pedpred.storage.windows import Windows
+from tests.forecasts import windows_with
 from tests.worlds import walled_scene
 
 STEPS = 10
@@ -38,22 +38,17 @@ def small_scene(tracks=3, detections=12):
 def walking_on(scene):
     """One window per detection, forecast and truth straight ahead along the true velocity."""
     trajectories = scene.trajectories
-    rows = len(trajectories)
     heading = np.arctan2(trajectories.velocity[:, 1], trajectories.velocity[:, 0])
     ahead_s = 0.3 * np.arange(1, STEPS + 1)[:, None]
     path = trajectories.position[:, None] + ahead_s * trajectories.velocity[:, None]
-    grid, angular = np.zeros((rows, 2), np.uint8), np.full((rows, 8), 6.0)
-    own = rotate(trajectories.velocity, -heading)
-    return Windows(
-        trajectories.track_id,
-        trajectories.time_s,
+    return windows_with(
         trajectories.position,
-        heading,
-        own,
-        grid,
-        angular,
         path,
         {"lstm": path},
+        track_id=trajectories.track_id,
+        time_s=trajectories.time_s,
+        heading_rad=heading,
+        velocity=rotate(trajectories.velocity, -heading),
     )
 
 

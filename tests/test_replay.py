@@ -10,7 +10,7 @@ import yaml
 from pedpred.features import FeatureSettings, extract
 from pedpred.networks import NetworkForecaster
 from pedpred.online import OnlinePredictor, OnlineSettings
-from pedpred.online.replay import paths_at, replayed
+from pedpred.online.replay import predictions_at, replayed
 from pedpred.sources import SOURCES
 from pedpred.tracking import follow
 from tests.conftest import ROOT
@@ -27,8 +27,9 @@ def offline_and_online(scene, kind, phase_offsets, model):
     table = extract(scene, tracks, settings)
     whole = NetworkForecaster(network, encoder).predict(table, settings, np.arange(len(table)))
     robot = OnlinePredictor.load(folder, OnlineSettings.as_offline(settings, scene.detection_dt_s))
-    online = paths_at(replayed(scene, robot, kind == "truth"), table.track_id, table.time_s, 10)
-    return table, (whole.point, whole.covariance[:, 0]), online
+    forecasts = replayed(scene, robot, kind == "truth")
+    online = predictions_at(forecasts, table.track_id, table.time_s, 10, settings.dt_s)
+    return table, *((own.point, own.covariance[:, 0]) for own in (whole, online))
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from pedpred.errors import StorageError, ValueRuleError
-from pedpred.evaluation.calibration import radius2, squared_mahalanobis
 from pedpred.features import occupancy_crops
 from pedpred.geometry import Homography, rotate
+from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.calibration_plots import ellipse
 from pedpred.report.canvas import png_bytes
@@ -31,8 +31,8 @@ from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of,
 from pedpred.report.reconstructions import evenly_chosen, reconstructed
 from pedpred.report.tables import calibration_table, methods_table
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
-from pedpred.storage.columns import write_columns
-from pedpred.storage.windows import RANGE_M, Windows, read_windows
+from pedpred.storage.windows import RANGE_M, read_windows, write_windows
+from tests.forecasts import windows_with
 
 STEPS = 10
 MEETING = {
@@ -48,12 +48,15 @@ IN_SIMULATION = MEETING | {"goal_blind": 0.15, "goal_unseen": 0.35}
 
 def measures(ade_m, gap_m=None, spread_m=0.01):
     steps = np.linspace(0.1, 1.9, STEPS) * ade_m
-    found = {"ade_m": ade_m, "ade_ci95_m": [ade_m - 0.02, ade_m + 0.03], "fde_m": 1.9 * ade_m}
+    found = {"ade_m": ade_m, "ade_m_ci95": [ade_m - 0.02, ade_m + 0.03], "fde_m": 1.9 * ade_m}
     found |= {"moving_ade_m": 1.1 * ade_m, "windows": 1234, "tracks": 56, "per_step_m": steps.tolist()}
     found |= {f"per_step_q{q}_m": (steps * q / 50).tolist() for q in (25, 50, 75)}
     found |= {"obstacle_share": 0.0123, "collision_share": 0.2}
     if gap_m is not None:
-        found |= {"minus_kalman_cv_m": gap_m, "minus_kalman_cv_ci95_m": [gap_m - spread_m, gap_m + spread_m]}
+        found |= {
+            "ade_m_minus_reference": gap_m,
+            "ade_m_minus_reference_ci95": [gap_m - spread_m, gap_m + spread_m],
+        }
     return found
 
 
@@ -227,8 +230,8 @@ def wall_scene(name="hall", camera=None):
     return Scene(name, trajectories, OccupancyMap(occupied, np.zeros(2), 0.1), 0.3, camera)
 
 
-def columns_of(scene, walkers=5, planted_s=None):
-    """Forecast columns in which the LSTM is right at `planted_s` and as good as Kalman CV elsewhere."""
+def planned(scene, walkers=5, planted_s=None):
+    """Windows in which the LSTM is right at `planted_s` and as good as Kalman CV elsewhere."""
     time_s, track = (
         part.ravel() for part in np.meshgrid(np.arange(8) * 0.3, np.arange(walkers), indexing="ij")
     )
@@ -239,40 +242,17 @@ def columns_of(scene, walkers=5, planted_s=None):
     kalman = truth + np.stack([np.zeros(STEPS), 0.3 * ahead_s], axis=-1)
     right = np.zeros(rows, bool) if planted_s is None else np.abs(time_s - planted_s) < 1e-6
     lstm = np.where(right[:, None, None], truth, kalman)
-    heading_rad = np.zeros(rows)
-    crops = occupancy_crops(scene.occupancy, position, heading_rad, 60, 0.1)
-    columns = {"track_id": track, "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
-    columns |= {"heading_rad": heading_rad, "vx_mps": np.ones(rows), "vy_mps": np.zeros(rows), "grid": crops}
-    columns |= {"angular_grid": np.full((rows, 72), RANGE_M, np.float32)}
-    paths = {"truth": truth, "path_kalman_cv": kalman, "path_lstm": lstm}
-    spread = ahead_s[:, None, None] ** 2 * np.diag([0.04, 0.09])
-    paths["covariance_lstm"] = np.tile(spread, (rows, 1, 1, 1))
-    return columns | {name: values.astype(np.float32) for name, values in paths.items()}
+    crops = occupancy_crops(scene.occupancy, position, np.zeros(rows), 60, 0.1)
+    spread = np.tile(ahead_s[:, None, None] ** 2 * np.diag([0.04, 0.09]), (rows, 1, 1, 1))
+    paths = {"kalman_cv": kalman, "lstm": lstm}
+    own = {"track_id": track, "time_s": time_s, "packed_grid": crops}
+    return windows_with(position, truth, paths, {"lstm": spread}, **own)
 
 
 def windows_of(folder, scene, **kind):
     path = folder / f"{scene.name}.parquet"
-    write_columns(columns_of(scene, **kind), path)
+    write_windows(planned(scene, **kind), path)
     return read_windows(path)
-
-
-def test_forecasts_are_read_as_they_were_written(tmp_path):
-    scene = wall_scene()
-    columns = columns_of(scene, planted_s=0.6)
-    windows = windows_of(tmp_path, scene, planted_s=0.6)
-    np.testing.assert_array_equal(windows.truth, columns["truth"])
-    np.testing.assert_array_equal(windows.paths["lstm"], columns["path_lstm"])
-    assert windows.paths.keys() == {"kalman_cv", "lstm"}
-    np.testing.assert_array_equal(windows.covariances["lstm"], columns["covariance_lstm"])
-    assert windows.grid(0).shape == (60, 60)
-
-
-def test_a_missing_forecast_column_is_named(tmp_path):
-    columns = columns_of(wall_scene())
-    del columns["angular_grid"]
-    write_columns(columns, tmp_path / "hall.parquet")
-    with pytest.raises(StorageError, match="angular_grid"):
-        read_windows(tmp_path / "hall.parquet")
 
 
 def test_the_rule_picks_the_planted_instant(tmp_path):
@@ -303,7 +283,7 @@ def test_few_people_do_not_count_where_more_are_somewhere(tmp_path):
 
 def test_without_a_model_there_is_nothing_to_show(tmp_path):
     windows = windows_of(tmp_path, wall_scene())
-    del windows.paths["lstm"]
+    del windows.predictions["lstm"]
     with pytest.raises(ValueRuleError, match="lstm must be among them"):
         choose({"hall": windows}, 1)
 
@@ -318,8 +298,7 @@ def test_an_obstacle_ahead_is_drawn_above_and_one_to_the_left_is_drawn_left(head
     crop = occupancy_crops(
         OccupancyMap(occupied, np.zeros(2), 0.1), agent[None], np.array([heading_rad]), 60, 0.1
     )
-    one, none = np.zeros(1), np.zeros((1, 0, 2))
-    windows = Windows(one, one, agent[None], one, agent[None], crop, np.zeros((1, 72)), none, {})
+    windows = windows_with(agent[None], np.zeros((1, 0, 2)), {}, packed_grid=crop)
     drawn = np.argwhere(grid_image(windows.grid(0))).mean(axis=0) + 0.5
     np.testing.assert_allclose(drawn, (row, column), atol=1.5)
 
@@ -413,8 +392,7 @@ def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
 def test_crops_are_chosen_at_even_ranks_of_occupied_share():
     shares = np.random.default_rng(0).permutation(101) + 71  # 72 cells are a fiftieth
     packed = np.packbits(np.arange(3600) < shares[:, None], axis=1, bitorder="little")
-    many, one, none = np.zeros(101), np.zeros((101, 2)), np.zeros((101, 0, 2))
-    scenes = {"hall": Windows(many, many, one, many, one, packed, np.zeros((101, 72)), none, {})}
+    scenes = {"hall": windows_with(np.zeros((101, 2)), np.zeros((101, 0, 2)), {}, packed_grid=packed)}
     assert evenly_chosen(scenes, 4).sum(axis=(1, 2)).tolist() == [72, 105, 138, 171]
     assert len(evenly_chosen(scenes, 999)) == 100
 

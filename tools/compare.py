@@ -1,6 +1,6 @@
 """Compare the metrics with those of a revision: `python -m tools.compare HEAD~1`.
 
-Tells which figures of reports/metrics moved beyond their 95 % intervals; exit code 1 when some got worse.
+Lists the figures of reports/metrics that moved beyond their 95 % intervals; exit code 1 when some got worse.
 """
 
 from __future__ import annotations

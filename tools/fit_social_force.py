@@ -13,8 +13,8 @@ from omegaconf import DictConfig
 
 from pedpred.baselines.fitting import fitted
 from pedpred.baselines.social_force import initial_state_of
+from pedpred.baselines.together import seen_together
 from pedpred.config import plain, stage, stage_key
-from pedpred.evaluation.compare import seen_together
 from pedpred.evaluation.scores import true_paths
 from pedpred.files import write_text
 from pedpred.simulation.settings import social_force_settings
@@ -39,7 +39,7 @@ def main(cfg: DictConfig) -> None:
     settings, _ = read_manifest(features)
     table = read_shard(features, name, settings)
     model = social_force_settings(plain(cfg.social_force))
-    together = seen_together(table)
+    together = seen_together(table, table.window)
     start = initial_state_of(scene, table.select(together), model.routing)
     windows = np.flatnonzero(table.window)
     truth = true_paths(table.select(windows), settings.dt_s)

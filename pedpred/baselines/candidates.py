@@ -1,4 +1,4 @@
-"""Where people may be heading: what is known of a room's goals before anybody has moved."""
+"""Candidate goals: what is known of a room's goals before any motion is seen."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pedpred.simulation.placement import open_cells, scattered
 
 @dataclass(frozen=True)
 class Candidates:
-    """Places of which each is as likely as the others to be somebody's goal.
+    """Equally likely places that may be goals.
 
     Attributes:
         position: world frame, m. [G, 2]
@@ -32,14 +32,14 @@ class Candidates:
 
 
 def own_pool(scene: Scene) -> Candidates:
-    """The room's own targets: every place that anybody in the recording wanted to reach, whoever it was.
+    """Collect the room's own targets: the goals of all people in the recording.
 
     Raises:
         ValueRuleError: the recording knows no goals, so there is no pool.
     """
     if scene.trajectories.goal is None:
         raise ValueRuleError(
-            "recording.goal", None, f"scene '{scene.name}' has no pool of goals to infer from"
+            "trajectories.goal", None, f"scene '{scene.name}' has no pool of goals to infer from"
         )
     return Candidates(np.unique(scene.trajectories.goal, axis=0), 0.0)
 
@@ -47,11 +47,11 @@ def own_pool(scene: Scene) -> Candidates:
 def drawn_anew(
     occupancy: OccupancyMap, clearance_m: float, count: int, rng: np.random.Generator
 ) -> Candidates:
-    """Places that the simulator might have drawn as targets, in a room of which only the map is known.
+    """Draw places as the simulator draws targets, in a room of which only the map is known.
 
     As the simulator draws a room's targets: from all walkable cells, none close to another. Each stands for
     its share of the walkable ground, a disc of radius h = sqrt(A / (G pi)), which is also their spacing.
-    The few drawn rooms that confine targets to regions are not told apart: a map does not show them.
+    A few drawn rooms confine targets to regions, which a map does not show; this is ignored.
 
     Args:
         occupancy: the map.

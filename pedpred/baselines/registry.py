@@ -1,91 +1,44 @@
-"""All forecasters that need no training, by name."""
+"""All forecasters that need no training, by key, and how a row of `conf/methods` becomes one."""
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable
 
-import numpy as np
+from pedpred.baselines.constant_acceleration import constant_acceleration
+from pedpred.baselines.constant_velocity import constant_velocity
+from pedpred.baselines.goal_inference import goal_blind, goal_unseen
+from pedpred.baselines.kalman import kalman_velocity
+from pedpred.baselines.social_force import social_force
+from pedpred.errors import ValueRuleError
+from pedpred.forecasting import Forecaster, Method
 
-from pedpred.baselines.candidates import Candidates, drawn_anew, own_pool
-from pedpred.baselines.goal_blind import goal_blind_paths
-from pedpred.baselines.kinematic import KINEMATIC
-from pedpred.baselines.social_force import initial_state_of
-from pedpred.errors import ConfigError
-from pedpred.features import FeatureTable
-from pedpred.scenes import Scene
-from pedpred.simulation.settings import social_force_settings
-
-
-class ForecastRequest(NamedTuple):
-    """What a baseline is asked to forecast, and all that it may look at.
-
-    Attributes:
-        scene: recording and obstacles.
-        table: the scene's whole feature table.
-        rows: of everybody at some instants. [R]
-        ahead_s: times to forecast, equally spaced, s. [P]
-        social_force: configuration group of that name.
-        imagined_goals: how many to draw where a forecaster is not told the room's own.
-    """
-
-    scene: Scene
-    table: FeatureTable
-    rows: np.ndarray
-    ahead_s: np.ndarray
-    social_force: Mapping[str, Any]
-    imagined_goals: int
-
-
-Baseline = Callable[[ForecastRequest], np.ndarray]
-"""-> paths [R, P, 2], world, m"""
-
-
-def _social_force(asked: ForecastRequest) -> np.ndarray:
-    model = social_force_settings(asked.social_force)
-    initial_state = initial_state_of(asked.scene, asked.table.select(asked.rows), model.routing)
-    return initial_state.paths(model, len(asked.ahead_s), float(asked.ahead_s[0]))
-
-
-def _goal_blind(asked: ForecastRequest) -> np.ndarray:
-    return _inferring(asked, own_pool(asked.scene), _chance(asked))
-
-
-def _goal_unseen(asked: ForecastRequest) -> np.ndarray:
-    rng, crowd = _chance(asked), social_force_settings(asked.social_force).crowd
-    drawn = drawn_anew(asked.scene.occupancy, crowd.clearance_m, asked.imagined_goals, rng)
-    return _inferring(asked, drawn, rng)
-
-
-def _inferring(asked: ForecastRequest, candidates: Candidates, rng: np.random.Generator) -> np.ndarray:
-    steps, dt_s = len(asked.ahead_s), float(asked.ahead_s[0])
-    occupancy, settings = asked.scene.occupancy, asked.social_force
-    return goal_blind_paths(occupancy, asked.table, asked.rows, candidates, settings, steps, dt_s, rng)
-
-
-def _chance(asked: ForecastRequest) -> np.random.Generator:
-    return np.random.default_rng(zlib.crc32(asked.scene.name.encode()))
-
-
-def _from_present_motion(forecast: Callable[[FeatureTable, np.ndarray], np.ndarray]) -> Baseline:
-    return lambda asked: forecast(asked.table.select(asked.rows), asked.ahead_s)
-
-
-BASELINES: dict[str, Baseline] = {
-    **{name: _from_present_motion(forecast) for name, forecast in KINEMATIC.items()},
-    "social_force": _social_force,
-    "goal_blind": _goal_blind,
-    "goal_unseen": _goal_unseen,
+BASELINES: dict[str, Callable[..., Forecaster]] = {
+    "cv": constant_velocity,
+    "ca": constant_acceleration,
+    "kalman_cv": kalman_velocity,
+    "social_force": social_force,
+    "goal_blind": goal_blind,
+    "goal_unseen": goal_unseen,
 }
+"""Key -> factory, called with the settings of the method's row."""
+
+PRESENT_MOTION = ("cv", "ca", "kalman_cv")
+"""Baselines that need neither settings nor a model of walking; the strongest one is last."""
 
 
-def baseline(name: str) -> Baseline:
-    """Look a baseline up.
+def baselines(rows: Iterable[Method]) -> dict[str, Forecaster]:
+    """Make the forecasters of some rows, in their order.
 
     Raises:
-        ConfigError: there is none of that name.
+        ValueRuleError: a row's key or one of its settings is unknown.
     """
-    if name not in BASELINES:
-        raise ConfigError("evaluation.baselines", name, f"known baselines are {sorted(BASELINES)}")
-    return BASELINES[name]
+    return {row.key: _made(row) for row in rows}
+
+
+def _made(row: Method) -> Forecaster:
+    if row.key not in BASELINES:
+        raise ValueRuleError("methods", row.key, f"known baselines are {sorted(BASELINES)}")
+    try:
+        return BASELINES[row.key](**row.settings)
+    except TypeError as cause:
+        raise ValueRuleError(f"{row.key}.settings", dict(row.settings), str(cause)) from cause

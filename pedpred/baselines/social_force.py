@@ -1,9 +1,8 @@
 """Social forces with oracle knowledge: every pedestrian's true goal.
 
 All pedestrians of an instant are rolled out together, without noise, by the simulator's own kernel.
-In simulated scenes the recording knows the goals and desired speeds, so only the noise is left to
-be wrong about; in real ones the goal is the end of the track, the desired speed the tracked one, and
-groups are those that somebody has annotated.
+Simulated scenes know the goals and desired speeds, so that the noise is the only source of error; in real
+ones the goal is the end of the track, the desired speed the tracked one, and groups are the annotated ones.
 """
 
 from __future__ import annotations
@@ -12,25 +11,41 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pedpred.baselines.together import SAME_TIME_S, rolled_out
+from pedpred.baselines.together import SAME_TIME_S, forecast_jointly, rolled_out
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable
+from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
-from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories
 from pedpred.simulation.crowd import Crowd, crowd_of
 from pedpred.simulation.ground import Ground, ground_of
 from pedpred.simulation.routing import Routes, RoutingSettings, routes_to
 from pedpred.simulation.settings import SocialForceSettings
 
-GOALS_AHEAD = 4  # nobody reaches more within a horizon of some seconds
+GOALS_AHEAD = 4  # enough for a horizon of some seconds
 _FREE_MARGIN_M = 3.0  # ground around the map where people may walk; no border is felt farther away
 
 
+def social_force() -> Forecaster:
+    """Make the forecaster; it has no settings."""
+
+    def forecast(request: ForecastRequest) -> Predictions:
+        sizes, model = request.sizes, request.walking_model
+
+        def roll_out(rows: np.ndarray) -> np.ndarray:
+            start = initial_state_of(request.scene, request.table.select(rows), model.routing)
+            return start.paths(model, sizes.horizon_steps, sizes.dt_s)
+
+        return forecast_jointly(request, roll_out)
+
+    return forecast
+
+
 class Intentions(NamedTuple):
-    """What some pedestrians want, row by row.
+    """Goals, plans and companions of some pedestrians, row by row.
 
     Attributes:
-        goals: all places that anybody wants to reach, world frame, m. [G, 2]
+        goals: of all pedestrians, world frame, m. [G, 2]
         plan: the next goals in order, indices into `goals`; -1 = none. [W, K]
         desired_speed: m/s. [W]
         group: equal numbers walk together; -1 = alone. [W]
@@ -43,7 +58,7 @@ class Intentions(NamedTuple):
 
 
 class InitialState(NamedTuple):
-    """Everything that futures begin from, whatever the forces.
+    """The state at the start of the rollouts; it does not depend on the forces.
 
     Attributes:
         crowd: everybody at every instant. [W]
@@ -76,9 +91,9 @@ def initial_state(
     velocity: np.ndarray,
     routing: RoutingSettings,
 ) -> InitialState:
-    """Pedestrians who know where they are going, and the ways there.
+    """Collect pedestrians with their true goals, and the ways there.
 
-    Rows of the same instant walk together, so give all who are present, not just those of interest.
+    Rows of the same instant walk together: give all people who are present, not only those asked for.
 
     Args:
         scene: recording (for goals and groups) and obstacles.
@@ -102,7 +117,7 @@ def initial_state(
 def intentions(
     trajectories: Trajectories, track_id: np.ndarray, time_s: np.ndarray, velocity: np.ndarray
 ) -> Intentions:
-    """True goals, speeds and groups where the recording has them, else track ends, tracked speeds, nobody.
+    """Read true goals, speeds and groups; where missing, use track ends, tracked speeds and no groups.
 
     Args:
         trajectories: of the scene.

@@ -1,9 +1,14 @@
-"""Joint futures: everybody of an instant is rolled out together, by the simulator's own kernel."""
+"""Joint rollouts: all people of an instant are rolled out together, by the simulator's own kernel."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from pedpred.features import FeatureTable
+from pedpred.forecasting import ForecastRequest
+from pedpred.scenes import Predictions
 from pedpred.simulation.crowd import Crowd
 from pedpred.simulation.ground import Ground
 from pedpred.simulation.routing import Routes
@@ -11,6 +16,32 @@ from pedpred.simulation.settings import SocialForceSettings
 from pedpred.simulation.simulator import rollout
 
 SAME_TIME_S = 1e-6
+_SAME_INSTANT_S = 1e-4
+
+
+def forecast_jointly(request: ForecastRequest, roll_out: Callable[[np.ndarray], np.ndarray]) -> Predictions:
+    """Roll out all people who are present at the asked instants, and answer the asked rows.
+
+    Args:
+        request: what is asked.
+        roll_out: rows of the table [R] -> their paths, world frame, m. [R, P, 2]
+    """
+    everybody = seen_together(request.table, request.rows)
+    paths = roll_out(everybody)
+    return Predictions.single(paths[np.searchsorted(everybody, request.rows)], request.sizes.dt_s)
+
+
+def seen_together(table: FeatureTable, asked: np.ndarray) -> np.ndarray:
+    """Find the rows at the instants of some rows: everybody whom a joint forecast must move. [R].
+
+    At such an instant (an annotation) each track has a row in exactly one of its phases.
+
+    Args:
+        table: of a scene.
+        asked: the rows, mask or indices.
+    """
+    instant = np.round(table.time_s / _SAME_INSTANT_S).astype(np.int64)
+    return np.flatnonzero(np.isin(instant, instant[asked]))
 
 
 def rolled_out(
@@ -22,7 +53,7 @@ def rolled_out(
     horizon_steps: int,
     dt_s: float,
 ) -> np.ndarray:
-    """Noise-free futures of people at several instants; those of one instant walk together.
+    """Roll out people at several instants without noise; those of one instant walk together.
 
     Args:
         crowd: everybody at every instant. [W]
@@ -44,7 +75,7 @@ def rolled_out(
 
 
 def instants(time_s: np.ndarray) -> list[np.ndarray]:
-    """Indices of the rows of each instant, in the order of time. [W] -> some [N]."""
+    """Group the rows by instant, in the order of time. [W] -> indices [N] of each instant."""
     order = np.argsort(time_s, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(time_s[order]) > SAME_TIME_S) + 1)
     return parts if len(order) else []

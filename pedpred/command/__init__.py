@@ -9,10 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pedpred.command.evaluation import COLLISION_M, MOVING_MPS, evaluate
+from pedpred.command.evaluation import evaluate
 from pedpred.command.prediction import predict
 from pedpred.command.scenes import convert, info
 from pedpred.errors import PedpredError
+from pedpred.evaluation import EvaluationSettings
 
 _SCENE = "a scene folder, an MCAP recording, a ROS bag, or a CSV file with time, id, x, y"
 
@@ -56,10 +57,11 @@ def _model(command: argparse.ArgumentParser) -> None:
 
 def _measures(command: argparse.ArgumentParser) -> None:
     command.add_argument("--json", type=Path, help="write all figures there")
-    slow = f"slower pedestrians count as standing, m/s (default {MOVING_MPS:g})"
-    command.add_argument("--moving-mps", type=float, default=MOVING_MPS, help=slow)
-    near = f"forecast paths nearer than this collide, m (default {COLLISION_M:g})"
-    command.add_argument("--collision-m", type=float, default=COLLISION_M, help=near)
+    usual = EvaluationSettings()
+    slow = f"slower pedestrians count as standing, m/s (default {usual.moving_mps:g})"
+    command.add_argument("--moving-mps", type=float, default=usual.moving_mps, help=slow)
+    near = f"forecast paths nearer than this collide, m (default {usual.collision_m:g})"
+    command.add_argument("--collision-m", type=float, default=usual.collision_m, help=near)
     command.add_argument("--samples", type=int, default=1000, help="bootstrap replicates (default 1000)")
     command.add_argument("--seed", type=int, default=0, help="of the bootstrap (default 0)")
 

@@ -1,4 +1,4 @@
-"""How well forecasters do in somebody's own scenes."""
+"""Accuracy of an exported network in scenes of one's own."""
 
 from __future__ import annotations
 
@@ -7,52 +7,56 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pedpred.baselines import PRESENT_MOTION
 from pedpred.command.prediction import robot_for, with_progress
 from pedpred.command.scenes import read_any
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import Scores, pooled, summary
-from pedpred.evaluation.summary import REFERENCE
+from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
 from pedpred.files import write_json
+from pedpred.metrics import METRICS
 from pedpred.online.assessment import assess
 
-MOVING_MPS, COLLISION_M = 0.3, 0.2
-"""As in the published metrics (conf/evaluation)."""
-
-_COLUMNS = ("method", "ADE m", "95 % interval", "FDE m", "moving ADE m", "in obstacles", "collisions")
+_SHOWN = ("ade_m", "fde_m", "moving_ade_m", "nll", "obstacle_share", "collision_share")
 
 
 def evaluate(given: argparse.Namespace) -> None:
     """Measure a network in scenes, beside forecasts that only continue the present motion."""
+    settings = EvaluationSettings(
+        given.moving_mps, given.collision_m, bootstrap=given.samples, seed=given.seed
+    )
     scores: dict[str, dict[str, Scores]] = {}
     for path in given.scene:
         scene = read_any(path)
         if scene.name in scores:
             raise ValueRuleError("name", scene.name, f"{path} is the second scene of that name")
         predictor = robot_for(scene, given.model)
-        forecasts = with_progress(scene, predictor)
-        scores[scene.name] = assess(scene, predictor, forecasts, given.moving_mps, given.collision_m)
+        scores[scene.name] = assess(scene, predictor, with_progress(scene, predictor), settings)
     if len(scores) > 1:
         methods = next(iter(scores.values()))
         scores["all"] = {m: pooled([own[m] for own in scores.values()]) for m in methods}
-    figures = {
-        name: {m: summary(s, own[REFERENCE], given.samples, given.seed) for m, s in own.items()}
-        for name, own in scores.items()
-    }
+    figures = {name: summaries(own, PRESENT_MOTION[-1], settings) for name, own in scores.items()}
     for name, rows in figures.items():
-        sys.stdout.write(_told(name, rows))
+        sys.stdout.write(_table(name, rows))
     if given.json is not None:
         write_json(given.json, figures)
 
 
-def _told(name: str, rows: Mapping[str, Mapping[str, Any]]) -> str:
-    """A scene's figures as a table."""
+def _table(name: str, rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """Write the figures of a scene as a table."""
     some = next(iter(rows.values()))
-    cells: list[Sequence[str]] = [_COLUMNS]
+    first, *others = _SHOWN
+    titles = [f"{METRICS[key].label} {METRICS[key].unit}" for key in _SHOWN]
+    cells: list[Sequence[str]] = [("method", titles[0], "95 % interval", *titles[1:])]
     for method, row in rows.items():
-        low, high = row["ade_ci95_m"]
-        ade, fde, moving = (f"{row[key]:.3f}" for key in ("ade_m", "fde_m", "moving_ade_m"))
-        shares = (f"{100 * row[key]:.1f} %" for key in ("obstacle_share", "collision_share"))
-        cells.append((method, ade, f"{low:.3f} - {high:.3f}", fde, moving, *shares))
+        interval = " - ".join(_cell(first, end) for end in row[f"{first}_ci95"])
+        cells.append((method, _cell(first, row[first]), interval, *(_cell(k, row.get(k)) for k in others)))
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
     return "\n".join([f"{name}: {some['windows']} windows of {some['tracks']} tracks", *lines, "", ""])
+
+
+def _cell(key: str, value: float | None) -> str:
+    """Write a figure with the digits of its unit."""
+    if value is None:
+        return "-"
+    return f"{100 * value:.1f}" if METRICS[key].unit == "%" else f"{value:.3f}"

@@ -26,7 +26,7 @@ def predict(given: argparse.Namespace) -> None:
     refuse_overwriting(given.output, given.force)
     scene = read_any(given.scene)
     predictor = robot_for(scene, given.model)
-    windows = as_windows(scene, with_progress(scene, predictor), _METHOD, predictor.features.lost_after_s)
+    windows = as_windows(scene, with_progress(scene, predictor), _METHOD, predictor.features)
     write_recording(scene, given.output, windows, {_METHOD: _COLOUR})
     write_layout(scene.occupancy, set(), given.output.with_suffix(".foxglove.json"))
 

@@ -1,6 +1,7 @@
 """Windows, metrics and their uncertainty."""
 
 from pedpred.evaluation.scores import Scores, pooled, score
-from pedpred.evaluation.summary import summary
+from pedpred.evaluation.settings import EvaluationSettings
+from pedpred.evaluation.summary import summaries, summary
 
-__all__ = ["Scores", "pooled", "score", "summary"]
+__all__ = ["EvaluationSettings", "Scores", "pooled", "score", "summaries", "summary"]

@@ -1,46 +1,46 @@
-"""What one forecaster did in every evaluation window."""
+"""All metrics of one forecaster in every evaluation window."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation.calibration import negative_log_likelihood, squared_mahalanobis
-from pedpred.evaluation.metrics import displacement, inside_obstacle, too_close
+from pedpred.evaluation.settings import EvaluationSettings
 from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.geometry import rotate, rotated_covariance
-from pedpred.scenes import OccupancyMap
+from pedpred.geometry import rotate
+from pedpred.metrics import METRICS, Metric, MetricScene
+from pedpred.metrics.calibration import mixture_nll, squared_mahalanobis
+from pedpred.metrics.paths import displacement
+from pedpred.scenes import OccupancyMap, Predictions
+
+_PER_STEP = ("error_m", "distance2", "nll")
 
 
 @dataclass(frozen=True)
 class Scores:
-    """Per-window results, kept until the very end so that any pooling is exact.
+    """Results per window, kept until the end so that any pooling is exact.
 
     Attributes:
-        track: which track, for the bootstrap. [W]
-        moving: faster than a threshold at the window's instant. [W] bool
+        track: of each window, for the bootstrap. [W]
+        values: metric -> value of each window, NaN where it does not apply. {key: [W]}
         error_m: displacement at each forecast step, m. [W, P]
-        in_obstacle: forecast position inside an obstacle. [W, P] bool
-        collides: forecast path runs into another forecast path. [W] bool
-        distance2: squared Mahalanobis distance of the truth; no columns from a method that tells no
-            covariance. [W, P] or [W, 0]
+        distance2: squared Mahalanobis distance of the truth from the most likely mode; no columns from a
+            method without covariances. [W, P] or [W, 0]
         nll: negative log likelihood of the truth, nats; no columns likewise. [W, P] or [W, 0]
     """
 
     track: np.ndarray
-    moving: np.ndarray
+    values: Mapping[str, np.ndarray]
     error_m: np.ndarray
-    in_obstacle: np.ndarray
-    collides: np.ndarray
     distance2: np.ndarray
     nll: np.ndarray
 
 
 def windows_of(table: FeatureTable, settings: FeatureSettings, place: str) -> np.ndarray:
-    """Rows of a place's evaluation windows. [W].
+    """Find the rows of a place's evaluation windows. [W].
 
     Raises:
         ValueRuleError: there is none.
@@ -54,68 +54,65 @@ def windows_of(table: FeatureTable, settings: FeatureSettings, place: str) -> np
 
 
 def true_paths(windows: FeatureTable, dt_s: float) -> np.ndarray:
-    """The true path behind the targets of evaluation windows, world frame, m. [W, P, 2]."""
+    """Integrate the targets of evaluation windows to true paths, world frame, m. [W, P, 2]."""
     walked = np.cumsum(windows.future.astype(np.float64) * dt_s, axis=1)
     return windows.position[:, None] + rotate(walked, windows.heading_rad[:, None])
 
 
-def world_paths(table: FeatureTable, velocities: np.ndarray, dt_s: float) -> np.ndarray:
-    """Euler integration of agent-frame velocities [M, P, 2] from the tracked positions. [M, P, 2] m."""
-    walked = np.cumsum(velocities.astype(np.float64) * dt_s, axis=1)
-    return table.position[:, None] + rotate(walked, table.heading_rad[:, None])
+def metric_scene(windows: FeatureTable, occupancy: OccupancyMap, settings: EvaluationSettings) -> MetricScene:
+    """Collect what metrics know of a scene besides predictions and truth.
 
-
-def world_covariance(table: FeatureTable, covariance: np.ndarray) -> np.ndarray:
-    """Agent-frame covariances [M, P, 2, 2] in the world frame, m^2. [M, P, 2, 2]."""
-    return rotated_covariance(covariance.astype(np.float64), table.heading_rad[:, None])
+    Args:
+        windows: the evaluation windows. [W]
+        occupancy: static obstacles.
+        settings: thresholds.
+    """
+    return MetricScene(
+        occupancy,
+        windows.time_s,
+        np.hypot(*windows.velocity.T),
+        settings.moving_mps,
+        settings.collision_m,
+        settings.miss_m,
+    )
 
 
 def score(
-    windows: FeatureTable,
+    predictions: Predictions,
     truth: np.ndarray,
-    paths: np.ndarray,
-    occupancy: OccupancyMap,
-    moving_mps: float,
-    collision_m: float,
-    covariance: np.ndarray | None = None,
+    track: np.ndarray,
+    scene: MetricScene,
+    metrics: Mapping[str, Metric] = METRICS,
 ) -> Scores:
     """Measure one forecaster in one scene.
 
     Args:
-        windows: the evaluation windows. [W].
+        predictions: world frame. [W]
         truth: world frame, m. [W, P, 2]
-        paths: forecast, world frame, m. [W, P, 2]
-        occupancy: static obstacles.
-        moving_mps: slower pedestrians count as standing, m/s.
-        collision_m: forecast pedestrians nearer than this collide, m.
-        covariance: of the forecast positions, world frame, m^2, where the method tells one. [W, P, 2, 2]
+        track: of each window. [W]
+        scene: of the windows.
+        metrics: which ones.
+
+    Raises:
+        ValueRuleError: a window has no forecast.
     """
-    distance2 = nll = np.zeros((len(paths), 0))
-    if covariance is not None:
-        distance2 = squared_mahalanobis(truth - paths, covariance)
-        nll = negative_log_likelihood(distance2, covariance)
-    return Scores(
-        track=windows.track_id,
-        moving=np.hypot(*windows.velocity.T) > moving_mps,
-        error_m=displacement(paths, truth),
-        in_obstacle=inside_obstacle(paths, occupancy),
-        collides=too_close(paths, windows.time_s, collision_m),
-        distance2=distance2,
-        nll=nll,
-    )
+    if not np.isfinite(predictions.point).all():
+        raise ValueRuleError("predictions", "not finite", "a method must forecast every window")
+    distance2 = nll = np.zeros((len(predictions), 0))
+    if predictions.covariance is not None:
+        distance2 = squared_mahalanobis(truth - predictions.most_likely, predictions.covariance[:, 0])
+        nll = mixture_nll(predictions, truth)
+    values = {key: metric.value(predictions, truth, scene) for key, metric in metrics.items()}
+    return Scores(track, values, displacement(predictions.point, truth), distance2, nll)
 
 
 def pooled(scores: Sequence[Scores]) -> Scores:
-    """Several scenes as one; tracks of different scenes stay different."""
+    """Pool several scenes; tracks of different scenes stay different."""
     track, offset = [], 0
     for part in scores:
         _, own = np.unique(part.track, return_inverse=True)
         track.append(own + offset)
         offset += own.max(initial=-1) + 1
-    return Scores(
-        np.concatenate(track),
-        *(
-            np.concatenate([getattr(part, name) for part in scores])
-            for name in ("moving", "error_m", "in_obstacle", "collides", "distance2", "nll")
-        ),
-    )
+    values = {key: np.concatenate([part.values[key] for part in scores]) for key in scores[0].values}
+    per_step = (np.concatenate([getattr(part, name) for part in scores]) for name in _PER_STEP)
+    return Scores(np.concatenate(track), values, *per_step)

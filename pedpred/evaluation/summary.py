@@ -1,4 +1,4 @@
-"""From per-window scores to the figures of the metric files."""
+"""From scores per window to the figures of the metric files."""
 
 from __future__ import annotations
 
@@ -7,27 +7,31 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.evaluation.calibration import REGIONS, coverage
-from pedpred.evaluation.metrics import bootstrap_interval
+from pedpred.evaluation.bootstrap import TrackBootstrap
 from pedpred.evaluation.scores import Scores, pooled
-
-REFERENCE = "kalman_cv"
-"""The strongest simple method, which every other is compared with window by window."""
+from pedpred.evaluation.settings import EvaluationSettings
+from pedpred.metrics.calibration import REGIONS, coverage
 
 _DIGITS = 5
+Figures = dict[str, dict[str, Any]]
+"""{method: {figure: value}}, as in the metric files."""
 
 
 def figures(
-    test: str, scores: Mapping[str, Mapping[str, Scores]], samples: int, seed: int, noncausal: bool
-) -> dict[str, dict[str, Any]]:
-    """Metric entries of a test set: all its scenes pooled, and each one when there are several.
+    test: str,
+    scores: Mapping[str, Mapping[str, Scores]],
+    reference: str,
+    settings: EvaluationSettings,
+    noncausal: bool = False,
+) -> dict[str, Figures]:
+    """Make the metric entries of a test set: all scenes pooled, and each one when there are several.
 
     Args:
         test: name of the test set.
         scores: scene name -> method -> scores.
-        samples: bootstrap replicates.
-        seed: of the bootstrap.
-        noncausal: the inputs knew the future; every entry says so.
+        reference: the method that differences are taken to.
+        settings: of the bootstrap.
+        noncausal: the inputs knew the future; every entry is marked.
     """
     methods = next(iter(scores.values()))
     pools = {test: {m: pooled([s[m] for s in scores.values()]) for m in methods}}
@@ -35,55 +39,58 @@ def figures(
         pools |= {f"{test}_{name}": dict(own) for name, own in scores.items()}
     mark = {"noncausal": True} if noncausal else {}
     return {
-        entry: {m: mark | summary(s, pool[REFERENCE], samples, seed) for m, s in pool.items()}
+        entry: {m: mark | values for m, values in summaries(pool, reference, settings).items()}
         for entry, pool in pools.items()
     }
 
 
-def summary(scores: Scores, reference: Scores, samples: int, seed: int) -> dict[str, Any]:
-    """Figures of one forecaster in one scene or pool.
+def summaries(pool: Mapping[str, Scores], reference: str, settings: EvaluationSettings) -> Figures:
+    """Summarise all methods in the same windows.
 
     Args:
-        scores: of the forecaster.
-        reference: of Kalman constant velocity in the same windows; differences are paired.
-        samples: bootstrap replicates.
-        seed: of the bootstrap; the same for all methods.
+        pool: method -> scores.
+        reference: the method that differences are taken to.
+        settings: of the bootstrap; all figures share one draw.
     """
-    ade = scores.error_m.mean(axis=1)
-    difference = ade - reference.error_m.mean(axis=1)
-    quartiles = np.percentile(scores.error_m, [25, 50, 75], axis=0)
-    values: dict[str, Any] = {
-        "ade_m": ade.mean(),
-        "ade_ci95_m": bootstrap_interval(ade, scores.track, samples, np.random.default_rng(seed)),
-        "fde_m": scores.error_m[:, -1].mean(),
-        "moving_ade_m": ade[scores.moving].mean() if scores.moving.any() else float("nan"),
-        "minus_kalman_cv_m": difference.mean(),
-        "minus_kalman_cv_ci95_m": bootstrap_interval(
-            difference, scores.track, samples, np.random.default_rng(seed)
-        ),
-        "obstacle_share": scores.in_obstacle.mean(),
-        "collision_share": scores.collides.mean(),
-        "windows": len(ade),
-        "tracks": len(np.unique(scores.track)),
-        "per_step_m": scores.error_m.mean(axis=0),
-        "per_step_q25_m": quartiles[0],
-        "per_step_q50_m": quartiles[1],
-        "per_step_q75_m": quartiles[2],
-        **_calibration(scores),
-    }
+    rng = np.random.default_rng(settings.seed)
+    resampling = TrackBootstrap.draw(pool[reference].track, settings.bootstrap, rng)
+    return {method: summary(own, pool[reference], resampling) for method, own in pool.items()}
+
+
+def summary(scores: Scores, reference: Scores, resampling: TrackBootstrap) -> dict[str, Any]:
+    """Summarise one method in one scene or pool.
+
+    A metric that applies to no window is left out.
+
+    Args:
+        scores: of the method.
+        reference: of the reference method in the same windows; differences are paired.
+        resampling: of these windows.
+    """
+    values: dict[str, Any] = {}
+    for key, own in scores.values.items():
+        for name, each in ((key, own), (f"{key}_minus_reference", own - reference.values[key])):
+            valid = ~np.isnan(each)
+            if valid.any():
+                values |= {name: each[valid].mean(), f"{name}_ci95": resampling.interval(each)}
+    values |= {"windows": len(scores.track), "tracks": resampling.tracks, **_per_step(scores)}
     return {name: _plain(value) for name, value in values.items()}
 
 
-def _calibration(scores: Scores) -> dict[str, Any]:
-    """What the truth says of a method's own covariances; nothing of a method that tells none."""
-    if not scores.nll.shape[1]:
-        return {}
-    covered = {f"per_step_coverage_{100 * share:.0f}": coverage(scores.distance2, share) for share in REGIONS}
-    return {"nll": scores.nll.mean(), "per_step_nll": scores.nll.mean(axis=0), **covered}
+def _per_step(scores: Scores) -> dict[str, Any]:
+    """Errors at each step, and the calibration of a method that gives covariances."""
+    quartiles = np.percentile(scores.error_m, [25, 50, 75], axis=0)
+    values = {"per_step_m": scores.error_m.mean(axis=0)}
+    values |= {f"per_step_q{q}_m": own for q, own in zip((25, 50, 75), quartiles, strict=True)}
+    if scores.nll.shape[1]:
+        values["per_step_nll"] = scores.nll.mean(axis=0)
+        for share in REGIONS:
+            values[f"per_step_coverage_{100 * share:.0f}"] = coverage(scores.distance2, share)
+    return values
 
 
 def _plain(value: Any) -> Any:
-    """JSON numbers, rounded so that a metric file can be read and compared."""
+    """Round to plain JSON numbers, so that a metric file can be read and compared."""
     if isinstance(value, (int, np.integer)):
         return int(value)
     rounded = np.round(np.asarray(value, dtype=np.float64), _DIGITS)

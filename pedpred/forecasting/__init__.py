@@ -1,4 +1,4 @@
-"""The contract of everything that forecasts: one question, one kind of answer, and a table of methods."""
+"""The contract of all forecasters: the request, the forecaster type and the table of methods."""
 
 from pedpred.forecasting.methods import Method, Methods
 from pedpred.forecasting.request import Forecaster, ForecastRequest

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from pedpred.errors import ConfigError
+from pedpred.errors import ValueRuleError
 
 ROLES = ("baseline", "reference", "oracle", "bound", "ablation", "network")
 """baseline: simple and causal. reference: the strongest of these, which paired differences are taken to.
@@ -20,11 +20,11 @@ class Method:
 
     Attributes:
         key: its name in files, commands and configuration.
-        label: what a reader sees.
+        label: name in reports.
         colour: of its lines, #RRGGBB.
         role: one of `ROLES`.
         where: kinds of test sets that it is applied to: "simulation", "real", "literature".
-        settings: what its constructor is given: a baseline's options, or a network's architecture and sizes.
+        settings: arguments of its factory: options of a baseline, or architecture and sizes of a network.
     """
 
     key: str
@@ -36,19 +36,19 @@ class Method:
 
     def __post_init__(self) -> None:
         if self.role not in ROLES:
-            raise ConfigError(f"methods.{self.key}.role", self.role, f"use one of {ROLES}")
+            raise ValueRuleError(f"methods.{self.key}.role", self.role, f"it must be one of {ROLES}")
 
 
 @dataclass(frozen=True)
 class Methods:
-    """All rows, in the order of display: from what knows least to what reports are about."""
+    """All rows, in the order of display; the method that reports are about comes last."""
 
     rows: tuple[Method, ...]
 
     def __post_init__(self) -> None:
         for role in ("reference", "network"):
             if not any(row.role == role for row in self.rows):
-                raise ConfigError("methods", role, "one method must have this role")
+                raise ValueRuleError("methods", role, "one method must have this role")
 
     @classmethod
     def parse(cls, plain: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Methods:
@@ -62,7 +62,7 @@ class Methods:
     def __getitem__(self, key: str) -> Method:
         found = {row.key: row for row in self.rows}
         if key not in found:
-            raise ConfigError("methods", key, f"known methods are {list(found)}")
+            raise ValueRuleError("methods", key, f"known methods are {list(found)}")
         return found[key]
 
     @property

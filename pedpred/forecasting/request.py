@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.scenes import Predictions, Scene
 from pedpred.simulation.settings import SocialForceSettings
@@ -27,7 +28,7 @@ class ForecastRequest:
         rows: which rows to forecast. [W]
         tracker: noise of the filter that the tracked states come from; None where states are true.
         detection_interval_s: time between two detections of a track, s.
-        social_force: the model of walking at this place.
+        social_force: the model of walking at this place; None where there is none.
     """
 
     scene: Scene
@@ -36,12 +37,28 @@ class ForecastRequest:
     rows: np.ndarray
     tracker: KalmanSettings | None
     detection_interval_s: float
-    social_force: SocialForceSettings
+    social_force: SocialForceSettings | None = None
 
     @property
     def ahead_s(self) -> np.ndarray:
         """Time from the present to each step of the horizon, s. [P]."""
         return (np.arange(self.sizes.horizon_steps) + 1) * self.sizes.dt_s
+
+    @property
+    def asked(self) -> FeatureTable:
+        """The features of the rows to forecast. [W]."""
+        return self.table.select(self.rows)
+
+    @property
+    def walking_model(self) -> SocialForceSettings:
+        """The model of walking at this place.
+
+        Raises:
+            ValueRuleError: there is none.
+        """
+        if self.social_force is None:
+            raise ValueRuleError("social_force", None, "joint rollouts need a model of walking")
+        return self.social_force
 
 
 Forecaster = Callable[[ForecastRequest], Predictions]

@@ -1,4 +1,4 @@
-"""A recorded scene as a robot would have met it, frame by frame."""
+"""Replay a recorded scene through the online predictor, frame by frame."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from pedpred.features import FeatureSettings
 from pedpred.features.targets import Futures
 from pedpred.online.predictor import OnlinePredictor
-from pedpred.scenes import Forecast, Scene
-from pedpred.storage.windows import Windows
+from pedpred.scenes import Forecast, Predictions, Scene
+from pedpred.storage.windows import EvaluationWindows
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 
 def replayed(scene: Scene, predictor: OnlinePredictor, true_velocities: bool = False) -> Iterator[Forecast]:
-    """A forecast after every frame of a scene's detections.
+    """Yield a forecast after every frame of a scene's detections.
 
     Args:
         scene: a recorded place.
-        predictor: forgets whatever it knew.
+        predictor: it is reset first.
         true_velocities: use the velocities that a simulation knows instead of filtering positions.
     """
     predictor.reset()
@@ -32,19 +33,17 @@ def replayed(scene: Scene, predictor: OnlinePredictor, true_velocities: bool = F
         yield predictor.update(float(now), trajectories.track_id[rows], trajectories.position[rows], velocity)
 
 
-def paths_at(
-    forecasts: Iterable[Forecast], track_id: np.ndarray, time_s: np.ndarray, horizon_steps: int
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """What a replay forecasts for some people at some instants; NaN where it has nothing.
+def predictions_at(
+    forecasts: Iterable[Forecast], track_id: np.ndarray, time_s: np.ndarray, horizon_steps: int, dt_s: float
+) -> Predictions:
+    """Look up the forecasts of some people at some instants; NaN where there is none.
 
     Args:
         forecasts: in the order of time.
         track_id: whose. [W]
         time_s: when, s. [W]
         horizon_steps: P.
-
-    Returns:
-        World frame, m [W, P, 2]; m^2 [W, P, 2, 2], or None where nobody tells a covariance.
+        dt_s: time between two steps, s.
     """
     order = np.argsort(time_s, kind="stable")
     sorted_s = time_s[order]
@@ -58,37 +57,48 @@ def paths_at(
         paths[rows] = forecast.position[own]
         if forecast.covariance is not None:
             covariance[rows] = forecast.covariance[own]
-    return paths, None if np.isnan(covariance).all() else covariance
+    return Predictions.single(paths, dt_s, None if np.isnan(covariance).all() else covariance)
 
 
-def as_windows(scene: Scene, forecasts: Iterable[Forecast], method: str, lost_after_s: float) -> Windows:
-    """Forecasts as rows beside what really happened.
+def as_windows(
+    scene: Scene, forecasts: Iterable[Forecast], method: str, sizes: FeatureSettings
+) -> EvaluationWindows:
+    """Arrange forecasts as rows beside the paths that people took.
 
     Args:
-        scene: knows the paths that people took; where one ends, its last position stands for the rest.
+        scene: knows these paths; where one ends, its last position stands for the rest.
         forecasts: at any instants of it.
         method: what to call them.
-        lost_after_s: longest silence within a path, s.
+        sizes: of the forecasts.
 
     Returns:
         One row per person and forecast; the grids are left empty.
     """
     known = [forecast for forecast in forecasts if len(forecast)]
-    steps = known[0].position.shape[1] if known else 0
-    dt_s = known[0].dt_s if known else 0.0
+    steps, dt_s = sizes.horizon_steps, sizes.dt_s
     track_id = _joined([forecast.track_id for forecast in known], (), np.int64)
     time_s = np.repeat([forecast.time_s for forecast in known], [len(forecast) for forecast in known])
     path = _joined([forecast.position for forecast in known], (steps, 2), np.float64)
-    velocity = _joined([forecast.velocity for forecast in known], (steps, 2), np.float64)[:, :1]
+    first = _joined([forecast.velocity for forecast in known], (steps, 2), np.float64)[:, 0]
     ahead_s = (np.arange(steps) + 1) * dt_s
-    truth, _ = Futures.of(scene.trajectories, lost_after_s).after(track_id, time_s, ahead_s)
-    first = velocity.reshape(-1, 2) if steps else np.zeros((0, 2))
-    present = path[:, 0] - first * dt_s if steps else np.zeros((0, 2))
-    told = [forecast.covariance for forecast in known if forecast.covariance is not None]
-    spread = {method: np.concatenate(told)} if told else {}
+    truth, _ = Futures.of(scene.trajectories, sizes.lost_after_s).after(track_id, time_s, ahead_s)
+    given = [forecast.covariance for forecast in known if forecast.covariance is not None]
     rows = len(track_id)
-    empty = np.zeros((rows, 0), np.uint8), np.zeros((rows, 0))
-    return Windows(track_id, time_s, present, np.zeros(rows), first, *empty, truth, {method: path}, spread)
+    return EvaluationWindows(
+        track_id=track_id,
+        time_s=time_s,
+        position=path[:, 0] - first * dt_s,
+        heading_rad=np.zeros(rows),
+        velocity=first,
+        packed_grid=np.zeros((rows, 0), np.uint8),
+        angular_grid_m=np.zeros((rows, 0)),
+        truth=truth,
+        predictions={method: Predictions.single(path, dt_s, np.concatenate(given) if given else None)},
+        dt_s=dt_s,
+        grid_cells=0,
+        grid_resolution_m=sizes.grid_resolution_m,
+        max_range_m=sizes.max_range_m,
+    )
 
 
 def _joined(parts: list[np.ndarray], shape: tuple[int, ...], dtype: type) -> np.ndarray:

@@ -96,7 +96,7 @@ def point_rows(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]) ->
             "overrides": [*ablation.always, *ablation.points[name]],
             "method": method,
             "ade_m": methods[method]["ade_m"],
-            "ade_ci95_m": methods[method]["ade_ci95_m"],
+            "ade_m_ci95": methods[method]["ade_m_ci95"],
         }
         for name, methods in measured.items()
         for method in (*ablation.references, *ablation.methods)
@@ -114,8 +114,8 @@ def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> Fi
         mine = [row for row in rows if row["method"] == method]
         x, y = [places[row["point"]] for row in mine], [row["ade_m"] for row in mine]
         spread = [
-            [value - row["ade_ci95_m"][0] for value, row in zip(y, mine, strict=True)],
-            [row["ade_ci95_m"][1] - value for value, row in zip(y, mine, strict=True)],
+            [value - row["ade_m_ci95"][0] for value, row in zip(y, mine, strict=True)],
+            [row["ade_m_ci95"][1] - value for value, row in zip(y, mine, strict=True)],
         ]
         axes.errorbar(x, y, yerr=spread, fmt=mark, color=tone[method], label=label(method), capsize=2)
     if ablation.axis:
@@ -133,7 +133,7 @@ def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> str
     """Markdown table, a row per point."""
     shown = (*ablation.references, *ablation.methods)
     cells = {
-        (row["point"], row["method"]): f"{row['ade_m']:.3f} ({interval(row['ade_ci95_m'])})" for row in rows
+        (row["point"], row["method"]): f"{row['ade_m']:.3f} ({interval(row['ade_m_ci95'])})" for row in rows
     }
     body = [[name, *(cells[name, method] for method in shown)] for name in ablation.points]
     if ablation.repeated:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pedpred.evaluation.calibration import REGIONS, coverage, radius2, shown_steps, squared_mahalanobis
+from pedpred.metrics.calibration import REGIONS, coverage, radius2, shown_steps, squared_mahalanobis
 from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.methods import colours, label, ordered
 from pedpred.storage.windows import Windows

@@ -1,8 +1,8 @@
-"""Which figures of the metric files moved, and whether by more than their intervals allow.
+"""Which metrics moved, and whether by more than their intervals allow.
 
-A figure `x_m` is judged by the earlier 95 % interval `x_ci95_m` beside it: it moved when it lies outside.
-`fde_m` may have none of its own; it is then given the relative width of the ADE's, since both are
-errors of the same paths. Every judged figure is an error in metres: less is better.
+A figure `x` is judged by the earlier 95 % interval `x_ci95` beside it: it moved when it lies outside. Earlier
+metric files have no interval of `fde_m`; it is then given the relative width of the ADE's, since both are
+errors of the same paths. Names of earlier revisions are understood.
 """
 
 from __future__ import annotations
@@ -17,22 +17,30 @@ from typing import Any
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.files import read_json, translate_errors
+from pedpred.metrics import METRICS, Metric
 from pedpred.report.methods import NOTHING
 from pedpred.report.tables import interval, markdown_table
 
-JUDGED = ("ade_m", "fde_m", "minus_kalman_cv_m")
-"""What is compared: mean error, error at the last step, paired difference to the strongest simple method."""
+_GAP = "_minus_reference"
+_RENAMED = {
+    "ade_ci95_m": "ade_m_ci95",
+    "fde_ci95_m": "fde_m_ci95",
+    "minus_kalman_cv_m": f"ade_m{_GAP}",
+    "minus_kalman_cv_ci95_m": f"ade_m{_GAP}_ci95",
+    "cacc": "ca",
+}
+"""Figures and methods of earlier revisions: their present keys."""
 
 Metrics = Mapping[str, Any]
-"""Metric files by name: {file: {scene: {method: {"ade_m": ..., "ade_ci95_m": [low, high], ...}}}}."""
+"""Metric files by name: {file: {scene: {method: {"ade_m": ..., "ade_m_ci95": [low, high], ...}}}}."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure, m, with its 95 % interval, over so many windows."""
+    """One figure with its 95 % interval, and the number of windows behind it."""
 
-    value_m: float
-    bounds_m: tuple[float, float]
+    value: float
+    bounds: tuple[float, float]
     windows: int
 
 
@@ -55,94 +63,98 @@ class Change:
         """`new`, `vanished`, `worse` or `better` beyond the earlier interval, `within` it, or `same`."""
         if self.before is None or self.after is None:
             return "new" if self.before is None else "vanished"
-        low, high = self.before.bounds_m
-        if self.after.value_m > high:
-            return "worse"
-        if self.after.value_m < low:
-            return "better"
-        return "same" if self.after.value_m == self.before.value_m else "within"
+        low, high = self.before.bounds
+        if not low <= self.after.value <= high:
+            rose = self.after.value > high
+            return "better" if rose == (_metric(self.name[-1]).better == "higher") else "worse"
+        return "same" if self.after.value == self.before.value else "within"
 
 
 def metrics_now(folder: Path) -> dict[str, Any]:
-    """The metric files of a folder, by name.
+    """Read the metric files of a folder, by name.
 
     Raises:
         StorageError: one of them is damaged.
     """
     return {
-        path.stem: read_json(path, partial(StorageError, path, "file", remedy="Write it again (dvc repro)"))
+        path.stem: read_json(path, partial(StorageError, path, "file", remedy="Write it again"))
         for path in sorted(folder.glob("*.json"))
     }
 
 
 def metrics_at(revision: str, folder: Path) -> dict[str, Any]:
-    """The metric files that a git revision holds of a folder of a repository, by name.
+    """Read the metric files of a folder of a repository at a git revision, by name.
 
     Raises:
         ValueRuleError: the revision is unknown.
         StorageError: one of the files is damaged there.
     """
     found = {}
-    for name in filter(lambda name: name.endswith(".json"), _said("ls-tree", folder, revision).splitlines()):
+    for name in filter(lambda name: name.endswith(".json"), _git("ls-tree", folder, revision).splitlines()):
         address = f"{revision}:./{name}"
         with translate_errors(
             partial(StorageError, folder / name, revision, remedy="Compare with another revision")
         ):
-            found[Path(name).stem] = json.loads(_said("show", folder, address))
+            found[Path(name).stem] = json.loads(_git("show", folder, address))
     return found
 
 
 def changes(before: Metrics, after: Metrics) -> list[Change]:
-    """Every figure of either side, in the order of the files; figures without an interval are not judged."""
+    """List every figure of either side, in the order of the files; those without an interval are left out."""
     old, new = dict(_figures(before)), dict(_figures(after))
     return [Change(name, old.get(name), new.get(name)) for name in [*new, *(old.keys() - new.keys())]]
 
 
 def changes_table(found: list[Change]) -> str:
-    """A Markdown table of what moved beyond its interval, appeared or vanished, and a count of the rest."""
+    """Write what moved beyond its interval, appeared or vanished as a Markdown table, and count the rest."""
     shown = [change for change in found if change.verdict not in ("same", "within")]
     rows = [[*c.name, _worded(c.before), _worded(c.after), c.verdict] for c in sorted(shown, key=_rank)]
     header = ["file", "scene", "method", "figure", "before (95 % interval)", "now (95 % interval)", "verdict"]
     count = {v: sum(c.verdict == v for c in found) for v in ("worse", "better", "within", "same")}
-    told = (
+    count_line = (
         f"{len(found)} figures: {count['worse']} worse and {count['better']} better than their earlier "
         f"interval, {count['within']} moved within it, {count['same']} unchanged, "
         f"{len(shown) - count['worse'] - count['better']} new or vanished."
     )
-    return f"{markdown_table(header, rows, texts=7)}\n\n{told}" if rows else told
+    return f"{markdown_table(header, rows, texts=7)}\n\n{count_line}" if rows else count_line
 
 
 def _figures(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Figure]]:
-    """The judged figures of all entries, (file, scene, method) deep, by their full name."""
+    """Yield the judged figures of all entries, (file, scene, method) deep, by their full name."""
     if not isinstance(node, Mapping):
         return
-    for key, value in node.items():
+    entry: dict[str, Any] = {str(_RENAMED.get(key, key)): value for key, value in node.items()}
+    for key, value in entry.items():
         if len(path) < 3:
             yield from _figures(value, (*path, key))
-        elif key in JUDGED and (bounds := _bounds(node, key)):
-            yield (*path, key), Figure(value, bounds, node["windows"])
+        elif key.removesuffix(_GAP) in METRICS and (bounds := _bounds(entry, key)):
+            yield (*path, key), Figure(value, bounds, entry["windows"])
+
+
+def _metric(figure: str) -> Metric:
+    return METRICS[figure.removesuffix(_GAP)]
 
 
 def _bounds(entry: Mapping[str, Any], key: str) -> tuple[float, float] | None:
-    """The interval of a figure of an entry, m."""
-    own = entry.get(f"{key.removesuffix('_m')}_ci95_m")
+    """The interval of a figure of an entry."""
+    own = entry.get(f"{key}_ci95")
     if own is None and key == "fde_m" and entry.get("ade_m"):
-        own = [entry[key] * end / entry["ade_m"] for end in entry["ade_ci95_m"]]
+        own = [entry[key] * end / entry["ade_m"] for end in entry["ade_m_ci95"]]
     return (own[0], own[1]) if own else None
 
 
 def _worded(figure: Figure | None) -> str:
     if figure is None:
         return NOTHING
-    return f"{figure.value_m:.3f} ({interval(figure.bounds_m)}), {figure.windows} windows"
+    return f"{figure.value:.3f} ({interval(figure.bounds)}), {figure.windows} windows"
 
 
 def _rank(change: Change) -> int:
     return ("worse", "vanished", "better", "new").index(change.verdict)
 
 
-def _said(command: str, folder: Path, revision: str) -> str:
-    """What git says about a revision, seen from a folder."""
+def _git(command: str, folder: Path, revision: str) -> str:
+    """Run a git command about a revision in a folder."""
     options = ["--name-only"] if command == "ls-tree" else []
     call = ["git", "-C", str(folder), command, *options, "--end-of-options", revision]
     done = subprocess.run(call, capture_output=True, text=True, check=False)  # noqa: S603, a list, no shell

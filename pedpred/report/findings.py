@@ -101,7 +101,7 @@ def percent_better(gain: float) -> str:
 
 def in_the_noise(measures: dict) -> bool:
     """Whether the interval of the paired difference to the yardstick holds zero."""
-    interval = measures.get("minus_kalman_cv_ci95_m")
+    interval = measures.get("ade_m_minus_reference_ci95")
     return interval is not None and interval[0] <= 0.0 <= interval[1]
 
 

@@ -17,7 +17,7 @@ LEAKY = "paper_protocol/"
 
 _FIELDS = (
     "ade_m",
-    "ade_ci95_m",
+    "ade_m_ci95",
     "fde_m",
     "moving_ade_m",
     "windows",

@@ -135,7 +135,7 @@ def answer(methods: MethodMetrics, where: str) -> str:
     found = methods[MODEL]
     text = (
         f"{where}, the {label(MODEL)} is off by {found['ade_m']:.3f} m on average over 3 s "
-        f"(95 % interval {interval(found['ade_ci95_m'])} m; {found['windows']} windows of "
+        f"(95 % interval {interval(found['ade_m_ci95'])} m; {found['windows']} windows of "
         f"{found['tracks']} tracks)"
     )
     if YARDSTICK not in methods:
@@ -155,11 +155,11 @@ def tested_at(name: str, places: Sequence[str]) -> str:
 
 def _gap(found: dict, before: str = "; ", after: str = "") -> str:
     """The paired difference in words, if it was measured."""
-    if found.get("minus_kalman_cv_m") is None:
+    if found.get("ade_m_minus_reference") is None:
         return ""
-    bounds = found.get("minus_kalman_cv_ci95_m")
+    bounds = found.get("ade_m_minus_reference_ci95")
     spread = f", interval {interval(bounds, '+')} m" if bounds else ""
-    return f"{before}difference {found['minus_kalman_cv_m']:+.3f} m{spread}{after}"
+    return f"{before}difference {found['ade_m_minus_reference']:+.3f} m{spread}{after}"
 
 
 def joined(pages: Sequence[str]) -> str:

@@ -12,7 +12,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
-from pedpred.evaluation.calibration import shown_steps
+from pedpred.metrics.calibration import shown_steps
 from pedpred.report.calibration_plots import ellipse
 from pedpred.report.canvas import INK
 from pedpred.report.instants import Instant

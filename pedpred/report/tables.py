@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from pedpred.evaluation.calibration import REGIONS, shown_steps
+from pedpred.metrics.calibration import REGIONS, shown_steps
 from pedpred.report.findings import Finding
 from pedpred.report.measures import MethodMetrics
 from pedpred.report.methods import MODEL, NOTHING, YARDSTICK, label, ordered
@@ -36,7 +36,7 @@ def methods_table(methods: MethodMetrics, paper_ade_m: Mapping[str, float]) -> s
         rows.append(
             [
                 title,
-                f"{found['ade_m']:.3f} ({interval(found['ade_ci95_m'])})",
+                f"{found['ade_m']:.3f} ({interval(found['ade_m_ci95'])})",
                 f"{found['fde_m']:.3f}",
                 f"{found['moving_ade_m']:.3f}",
                 _share(found["obstacle_share"]),
@@ -104,10 +104,10 @@ def findings_table(findings: Sequence[tuple[str, Finding]]) -> str:
 
 def difference(name: str, measures: dict) -> str:
     """Paired difference to the yardstick with its interval, signed."""
-    if name == YARDSTICK or measures.get("minus_kalman_cv_m") is None:
+    if name == YARDSTICK or measures.get("ade_m_minus_reference") is None:
         return NOTHING
-    gap = f"{measures['minus_kalman_cv_m']:+.3f}"
-    bounds = measures.get("minus_kalman_cv_ci95_m")
+    gap = f"{measures['ade_m_minus_reference']:+.3f}"
+    bounds = measures.get("ade_m_minus_reference_ci95")
     return f"{gap} ({interval(bounds, '+')})" if bounds else gap
 
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pandas as pd
 
-from pedpred.evaluation.calibration import radius2
 from pedpred.geometry import rotate
+from pedpred.metrics.calibration import radius2
 from pedpred.ros.scene_messages import Content, header, point
 from pedpred.scenes import Predictions
 from pedpred.storage.windows import Windows

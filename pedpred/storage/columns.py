@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -15,13 +17,16 @@ from pedpred.errors import StorageError
 from pedpred.files import atomic_write, translate_errors
 
 _VERSION_KEY = b"pedpred.schema"
+_ABOUT_KEY = b"pedpred.about"
 _REMEDY = "Write it again"
 _NUMBERS = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
 
 
-def write_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
+def write_columns(
+    columns: Mapping[str, np.ndarray], path: Path, about: Mapping[str, Any] | None = None
+) -> None:
     """Write arrays with a common first axis as a Parquet file of one row group; see `write_blocks`."""
-    write_blocks([columns], path)
+    write_blocks([columns], path, about=about)
 
 
 def write_blocks(
@@ -29,6 +34,7 @@ def write_blocks(
     path: Path,
     version: int | None = None,
     split: Sequence[str] = (),
+    about: Mapping[str, Any] | None = None,
 ) -> None:
     """Write blocks of rows as one Parquet file, one row group each; a block is let go when the next comes.
 
@@ -41,13 +47,16 @@ def write_blocks(
         path: the file; its folder is made.
         version: of the columns' meaning, kept in the file.
         split: columns whose floats are stored byte-stream-split, which pays where values do not repeat.
+        about: plain values about the file; `read_about` reads them back.
     """
     writer: pq.ParquetWriter | None = None
+    metadata = {} if version is None else {_VERSION_KEY: str(version)}
+    metadata |= {} if about is None else {_ABOUT_KEY: json.dumps(about)}
     with atomic_write(path) as new, ExitStack() as open_files:
         for columns in blocks:
             table = pa.table({n: _to_arrow(np.ascontiguousarray(v)) for n, v in columns.items()})
-            if version is not None:
-                table = table.replace_schema_metadata({_VERSION_KEY: str(version)})
+            if metadata:
+                table = table.replace_schema_metadata(metadata)
             writer = writer or open_files.enter_context(
                 pq.ParquetWriter(
                     new,
@@ -59,6 +68,16 @@ def write_blocks(
                 )
             )
             writer.write_table(table, row_group_size=max(len(table), 1))
+
+
+def read_about(path: Path) -> dict[str, Any]:
+    """Read the values that `write_blocks` kept about a file.
+
+    Raises:
+        StorageError: there are none, or the file is damaged.
+    """
+    with translate_errors(partial(StorageError, path, "schema", remedy=_REMEDY)):
+        return json.loads(pq.read_schema(path).metadata[_ABOUT_KEY])
 
 
 def read_columns(

@@ -1,8 +1,8 @@
-"""Evaluation windows of one scene with what every method forecast for them."""
+"""Evaluation windows of one scene with the predictions of every method."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 
@@ -10,37 +10,37 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pedpred.errors import StorageError
+from pedpred.errors import ShapeError, StorageError
 from pedpred.files import translate_errors
 from pedpred.geometry import rotate
-from pedpred.storage.columns import read_columns
+from pedpred.scenes import Predictions
+from pedpred.storage.columns import read_about, read_columns, write_columns
 
-CELL_M = 0.1
-"""Side of a cell of the obstacle grid, m."""
-RANGE_M = 6.0
-"""Range of the angular pedestrian grid (APG), m; also the value of an empty cell."""
-
-_PATH, _COVARIANCE = "path_", "covariance_"
+_POINT, _MODES, _WEIGHT, _COVARIANCE = "point_", "modes_", "weight_", "covariance_"
 _PLAIN = ("track_id", "time_s", "x_m", "y_m", "heading_rad", "vx_mps", "vy_mps")
-_REMEDY = "Evaluate again (dvc repro)"
+_SIZES = ("dt_s", "grid_cells", "grid_resolution_m", "max_range_m")
+_REMEDY = "Evaluate again"
 
 
 @dataclass(frozen=True)
-class Windows:
-    """One row per evaluation window. W windows, P prediction steps, K angular cells.
+class EvaluationWindows:
+    """One row per evaluation window. W windows, P prediction steps, C angular cells.
 
     Attributes:
-        track_id: whose window. [W]
+        track_id: of each window. [W]
         time_s: the present, s. [W]
         position: tracked, world frame, m. [W, 2]
         heading_rad: counter-clockwise from world x. [W]
         velocity: tracked, agent frame (forward, left), m/s. [W, 2]
         packed_grid: bits of the obstacle grid, little end first. [W, bytes] uint8
         angular_grid_m: distance of the nearest pedestrian per cone, counted counter-clockwise
-            from the heading; `RANGE_M` is empty. [W, K]
+            from the heading; `max_range_m` is empty. [W, C]
         truth: true positions, world frame, m. [W, P, 2]
-        paths: forecast positions of each method, world frame, m. {method: [W, P, 2]}
-        covariances: of these, from methods that tell them, m^2. {method: [W, P, 2, 2]}
+        predictions: of each method, world frame. {method: [W]}
+        dt_s: time between two steps, s.
+        grid_cells: cells per side of the obstacle grid.
+        grid_resolution_m: side of such a cell, m.
+        max_range_m: range of the angular grid, m.
     """
 
     track_id: np.ndarray
@@ -51,8 +51,20 @@ class Windows:
     packed_grid: np.ndarray
     angular_grid_m: np.ndarray
     truth: np.ndarray
-    paths: dict[str, np.ndarray]
-    covariances: dict[str, np.ndarray] = field(default_factory=dict)
+    predictions: dict[str, Predictions]
+    dt_s: float
+    grid_cells: int
+    grid_resolution_m: float
+    max_range_m: float
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray) and len(value) != len(self):
+                raise ShapeError(field.name, value.shape, f"[{len(self)}, ...]")
+        for method, own in self.predictions.items():
+            if own.point.shape != self.truth.shape:
+                raise ShapeError(f"predictions[{method!r}].point", own.point.shape, str(self.truth.shape))
 
     def __len__(self) -> int:
         return len(self.track_id)
@@ -62,33 +74,74 @@ class Windows:
         """World frame, m/s: [W, 2]."""
         return rotate(self.velocity, self.heading_rad)
 
+    @property
+    def paths(self) -> dict[str, np.ndarray]:
+        """The point forecasts, m. {method: [W, P, 2]}."""
+        return {method: own.point for method, own in self.predictions.items()}
+
+    @property
+    def covariances(self) -> dict[str, np.ndarray]:
+        """Covariances of the most likely modes, m^2. {method: [W, P, 2, 2]}."""
+        return {m: p.covariance[:, 0] for m, p in self.predictions.items() if p.covariance is not None}
+
     def grid(self, row: int) -> np.ndarray:
-        """Obstacle cells around one agent, (forward, left), the agent in the middle: [G, G] bool."""
-        cells = np.unpackbits(self.packed_grid[row], bitorder="little").astype(bool)
-        side = int(np.sqrt(cells.size))
-        return cells[: side * side].reshape(side, side)
+        """Unpack the obstacle cells around an agent, (forward, left), agent in the middle: [G, G] bool."""
+        cells = np.unpackbits(self.packed_grid[row], count=self.grid_cells**2, bitorder="little")
+        return cells.reshape(self.grid_cells, self.grid_cells).astype(bool)
 
     def ade_m(self, method: str) -> np.ndarray:
-        """Error of a method averaged over the steps, m: [W]."""
-        return np.linalg.norm(self.paths[method] - self.truth, axis=-1).mean(axis=-1)
+        """Average the error of a method over the steps, m: [W]."""
+        return np.linalg.norm(self.predictions[method].point - self.truth, axis=-1).mean(axis=-1)
 
 
-def read_windows(path: Path) -> Windows:
-    """Read the forecasts of one scene.
+Windows = EvaluationWindows  # until the reports read the sizes from the windows
+CELL_M, RANGE_M = 0.1, 6.0
+
+
+def write_windows(windows: EvaluationWindows, path: Path) -> None:
+    """Write windows as Parquet; predicted and true positions become float32, sizes file metadata."""
+    columns = {
+        "track_id": windows.track_id,
+        "time_s": windows.time_s,
+        "x_m": windows.position[:, 0],
+        "y_m": windows.position[:, 1],
+        "heading_rad": windows.heading_rad,
+        "vx_mps": windows.velocity[:, 0],
+        "vy_mps": windows.velocity[:, 1],
+        "grid": windows.packed_grid,
+        "angular_grid": windows.angular_grid_m,
+        "truth": windows.truth.astype(np.float32),
+    }
+    modes = {}
+    for method, own in windows.predictions.items():
+        columns[_POINT + method] = own.point.astype(np.float32)
+        if own.modes > 1:
+            modes[method] = own.modes
+            columns[_MODES + method] = own.path.astype(np.float32)
+            columns[_WEIGHT + method] = own.weight.astype(np.float32)
+        if own.covariance is not None:
+            columns[_COVARIANCE + method] = own.covariance.astype(np.float32)
+    write_columns(columns, path, {name: getattr(windows, name) for name in _SIZES} | {"modes": modes})
+
+
+def read_windows(path: Path) -> EvaluationWindows:
+    """Read the windows of one scene.
 
     Raises:
         StorageError: the file cannot be read, or a column is missing or has another type; it is named.
     """
     with translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)):
         types = {column.name: column.type for column in pq.read_schema(path)}
+        about = read_about(path)
+        sizes, modes = {name: about[name] for name in _SIZES}, about["modes"]
+        steps = _width(types, "truth") // 2
         shapes: dict[str, tuple[int, ...]] = {name: () for name in _PLAIN}
-        shapes |= {name: (_width(types, name),) for name in ("grid", "angular_grid")}
-        forecasts = [name for name in types if name.startswith(_PATH)]
-        shapes |= {name: (_width(types, name) // 2, 2) for name in ("truth", *forecasts)}
-        spreads = [name for name in types if name.startswith(_COVARIANCE)]
-        shapes |= {name: (_width(types, name) // 4, 2, 2) for name in spreads}
+        shapes |= {"grid": (-1,), "angular_grid": (-1,), "truth": (steps, 2)}
+        for method in (name.removeprefix(_POINT) for name in types if name.startswith(_POINT)):
+            shapes |= _prediction_shapes(method, modes.get(method, 1), steps, types)
     columns = read_columns(path, shapes)
-    return Windows(
+    methods = [name.removeprefix(_POINT) for name in columns if name.startswith(_POINT)]
+    return EvaluationWindows(
         track_id=columns["track_id"],
         time_s=columns["time_s"],
         position=np.column_stack([columns["x_m"], columns["y_m"]]),
@@ -97,14 +150,36 @@ def read_windows(path: Path) -> Windows:
         packed_grid=columns["grid"],
         angular_grid_m=columns["angular_grid"],
         truth=columns["truth"].astype(np.float64),
-        paths={name.removeprefix(_PATH): columns[name].astype(np.float64) for name in forecasts},
-        covariances={name.removeprefix(_COVARIANCE): columns[name].astype(np.float64) for name in spreads},
+        predictions={method: _predictions(method, columns, sizes["dt_s"]) for method in methods},
+        **sizes,
     )
 
 
+def _prediction_shapes(
+    method: str, modes: int, steps: int, types: dict[str, pa.DataType]
+) -> dict[str, tuple[int, ...]]:
+    """Shapes per row of the columns of one method."""
+    shapes: dict[str, tuple[int, ...]] = {_POINT + method: (steps, 2)}
+    if modes > 1:
+        shapes |= {_MODES + method: (modes, steps, 2), _WEIGHT + method: (modes,)}
+    if _COVARIANCE + method in types:
+        shapes[_COVARIANCE + method] = (modes, steps, 2, 2)
+    return shapes
+
+
+def _predictions(method: str, columns: dict[str, np.ndarray], dt_s: float) -> Predictions:
+    own = {
+        prefix: columns[prefix + method].astype(np.float64)
+        for prefix in (_POINT, _MODES, _WEIGHT, _COVARIANCE)
+        if prefix + method in columns
+    }
+    point, covariance = own[_POINT], own.get(_COVARIANCE)
+    if _MODES in own:
+        return Predictions(point, own[_MODES], own[_WEIGHT], dt_s, covariance)
+    return Predictions.single(point, dt_s, None if covariance is None else covariance[:, 0])
+
+
 def _width(types: dict[str, pa.DataType], name: str) -> int:
-    """Values or bytes per row of a column of fixed width; 0 if it is missing or something else."""
+    """Values per row of a column of fixed width; 0 if it is missing or something else."""
     kind = types.get(name, pa.null())
-    if pa.types.is_fixed_size_list(kind):
-        return kind.list_size
-    return kind.byte_width if pa.types.is_fixed_size_binary(kind) else 0
+    return kind.list_size if pa.types.is_fixed_size_list(kind) else 0

@@ -28,7 +28,6 @@ from pedpred.report import measures
 from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
-from pedpred.storage.columns import write_columns
 from pedpred.storage.scenes import tracks_table, write_scene
 from pedpred.storage.shards import (
     feature_columns,
@@ -37,7 +36,9 @@ from pedpred.storage.shards import (
     write_manifest,
     write_shard,
 )
+from pedpred.storage.windows import write_windows
 from tests.exported import NETWORK, WIDTHS
+from tests.forecasts import windows_with
 from tests.test_bags import Store, stream
 
 EWAP = {"frame_rate_hz": 10.0, "annotation_frames": 4, "resolution_m": 0.5, "margin_m": 1.0}
@@ -129,10 +130,9 @@ def read_features(folder: Path) -> object:
 def make_windows(folder: Path) -> None:
     """Forecasts of two methods."""
     rows = table()
-    plain = {name: np.arange(12.0) for name in ("time_s", "x_m", "y_m", "heading_rad", "vx_mps", "vy_mps")}
-    inputs = {"track_id": rows.track_id, "grid": rows.occupancy, "angular_grid": rows.angular_grid}
-    paths = {name: rows.future for name in ("truth", "path_cv", "path_lstm")}
-    write_columns(plain | inputs | paths, folder / "place.parquet")
+    paths = {"cv": rows.future, "lstm": rows.future}
+    inputs = {"packed_grid": rows.occupancy, "angular_grid_m": rows.angular_grid}
+    write_windows(windows_with(rows.position, rows.future, paths, **inputs), folder / "place.parquet")
 
 
 def make_checkpoint(folder: Path) -> None:

@@ -10,22 +10,20 @@ import json
 import sys
 from pathlib import Path
 
-import numpy as np
-
-from pedpred.baselines.registry import ForecastRequest, baseline
-from pedpred.command.evaluation import COLLISION_M, MOVING_MPS
+from pedpred.baselines import BASELINES
 from pedpred.command.prediction import robot_for
-from pedpred.evaluation.compare import seen_together
-from pedpred.evaluation.metrics import displacement
+from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract
 from pedpred.files import write_json
+from pedpred.metrics.paths import displacement
 from pedpred.online.assessment import assess
 from pedpred.online.replay import replayed
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import follow
-from tests.simulated import SOCIAL_FORCE, scene_of, short
+from tests.forecasts import request_about
+from tests.simulated import SETTINGS, scene_of, short
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMITTED = Path(__file__).with_name("figures.json")
@@ -40,7 +38,7 @@ SECONDS = 20.0
 def as_on_a_robot(scene: Scene) -> dict[str, float]:
     """Mean errors, m, of the committed network and of what only continues the present motion."""
     predictor = robot_for(scene, MODEL)
-    scores = assess(scene, predictor, replayed(scene, predictor), MOVING_MPS, COLLISION_M)
+    scores = assess(scene, predictor, replayed(scene, predictor), EvaluationSettings())
     return {method: round(float(own.error_m.mean()), 5) for method, own in scores.items()}
 
 
@@ -48,12 +46,10 @@ def by_its_own_forces(scene: Scene) -> float:
     """Mean error, m, of the simulator as a forecaster of what it simulated."""
     sizes = FeatureSettings()
     table = extract(scene, follow(scene.trajectories, "truth", None, 0.2), sizes)
-    ahead_s = (np.arange(sizes.horizon_steps) + 1) * sizes.dt_s
-    together = seen_together(table)
-    paths = baseline("social_force")(ForecastRequest(scene, table, together, ahead_s, SOCIAL_FORCE, 0))
-    window = table.window[together]
-    truth = true_paths(table.select(table.window), sizes.dt_s)
-    return round(float(displacement(paths[window], truth).mean()), 5)
+    request = request_about(scene, table, social_force=SETTINGS)
+    paths = BASELINES["social_force"]()(request).point
+    truth = true_paths(request.asked, sizes.dt_s)
+    return round(float(displacement(paths, truth).mean()), 5)
 
 
 def measured() -> dict[str, dict[str, float]]:

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pedpred.evaluation.literature import measures, methods, stretches
+from pedpred.baselines import BASELINES, PRESENT_MOTION
+from pedpred.evaluation import EvaluationSettings
+from pedpred.evaluation.literature import literature_figures, request_about, stretches
 from pedpred.sources import SOURCES
 from pedpred.tracking import KalmanSettings
 from tests.trust.figures import COMMITTED, TOLERANCE, measured, published
@@ -25,12 +27,13 @@ def test_simulation_and_network_err_as_they_did():
 def test_real_errors_are_the_published_ones(place, ewap_folder):
     """Nothing amplifies a rounding here: what is published has five digits, and all of them hold."""
     options, literature = PARAMS["scenes"][place], PARAMS["literature"]
-    trajectories = SOURCES[options["source"]](ewap_folder / options["sequence"], place, options).trajectories
+    scene = SOURCES[options["source"]](ewap_folder / options["sequence"], place, options)
     found = stretches(
-        trajectories, *(literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
+        scene.trajectories, *(literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
     )
     tracker = KalmanSettings(**{k: v for k, v in options["tracker"].items() if k != "kind"})
-    for method, forecast in methods(tracker).items():
-        figures = measures(found, forecast(found), 1, 0)
+    request, methods = request_about(scene, found, tracker), {m: BASELINES[m]() for m in PRESENT_MOTION}
+    figures = literature_figures(request, found, methods, PRESENT_MOTION[-1], EvaluationSettings(bootstrap=1))
+    for method, own in figures.items():
         for name in ("ade_m", "fde_m"):
-            assert figures[name] == pytest.approx(published(place)[method][name], abs=2e-5)
+            assert own[name] == pytest.approx(published(place)[method][name], abs=2e-5)

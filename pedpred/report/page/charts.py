@@ -81,10 +81,10 @@ class Whisker:
 
 def whiskers(methods: MethodMetrics) -> dict[str, Whisker]:
     """Average errors with their intervals, on the scale that all but outliers share."""
-    top, _ = scale_of({name: found["ade_ci95_m"][1] for name, found in methods.items()})
+    top, _ = scale_of({name: found["ade_m_ci95"][1] for name, found in methods.items()})
     found = {}
     for name, measures in methods.items():
-        low, high = measures["ade_ci95_m"]
+        low, high = measures["ade_m_ci95"]
         scaled = [100.0 * value / top for value in (low, measures["ade_m"], high)]
         found[name] = Whisker(*scaled, beyond=low > top)
     return found

@@ -1,8 +1,11 @@
-"""How honest a forecast's own covariance is: does the truth lie where it says, as often as it says?"""
+"""Calibration of forecast covariances: likelihood of the truth, and coverage of error ellipses."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import logsumexp
+
+from pedpred.scenes import Predictions
 
 REGIONS = (0.5, 0.9, 0.95)
 """Shares of the probability that the reported error ellipses hold."""
@@ -22,13 +25,32 @@ def squared_mahalanobis(error: np.ndarray, covariance: np.ndarray) -> np.ndarray
 
 
 def negative_log_likelihood(distance2: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Surprise at the truth, -ln N = d^2 / 2 + ln(2 pi sqrt(det Sigma)), nats (density per m^2). [...].
+    """Negative log density of a plane Gaussian, d^2 / 2 + ln(2 pi sqrt(det Sigma)), nats. [...].
 
     Args:
         distance2: see `squared_mahalanobis`. [...]
         covariance: m^2. [..., 2, 2]
     """
     return 0.5 * (distance2 + np.log(np.linalg.det(covariance))) + np.log(2 * np.pi)
+
+
+def mixture_nll(predictions: Predictions, truth: np.ndarray) -> np.ndarray:
+    """Negative log likelihood of each true position under the weighted Gaussian modes, nats.
+
+    -ln sum_k w_k N(y | mu_k, Sigma_k), for densities per m^2.
+
+    Args:
+        predictions: of W people.
+        truth: same frame, m. [W, P, 2]
+
+    Returns:
+        NaN from a method without covariances. [W, P]
+    """
+    if predictions.covariance is None:
+        return np.full(truth.shape[:2], np.nan)
+    distance2 = squared_mahalanobis(truth[:, None] - predictions.path, predictions.covariance)
+    each = negative_log_likelihood(distance2, predictions.covariance)
+    return -logsumexp(-each, axis=1, b=predictions.weight[..., None])
 
 
 def radius2(share: np.ndarray | float) -> np.ndarray:

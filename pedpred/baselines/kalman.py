@@ -1,35 +1,38 @@
-"""Forecasts that only continue the present motion."""
+"""Constant velocity of the tracked state, with the covariance that the tracking filter predicts."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 
 from pedpred.features import FeatureTable
+from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
+from pedpred.scenes import Predictions
 from pedpred.tracking import Belief, KalmanSettings, predicted, settled
 
 
-def constant_velocity(table: FeatureTable, ahead_s: np.ndarray) -> np.ndarray:
-    """Last detected position and the velocity of the last interval, p + v t. [M, P, 2] m, world."""
-    return table.last_position[:, None] + table.last_velocity[:, None] * ahead_s[:, None]
+def kalman_velocity() -> Forecaster:
+    """Make the forecaster; it has no settings. Without a tracker in the request it gives no covariance."""
+
+    def forecast(request: ForecastRequest) -> Predictions:
+        paths = tracked_paths(request.asked, request.ahead_s)
+        covariance = None
+        if request.tracker is not None:
+            own = kalman_covariance(request.tracker, request.detection_interval_s, request.ahead_s)
+            covariance = np.tile(own, (len(paths), 1, 1, 1))
+        return Predictions.single(paths, request.sizes.dt_s, covariance)
+
+    return forecast
 
 
-def constant_acceleration(table: FeatureTable, ahead_s: np.ndarray) -> np.ndarray:
-    """Last three detections continued, p + v t + a t^2 / 2. [M, P, 2] m, world."""
-    bend = 0.5 * table.last_acceleration[:, None] * (ahead_s**2)[:, None]
-    return constant_velocity(table, ahead_s) + bend
-
-
-def kalman_velocity(table: FeatureTable, ahead_s: np.ndarray) -> np.ndarray:
+def tracked_paths(table: FeatureTable, ahead_s: np.ndarray) -> np.ndarray:
     """Tracked position and tracked velocity, p + v t. [M, P, 2] m, world."""
     velocity = rotate(table.velocity, table.heading_rad)
     return table.position[:, None] + velocity[:, None] * ahead_s[:, None]
 
 
 def kalman_covariance(tracker: KalmanSettings, interval_s: float, ahead_s: np.ndarray) -> np.ndarray:
-    """What the tracker itself says of where `kalman_velocity` sends a person's next detections.
+    """Covariance of the next detections about `tracked_paths`, as the filter predicts it.
 
     P_pp(t) + r^2 on either axis: the belief of a filter that has settled on regular detections, predicted
     over t, and the noise of the detection there. (A filter's covariance does not depend on what it
@@ -48,11 +51,3 @@ def kalman_covariance(tracker: KalmanSettings, interval_s: float, ahead_s: np.nd
     after = predicted(each, ahead_s, tracker.acceleration_noise)
     variance = after.covariance[:, 0] + tracker.position_noise_m**2
     return variance[:, None, None] * np.eye(2)
-
-
-KINEMATIC: dict[str, Callable[[FeatureTable, np.ndarray], np.ndarray]] = {
-    "cv": constant_velocity,
-    "ca": constant_acceleration,
-    "kalman_cv": kalman_velocity,
-}
-"""(feature table, times ahead [P] s) -> paths [M, P, 2], world, m"""

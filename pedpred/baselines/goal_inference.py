@@ -1,68 +1,105 @@
 """Social forces without oracle knowledge: goals and desired speeds are inferred from the motion so far.
 
-The model is the simulator's own, but who is heading for which of some candidates is a belief (`beliefs.py`).
-Several joint draws from everybody's belief are rolled out, and each pedestrian is forecast where the mean
-distance to its drawn futures is least. What the candidates are (`candidates.py`) makes two yardsticks:
+The model is the simulator's own, but the goal of each pedestrian is a belief over candidates (`beliefs.py`).
+Several joint draws from all beliefs are rolled out, and each pedestrian is forecast where the mean distance
+to its drawn futures is least. The choice of candidates (`candidates.py`) makes two bounds:
 
-* the room's own pool of targets (`goal_blind`): close to the best of whoever knows where people of this
+* the room's own pool of targets (`goal_blind`): close to the best forecast that knows where people of this
   room go, but not who goes where;
-* places drawn anew as the simulator draws targets (`goal_unseen`): close to the best of whoever knows how
-  people walk and the map, and sees this room for the first time. A learned forecaster knows no more. What
-  it could learn from watching others arrive, for they share the room's targets, is left out in both.
+* places drawn as the simulator draws targets (`goal_unseen`): close to the best forecast that knows how
+  people walk and the map, but has not seen the room before. A learned forecaster knows no more. Neither
+  bound uses what could be learnt from watching others arrive, who share the room's targets.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+import zlib
+from collections.abc import Iterator
 
 import numpy as np
 
 from pedpred.baselines.beliefs import beliefs, walking
-from pedpred.baselines.candidates import Candidates
+from pedpred.baselines.candidates import Candidates, drawn_anew, own_pool
 from pedpred.baselines.influences import Observations
-from pedpred.baselines.together import rolled_out
+from pedpred.baselines.together import forecast_jointly, rolled_out
 from pedpred.features import FeatureTable
+from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
-from pedpred.scenes import OccupancyMap
+from pedpred.scenes import OccupancyMap, Predictions
 from pedpred.simulation.crowd import crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.routing import routes_to
-from pedpred.simulation.settings import social_force_settings
+from pedpred.simulation.settings import SocialForceSettings
 from pedpred.simulation.simulator import successors
 
 DRAWS = 8  # twice as many lower the error by 1 to 3 % (two rooms of `main`) and take nearly twice the time
 _AS_NEAR_AS_M = 1e-3
 
 
-def goal_blind_paths(
+def goal_blind() -> Forecaster:
+    """Make the forecaster that knows the room's targets; it has no settings."""
+
+    def forecast(request: ForecastRequest) -> Predictions:
+        return _infer(request, own_pool(request.scene), _generator(request))
+
+    return forecast
+
+
+def goal_unseen(imagined_goals: int) -> Forecaster:
+    """Make the forecaster that draws possible targets itself.
+
+    Args:
+        imagined_goals: how many to draw per room.
+    """
+
+    def forecast(request: ForecastRequest) -> Predictions:
+        rng, clearance_m = _generator(request), request.walking_model.crowd.clearance_m
+        return _infer(request, drawn_anew(request.scene.occupancy, clearance_m, imagined_goals, rng), rng)
+
+    return forecast
+
+
+def _infer(request: ForecastRequest, candidates: Candidates, rng: np.random.Generator) -> Predictions:
+    sizes, model, occupancy = request.sizes, request.walking_model, request.scene.occupancy
+
+    def roll_out(rows: np.ndarray) -> np.ndarray:
+        given = (occupancy, request.table, rows, candidates, model)
+        return inferred_paths(*given, sizes.horizon_steps, sizes.dt_s, rng)
+
+    return forecast_jointly(request, roll_out)
+
+
+def _generator(request: ForecastRequest) -> np.random.Generator:
+    return np.random.default_rng(zlib.crc32(request.scene.name.encode()))
+
+
+def inferred_paths(
     occupancy: OccupancyMap,
     table: FeatureTable,
     rows: np.ndarray,
     candidates: Candidates,
-    settings: Mapping[str, Any],
+    model: SocialForceSettings,
     horizon_steps: int,
     dt_s: float,
     rng: np.random.Generator,
     draws: int = DRAWS,
 ) -> np.ndarray:
-    """Future paths of pedestrians of whom only the past is known.
+    """Forecast pedestrians of whom only the past is known.
 
     Args:
         occupancy: obstacles.
         table: the tracked past of everybody, sorted by track and step.
         rows: what to forecast: everybody at some instants. [R]
-        candidates: where anybody may be heading.
-        settings: configuration group `social_force`.
+        candidates: possible goals.
+        model: how people walk.
         horizon_steps: P.
         dt_s: time between two steps of the table and of the horizon, s.
-        rng: decides whose draws meet whose.
+        rng: combines the draws of different pedestrians.
         draws: joint futures per instant, D.
 
     Returns:
         World positions, m. [R, P, 2]
     """
-    model = social_force_settings(settings)
     ground = ground_of(occupancy)
     routes = routes_to(candidates.position, ground, model.routing)
     allowed = successors(routes.target, np.arange(len(routes.target)), model.crowd.least_leg_m)

@@ -1,0 +1,168 @@
+"""The table of metrics. A new one is a function here and a line in `METRICS`.
+
+Each function gives one value per window, NaN where the metric does not apply; means over windows, intervals
+and paired differences follow from these (`pedpred.evaluation.summary`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+import numpy as np
+
+from pedpred.errors import ShapeError
+from pedpred.metrics.calibration import mixture_nll
+from pedpred.metrics.paths import displacement, too_close
+from pedpred.scenes import OccupancyMap, Predictions
+
+_DRAWS = 32  # of each mode's Gaussian, for the energy score
+
+
+@dataclass(frozen=True)
+class MetricScene:
+    """What metrics know of a scene besides predictions and truth. W windows.
+
+    Attributes:
+        occupancy: static obstacles.
+        time_s: instant of each window, s. [W]
+        speed_mps: of each person at that instant. [W]
+        moving_mps: slower people count as standing.
+        collision_m: people forecast nearer than this at the same step collide.
+        miss_m: a forecast whose last position is farther off than this is a miss.
+    """
+
+    occupancy: OccupancyMap
+    time_s: np.ndarray
+    speed_mps: np.ndarray
+    moving_mps: float
+    collision_m: float
+    miss_m: float = 2.0
+
+    def __post_init__(self) -> None:
+        if self.time_s.shape != self.speed_mps.shape:
+            raise ShapeError("speed_mps", self.speed_mps.shape, str(self.time_s.shape))
+
+    @property
+    def moving(self) -> np.ndarray:
+        """Whether each person moves. [W] bool."""
+        return self.speed_mps > self.moving_mps
+
+
+MetricFunction = Callable[[Predictions, np.ndarray, MetricScene], np.ndarray]
+"""(predictions [W], true paths [W, P, 2] in the world frame, scene) -> values [W]"""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One row of the table.
+
+    Attributes:
+        label: name in reports.
+        unit: "m", "%" (values are shares of 1) or "nats".
+        better: which direction is better.
+        value: gives one value per window.
+    """
+
+    label: str
+    unit: str
+    better: Literal["lower", "higher"]
+    value: MetricFunction
+
+
+def ade(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """Average displacement error: mean distance over the steps, m."""
+    return displacement(predictions.point, truth).mean(axis=1)
+
+
+def fde(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """Final displacement error: distance at the last step, m."""
+    return displacement(predictions.point, truth)[:, -1]
+
+
+def ade_of(moving: bool, predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """ADE of the moving or of the standing people, m."""
+    return np.where(scene.moving == moving, ade(predictions, truth, scene), np.nan)
+
+
+def best_ade(k: int, predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """Least ADE among the k most likely modes, m."""
+    return displacement(predictions.path[:, :k], truth[:, None]).mean(axis=2).min(axis=1)
+
+
+def best_fde(k: int, predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """Least FDE among the k most likely modes, m."""
+    return displacement(predictions.path[:, :k, -1], truth[:, None, -1]).min(axis=1)
+
+
+def missed(k: int, predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """1 where the FDE of all k most likely modes exceeds `miss_m`, else 0."""
+    return (best_fde(k, predictions, truth, scene) > scene.miss_m).astype(float)
+
+
+def nll(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """Negative log likelihood of the true positions, mean over the steps, nats (density per m^2)."""
+    return mixture_nll(predictions, truth).mean(axis=1)
+
+
+def energy_score(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """Energy score of the positions, mean over the steps, m (Gneiting & Raftery 2007, sec. 4.3, beta = 1).
+
+    ES = E|X - y| - E|X - X'| / 2 (their sign reversed), with X, X' drawn independently from the forecast
+    and y the truth. The expectations run over the weighted modes; within a mode over draws of its Gaussian
+    where it has one, the same standard normal numbers for all windows. ES of a single path without
+    covariance equals its ADE.
+    """
+    modes, weight = predictions.path[:, :, None], predictions.weight
+    if predictions.covariance is not None:
+        noise = np.random.default_rng(0).standard_normal((_DRAWS, 1, 2, 1))
+        modes = modes + (np.linalg.cholesky(predictions.covariance)[:, :, None] @ noise)[..., 0]
+    far = displacement(modes, truth[:, None, None]).mean(axis=(2, 3))  # [W, K, draws, P] -> [W, K]
+    score = (weight * far).sum(axis=1)
+    for i in range(predictions.modes):
+        for j in range(predictions.modes):  # shifted by one draw, the two are independent
+            apart = displacement(modes[:, i], np.roll(modes[:, j], 1, axis=1)).mean(axis=(1, 2))
+            score -= 0.5 * weight[:, i] * weight[:, j] * apart
+    return score
+
+
+def in_obstacle(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """Share of the point forecast's positions in occupied cells."""
+    return scene.occupancy.is_occupied(predictions.point).mean(axis=1)
+
+
+def collides(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """1 where the point forecast comes too close to another one of the same instant, else 0."""
+    return too_close(predictions.point, scene.time_s, scene.collision_m).astype(float)
+
+
+def modes_collide(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """`collides` of the most likely modes, where there are several."""
+    if predictions.modes == 1:
+        return np.full(len(predictions), np.nan)
+    return too_close(predictions.most_likely, scene.time_s, scene.collision_m).astype(float)
+
+
+def _best_of(key: str, label: str, unit: str, function: Callable[..., np.ndarray]) -> dict[str, Metric]:
+    """A metric over the k most likely modes, for k = 1, 3 and 6."""
+    return {f"{key}_k{k}": Metric(label.format(k=k), unit, "lower", partial(function, k)) for k in (1, 3, 6)}
+
+
+METRICS: dict[str, Metric] = {
+    "ade_m": Metric("ADE", "m", "lower", ade),
+    "fde_m": Metric("FDE", "m", "lower", fde),
+    "moving_ade_m": Metric("ADE moving", "m", "lower", partial(ade_of, True)),
+    "standing_ade_m": Metric("ADE standing", "m", "lower", partial(ade_of, False)),
+    "most_likely_ade_m": Metric("ADE most likely mode", "m", "lower", partial(best_ade, 1)),
+    **_best_of("min_ade_m", "minADE{k}", "m", best_ade),
+    **_best_of("min_fde_m", "minFDE{k}", "m", best_fde),
+    **_best_of("miss_rate", "miss rate {k}", "%", missed),
+    "nll": Metric("NLL", "nats", "lower", nll),
+    "energy_score_m": Metric("energy score", "m", "lower", energy_score),
+    "obstacle_share": Metric("in obstacles", "%", "lower", in_obstacle),
+    "collision_share": Metric("collisions", "%", "lower", collides),
+    "mode_collision_share": Metric("collisions of most likely modes", "%", "lower", modes_collide),
+}
+"""Key in metric files -> metric."""
