@@ -19,7 +19,7 @@ def main(cfg: DictConfig) -> None:
     """Read data/scenes/real/<place>, write reports/metrics/literature.json (or `metrics`)."""
     options, figures = cfg.literature, {}
     settings = EvaluationSettings(bootstrap=options.bootstrap, seed=options.seed)
-    methods = Methods.parse({"baselines": plain(cfg.methods.baselines)})
+    methods = Methods.parse(plain(cfg.methods))
     forecasters = baselines(methods.applied_to("literature"))
     for place in options.places:
         tracker = row(cfg, "trackers", cfg.places[place].tracker)
