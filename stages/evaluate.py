@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from omegaconf import DictConfig
 
-from pedpred.baselines import baselines
+from pedpred.baselines.registry import baselines
 from pedpred.config import SETS, configured, plain, row, stage
 from pedpred.evaluation import EvaluationSettings, Scores
 from pedpred.evaluation.compare import compare

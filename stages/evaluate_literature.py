@@ -4,7 +4,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.baselines import baselines
+from pedpred.baselines.registry import baselines
 from pedpred.config import plain, row, stage
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.literature import literature_figures, request_about, stretches

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.baselines import BASELINES, baselines
+from pedpred.baselines.registry import BASELINES, baselines
 from pedpred.baselines.together import seen_together
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, score, summaries

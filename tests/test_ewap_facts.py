@@ -8,7 +8,7 @@ import pytest
 import yaml
 from PIL import Image
 
-from pedpred.baselines import BASELINES
+from pedpred.baselines.registry import BASELINES
 from pedpred.errors import SourceError
 from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract

@@ -4,26 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from pedpred.baselines.constant_acceleration import constant_acceleration
-from pedpred.baselines.constant_velocity import constant_velocity
 from pedpred.baselines.goal_inference import goal_blind, goal_unseen
-from pedpred.baselines.kalman import kalman_velocity
+from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.baselines.social_force import social_force
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Forecaster, Method
 
 BASELINES: dict[str, Callable[..., Forecaster]] = {
-    "cv": constant_velocity,
-    "ca": constant_acceleration,
-    "kalman_cv": kalman_velocity,
+    **PRESENT_MOTION,
     "social_force": social_force,
     "goal_blind": goal_blind,
     "goal_unseen": goal_unseen,
 }
 """Key -> factory, called with the settings of the method's row."""
-
-PRESENT_MOTION = ("cv", "ca", "kalman_cv")
-"""Baselines that need neither settings nor a model of walking; the strongest one is last."""
 
 
 def baselines(rows: Iterable[Method]) -> dict[str, Forecaster]:

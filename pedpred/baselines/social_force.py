@@ -19,8 +19,8 @@ from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories
 from pedpred.simulation.crowd import Crowd, crowd_of
 from pedpred.simulation.ground import Ground, ground_of
-from pedpred.simulation.routing import Routes, RoutingSettings, routes_to
-from pedpred.simulation.settings import SocialForceSettings
+from pedpred.simulation.routing import Routes, routes_to
+from pedpred.simulation.settings import RoutingSettings, SocialForceSettings
 
 GOALS_AHEAD = 4  # enough for a horizon of some seconds
 _FREE_MARGIN_M = 3.0  # ground around the map where people may walk; no border is felt farther away

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pedpred.baselines import PRESENT_MOTION
+from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.prediction import robot_for, with_progress
 from pedpred.command.scenes import read_any
 from pedpred.errors import ValueRuleError
@@ -34,7 +34,7 @@ def evaluate(given: argparse.Namespace) -> None:
     if len(scores) > 1:
         methods = next(iter(scores.values()))
         scores["all"] = {m: pooled([own[m] for own in scores.values()]) for m in methods}
-    figures = {name: summaries(own, PRESENT_MOTION[-1], settings) for name, own in scores.items()}
+    figures = {name: summaries(own, STRONGEST, settings) for name, own in scores.items()}
     for name, rows in figures.items():
         sys.stdout.write(_table(name, rows))
     if given.json is not None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from pedpred.baselines import BASELINES, PRESENT_MOTION
+from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.evaluation import EvaluationSettings, Scores
 from pedpred.evaluation.compare import compare
 from pedpred.features import extract_at_detections
@@ -48,7 +48,7 @@ def assess(
         asked = request.asked
         return predictions_at(forecasts, asked.track_id, asked.time_s, sizes.horizon_steps, sizes.dt_s)
 
-    methods = {key: BASELINES[key]() for key in PRESENT_MOTION} | {NETWORK: replayed_network}
+    methods = {key: make() for key, make in PRESENT_MOTION.items()} | {NETWORK: replayed_network}
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.
     request = ForecastRequest(scene, table, sizes, np.zeros(0, np.int64), None, scene.detection_dt_s)
     _, scores = compare(request, methods, settings)

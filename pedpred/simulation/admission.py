@@ -11,8 +11,8 @@ from pedpred.errors import ValueRuleError
 from pedpred.simulation.ground import Ground, ground_of
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.placement import drawn_targets, largest_part, open_cells, scattered, walkable
-from pedpred.simulation.routing import RoutingSettings, clearance_grid
-from pedpred.simulation.settings import CrowdSettings, SocialForceSettings
+from pedpred.simulation.routing import clearance_grid
+from pedpred.simulation.settings import CrowdSettings, RoutingSettings, SocialForceSettings
 from pedpred.simulation.shapes import kind_of
 
 SEALED_M2 = 1.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -10,35 +9,11 @@ import skfmm
 from scipy import ndimage
 
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.fields import check_ranges
 from pedpred.simulation.ground import Ground, interpolate
+from pedpred.simulation.settings import RoutingSettings
 
 _SOURCE_RADIUS = 1.25  # of the disc around the target that the wave starts from, in routing cells
 _NO_WAY = 1e-9  # shorter direction vectors count as zero
-
-
-@dataclass(frozen=True)
-class RoutingSettings:
-    """How routes trade length against clearance.
-
-    Attributes:
-        resolution_m: side of a routing cell; the map's cells may be finer.
-        narrow_m: least clearance of a route; the border force keeps people out of narrower gaps.
-        comfortable_m: clearance above which walking costs no more than on open ground.
-        slowest: assumed share of the full speed at `narrow_m`. Values far below 1 bend the directions
-            across narrow passages instead of along them.
-    """
-
-    resolution_m: float
-    narrow_m: float
-    comfortable_m: float
-    slowest: float
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"slowest": "(0, 1]", "comfortable_m": "(0, inf)"})
-        check_ranges(self, {"resolution_m": "(0, inf)", "narrow_m": "(0, inf)"})
-        if not self.narrow_m < self.comfortable_m:
-            raise ValueRuleError("narrow_m", self.narrow_m, "it must be less than comfortable_m")
 
 
 class Routes(NamedTuple):

@@ -11,7 +11,30 @@ from typing import Any
 from pedpred.errors import ValueRuleError
 from pedpred.simulation.fields import Range, check_ranges, parsed
 from pedpred.simulation.forces import FORCE_RANGES, ForceSettings
-from pedpred.simulation.routing import RoutingSettings
+
+
+@dataclass(frozen=True)
+class RoutingSettings:
+    """How routes trade length against clearance.
+
+    Attributes:
+        resolution_m: side of a routing cell; the map's cells may be finer.
+        narrow_m: least clearance of a route; the border force keeps people out of narrower gaps.
+        comfortable_m: clearance above which walking costs no more than on open ground.
+        slowest: assumed share of the full speed at `narrow_m`. Values far below 1 bend the directions
+            across narrow passages instead of along them.
+    """
+
+    resolution_m: float
+    narrow_m: float
+    comfortable_m: float
+    slowest: float
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"slowest": "(0, 1]", "comfortable_m": "(0, inf)"})
+        check_ranges(self, {"resolution_m": "(0, inf)", "narrow_m": "(0, inf)"})
+        if not self.narrow_m < self.comfortable_m:
+            raise ValueRuleError("narrow_m", self.narrow_m, "it must be less than comfortable_m")
 
 
 @dataclass(frozen=True)

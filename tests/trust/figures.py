@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from pedpred.baselines import BASELINES
+from pedpred.baselines.registry import BASELINES
 from pedpred.command.prediction import robot_for
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import true_paths

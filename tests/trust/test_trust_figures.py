@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pedpred.baselines import BASELINES, PRESENT_MOTION
+from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.literature import literature_figures, request_about, stretches
 from pedpred.sources import SOURCES
@@ -32,8 +32,8 @@ def test_real_errors_are_the_published_ones(place, ewap_folder):
         scene.trajectories, *(literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
     )
     tracker = KalmanSettings(**{k: v for k, v in options["tracker"].items() if k != "kind"})
-    request, methods = request_about(scene, found, tracker), {m: BASELINES[m]() for m in PRESENT_MOTION}
-    figures = literature_figures(request, found, methods, PRESENT_MOTION[-1], EvaluationSettings(bootstrap=1))
+    request, methods = request_about(scene, found, tracker), {m: make() for m, make in PRESENT_MOTION.items()}
+    figures = literature_figures(request, found, methods, STRONGEST, EvaluationSettings(bootstrap=1))
     for method, own in figures.items():
         for name in ("ade_m", "fde_m"):
             assert own[name] == pytest.approx(published(place)[method][name], abs=2e-5)
