@@ -21,7 +21,7 @@ from pedpred.report.animation import Animation, busiest_start, positions_at, wri
 from pedpred.ros import read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
-from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories
 from tests.forecasts import windows_with
 from tests.worlds import walled_scene
 
@@ -144,12 +144,13 @@ def test_an_error_ellipse_ends_where_its_share_ends(tmp_path):
     scene = small_scene(tracks=1)
     windows, covariance = walking_on(scene), np.array([[0.5, 0.2], [0.2, 0.3]])
     spread = np.tile(covariance, (len(scene.trajectories), STEPS, 1, 1))
-    write_recording(scene, tmp_path / "scene.mcap", replace(windows, covariances={"lstm": spread}), SHOWN)
+    given = {"lstm": Predictions.single(windows.predictions["lstm"].point, 0.3, spread)}
+    write_recording(scene, tmp_path / "scene.mcap", replace(windows, predictions=given), SHOWN)
     drawn = [c for _, channel, _, c in decoded(tmp_path / "scene.mcap")[1] if channel.topic == MARKERS]
     for row, content in enumerate(drawn):
         disc = next(marker for marker in content.markers if marker.ns == "lstm ellipse")
         centre = np.array([disc.pose.position.x, disc.pose.position.y])
-        np.testing.assert_allclose(centre, windows.paths["lstm"][row, -1])
+        np.testing.assert_allclose(centre, windows.predictions["lstm"].point[row, -1])
         yaw = 2 * np.arctan2(disc.pose.orientation.z, disc.pose.orientation.w)
         ends = rotate(np.diag([disc.scale.x, disc.scale.y]) / 2, np.array([yaw, yaw]))
         np.testing.assert_allclose(squared_mahalanobis(ends, covariance), radius2(0.9))
