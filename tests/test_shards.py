@@ -234,7 +234,7 @@ def test_a_variant_is_validated_with_its_track(tmp_path):
 def test_the_example_in_the_readme_draws_a_grid_and_an_angular_grid(tmp_path, monkeypatch):
     matplotlib.use("Agg")
     scene, tracks = walled()
-    write_shard([extract(scene, tracks, SETTINGS)], tmp_path / "data/features/eth", "eth")
+    write_shard([extract(scene, tracks, SETTINGS)], tmp_path / "data/features/real/eth", "eth")
     monkeypatch.chdir(tmp_path)
     readme = (Path(__file__).parents[1] / "README.md").read_text()
     (example,) = (
@@ -243,7 +243,7 @@ def test_the_example_in_the_readme_draws_a_grid_and_an_angular_grid(tmp_path, mo
     names: dict = {}
     exec(example, names)
     drawn = names["row"]
-    table = read_shard(tmp_path / "data/features/eth", "eth", SETTINGS)
+    table = read_shard(tmp_path / "data/features/real/eth", "eth", SETTINGS)
     expected = unpack_crops(table.occupancy[drawn.name : drawn.name + 1], 60)[0]
     np.testing.assert_array_equal(names["grid"], expected)
     with Image.open("inputs.png") as picture:
