@@ -103,6 +103,15 @@ def test_help_is_there_and_needs_no_torch():
     assert "predict" in done.stdout
 
 
+def test_no_message_names_the_pipeline_that_made_the_files():
+    names = "[m.__file__ for name, m in sys.modules.items() if name.startswith('pedpred')]"
+    script = f"import sys, pedpred.command; print(*{names})"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    files = [Path(name) for name in done.stdout.split()]
+    assert len(files) > 30
+    assert not [file.name for file in files if "dvc" in file.read_text()]
+
+
 def test_own_tracks_in_a_table_are_measured(tmp_path, model, capsys):
     """Two people walk straight on at 5 Hz: every detection with three more seconds is a window."""
     rows = [f"{0.2 * k},{who},{0.24 * k * way},{who}.5" for k in range(30) for who, way in ((1, 1), (2, -1))]

@@ -156,6 +156,25 @@ def test_an_error_ellipse_ends_where_its_share_ends(tmp_path):
         np.testing.assert_allclose(squared_mahalanobis(ends, covariance), radius2(0.9))
 
 
+def test_modes_are_lines_whose_alpha_is_their_weight(tmp_path):
+    scene = small_scene(tracks=2)
+    windows, weight = walking_on(scene), np.array([0.75, 0.25])
+    point = windows.predictions["lstm"].point
+    path, rows = np.stack([point, point + 1.0], axis=1), len(point)
+    modes = Predictions(point, path, np.tile(weight, (rows, 1)), windows.dt_s)
+    windows = replace(windows, predictions={"lstm": modes})
+    write_recording(scene, tmp_path / "scene.mcap", windows, SHOWN)
+    drawn = [c for _, channel, _, c in decoded(tmp_path / "scene.mcap")[1] if channel.topic == MARKERS]
+    lines = [[marker for marker in content.markers if marker.ns == "lstm modes"] for content in drawn]
+    assert sum(map(len, lines)) == 2 * rows
+    for here in lines:
+        assert len({marker.id for marker in here}) == len(here), "viewers keep one marker per id"
+        np.testing.assert_allclose([marker.color.a for marker in here], np.tile(weight, len(here) // 2))
+    first = np.array([(p.x, p.y) for p in lines[0][1].points[1:]])
+    row = int(np.flatnonzero(windows.time_s == windows.time_s.min())[0])
+    np.testing.assert_array_equal(first, path[row, 1])
+
+
 def test_map_rows_run_along_x(tmp_path):
     occupied = np.array([[True, False], [False, False], [False, True]])  # x, y
     scene = replace(small_scene(), occupancy=OccupancyMap(occupied, np.array([-1.0, 2.0]), 0.1))

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from pedpred.command.conversion import convert, info
 from pedpred.command.evaluation import evaluate
 from pedpred.command.prediction import predict
-from pedpred.command.scenes import convert, info
 from pedpred.errors import PedpredError
 from pedpred.evaluation import EvaluationSettings
 

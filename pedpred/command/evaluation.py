@@ -9,7 +9,7 @@ from typing import Any
 
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.prediction import robot_for, with_progress
-from pedpred.command.scenes import read_any
+from pedpred.command.reading import read_any
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
 from pedpred.files import write_json

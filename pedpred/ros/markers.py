@@ -11,7 +11,7 @@ from pedpred.geometry import rotate
 from pedpred.metrics.calibration import radius2
 from pedpred.ros.scene_messages import Content, header, point
 from pedpred.scenes import Predictions
-from pedpred.storage.windows import Windows
+from pedpred.storage.windows import EvaluationWindows
 
 Colour = tuple[float, float, float]
 """Red, green and blue, 0 to 1."""
@@ -39,7 +39,7 @@ def namespaces(method: str) -> tuple[str, str, str]:
 
 def markers_message(
     people: pd.DataFrame,
-    windows: Windows | None,
+    windows: EvaluationWindows | None,
     rows: np.ndarray,
     colours: Mapping[str, Colour],
     time_ns: int,
@@ -65,11 +65,11 @@ def markers_message(
 
 
 def _window_markers(
-    windows: Windows, rows: np.ndarray, colours: Mapping[str, Colour], time_ns: int
+    windows: EvaluationWindows, rows: np.ndarray, colours: Mapping[str, Colour], time_ns: int
 ) -> Iterator[Content]:
     """The tracked velocity as an arrow, the true path as a line, and the forecasts."""
     velocity = rotate(windows.velocity[rows], windows.heading_rad[rows])
-    forecasts = {method: _predictions(windows, method).select(rows) for method in colours}
+    forecasts = {method: windows.predictions[method].select(rows) for method in colours}
     for index, row in enumerate(rows):
         track, start = windows.track_id[row], windows.position[row]
         arrow = _marker(time_ns, "velocity", track, _ARROW, _ARROW_M, _INK, 1.0)
@@ -77,10 +77,6 @@ def _window_markers(
         yield _line(time_ns, "truth", track, start, windows.truth[row], _INK, 1.0)
         for method, colour in colours.items():
             yield from _forecast_markers(method, forecasts[method], index, track, start, colour, time_ns)
-
-
-def _predictions(windows: Windows, method: str) -> Predictions:
-    return Predictions.single(windows.paths[method], 1.0, windows.covariances.get(method))
 
 
 def _forecast_markers(

@@ -28,7 +28,7 @@ from pedpred.ros.scene_messages import (
 )
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import tracks_of, tracks_table
-from pedpred.storage.windows import Windows
+from pedpred.storage.windows import EvaluationWindows
 
 _SCENE_RECORD = "pedpred.scene"
 """Name of the metadata record with the values that no message holds exactly."""
@@ -83,7 +83,7 @@ def read_recording(path: Path) -> Scene:
 def write_recording(
     scene: Scene,
     path: Path,
-    windows: Windows | None = None,
+    windows: EvaluationWindows | None = None,
     colours: Mapping[str, Colour] | None = None,
 ) -> None:
     """Write a scene, and forecasts in it, as MCAP with ROS 2 messages (profile `ros2`, CDR).
@@ -100,7 +100,7 @@ def write_recording(
     Raises:
         ValueRuleError: a time cannot be a ROS stamp, or a method has no forecasts.
     """
-    unknown = sorted(set(colours or ()) - set(windows.paths if windows else ()))
+    unknown = sorted(set(colours or ()) - set(windows.predictions if windows else ()))
     if unknown:
         raise ValueRuleError("colours", unknown[0], f"scene {scene.name} has no forecasts of it")
     about = {"name": scene.name, "detection_dt_s": repr(float(scene.detection_dt_s))}
@@ -120,7 +120,7 @@ def write_recording(
 
 
 def _messages(
-    scene: Scene, windows: Windows | None, colours: Mapping[str, Colour]
+    scene: Scene, windows: EvaluationWindows | None, colours: Mapping[str, Colour]
 ) -> Iterator[tuple[int, str, Content]]:
     """(time in ns, topic, message) in order of time, the map and the frames first.
 
