@@ -47,17 +47,24 @@ def predictions_at(
     """
     order = np.argsort(time_s, kind="stable")
     sorted_s = time_s[order]
-    paths = np.full((len(order), horizon_steps, 2), np.nan)
-    covariance = np.full((*paths.shape, 2), np.nan)
+    nothing = np.full((len(order), horizon_steps, 2), np.nan)
+    source, found = np.full(len(order), -1), 0
+    parts = []
     for forecast in forecasts:
         span = forecast.time_s - TIME_TOLERANCE_S, forecast.time_s + TIME_TOLERANCE_S
         rows = order[slice(*np.searchsorted(sorted_s, span))]
         rows = rows[np.isin(track_id[rows], forecast.track_id)]
-        own = np.searchsorted(forecast.track_id, track_id[rows])
-        paths[rows] = forecast.position[own]
-        if forecast.covariance is not None:
-            covariance[rows] = forecast.covariance[own]
-    return Predictions.single(paths, dt_s, None if np.isnan(covariance).all() else covariance)
+        if len(rows):
+            parts.append(forecast.predictions.select(np.searchsorted(forecast.track_id, track_id[rows])))
+            source[rows] = found + np.arange(len(rows))
+            found += len(rows)
+    if not found:
+        return Predictions.single(nothing, dt_s)
+    answer = Predictions.join(parts).select(source)
+    for values in (answer.point, answer.path, answer.covariance):
+        if values is not None:
+            values[source < 0] = np.nan
+    return answer
 
 
 def as_windows(
@@ -74,32 +81,29 @@ def as_windows(
     Returns:
         One row per person and forecast; the grids are left empty.
     """
-    known = [forecast for forecast in forecasts if len(forecast)]
-    steps, dt_s = sizes.horizon_steps, sizes.dt_s
-    track_id = _joined([forecast.track_id for forecast in known], (), np.int64)
-    time_s = np.repeat([forecast.time_s for forecast in known], [len(forecast) for forecast in known])
-    path = _joined([forecast.position for forecast in known], (steps, 2), np.float64)
-    first = _joined([forecast.velocity for forecast in known], (steps, 2), np.float64)[:, 0]
-    ahead_s = (np.arange(steps) + 1) * dt_s
+    frames = list(forecasts)
+    dt_s, ahead_s = sizes.dt_s, (np.arange(sizes.horizon_steps) + 1) * sizes.dt_s
+    nobody = np.zeros((0, sizes.horizon_steps, 2))
+    predictions = Predictions.single(nobody, dt_s)
+    if any(len(frame) for frame in frames):
+        predictions = Predictions.join([frame.predictions for frame in frames if len(frame)])
+    track_id = np.concatenate([np.zeros(0, np.int64), *(frame.track_id for frame in frames)])
+    time_s = np.repeat([frame.time_s for frame in frames], [len(frame) for frame in frames])
+    first = np.concatenate([nobody, *(frame.velocity for frame in frames)])[:, 0]
     truth, _ = Futures.of(scene.trajectories, sizes.lost_after_s).after(track_id, time_s, ahead_s)
-    given = [forecast.covariance for forecast in known if forecast.covariance is not None]
     rows = len(track_id)
     return EvaluationWindows(
         track_id=track_id,
         time_s=time_s,
-        position=path[:, 0] - first * dt_s,
+        position=predictions.point[:, 0] - first * dt_s,
         heading_rad=np.zeros(rows),
         velocity=first,
         packed_grid=np.zeros((rows, 0), np.uint8),
         angular_grid_m=np.zeros((rows, 0)),
         truth=truth,
-        predictions={method: Predictions.single(path, dt_s, np.concatenate(given) if given else None)},
+        predictions={method: predictions},
         dt_s=dt_s,
         grid_cells=0,
         grid_resolution_m=sizes.grid_resolution_m,
         max_range_m=sizes.max_range_m,
     )
-
-
-def _joined(parts: list[np.ndarray], shape: tuple[int, ...], dtype: type) -> np.ndarray:
-    return np.concatenate(parts) if parts else np.zeros((0, *shape), dtype)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -67,6 +68,18 @@ class Predictions:
         """One mode, the point forecast itself, with the covariance of its positions [W, P, 2, 2]."""
         own = None if covariance is None else covariance[:, None]
         return cls(point, point[:, None], np.ones((len(point), 1)), dt_s, own, frame)
+
+    @classmethod
+    def join(cls, parts: Sequence[Predictions]) -> Predictions:
+        """Join the rows of at least one part; all have the same modes, steps and frame."""
+        covariance = [part.covariance for part in parts if part.covariance is not None]
+        return replace(
+            parts[0],
+            point=np.concatenate([part.point for part in parts]),
+            path=np.concatenate([part.path for part in parts]),
+            weight=np.concatenate([part.weight for part in parts]),
+            covariance=np.concatenate(covariance) if covariance else None,
+        )
 
     def __len__(self) -> int:
         return len(self.point)
