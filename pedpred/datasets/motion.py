@@ -36,7 +36,7 @@ class MotionData:
         future_steps: known steps of each target. [M] int64
         embedding: frozen encoder's output, if a network reads it; half precision from disk. [M, C]
         empty_embedding: the encoder's output of a crop without obstacles; zeros if None. [C] float32
-        sequences: rows [first, last) of each (scene, track, clock). [S, 2]
+        sequences: rows [first, last) of each (scene, track, phase). [S, 2]
         scene: index of the scene that each sequence belongs to; its variants share it. [S]
         track: id of the track that each sequence belongs to; variants of a scene share it. [S]
         dt_s: time between steps, s.
@@ -101,7 +101,7 @@ def _entries(table: torch.Tensor, rows: torch.Tensor, nothing: torch.Tensor | No
 
 
 def sequences_of(table: FeatureTable) -> np.ndarray:
-    """Rows [first, last) of each (track, clock) of a sorted feature table. [S, 2]."""
+    """Rows [first, last) of each (track, phase) of a sorted feature table. [S, 2]."""
     first = np.flatnonzero(table.step == 0)
     return (
         np.stack([first, np.append(first[1:], len(table))], axis=-1) if len(first) else np.zeros((0, 2), int)

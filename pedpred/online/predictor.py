@@ -26,10 +26,10 @@ class OnlineSettings:
     """How a stream of detections is treated.
 
     Attributes:
-        max_age_s: somebody is there while the last detection is at most this old, s.
+        max_age_s: a person is present while the last detection is at most this old, s.
         snap_s: a step that became due at most this long before a frame is taken with the frame, s.
         phase_offsets: step sequences per person; one is enough on a robot, offline replays may use more.
-        phase_offset_s: between the clocks of one person, s.
+        phase_offset_s: between two phases of one person, s.
     """
 
     max_age_s: float = 0.5
@@ -45,12 +45,12 @@ class OnlineSettings:
 
 
 class OnlinePredictor:
-    """Follows everybody and predicts their next seconds, with memory per track.
+    """Tracks the people around a robot and forecasts them, with a recurrent state per track.
 
-    The network's clock is its own: every `dt_s` after a person's birth it takes a step that is remembered.
-    A frame in between gets a forecast from fresh inputs and the memory of the last step, which it leaves as
-    it is, so the frame rate is free. Where frames are rarer than steps, the missed steps are made up for at
-    their own instants, with what was known then. One object serves one stream; it holds no lock.
+    The network has its own time step: every `dt_s` after a person's first detection, its state advances.
+    A frame in between gets a forecast from its own inputs and the state of the last step, which stays as it
+    is, so any frame rate will do. If frames are rarer than steps, the missed steps are computed for their own
+    instants, from what was known then. One object serves one stream; it is not thread-safe.
     """
 
     def __init__(self, folder: Path, settings: OnlineSettings | None = None):
@@ -76,7 +76,7 @@ class OnlinePredictor:
 
     @property
     def features(self) -> FeatureSettings:
-        """Sizes and clock of the network's inputs."""
+        """Sizes and time step of the network's inputs."""
         return self._about.features
 
     def reset(self) -> None:
@@ -96,7 +96,7 @@ class OnlinePredictor:
 
         A frame that is not later than the last one is dropped, with a warning, and the last forecast is
         returned again. Somebody who is not detected is extrapolated for `max_age_s`, and forgotten after the
-        model's `lost_after_s`; an id that comes back later is somebody new.
+        model's `lost_after_s`; an id that comes back later is a new person.
 
         Args:
             time_s: of the frame, s; any rate, also an irregular one.
@@ -132,14 +132,14 @@ class OnlinePredictor:
             self._step(person, phase, first, np.ones(len(person), bool))
 
     def _due(self) -> np.ndarray:
-        """Next tick of every clock, s; infinite for those who will be forgotten before. [N, C]."""
+        """Time of the next step in every phase, s; infinite if the person is forgotten before. [N, C]."""
         people = self._people
         due = next_ticks_s(people, self.features.dt_s, self._settings.phase_offset_s)
         gone = due > (people.seen_s + self.features.lost_after_s)[:, None]
         return np.where(gone, np.inf, due)
 
     def _predict(self, time_s: float) -> Forecast:
-        """Forecast everybody who is there; clocks that are due now tick."""
+        """Forecast everybody present; phases that are due now take their step."""
         people = self._people
         due = np.less_equal(self._due(), time_s + TIME_TOLERANCE_S)
         there = np.flatnonzero(people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S)

@@ -1,8 +1,8 @@
-"""Tables larger than memory: their rows lie in files without a name that are mapped, not read.
+"""Arrays larger than memory: their rows lie in unnamed, memory-mapped files.
 
-The system brings in the pages that are looked at and takes them back when it needs the room, so a data set of
-any size takes no memory of its own. The rows are written, not assigned through the mapping: a full disk is
-then an `OSError` like any other, where a mapping would end the process by a signal.
+The system loads the pages that are read and drops them when memory is short, so a data set of any size needs
+no memory of its own. Rows are written to the file, not assigned through the mapping: a full disk is then an
+`OSError`, where a mapping would end the process by a signal.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class MappedRows:
     """An array that grows by blocks of rows on disk, [M, ...]."""
 
     def __init__(self, name: str) -> None:
-        """Begin without rows, and without a width until the first block has told it.
+        """Begin without rows; the first block sets the width.
 
         Args:
             name: of the array, for errors.

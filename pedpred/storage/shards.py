@@ -44,7 +44,7 @@ def columns_of(settings: FeatureSettings) -> dict[str, Column]:
     by_field = {
         "track_id": Column("int64"),
         "phase": Column("int8"),
-        "step": Column("int32", unit="dt_s since the first step of (track_id, clock)"),
+        "step": Column("int32", unit="dt_s since the first step of (track_id, phase)"),
         "time_s": Column("float64", unit="s"),
         "position": Column("float64", unit="m, world"),
         "heading_rad": Column("float64", unit="rad, counter-clockwise from world x"),

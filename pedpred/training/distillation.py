@@ -6,9 +6,8 @@ embedding, so every recurrent network works with it without further training.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,37 +18,27 @@ from pedpred.datasets.crops import EmbeddedCrops
 from pedpred.features import unpack_crops
 from pedpred.networks import GridEncoder
 from pedpred.networks.contract import Loss
-from pedpred.training.loop import Learner, train
-from pedpred.training.pretraining import random_rows
+from pedpred.training.loop import Schedule, train
+from pedpred.training.pretraining import CropLearner
 
 _FIGURES = ("embedding", "latent")
 _CROPS_AT_ONCE = 256
 
 
-@dataclass(frozen=True)
-class DistillationSettings:
+@dataclass(frozen=True, kw_only=True)
+class DistillationSettings(Schedule):
     """How the narrow encoder is trained.
 
     Attributes:
         widths: channels behind its first and its second convolution.
         batch: crops per step.
-        steps: optimiser steps.
-        validate_every: steps between two validations.
-        lr: peak learning rate (Adam).
-        warmup_steps: steps of linear warm-up.
-        seed: of the weights and of the order of the crops.
     """
 
     widths: tuple[int, int]
     batch: int
-    steps: int
-    validate_every: int
-    lr: float
-    warmup_steps: int
-    seed: int
 
 
-class DistillationLearner(Learner):
+class DistillationLearner(CropLearner):
     """A narrow encoder, its teacher's fully connected layer, and crops with the teacher's embeddings."""
 
     network: GridEncoder
@@ -69,12 +58,7 @@ class DistillationLearner(Learner):
         student.fc.requires_grad_(False)
         self.network = student
         self.optimizer = torch.optim.Adam([p for p in student.parameters() if p.requires_grad], settings.lr)
-        self.memory = {}
-
-    def batches(self, done: int) -> Iterator[np.ndarray]:
-        """Rows of random crops. [B] each."""
-        rows = random_rows(len(self.training), self.settings.batch, self.settings.seed)
-        return islice(rows, done, None)
+        self.count, self.memory = len(training), {}
 
     def loss(self, batch: np.ndarray, step: int) -> Loss:
         """Sum of the shares of `unexplained`."""

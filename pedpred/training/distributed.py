@@ -55,7 +55,7 @@ class DistributedContext:
         return torch.autocast(self.device.type, torch.bfloat16) if self.autocast else nullcontext()
 
     def share(self, lanes: int) -> slice:
-        """This process's part of so many lanes.
+        """This process's share of the lanes.
 
         Raises:
             ValueRuleError: they cannot be divided evenly.

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -17,24 +18,23 @@ from pedpred.training.progress import Progress, load_progress, save_progress
 from pedpred.training.schedule import learning_rate
 
 
-class Schedule(Protocol):
-    """What the loop reads of a training's settings.
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """How long and how fast a network is trained; the settings of every kind of training extend it.
 
     Attributes:
         steps: optimiser steps.
         validate_every: steps between two validations (and saved states).
         lr: peak learning rate.
         warmup_steps: steps of linear warm-up.
+        seed: of the weights, of the order of the data and of dropout.
     """
 
-    @property
-    def steps(self) -> int: ...  # noqa: D102
-    @property
-    def validate_every(self) -> int: ...  # noqa: D102
-    @property
-    def lr(self) -> float: ...  # noqa: D102
-    @property
-    def warmup_steps(self) -> int: ...  # noqa: D102
+    steps: int
+    validate_every: int
+    lr: float
+    warmup_steps: int
+    seed: int
 
 
 class Learner(ABC):
@@ -54,7 +54,7 @@ class Learner(ABC):
 
     @abstractmethod
     def batches(self, done: int) -> Iterator[Any]:
-        """An endless stream of batches, from where a training of so many steps stands."""
+        """An endless stream of batches, without those of the steps that are done."""
 
     @abstractmethod
     def loss(self, batch: Any, step: int) -> Loss:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,40 +15,43 @@ from torch.nn.utils import clip_grad_norm_
 from pedpred.features import unpack_crops
 from pedpred.networks.autoencoder import GridAutoencoder, intersection_over_union, reconstruction_loss
 from pedpred.networks.contract import Loss
-from pedpred.training.loop import Learner, train
+from pedpred.training.loop import Learner, Schedule, train
 
 _CROPS_AT_ONCE = 8
 """Their first layer's output, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
 
 
-@dataclass(frozen=True)
-class AutoencoderSettings:
+@dataclass(frozen=True, kw_only=True)
+class AutoencoderSettings(Schedule):
     """How the auto-encoder is trained.
 
     Attributes:
         latent: width of the latent space.
         batch: crops per step.
-        steps: optimiser steps.
-        validate_every: steps between two validations.
-        lr: peak learning rate (Adam).
-        warmup_steps: steps of linear warm-up.
         clip_norm: largest gradient norm.
-        seed: of the weights and of the order of the crops.
         tied: the decoder uses the encoder's weights.
     """
 
     latent: int
     batch: int
-    steps: int
-    validate_every: int
-    lr: float
-    warmup_steps: int
     clip_norm: float
-    seed: int
     tied: bool = True
 
 
-class AutoencoderLearner(Learner):
+class CropLearner(Learner):
+    """A learner that has no recurrent state and reads random crops."""
+
+    count: int
+    settings: Any
+
+    def batches(self, done: int) -> Iterator[np.ndarray]:
+        """Random rows below `count`, sorted, because neighbours lie together on disk. [B] each."""
+        rng = np.random.default_rng(self.settings.seed)
+        drawn = (rng.integers(0, self.count, self.settings.batch) for _ in itertools.count())
+        return map(np.sort, itertools.islice(drawn, done, None))
+
+
+class AutoencoderLearner(CropLearner):
     """An auto-encoder and its crops."""
 
     network: GridAutoencoder
@@ -60,12 +64,7 @@ class AutoencoderLearner(Learner):
         self.training, self.validation, self.cells, self.settings = training, validation, cells, settings
         self.network = GridAutoencoder(cells, settings.latent, settings.tied)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=settings.lr)
-        self.memory = {}
-
-    def batches(self, done: int) -> Iterator[np.ndarray]:
-        """Rows of random crops. [B] each."""
-        rows = random_rows(len(self.training), self.settings.batch, self.settings.seed)
-        return islice(rows, done, None)
+        self.count, self.memory = len(training), {}
 
     def loss(self, batch: np.ndarray, step: int) -> Loss:
         """Reconstruction loss."""
@@ -103,13 +102,6 @@ def train_autoencoder(
     """
     learner = AutoencoderLearner(training, validation, cells, settings)
     return learner.network, train(learner, settings, scratch, "auto-encoder")
-
-
-def random_rows(count: int, batch: int, seed: int) -> Iterator[np.ndarray]:
-    """An endless stream of random rows below `count`, sorted, because neighbours lie together on disk."""
-    rng = np.random.default_rng(seed)
-    while True:
-        yield np.sort(rng.integers(0, count, batch))
 
 
 @torch.inference_mode()

@@ -16,41 +16,31 @@ from pedpred.datasets.motion import MotionData
 from pedpred.networks.contract import Loss, RecurrentNetwork, detach, reset, select
 from pedpred.networks.rolling import rolled
 from pedpred.training.distributed import ALONE, DistributedContext
-from pedpred.training.loop import Learner, train
+from pedpred.training.loop import Learner, Schedule, train
 from pedpred.training.variation import Variation, VariedBatch, looked_up, varied
 
 _SEED_DISTANCE = 1_000_003
 """Between the seeds of two processes, so that they do not drop the same units."""
 
 
-@dataclass(frozen=True)
-class TrainingSettings:
+@dataclass(frozen=True, kw_only=True)
+class TrainingSettings(Schedule):
     """How a recurrent network is trained.
 
     Attributes:
-        steps: optimiser steps.
         lanes: tracks that are streamed side by side, B; by all processes together.
         sub_sequence: truncation depth L, steps.
         longest_track: tracks are cut into pieces of at most this many steps.
-        validate_every: steps between two validations (and saved states).
-        lr: peak learning rate.
-        warmup_steps: steps of linear warm-up.
         clip_norm: largest gradient norm.
         weight_decay: decoupled weight decay (the paper's lambda).
-        seed: of the order of the tracks, the split, the weights and dropout.
         variation: see there.
     """
 
-    steps: int
     lanes: int
     sub_sequence: int
     longest_track: int
-    validate_every: int
-    lr: float
-    warmup_steps: int
     clip_norm: float
     weight_decay: float
-    seed: int
     variation: Variation = field(default_factory=Variation)
 
     @classmethod
@@ -139,7 +129,7 @@ def train_motion(
 
 
 def training_batches(training: np.ndarray, settings: TrainingSettings, done: int) -> Iterator[VariedBatch]:
-    """The endless stream of lanes, from where a training of so many steps stands."""
+    """The endless stream of lanes, without the steps that are done."""
     rng = np.random.default_rng(settings.seed)
     stream = stream_lanes(training, settings.lanes, settings.sub_sequence, settings.longest_track, rng)
     for step, batch in enumerate(islice(stream, done, None), done):
