@@ -1,8 +1,9 @@
-"""Forecasts of a robot that meets a recorded scene frame by frame, beside those of the pipeline.
+"""Compare online forecasts of recorded scenes with those of the pipeline.
 
-Both come from the trained networks of the same phase; the pipeline's are float32 in data/forecasts. The
-sequences are replayed on as many clocks as their features have, simulated rooms with their true velocities.
-Inputs are equal bit by bit; torch and onnxruntime differ in the last digits of a float.
+The scenes are those of `recording.scenes` in params.yaml; both forecasts come from the networks of the same
+fold, the pipeline's from data/forecasts (float32). A scene is replayed frame by frame with as many phase
+offsets as its features have, simulated ones with true velocities. The inputs are equal bit by bit; torch
+and onnxruntime differ in the last digits of a float.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from tqdm import tqdm
 
 from pedpred.online import OnlinePredictor, OnlineSettings
@@ -20,35 +22,31 @@ from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest
 from pedpred.storage.windows import read_windows
 
-SCENES = {
-    "eth": ("real", "eth", "finetune_hotel"),
-    "hotel": ("real", "hotel", "finetune_eth"),
-    "sim_test/office": ("sim", "office", "main"),
-}
-"""Scene folder: forecasts, their name and the phase whose network made them (conf/evaluation)."""
-
 
 def differences(models: Path) -> Iterator[dict[str, Any]]:
-    """How far apart the two forecasts of any window are at most, scene by scene.
+    """Yield the largest distance between both forecasts of a window, per scene.
 
     Args:
-        models: model folders, by phase.
+        models: model folders, by fold.
     """
-    for place, (kind, name, phase) in SCENES.items():
-        scene = read_scene(Path("data/scenes", place))
-        windows = read_windows(Path("data/forecasts", kind, f"{name}.parquet"))
-        features, _ = read_manifest(Path("data/features", place.split("/")[0]))
+    params = yaml.safe_load(Path("params.yaml").read_text())
+    network = params["online"]["network"]
+    for name, row in params["recording"]["scenes"].items():
+        fold, (kind, data) = Path(row["fold"]).name, Path(row["scene"]).parts[:2]
+        scene = read_scene(Path("data/scenes", row["scene"]))
+        windows = read_windows(Path("data/forecasts", row["fold"], f"{name}.parquet"))
+        features, _ = read_manifest(Path("data/features", kind, data))
         settings = OnlineSettings.as_offline(features, scene.detection_dt_s)
-        robot = OnlinePredictor.load(models / phase, settings)
+        robot = OnlinePredictor.load(models / fold, settings)
         frames = len(np.unique(scene.trajectories.time_s))
-        forecasts = tqdm(replayed(scene, robot, kind == "sim"), total=frames, desc=place, unit="frame")
-        offline = windows.predictions["lstm"].point
+        forecasts = tqdm(replayed(scene, robot, kind == "simulated"), total=frames, desc=name, unit="frame")
+        offline = windows.predictions[network].point
         sizes = offline.shape[1], windows.dt_s
         online = predictions_at(forecasts, windows.track_id, windows.time_s, *sizes).point
         apart = np.linalg.norm(online - offline, axis=-1).max(axis=1)
         yield {
-            "scene": place,
-            "network": phase,
+            "scene": name,
+            "fold": fold,
             "phase_offsets": features.phase_offsets,
             "windows": len(windows),
             "median_m": float(np.median(apart)),
