@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.spatial.distance import pdist
 
-from pedpred.baselines.beliefs import Belief, arrival, gone_on, unexplained, walking, weighed
-from pedpred.baselines.candidates import drawn_anew, own_pool
-from pedpred.baselines.goal_inference import drawn_plans, geometric_median, goal_unseen, inferred_paths
+from pedpred.baselines.beliefs import Belief, apply_bayes, arrival, replace_reached, unexplained, walking
+from pedpred.baselines.candidates import draw_candidates, room_goals
+from pedpred.baselines.goal_inference import draw_plans, geometric_median, goal_unseen, infer_paths
 from pedpred.baselines.influences import Influences, Observations, between, others_push
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.scores import true_paths
@@ -39,11 +39,11 @@ def walked():
 
 def among(candidates, scene, table, rows):
     rng = np.random.default_rng(3)
-    return inferred_paths(scene.occupancy, table, rows, candidates, SETTINGS, 10, 0.3, rng, draws=4)
+    return infer_paths(scene.occupancy, table, rows, candidates, SETTINGS, 10, 0.3, rng, draws=4)
 
 
 def forecast(scene, table, rows):
-    return among(own_pool(scene), scene, table, rows)
+    return among(room_goals(scene), scene, table, rows)
 
 
 def unseen(scene, table, rows):
@@ -52,7 +52,7 @@ def unseen(scene, table, rows):
 
 def imagined(count, seed=0):
     rng = np.random.default_rng(seed)
-    return drawn_anew(drawn("columns").occupancy(), SETTINGS.crowd.clearance_m, count, rng)
+    return draw_candidates(drawn("columns").occupancy(), SETTINGS.crowd.clearance_m, count, rng)
 
 
 def at_step(table, *steps):
@@ -86,7 +86,7 @@ def test_the_future_is_never_read(walked, method):
 
 def test_candidates_that_hardly_stand_for_more_than_themselves_forecast_as_the_pool_does(walked):
     scene, table = walked
-    rows, pool = at_step(table, 40), own_pool(scene)
+    rows, pool = at_step(table, 40), room_goals(scene)
     nearly = dataclasses.replace(pool, spread_m=1e-6)
     np.testing.assert_allclose(among(nearly, scene, table, rows), among(pool, scene, table, rows), atol=1e-6)
 
@@ -150,7 +150,7 @@ def test_weighing_is_bayes_rule_for_a_linear_gaussian_model():
     acting = Influences(direction, rng.normal(0, 0.02, (1, 3, 2)))
     start = Observations(np.zeros((1, 2)), np.array([[1.2, 0.0]]))
     end = Observations(np.zeros((1, 2)), np.array([[1.22, 0.05]]))
-    found = weighed(prior, start, end, acting, np.full((1, 3), MOVING.noise_mps**2), MOVING)
+    found = apply_bayes(prior, start, end, acting, np.full((1, 3), MOVING.noise_mps**2), MOVING)
     likelihood = []
     for goal in range(3):
         gain = (1 - MOVING.keep) * direction[0, goal]
@@ -170,7 +170,7 @@ def test_going_on_keeps_probability_and_the_moments_of_the_speed(seed):
     belief = Belief(
         rng.dirichlet(np.ones(3), 5), rng.uniform(0.8, 2.0, (5, 3)), rng.uniform(0.01, 0.1, (5, 3))
     )
-    after = gone_on(belief, rng.random((5, 3)), MOVING.following)
+    after = replace_reached(belief, rng.random((5, 3)), MOVING.following)
     for power in (0, 1, 2):
         before_and_after = [
             (b.probability * (b.variance * (power == 2) + b.speed_mps**power)).sum(axis=1)
@@ -183,14 +183,16 @@ def test_a_goal_that_is_reached_is_left_for_one_that_may_follow():
     belief = Belief(np.array([[1.0, 0.0, 0.0]]), np.full((1, 3), 1.3), np.full((1, 3), 0.01))
     goals = np.array([[1.0, 0.4], [5.0, 0.0], [9.0, 0.0]])
     passed = arrival(np.zeros((1, 2)), np.array([[2.0, 0.0]]), goals, MOVING)
-    np.testing.assert_allclose(gone_on(belief, passed, MOVING.following).probability, [[0.0, 0.5, 0.5]])
+    np.testing.assert_allclose(
+        replace_reached(belief, passed, MOVING.following).probability, [[0.0, 0.5, 0.5]]
+    )
 
 
 @given(st.integers(0, 2**32 - 1))
 def test_draws_follow_the_belief(seed):
     rng = np.random.default_rng(seed)
     probability, draws = rng.dirichlet(np.ones(3), 4), 20
-    plans = np.stack(list(drawn_plans(probability, MOVING.following, draws, rng)))
+    plans = np.stack(list(draw_plans(probability, MOVING.following, draws, rng)))
     counts = (plans[..., :1] == np.arange(3)).sum(axis=0)
     assert np.abs(counts - draws * probability).max() <= 1.0
     assert (plans[..., 0] != plans[..., 1]).all()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pedpred.baselines.fitting import FITTED, fitted
+from pedpred.baselines.fitting import FITTED, fit_forces
 from pedpred.baselines.social_force import initial_state, intentions
 from pedpred.errors import ShapeError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
@@ -84,7 +84,7 @@ def changed(**values) -> SocialForceSettings:
 def test_a_fit_comes_closer_to_what_people_did_and_leaves_the_rest_alone():
     start = start_of([7, 7, 2, 2])
     truth = start.paths(changed(pedestrian_strength=6.0, relaxation_time_s=0.9), 10, 0.3)
-    fit = fitted(start, np.arange(4), truth, SETTINGS, 0.3, most_trials=60)
+    fit = fit_forces(start, np.arange(4), truth, SETTINGS, 0.3, most_trials=60)
     assert fit.reached_m < 0.5 * fit.start_m
     assert tuple(fit.forces) == FITTED
     assert fit.reached_m == pytest.approx(
@@ -95,4 +95,4 @@ def test_a_fit_comes_closer_to_what_people_did_and_leaves_the_rest_alone():
 def test_a_fit_needs_the_truth_of_every_row_asked():
     start = start_of([-1] * 4)
     with pytest.raises(ShapeError, match="truth"):
-        fitted(start, np.arange(4), np.zeros((3, 10, 2)), SETTINGS, 0.3, most_trials=5)
+        fit_forces(start, np.arange(4), np.zeros((3, 10, 2)), SETTINGS, 0.3, most_trials=5)

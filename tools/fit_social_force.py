@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.baselines.fitting import Fit, fitted
+from pedpred.baselines.fitting import Fit, fit_forces
 from pedpred.baselines.social_force import initial_state_of
 from pedpred.baselines.together import seen_together
 from pedpred.config import read_params, row
@@ -47,7 +47,7 @@ def fit_place(place: str, model: SocialForceSettings, trials: int) -> Fit:
     scene = read_scene(Path("data/scenes/real", place))
     start = initial_state_of(scene, table.select(together), model.routing)
     truth = true_paths(table.select(windows), sizes.dt_s)
-    return fitted(start, np.searchsorted(together, windows), truth, model, sizes.dt_s, trials)
+    return fit_forces(start, np.searchsorted(together, windows), truth, model, sizes.dt_s, trials)
 
 
 def main(arguments: list[str] | None = None) -> None:

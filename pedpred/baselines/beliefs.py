@@ -1,4 +1,4 @@
-"""What can be believed about pedestrians' goals and desired speeds from their motion so far.
+"""Beliefs about the goals and desired speeds of pedestrians, from their motion so far.
 
 A recursive Bayesian filter of the social-force model itself. Between two observations the model is
 linear in the velocity v and in the desired speed v0 (Helbing & Molnar 1995, eq. 2 and 9, integrated over
@@ -6,9 +6,9 @@ an interval T with the desired direction e and all other forces f at their mean)
 
     v(t + T) = a v(t) + (1 - a) (v0 e_g + tau f_g) + noise,   a = exp(-T / tau)
 
-So under each goal g the desired speed is a Gaussian that is updated as a Kalman filter's state is, and
-the density of the observed velocity is the likelihood of g. A goal that is reached is replaced by any
-of those that may follow it. Nothing later than t enters the belief of t.
+Under each goal g the desired speed is thus a Gaussian that is updated like the state of a Kalman filter, and
+the density of the observed velocity is the likelihood of g. A goal that is reached is replaced by one
+that may follow it. The belief at t uses nothing later than t.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Belief:
 
 @dataclass(frozen=True)
 class Walking:
-    """How people are believed to walk.
+    """Parameters of the filter.
 
     Attributes:
         dt_s: T, time between two observations, s.
@@ -84,14 +84,14 @@ class Walking:
 
 
 def walking(dt_s: float, model: SocialForceSettings, allowed: np.ndarray, spread_m: float) -> Walking:
-    """The simulator's constants as the filter needs them.
+    """Convert the simulator's constants to those of the filter.
 
     The acceleration noise is held for h and drawn anew, so the variance of the velocity after T is
     the sum over the draws, (sigma tau (1 - exp(-h / tau)))^2 sum_k exp(-2 k h / tau).
 
     Args:
         dt_s: time between two observations, s.
-        model: that people walk by.
+        model: of walking.
         allowed: which goals may follow which. [G, G] bool
         spread_m: see `Walking`.
     """
@@ -114,7 +114,7 @@ def walking(dt_s: float, model: SocialForceSettings, allowed: np.ndarray, spread
 def beliefs(
     seen: Observations, step: np.ndarray, time_s: np.ndarray, ground: Ground, routes: Routes, model: Walking
 ) -> Belief:
-    """Filter everybody together, instant by instant.
+    """Filter all pedestrians together, instant by instant.
 
     Args:
         seen: observations, sorted by track and within a track by time. [M]
@@ -142,7 +142,9 @@ def beliefs(
             )
             arrived = arrival(start.position, end.position, routes.target, model)
             noise = unexplained(prior, start.position, routes.target, arrived, model)
-            posterior = gone_on(weighed(prior, start, end, acting, noise, model), arrived, model.following)
+            posterior = replace_reached(
+                apply_bayes(prior, start, end, acting, noise, model), arrived, model.following
+            )
             for name, values in vars(posterior).items():
                 getattr(belief, name)[now] = values
     return belief
@@ -151,7 +153,7 @@ def beliefs(
 def unexplained(
     prior: Belief, position: np.ndarray, places: np.ndarray, arrived: np.ndarray, model: Walking
 ) -> np.ndarray:
-    """Variance of each component of the velocity about the one that a goal foresees.
+    """Compute the variance of each velocity component about its prediction under each goal.
 
     Besides the noise, a goal somewhere within h of the place that stands for it, at the distance d: a point
     of a disc lies h / 2 aside (root mean square), so the direction is wrong by h / (2 d).
@@ -172,7 +174,7 @@ def unexplained(
     return noise + ((1.0 - model.keep) * prior.speed_mps * astray) ** 2
 
 
-def weighed(
+def apply_bayes(
     prior: Belief,
     start: Observations,
     end: Observations,
@@ -180,10 +182,10 @@ def weighed(
     noise: np.ndarray,
     model: Walking,
 ) -> Belief:
-    """Bayes' rule for goals and desired speeds, given the velocity at the end of an interval.
+    """Apply Bayes' rule to goals and desired speeds, given the velocity at the end of an interval.
 
-    With the gain k = (1 - a) e, the velocity is Gaussian about the foreseen one with the covariance
-    s^2 I + P k k^T, P being the desired speed's variance; a small share of velocities is not explained.
+    With the gain k = (1 - a) e, the velocity is Gaussian about its prediction with the covariance
+    s^2 I + P k k^T, P being the desired speed's variance. A small share of velocities is not explained.
 
     Args:
         prior: belief at the start. [N, G]
@@ -212,7 +214,7 @@ def weighed(
 
 
 def arrival(start: np.ndarray, end: np.ndarray, places: np.ndarray, model: Walking) -> np.ndarray:
-    """Probability that goals were reached on straight segments: 1 within reach, blurred at its edge.
+    """Compute the probability that goals were reached on straight segments; blurred at the edge of reach.
 
     The edge is as wide as the disc in which a goal may lie, or as paths are uncertain.
 
@@ -233,8 +235,8 @@ def arrival(start: np.ndarray, end: np.ndarray, places: np.ndarray, model: Walki
     return np.clip((model.reach_m - nearest) / blur_m + 0.5, 0.0, 1.0)
 
 
-def gone_on(belief: Belief, arrived: np.ndarray, following: np.ndarray) -> Belief:
-    """Whoever has reached a goal has one of those that may follow; mixed Gaussians keep their moments.
+def replace_reached(belief: Belief, arrived: np.ndarray, following: np.ndarray) -> Belief:
+    """Replace reached goals by those that may follow; mixed Gaussians keep their moments.
 
     Args:
         belief: before arrival. [N, G]

@@ -31,7 +31,7 @@ class Candidates:
             raise ValueRuleError("spread_m", self.spread_m, "it must not be negative")
 
 
-def own_pool(scene: Scene) -> Candidates:
+def room_goals(scene: Scene) -> Candidates:
     """Collect the room's own targets: the goals of all people in the recording.
 
     Raises:
@@ -44,7 +44,7 @@ def own_pool(scene: Scene) -> Candidates:
     return Candidates(np.unique(scene.trajectories.goal, axis=0), 0.0)
 
 
-def drawn_anew(
+def draw_candidates(
     occupancy: OccupancyMap, clearance_m: float, count: int, rng: np.random.Generator
 ) -> Candidates:
     """Draw places as the simulator draws targets, in a room of which only the map is known.

@@ -1,4 +1,4 @@
-"""The social-force parameters that forecast one place best, joint rollouts against what people did."""
+"""Fit of social-force parameters to one place: joint rollouts against true paths."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ FITTED = (
     "group_attraction",
     "group_repulsion",
 )
-"""What differs between simulated people and those of a place; all positive."""
+"""Parameters that are fitted; all positive."""
 
-_SPAN = 4.0  # no value leaves [start / 4, start * 4]: far beyond, the terms would mean something else ...
-_GROUP_LEAST = 0.02  # ... but the group terms, which not everybody follows, may fade to this share
+_SPAN = 4.0  # values stay in [start / 4, start * 4], where the terms keep their meaning ...
+_GROUP_LEAST = 0.02  # ... but the group terms, which not all people follow, may fall to this share
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Fit:
     trials: int
 
 
-def fitted(
+def fit_forces(
     start: InitialState,
     asked: np.ndarray,
     truth: np.ndarray,
@@ -55,7 +55,7 @@ def fitted(
     """Search from the model's own parameters (Nelder & Mead 1965, in logarithms).
 
     Args:
-        start: everybody at the instants of the windows, of the *training* place. [W]
+        start: all people at the instants of the windows, of the *training* place. [W]
         asked: rows of `start` whose error counts. [A]
         truth: their true paths, world frame, m. [A, P, 2]
         model: start values, and all that is not fitted.
@@ -94,5 +94,5 @@ def fitted(
 
 
 def _simplex(center: np.ndarray) -> np.ndarray:
-    """A start that tries twice the value of each parameter."""
+    """Make a simplex that tries twice the value of each parameter."""
     return np.vstack([center, center + np.log(2.0) * np.eye(len(center))])

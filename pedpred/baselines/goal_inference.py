@@ -19,9 +19,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from pedpred.baselines.beliefs import beliefs, walking
-from pedpred.baselines.candidates import Candidates, drawn_anew, own_pool
+from pedpred.baselines.candidates import Candidates, draw_candidates, room_goals
 from pedpred.baselines.influences import Observations
-from pedpred.baselines.together import forecast_jointly, rolled_out
+from pedpred.baselines.together import forecast_jointly, roll_out_all
 from pedpred.features import FeatureTable
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
@@ -40,7 +40,7 @@ def goal_blind() -> Forecaster:
     """Make the forecaster that knows the room's targets; it has no settings."""
 
     def forecast(request: ForecastRequest) -> Predictions:
-        return _infer(request, own_pool(request.scene), _generator(request))
+        return _infer(request, room_goals(request.scene), _generator(request))
 
     return forecast
 
@@ -54,7 +54,9 @@ def goal_unseen(imagined_goals: int) -> Forecaster:
 
     def forecast(request: ForecastRequest) -> Predictions:
         rng, clearance_m = _generator(request), request.walking_model.crowd.clearance_m
-        return _infer(request, drawn_anew(request.scene.occupancy, clearance_m, imagined_goals, rng), rng)
+        return _infer(
+            request, draw_candidates(request.scene.occupancy, clearance_m, imagined_goals, rng), rng
+        )
 
     return forecast
 
@@ -64,7 +66,7 @@ def _infer(request: ForecastRequest, candidates: Candidates, rng: np.random.Gene
 
     def roll_out(rows: np.ndarray) -> np.ndarray:
         given = (occupancy, request.table, rows, candidates, model)
-        return inferred_paths(*given, sizes.horizon_steps, sizes.dt_s, rng)
+        return infer_paths(*given, sizes.horizon_steps, sizes.dt_s, rng)
 
     return forecast_jointly(request, roll_out)
 
@@ -73,7 +75,7 @@ def _generator(request: ForecastRequest) -> np.random.Generator:
     return np.random.default_rng(zlib.crc32(request.scene.name.encode()))
 
 
-def inferred_paths(
+def infer_paths(
     occupancy: OccupancyMap,
     table: FeatureTable,
     rows: np.ndarray,
@@ -88,8 +90,8 @@ def inferred_paths(
 
     Args:
         occupancy: obstacles.
-        table: the tracked past of everybody, sorted by track and step.
-        rows: what to forecast: everybody at some instants. [R]
+        table: the tracked past of all people, sorted by track and step.
+        rows: what to forecast: all people at some instants. [R]
         candidates: possible goals.
         model: how people walk.
         horizon_steps: P.
@@ -108,15 +110,15 @@ def inferred_paths(
     belief = beliefs(seen, table.step, table.time_s, ground, routes, moving).at(rows)
     here, time_s = seen.at(rows), table.time_s[rows]
     futures = np.empty((draws, len(rows), horizon_steps, 2))
-    for draw, plan in enumerate(drawn_plans(belief.probability, moving.following, draws, rng)):
+    for draw, plan in enumerate(draw_plans(belief.probability, moving.following, draws, rng)):
         speed = np.take_along_axis(belief.speed_mps, plan[:, :1], axis=1)[:, 0]
         speed = np.clip(speed, *model.crowd.speed_range_mps)
         crowd = crowd_of(here.position, here.velocity, speed, plan)
-        futures[draw] = rolled_out(crowd, time_s, ground, routes, model, horizon_steps, dt_s)
+        futures[draw] = roll_out_all(crowd, time_s, ground, routes, model, horizon_steps, dt_s)
     return geometric_median(futures)
 
 
-def drawn_plans(
+def draw_plans(
     probability: np.ndarray, following: np.ndarray, draws: int, rng: np.random.Generator
 ) -> Iterator[np.ndarray]:
     """Plans of two goals, in equally likely draws that together follow the belief (systematic sampling).

@@ -1,4 +1,4 @@
-"""What acted on pedestrians between two observations, for each goal that they may have had."""
+"""Forces on pedestrians between two observations, under each possible goal."""
 
 from __future__ import annotations
 
@@ -51,15 +51,15 @@ def influences_between(
     routes: Routes,
     forces: ForceSettings,
 ) -> Influences:
-    """Mean forces along the observed way, weighted by what is left of them in the last velocity.
+    """Average the forces along the observed path, weighted by their effect on the last velocity.
 
-    A push of some age counts exp(-age / tau). The others' ellipses point to where they are believed to go.
+    A push of some age counts exp(-age / tau). The others' ellipses point along their believed directions.
 
     Args:
         start: pedestrians of one instant. [N]
         end: the same pedestrians, one interval later. [N]
         dt_s: length of the interval, s.
-        probability: of everybody's goals, believed at the start. [N, G]
+        probability: of all goals, believed at the start. [N, G]
         ground: obstacles.
         routes: ways to the goals.
         forces: constants of the model.
@@ -77,7 +77,7 @@ def influences_between(
 
 
 def between(start: Observations, end: Observations, dt_s: float, share: float) -> Observations:
-    """The state after a share of an interval, on the cubic path with both ends' velocities (Hermite)."""
+    """Interpolate the state after a share of an interval, on the cubic with both velocities (Hermite)."""
     s = share
     position = (
         (2 * s**3 - 3 * s**2 + 1) * start.position
@@ -91,12 +91,12 @@ def between(start: Observations, end: Observations, dt_s: float, share: float) -
 def others_push(
     here: Observations, ways: np.ndarray, probability: np.ndarray, forces: ForceSettings
 ) -> np.ndarray:
-    """Sum of all others' repulsion; a pedestrian's own goal decides whom it sees.
+    """Sum the repulsion of all others; a pedestrian's own goal decides whom it sees.
 
     Args:
-        here: everybody. [N]
+        here: all people. [N]
         ways: desired directions to all goals. [N, G, 2]
-        probability: of everybody's goals. [N, G]
+        probability: of all goals. [N, G]
         forces: constants of the model.
 
     Returns:

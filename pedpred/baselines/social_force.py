@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pedpred.baselines.together import SAME_TIME_S, forecast_jointly, rolled_out
+from pedpred.baselines.together import SAME_TIME_S, forecast_jointly, roll_out_all
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable
 from pedpred.forecasting import Forecaster, ForecastRequest
@@ -61,7 +61,7 @@ class InitialState(NamedTuple):
     """The state at the start of the rollouts; it does not depend on the forces.
 
     Attributes:
-        crowd: everybody at every instant. [W]
+        crowd: all people at every instant. [W]
         time_s: the instant. [W]
         ground: obstacles.
         routes: ways to all goals.
@@ -74,7 +74,7 @@ class InitialState(NamedTuple):
 
     def paths(self, model: SocialForceSettings, horizon_steps: int, dt_s: float) -> np.ndarray:
         """World positions after 1 ... P steps of `dt_s` seconds, m. [W, P, 2]."""
-        return rolled_out(self.crowd, self.time_s, self.ground, self.routes, model, horizon_steps, dt_s)
+        return roll_out_all(self.crowd, self.time_s, self.ground, self.routes, model, horizon_steps, dt_s)
 
 
 def initial_state_of(scene: Scene, table: FeatureTable, routing: RoutingSettings) -> InitialState:

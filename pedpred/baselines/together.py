@@ -32,7 +32,7 @@ def forecast_jointly(request: ForecastRequest, roll_out: Callable[[np.ndarray], 
 
 
 def seen_together(table: FeatureTable, asked: np.ndarray) -> np.ndarray:
-    """Find the rows at the instants of some rows: everybody whom a joint forecast must move. [R].
+    """Find the rows at the instants of some rows: all people whom a joint forecast moves. [R].
 
     At such an instant (an annotation) each track has a row in exactly one of its phases.
 
@@ -44,7 +44,7 @@ def seen_together(table: FeatureTable, asked: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.isin(instant, instant[asked]))
 
 
-def rolled_out(
+def roll_out_all(
     crowd: Crowd,
     time_s: np.ndarray,
     ground: Ground,
@@ -56,7 +56,7 @@ def rolled_out(
     """Roll out people at several instants without noise; those of one instant walk together.
 
     Args:
-        crowd: everybody at every instant. [W]
+        crowd: all people at every instant. [W]
         time_s: the instant. [W]
         ground: obstacles.
         routes: ways to the targets of the plans.

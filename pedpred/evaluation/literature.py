@@ -1,7 +1,7 @@
 """The protocol of most publications on the ETH and UCY recordings: 8 annotations seen, the next 12 forecast.
 
 Windows are all stretches of 20 consecutive native annotations of one person, one per starting annotation.
-What was seen before the window is not used. ADE is the mean distance over the 12 positions, FDE the distance
+Earlier annotations are not used. ADE is the mean distance over the 12 positions, FDE the distance
 at the last. The networks do not take part: they forecast 3 s, 0.3 s by 0.3 s.
 """
 

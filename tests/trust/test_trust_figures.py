@@ -26,12 +26,15 @@ def test_simulation_and_network_err_as_they_did():
 @pytest.mark.parametrize("place", ["eth", "hotel"])
 def test_real_errors_are_the_published_ones(place, ewap_folder):
     """Nothing amplifies a rounding here: what is published has five digits, and all of them hold."""
-    options, literature = PARAMS["scenes"][place], PARAMS["literature"]
-    scene = SOURCES[options["source"]](ewap_folder / options["sequence"], place, options)
+    options, literature = PARAMS["places"][place], PARAMS["literature"]
+    folder = ewap_folder / Path(options["folder"]).name
+    scene = SOURCES[options["source"]](folder, place, options["settings"])
     found = stretches(
         scene.trajectories, *(literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
     )
-    tracker = KalmanSettings(**{k: v for k, v in options["tracker"].items() if k != "kind"})
+    tracker = KalmanSettings(
+        **{k: v for k, v in PARAMS["trackers"][options["tracker"]].items() if k != "kind"}
+    )
     request, methods = request_about(scene, found, tracker), {m: make() for m, make in PRESENT_MOTION.items()}
     figures = literature_figures(request, found, methods, STRONGEST, EvaluationSettings(bootstrap=1))
     for method, own in figures.items():
