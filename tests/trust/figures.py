@@ -1,7 +1,7 @@
-"""Errors that every machine must find again within `TOLERANCE`; `python -m tests.trust.figures` writes them.
+"""Errors that every machine must reproduce within `TOLERANCE`; `python -m tests.trust.figures` writes them.
 
-They go through all that runs outside of training: simulation, tracking, features, forecasts of the
-social-force model, and the committed network on the robot's path.
+They cover everything but training: simulation, tracking, features, forecasts of the social force model, and
+the committed network in the online predictor.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ ROOT = Path(__file__).resolve().parents[2]
 COMMITTED = Path(__file__).with_name("figures.json")
 MODEL = ROOT / "models" / "online" / "simulation_distilled"
 TOLERANCE = 0.02
-"""Relative. Other processors round otherwise: a simulation makes that larger with every second, and integer
-networks are multiplied by other instructions."""
+"""Relative. Processors round differently, which a simulation amplifies with time, and multiply integer
+networks with other instructions."""
 SECONDS = 20.0
-"""Of simulation: so short that differences in rounding are still small."""
+"""Simulated time, short enough that differences in rounding stay small."""
 
 
 def as_on_a_robot(scene: Scene) -> dict[str, float]:
-    """Mean errors, m, of the committed network and of what only continues the present motion."""
+    """Mean errors of the committed network and of the methods of present motion, m."""
     predictor = robot_for(scene, MODEL)
     scores = assess(scene, predictor, replayed(scene, predictor), EvaluationSettings())
     return {method: round(float(own.error_m.mean()), 5) for method, own in scores.items()}
 
 
 def by_its_own_forces(scene: Scene) -> float:
-    """Mean error, m, of the simulator as a forecaster of what it simulated."""
+    """Mean error of the social force model in its own simulation, m."""
     sizes = FeatureSettings()
     table = extract(scene, follow(scene.trajectories, "truth", None, 0.2), sizes)
     request = request_about(scene, table, social_force=SETTINGS)
@@ -53,7 +53,7 @@ def by_its_own_forces(scene: Scene) -> float:
 
 
 def measured() -> dict[str, dict[str, float]]:
-    """The errors found here: {scene: {method: m}}."""
+    """Compute all errors: {scene: {method: m}}."""
     (arrangement,) = short(SECONDS, drawn=["office"])
     office = scene_of(arrangement)
     crossing = read_scene(ROOT / "examples" / "crossing")
@@ -64,7 +64,7 @@ def measured() -> dict[str, dict[str, float]]:
 
 
 def published(place: str) -> dict[str, dict]:
-    """What the committed report says about a real place under the protocol of the literature."""
+    """Read the committed figures of a real place under the protocol of the literature."""
     return json.loads((ROOT / "reports" / "metrics" / "literature.json").read_text())[place]
 
 
