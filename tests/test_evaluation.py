@@ -16,11 +16,11 @@ from pedpred.evaluation.compare import compare
 from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract
 from pedpred.forecasting import Method
-from pedpred.metrics import METRICS
+from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.paths import displacement, too_close
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.tracking import KalmanSettings, follow
-from tests.forecasts import metric_scene, request_about
+from tests.forecasts import drawn_predictions, metric_scene, request_about
 from tests.worlds import empty_map, walled_scene
 
 SETTINGS = EvaluationSettings(bootstrap=10)
@@ -132,6 +132,29 @@ def test_a_perfect_forecast_scores_zero():
     _, scores = compare(request, {"oracle": lambda asked: Predictions.single(truth, 0.3)}, SETTINGS)
     assert summaries(scores, "oracle", SETTINGS)["oracle"]["ade_m"] == 0
     assert np.isfinite(scores["oracle"].values["moving_ade_m"]).mean() > 0.9
+
+
+def test_several_modes_and_a_new_metric_go_through_the_same_code(monkeypatch):
+    """A metric is a function and a line: mean, interval and paired difference follow."""
+
+    def last_spread(predictions, truth, scene):
+        return np.sqrt(predictions.covariance[:, 0, -1].trace(axis1=-2, axis2=-1))
+
+    scene = walled_scene(np.random.default_rng(1), detections=60)
+    request = request_about(scene, table_of(scene), tracker=KalmanSettings(0.1, 0.1))
+    drawn = drawn_predictions(np.random.default_rng(0), len(request.rows), modes=7, steps=10)
+    methods = {"kalman": BASELINES["kalman_cv"](), "modes": lambda asked: drawn}
+    monkeypatch.setitem(METRICS, "spread_m", Metric("spread", "m", "lower", last_spread))
+    windows, scores = compare(request, methods, SETTINGS)
+    found = summaries(scores, "kalman", SETTINGS)
+    for key in METRICS.keys() - {"standing_ade_m"}:  # all people walk
+        for name in (key, f"{key}_ci95"):
+            assert np.isfinite(found["modes"][name]).all(), name
+    assert found["modes"]["min_ade_m_k6"] < found["modes"]["min_ade_m_k1"]
+    assert found["modes"]["spread_m_minus_reference"] == pytest.approx(
+        found["modes"]["spread_m"] - found["kalman"]["spread_m"], abs=2e-5
+    )
+    assert windows.predictions["modes"].modes == 7
 
 
 def test_a_window_without_a_forecast_is_refused():

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.spatial.distance import pdist
 
-from pedpred.baselines.beliefs import Belief, apply_bayes, arrival, replace_reached, unexplained, walking
+from pedpred.baselines.beliefs import Belief, apply_bayes, arrival, replace_reached, unexplained
 from pedpred.baselines.candidates import draw_candidates, room_goals
 from pedpred.baselines.goal_inference import draw_plans, geometric_median, goal_unseen, infer_paths
 from pedpred.baselines.influences import Influences, Observations, between, others_push
+from pedpred.baselines.walking import walking
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract

@@ -18,10 +18,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pedpred.baselines.beliefs import beliefs, walking
+from pedpred.baselines.beliefs import beliefs
 from pedpred.baselines.candidates import Candidates, draw_candidates, room_goals
 from pedpred.baselines.influences import Observations
 from pedpred.baselines.together import forecast_jointly, roll_out_all
+from pedpred.baselines.walking import walking
 from pedpred.features import FeatureTable
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
