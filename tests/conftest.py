@@ -22,7 +22,7 @@ def ewap_folder() -> Path:
     for place in (os.environ.get("PEDPRED_MIRROR"), *folders, "data/raw/ewap"):
         if place and (ROOT / place / "seq_hotel" / "obsmat.txt").exists():
             return ROOT / place
-    pytest.skip("the EWAP recordings are not here: run `python -m stages.fetch` or set PEDPRED_MIRROR")
+    pytest.skip("the EWAP recordings are not here: run `dvc repro fetch` or set PEDPRED_MIRROR")
 
 
 @pytest.fixture(scope="session")
