@@ -8,8 +8,9 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage, stage_key
 from pedpred.networks import parse_settings
+from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.distributed import distributed_context
-from pedpred.training.fit import PhaseData, copy_phase, fit, write_phase
+from pedpred.training.fit import PhaseData, copy_phase, fit, write_curve
 from pedpred.training.recurrent import TrainingSettings
 
 PREVIOUS = {
@@ -55,7 +56,8 @@ def main(cfg: DictConfig) -> None:
             here = group.enter_context(context)
         network, curve, about = fit(architecture, previous, data, settings, title, here)
     if here.writes:
-        write_phase(network, about, curve, out, curve_path)
+        write_checkpoint(out, network.state_dict(), about)
+        write_curve(curve, curve_path)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from pedpred.files import atomic_write, translate_errors
 from pedpred.networks.contract import NetworkSettings, RecurrentNetwork
 from pedpred.networks.encoding import encode, load_encoder
 from pedpred.networks.registry import describe_network, is_network
-from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.storage.shards import read_manifest
 from pedpred.training.distributed import DistributedContext
 from pedpred.training.progress import scratch_folder
@@ -135,14 +135,6 @@ def empty_embedding(encoder: Path, cells: int) -> torch.Tensor:
     """
     free = np.zeros((1, cells * cells // 8), np.uint8)
     return torch.from_numpy(encode(load_encoder(encoder), free, cells)[0])
-
-
-def write_phase(
-    network: RecurrentNetwork, about: dict, curve: pd.DataFrame, out: Path, curve_path: Path
-) -> None:
-    """Write checkpoint and curve of a finished phase."""
-    write_checkpoint(out, network.state_dict(), about)
-    write_curve(curve, curve_path)
 
 
 def copy_phase(previous: Path, out: Path, curve_path: Path) -> None:

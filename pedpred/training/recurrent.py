@@ -49,29 +49,34 @@ class TrainingSettings(Schedule):
         return cls(**{**plain, "variation": Variation(**plain["variation"])})
 
 
+@dataclass(eq=False)
 class RecurrentLearner(Learner):
-    """A recurrent network, its data and the state of its lanes."""
+    """A recurrent network, its data and the state of its lanes.
+
+    Attributes:
+        network: initialised, on the context's device; the starting weights count as the first candidate.
+        data: all rows, on the same device.
+        training: rows [first, last) of the sequences to learn from. [S, 2]
+        validation: rows [first, last) of the sequences to choose the weights by. [S, 2]
+        settings: see there.
+        context: of this process.
+    """
 
     network: RecurrentNetwork
+    data: MotionData
+    training: np.ndarray
+    validation: np.ndarray
+    settings: TrainingSettings
+    context: DistributedContext
 
-    def __init__(
-        self,
-        network: RecurrentNetwork,
-        data: MotionData,
-        training: np.ndarray,
-        validation: np.ndarray,
-        settings: TrainingSettings,
-        context: DistributedContext,
-    ):
-        """See `train_motion`."""
-        self.network, self.data, self.settings, self.context = network, data, settings, context
-        self.training, self.validation = training, validation
+    def __post_init__(self) -> None:
+        settings = self.settings
         self.optimizer = torch.optim.AdamW(
-            network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay, fused=True
+            self.network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay, fused=True
         )
-        self.lanes = context.share(settings.lanes)
-        self.memory = network.start(self.lanes.stop - self.lanes.start)
-        self.best_by = f"validation_{network.score_names[0]}"
+        self.lanes = self.context.share(settings.lanes)
+        self.memory = self.network.start(self.lanes.stop - self.lanes.start)
+        self.best_by = f"validation_{self.network.score_names[0]}"
 
     def batches(self, done: int) -> Iterator[VariedBatch]:
         """This process's part of every batch."""
@@ -111,18 +116,7 @@ def train_motion(
 ) -> list[dict[str, float]]:
     """Train by truncated back-propagation through time; leaves the best validated weights in `network`.
 
-    Args:
-        network: initialised, on the context's device; the starting weights count as the first candidate.
-        data: all rows, on the same device.
-        training: rows [first, last) of the sequences to learn from. [S, 2]
-        validation: rows [first, last) of the sequences to choose the weights by. [S, 2]
-        settings: see there.
-        scratch: see `pedpred.training.loop.train`.
-        description: title of the progress bar.
-        context: every process of a training calls this with the same arguments but its own context.
-
-    Returns:
-        The curve, one row per validation: epoch, step, train_loss (m/s) and the figures of `validation`.
+    Arguments are those of `RecurrentLearner` and of `pedpred.training.loop.train`, which this returns.
     """
     learner = RecurrentLearner(network, data, training, validation, settings, context)
     return train(learner, settings, scratch, description, context)
