@@ -146,9 +146,10 @@ def _lock_folder(path: Path) -> tuple[Path, int]:
     """
     for number in itertools.count():
         folder = path.with_name(f".{path.name}.new-{number}")
-        folder.mkdir(exist_ok=True)
+        with suppress(FileExistsError):
+            folder.mkdir()
         with suppress(FileNotFoundError):  # another writer has just removed it
-            lock = os.open(folder, os.O_RDONLY)
+            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
             with suppress(BlockingIOError, FileNotFoundError):
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 if os.path.samestat(os.fstat(lock), folder.stat()):
