@@ -1,8 +1,8 @@
 """From `conf/` to `params.yaml`, and from there to a stage: only the keys that it declares.
 
-`python -m pedpred.config` writes params.yaml; `--check` fails with a diff when conf/ has moved on.
-Under DVC (which sets DVC_STAGE) a stage reads params.yaml; run by hand it composes conf/ with the
-overrides on its command line.
+`python -m pedpred.config` writes params.yaml; `--check` fails with a diff when conf/ composes to something
+else. Under DVC (which sets DVC_STAGE) a stage gets the values that DVC itself resolves for it; run by hand it
+composes conf/ with the overrides on its command line.
 """
 
 from __future__ import annotations
@@ -45,10 +45,9 @@ LOCK, KEPT = Path("dvc.lock"), Path("build/dvc.lock")
 def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
     """Turn `main(cfg)` into a stage's entry point.
 
-    `cfg` is read-only and complete. Under DVC it holds just the keys that dvc.yaml declares for the
-    running stage, so the dependency tracking cannot lie; by hand it is what conf/ composes to with
-    the Hydra overrides given. A `PedpredError` ends the process with its message alone: it is meant
-    for people.
+    `cfg` is read-only and complete. Under DVC it holds only the keys that dvc.yaml declares for the running
+    stage, so reading an undeclared key fails; by hand it is what conf/ composes to with the given Hydra
+    overrides. A `PedpredError` ends the process with its message, without a traceback.
     """
     root = Path(inspect.getfile(main)).resolve().parents[1]  # not DVC_ROOT: a queued run is a copy
 
@@ -92,7 +91,7 @@ def _explained(address: str | None) -> Iterator[None]:
 
 
 def read_params(root: Path) -> DictConfig:
-    """The configuration that a project's params.yaml holds.
+    """Read the configuration in a project's params.yaml.
 
     Raises:
         ConfigError: the file is missing or damaged.
@@ -206,9 +205,9 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
 
 
 def composed(conf: Path, overrides: list[str]) -> str:
-    """What `conf/` composes to, as YAML text with all references resolved.
+    """Compose `conf/` to YAML text with all references resolved.
 
-    It is byte for byte what `dvc exp run` writes, so that experiments leave params.yaml clean.
+    The text is byte for byte what `dvc exp run` writes, so experiments leave params.yaml unchanged.
 
     Raises:
         ConfigError: conf/ or an override names a key or an option that does not exist.
