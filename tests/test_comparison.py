@@ -87,6 +87,9 @@ def test_new_and_vanished_entries_are_named():
     table = changes_table(changes(BEFORE, after))
     assert "| sim | hall | lstm | ade_m | 0.500 (0.450 to 0.550), 10 windows | - | vanished |" in table
     assert "5 new or vanished" in table
+    grown = changes_table(changes(BEFORE, changed(nll=1.0, nll_ci95=[0.9, 1.1])))
+    assert "nll" not in grown
+    assert "1 new or vanished" in grown
 
 
 @pytest.fixture

@@ -106,15 +106,20 @@ def changes(before: Metrics, after: Metrics) -> list[Change]:
 
 
 def changes_table(found: list[Change]) -> str:
-    """Write what moved beyond its interval, appeared or vanished as a Markdown table, and count the rest."""
-    shown = [change for change in found if change.verdict not in ("same", "within")]
+    """Write what moved beyond its interval, appeared or vanished as a Markdown table, and count the rest.
+
+    A new figure of a method that was there before is only counted: a new metric would fill pages.
+    """
+    counted = [change for change in found if change.verdict not in ("same", "within")]
+    known = {change.name[:3] for change in found if change.before is not None}
+    shown = [c for c in counted if c.verdict != "new" or c.name[:3] not in known]
     rows = [[*c.name, _worded(c.before), _worded(c.after), c.verdict] for c in sorted(shown, key=_rank)]
     header = ["file", "scene", "method", "figure", "before (95 % interval)", "now (95 % interval)", "verdict"]
     count = {v: sum(c.verdict == v for c in found) for v in ("worse", "better", "within", "same")}
     count_line = (
         f"{len(found)} figures: {count['worse']} worse and {count['better']} better than their earlier "
         f"interval, {count['within']} moved within it, {count['same']} unchanged, "
-        f"{len(shown) - count['worse'] - count['better']} new or vanished."
+        f"{len(counted) - count['worse'] - count['better']} new or vanished."
     )
     return f"{markdown_table(header, rows, texts=7)}\n\n{count_line}" if rows else count_line
 
