@@ -96,13 +96,9 @@ def read_params(root: Path) -> DictConfig:
     Raises:
         ConfigError: the file is missing or damaged.
     """
-    params = _read_yaml(root / "params.yaml")
-    with translate_errors(partial(ConfigError, "params", str(root / "params.yaml"))):
-        return OmegaConf.create(params)
-
-
-def _read_yaml(path: Path) -> dict[str, Any]:
-    return read_yaml(path, partial(ConfigError, path.stem, str(path)))
+    wording = partial(ConfigError, "params", str(root / "params.yaml"))
+    with translate_errors(wording):
+        return OmegaConf.create(read_yaml(root / "params.yaml", wording))
 
 
 def _frozen(cfg: DictConfig) -> DictConfig:
@@ -176,7 +172,7 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
 
     Args:
         root: the project's folder.
-        address: of the stage as DVC writes it, such as `features_real@eth`.
+        address: of the stage as DVC writes it, such as `simulate@main`.
         arguments: the command line of the stage.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Fit the social forces to one place: `python -m tools.fit_social_force hotel`.
+"""Fit the social forces to one place: `python -m tools.fit_social_force <place>`.
 
 Run it after `dvc repro features_real`. It writes the row fitted_on_<place> of conf/social_forces, which the
 *other* places are forecast with. Run `make params` afterwards.

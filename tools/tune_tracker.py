@@ -1,4 +1,4 @@
-"""Tune the tracker on one place by maximum likelihood: `python -m tools.tune_tracker hotel`.
+"""Tune the tracker on one place by maximum likelihood: `python -m tools.tune_tracker <place>`.
 
 Run it after `dvc repro ingest`. It writes the row tuned_on_<place> of conf/trackers, which the *other* places
 are tracked with. Run `make params` afterwards.
