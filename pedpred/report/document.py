@@ -1,0 +1,164 @@
+"""What reports are made of: sections of texts, tables, pictures and plots, written as Markdown or as HTML.
+
+The Markdown is written here, the HTML by the templates in `page/`. Plots are drawn by the page alone; a
+Markdown page shows the picture that stands beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from matplotlib.figure import Figure
+
+from pedpred.report.charts import BoxPlot, LinePlot, Whisker
+
+NOTHING = "-"
+"""Fills table cells without a figure."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A table cell.
+
+    Attributes:
+        text: what is shown.
+        place: where the figure is in the metric files, such as `sim_test.lstm.ade_m`.
+        bounds: 95 % interval; in Markdown it follows the text, the page shows it as a tooltip.
+        remark: further words of the tooltip.
+        whisker: the interval as a drawing, on the page.
+    """
+
+    text: str
+    place: str = ""
+    bounds: str = ""
+    remark: str = ""
+    whisker: Whisker | None = None
+
+    @property
+    def tip(self) -> str:
+        """What the page shows when the cell is pointed at."""
+        return ", ".join(part for part in (f"95 % interval {self.bounds}" * bool(self.bounds), self.remark) if part)
+
+    def markdown(self) -> str:
+        """Text and interval."""
+        return f"{self.text} ({self.bounds})" if self.bounds else self.text
+
+
+@dataclass(frozen=True)
+class Row:
+    """A table row; one about a method shows its colour, the main method's is emphasised."""
+
+    cells: Sequence[Cell]
+    method: str = ""
+    main: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows below a header; the first `texts` columns are text, the others figures."""
+
+    kind: ClassVar[str] = "table"
+    header: Sequence[str]
+    rows: Sequence[Row]
+    texts: int = 1
+
+    def markdown(self, folder: str) -> str:
+        """Write a Markdown table."""
+        rows = [[cell.markdown() for cell in row.cells] for row in self.rows]
+        for plain, row in zip(rows, self.rows, strict=True):
+            plain[0] = f"**{plain[0]}**" if row.main else plain[0]
+        return markdown_table(self.header, rows, self.texts)
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph; `**words**` are strong. A note is set smaller, a warning stands out."""
+
+    kind: ClassVar[str] = "text"
+    text: str
+    style: str = ""
+
+    def markdown(self, folder: str) -> str:
+        """The paragraph itself."""
+        return self.text
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure.
+
+    Attributes:
+        name: file name without ending.
+        caption: what is seen, and by which rule it was chosen.
+        figure: the figure itself.
+        plots: what the page draws in its place, sharp at any width and with tooltips.
+    """
+
+    name: str
+    caption: str
+    figure: Figure
+    plots: Sequence[BoxPlot | LinePlot] = ()
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Figures, `columns` side by side."""
+
+    kind: ClassVar[str] = "pictures"
+    pictures: Sequence[Picture]
+    columns: int = 1
+
+    def markdown(self, folder: str) -> str:
+        """Images, each with its caption below; several columns make a table."""
+        images = [f"![{p.name}]({folder}/{p.name}.png)" for p in self.pictures]
+        captions = [picture.caption for picture in self.pictures]
+        if self.columns == 1:
+            return "\n\n".join(text for pair in zip(images, captions, strict=True) for text in pair if text)
+        cells = [f"{image}<br>{caption}" for image, caption in zip(images, captions, strict=True)]
+        cells += [""] * (-len(cells) % self.columns)
+        rows = [cells[k : k + self.columns] for k in range(0, len(cells), self.columns)]
+        return markdown_table([""] * self.columns, rows, self.columns)
+
+
+@dataclass(frozen=True)
+class Section:
+    """Blocks and further sections below a title; the page keeps a folded one closed until it is asked for."""
+
+    kind: ClassVar[str] = "section"
+    title: str
+    blocks: Sequence[Section | Table | Text | Pictures]
+    name: str = ""
+    folded: bool = False
+
+    @property
+    def pictures(self) -> Iterator[Picture]:
+        """All pictures in it, in their order."""
+        for block in self.blocks:
+            if isinstance(block, (Section, Pictures)):
+                yield from block.pictures
+
+    def markdown(self, folder: str, level: int = 1) -> str:
+        """Write the section with its heading.
+
+        Args:
+            folder: of the pictures, relative to the page.
+            level: of the heading.
+        """
+        deeper = [
+            b.markdown(folder, level + 1) if isinstance(b, Section) else b.markdown(folder) for b in self.blocks
+        ]
+        return "\n\n".join([f"{'#' * level} {self.title}", *deeper])
+
+
+def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> str:
+    """Write a Markdown table; the first `texts` columns are text, the others are figures."""
+    rule = ["---"] * texts + ["---:"] * (len(header) - texts)
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in [header, rule, *rows])
+
+
+def joined(pages: Sequence[str]) -> str:
+    """Join Markdown pages below one heading; links stay as they are."""
+    lowered = ["\n".join(f"#{row}" if row.startswith("#") else row for row in p.split("\n")) for p in pages]
+    return "\n\n".join(["# Report", *(text.strip() for text in lowered)]) + "\n"
