@@ -6,8 +6,8 @@ from matplotlib.colors import to_rgb
 from omegaconf import DictConfig
 
 from pedpred.config import plain, stage
+from pedpred.forecasting import Methods
 from pedpred.report.animation import Animation, write_animation
-from pedpred.report.methods import colours
 from pedpred.ros import write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.storage.scenes import read_scene
@@ -23,11 +23,12 @@ def main(cfg: DictConfig) -> None:
     scene, windows = read_scene(Path(cfg.scene)), read_windows(Path(cfg.forecasts))
     root, options = Path(cfg.get("out", ".")), cfg.recording
     recording = root / "data/recordings" / scene.name
-    shown = {name: to_rgb(colour) for name, colour in colours(options.methods).items()}
+    methods = Methods.parse(plain(cfg.methods))
+    shown = {name: to_rgb(methods[name].colour) for name in methods.ordered(options.methods)}
     animation = Animation(**plain(options.animation))
     write_recording(scene, recording.with_suffix(".mcap"), windows, shown)
     write_layout(scene.occupancy, set(shown) - {animation.method}, recording.with_suffix(".foxglove.json"))
-    write_animation(scene, windows, animation, root / f"reports/walking/{scene.name}.gif")
+    write_animation(scene, windows, animation, methods, root / f"reports/walking/{scene.name}.gif")
 
 
 if __name__ == "__main__":

@@ -1,54 +1,36 @@
-"""Draw and write the page on simulated or on real people: `reports/<key>.md` and its pictures."""
+"""report@{sim,real}: the Markdown page on one kind of test sets, `reports/<key>.md`, and its pictures."""
 
 from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import stage, stage_key
+from pedpred.config import plain, stage, stage_key
 from pedpred.files import write_json, write_text
-from pedpred.networks.autoencoder import read_autoencoder
+from pedpred.forecasting import Methods
 from pedpred.report.canvas import write_png
-from pedpred.report.curves import read_curve
-from pedpred.report.gallery import real_gallery, simulation_gallery
-from pedpred.report.measures import read_metrics
-from pedpred.report.overview import errors_m, horizon_table, overall
-from pedpred.report.pages import real_page, simulation_page
-from pedpred.storage.scenes import read_scenes
-from pedpred.storage.windows import read_windows
-
-PAGES = {"sim": (simulation_gallery, simulation_page), "real": (real_gallery, real_page)}
-KINDS = {"sim": "simulated", "real": "real"}
-
-
-def gathered(key: str) -> tuple:
-    """Metrics, scenes by data set, forecasts and curves of simulated or real people; the auto-encoder."""
-    metrics = read_metrics(Path("reports/metrics") / f"{key}.json")
-    folder = Path("data/scenes", KINDS[key])
-    tested = [name for name in metrics if (folder / name).is_dir()]
-    others = sorted({path.name for path in folder.iterdir() if path.is_dir()} - set(tested))  # of trainings
-    scenes = {name: list(read_scenes(folder / name)) for name in [*tested, *others]}
-    forecasts = sorted(Path("data/forecasts", KINDS[key]).glob("*/*.parquet"), key=lambda path: path.stem)
-    windows = {path.stem: read_windows(path) for path in forecasts}
-    curves = {table.stem: read_curve(table) for table in sorted(Path("reports/curves", key).glob("*.tsv"))}
-    curves = {name: curve for name, curve in curves.items() if len(curve)}  # a copied network has none
-    return metrics, scenes, windows, curves, read_autoencoder(Path("models/autoencoder"))[0]
+from pedpred.report.findings import Paper
+from pedpred.report.gather import gather
+from pedpred.report.horizon import horizon_table
 
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write one page and its pictures."""
-    key = stage_key(cfg)
-    gallery, page = PAGES[key]
-    out = Path(cfg.get("out", "reports"))
-    metrics, *others = gathered(key)
-    sections = gallery(metrics, *others)
-    for picture in (picture for section in sections for picture in section.pictures):
-        write_png(picture.figure, out / key / f"{picture.name}.png")
-    write_text(out / f"{key}.md", page(metrics, sections, key))
-    for name, methods in overall(metrics).items():
-        table = horizon_table(methods).to_csv(sep="\t", index=False, float_format="%.4f")
-        write_text(out / "horizon" / key / f"{name}.tsv", table)
-    write_json(out / "ade" / f"{key}.json", {name: errors_m(m) for name, m in overall(metrics).items()})
+    """Write the page, its pictures, and the few figures that `dvc metrics` and `dvc plots` compare."""
+    key, out = stage_key(cfg), Path(cfg.get("out", "reports"))
+    methods, paper = Methods.parse(plain(cfg.methods)), Paper.parse(plain(cfg.paper))
+    evaluated = gather(key, plain(cfg.folds))
+    document = evaluated.document(methods, paper)
+    for picture in document.pictures:
+        if picture.figure:
+            write_png(picture.figure, out / key / f"{picture.name}.png")
+    write_text(out / f"{key}.md", document.markdown(key) + "\n")
+    errors_m = {}
+    for result in evaluated.results:
+        ordered = methods.ordered(result.figures)
+        errors_m[result.name] = {name: result.figures[name]["ade_m"] for name in ordered}
+        table = horizon_table(result, methods).to_csv(sep="\t", index=False, float_format="%.4f")
+        write_text(out / "horizon" / key / f"{result.name}.tsv", table)
+    write_json(out / "ade" / f"{key}.json", errors_m)
 
 
 if __name__ == "__main__":

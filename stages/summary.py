@@ -6,7 +6,7 @@ from omegaconf import DictConfig
 
 from pedpred.config import stage
 from pedpred.files import write_text
-from pedpred.report.pages import joined
+from pedpred.report.document import joined
 
 
 @stage

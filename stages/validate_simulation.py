@@ -8,7 +8,7 @@ from tqdm import tqdm
 from pedpred.config import plain, row, stage
 from pedpred.files import write_json, write_text
 from pedpred.report.canvas import write_png
-from pedpred.report.simulation_page import crowd_page, flow_figure, lanes_figure
+from pedpred.report.simulation_page import crowd_section
 from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow
 from pedpred.simulation.settings import social_force_settings
 from pedpred.simulation.walking import count_walking
@@ -28,9 +28,11 @@ def main(cfg: DictConfig) -> None:
         sets[name] = count_walking(scenes, model).shares()
     flow, clearest = corridor_flow(FlowSettings(**options), model)
     write_json(out / "metrics/walking.json", sets | {"corridor_flow": flow})
-    write_png(flow_figure(flow), out / "simulation/flow.png")
-    write_png(lanes_figure(clearest), out / "simulation/lanes.png")
-    write_text(out / "simulation.md", crowd_page(sets, flow, "simulation"))
+    section = crowd_section(sets, flow, clearest)
+    for picture in section.pictures:
+        if picture.figure:
+            write_png(picture.figure, out / f"simulation/{picture.name}.png")
+    write_text(out / "simulation.md", section.markdown("simulation") + "\n")
 
 
 if __name__ == "__main__":

@@ -19,7 +19,9 @@ from pathlib import Path
 import pandas as pd
 from tqdm import tqdm
 
+from pedpred.config import plain, read_params
 from pedpred.files import write_json, write_text
+from pedpred.forecasting import Methods
 from pedpred.report.ablation import (
     Ablation,
     ablation_figure,
@@ -101,12 +103,13 @@ def main() -> None:
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
     references = reproduced(ablation, experiments, options.jobs)
     rows = point_rows(ablation, measures(ablation, references))
-    tables = [ablation_table(ablation, rows)]
+    methods = Methods.parse(plain(read_params(Path()).methods))
+    tables = [ablation_table(ablation, rows, methods)]
     if ablation.curves:
-        tables.append(steps_table(ablation, steps_until(ablation, learning(ablation, references))))
+        tables.append(steps_table(ablation, steps_until(ablation, learning(ablation, references)), methods))
     write_json(options.out / f"{options.name}.json", rows)
     write_text(options.out / f"{options.name}.md", "\n\n".join(tables) + "\n")
-    write_png(ablation_figure(ablation, rows), options.out / f"{options.name}.png")
+    write_png(ablation_figure(ablation, rows, methods), options.out / f"{options.name}.png")
     logging.getLogger(__name__).info("\n%s", "\n\n".join(tables))
 
 

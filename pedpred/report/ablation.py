@@ -1,4 +1,4 @@
-"""Ablations: what a configuration under `conf/ablations` asks for, and its points as picture and table."""
+"""Ablations: settings of a file under `conf/ablations`, and its points as picture and table."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 
 from pedpred.errors import ConfigError
 from pedpred.files import read_yaml, translate_errors
+from pedpred.forecasting import Methods
 from pedpred.report.canvas import blank, styled
-from pedpred.report.methods import colours, label
-from pedpred.report.pages import Picture, Section
-from pedpred.report.tables import interval, markdown_table
+from pedpred.report.document import Picture, Pictures, Section, markdown_table
+from pedpred.report.tables import interval
 
 _SPREAD = "mean ± standard deviation"
 
@@ -28,18 +28,18 @@ class Ablation:
     """Experiments that differ in one respect.
 
     Attributes:
-        title: what is asked.
-        axis: what the names of the points count; empty when they are no numbers.
+        title: of picture and table.
+        axis: quantity of the points; empty when their names are no numbers.
         target: the pipeline's stage that is reproduced.
         metrics: file that the stage writes.
-        entry: its entry, such as a test set.
+        entry: in this file, such as a test set.
         methods: compared in every point.
         references: methods that no point changes, shown for scale.
         always: overrides of every point.
         points: further overrides by the name of the point.
-        repeated: the points differ in chance alone, so their mean and spread are told.
+        repeated: the points differ in their seeds alone, so their mean and spread are reported.
         curves: training curves to compare, method -> file that a stage before the target writes.
-        within: after how many steps is the validation error within such a factor of the first point's best?
+        within: factors of the first point's best validation error; the steps to reach them are reported.
     """
 
     title: str
@@ -72,14 +72,14 @@ def read_ablation(path: Path) -> Ablation:
         return Ablation(**plain, points=points)
 
 
-def ablation_sections(asked: Path, found: Path) -> list[Section]:
+def ablation_sections(asked: Path, found: Path, methods: Methods) -> list[Section]:
     """A picture per ablation that was run: `asked`/<name>.yaml and the rows in `found`/<name>.json."""
     sections = []
     for path in sorted(found.glob("*.json")):
         ablation = read_ablation(asked / f"{path.stem}.yaml")
-        figure = ablation_figure(ablation, json.loads(path.read_text()))
+        figure = ablation_figure(ablation, json.loads(path.read_text()), methods)
         caption = f"Made by python -m tools.ablate {path.stem}; bars: 95 % intervals over tracks."
-        sections.append(Section(ablation.title, [Picture(path.stem, caption, figure)]))
+        sections.append(Section(ablation.title, [Pictures([Picture(path.stem, caption, figure)])]))
     return sections
 
 
@@ -104,20 +104,20 @@ def point_rows(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]) ->
 
 
 @styled
-def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Error of every method over the points, with its 95 % interval."""
+def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]], methods: Methods) -> Figure:
+    """Draw the error of every method over the points, with its 95 % interval."""
     figure = blank(6.0, 3.4)
     axes = figure.subplots()
-    tone, mark = colours([*ablation.references, *ablation.methods]), "o-" if ablation.axis else "o"
+    mark = "o-" if ablation.axis else "o"
     places = {name: float(name) if ablation.axis else k for k, name in enumerate(ablation.points)}
-    for method in (*ablation.references, *ablation.methods):
-        mine = [row for row in rows if row["method"] == method]
+    for method in map(methods.__getitem__, (*ablation.references, *ablation.methods)):
+        mine = [row for row in rows if row["method"] == method.key]
         x, y = [places[row["point"]] for row in mine], [row["ade_m"] for row in mine]
         spread = [
             [value - row["ade_m_ci95"][0] for value, row in zip(y, mine, strict=True)],
             [row["ade_m_ci95"][1] - value for value, row in zip(y, mine, strict=True)],
         ]
-        axes.errorbar(x, y, yerr=spread, fmt=mark, color=tone[method], label=label(method), capsize=2)
+        axes.errorbar(x, y, yerr=spread, fmt=mark, color=method.colour, label=method.label, capsize=2)
     if ablation.axis:
         axes.set_xscale("log")
     axes.set_xticks(list(places.values()), list(places), minor=False)
@@ -129,8 +129,8 @@ def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> Fi
     return figure
 
 
-def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Markdown table, a row per point."""
+def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], methods: Methods) -> str:
+    """Write a Markdown table, a row per point."""
     shown = (*ablation.references, *ablation.methods)
     cells = {
         (row["point"], row["method"]): f"{row['ade_m']:.3f} ({interval(row['ade_m_ci95'])})" for row in rows
@@ -139,13 +139,13 @@ def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]]) -> str
     if ablation.repeated:
         errors = [[row["ade_m"] for row in rows if row["method"] == method] for method in shown]
         body.append([_SPREAD, *(f"{np.mean(e):.3f} ± {np.std(e, ddof=1):.3f}" for e in errors)])
-    return markdown_table([ablation.axis or "point", *map(label, shown)], body)
+    return markdown_table([ablation.axis or "point", *(methods[key].label for key in shown)], body)
 
 
 def steps_until(
     ablation: Ablation, curves: Mapping[str, Mapping[str, pd.DataFrame]]
 ) -> dict[str, dict[float, dict[str, int | None]]]:
-    """After how many steps the validation error reached each level: method -> level, m -> point -> steps.
+    """Find the steps to reach each validation error: method -> level, m -> point -> steps.
 
     The levels are `within` times the first point's best error; None where a point did not get there.
 
@@ -169,10 +169,14 @@ def _first_step(curve: pd.DataFrame, level_m: float) -> int | None:
     return int(there["step"].iloc[0]) if len(there) else None
 
 
-def steps_table(ablation: Ablation, found: Mapping[str, Mapping[float, Mapping[str, int | None]]]) -> str:
-    """Markdown table of `steps_until`, a row per point."""
+def steps_table(
+    ablation: Ablation, found: Mapping[str, Mapping[float, Mapping[str, int | None]]], methods: Methods
+) -> str:
+    """Write a Markdown table of `steps_until`, a row per point."""
     columns = [
-        (f"{label(m)} to {level_m:.3f} m", by_point) for m in found for level_m, by_point in found[m].items()
+        (f"{methods[m].label} to {level_m:.3f} m", by_point)
+        for m in found
+        for level_m, by_point in found[m].items()
     ]
     body = [
         [name, *("never" if steps[name] is None else str(steps[name]) for _, steps in columns)]

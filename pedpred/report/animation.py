@@ -1,4 +1,4 @@
-"""People walking: an animated plan view with the ways behind them and the forecasts ahead."""
+"""People walking: an animated plan view with past and forecast paths."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from pedpred.errors import ValueRuleError
 from pedpred.files import atomic_write
+from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import FAINT, INK, OBSTACLE
-from pedpred.report.methods import colours, label
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.scenes import Scene, Trajectories
-from pedpred.storage.windows import Windows
+from pedpred.storage.windows import EvaluationWindows
 
 _PERSON_RADIUS_M = 0.2
 _TAIL = "#7FA8C9"
@@ -31,13 +31,13 @@ _LONGEST_GAP = 1.5
 
 @dataclass(frozen=True)
 class Animation:
-    """What is shown, and how finely.
+    """Settings of an animation.
 
     Attributes:
-        method: whose forecasts are drawn.
-        duration_s: of the scene, shown at the pace at which it happened.
+        method: key of the method whose forecasts are drawn.
+        duration_s: of the stretch, which is shown at its own pace.
         frame_s: time between two frames.
-        tail_s: how much of the way behind a person is kept.
+        tail_s: time that the past paths span.
         width_px: of a frame.
     """
 
@@ -53,22 +53,25 @@ class Animation:
                 raise ValueRuleError(field, getattr(self, field), "it must be positive")
 
 
-def write_animation(scene: Scene, windows: Windows, animation: Animation, path: Path) -> None:
+def write_animation(
+    scene: Scene, windows: EvaluationWindows, animation: Animation, methods: Methods, path: Path
+) -> None:
     """Write the busiest stretch of a scene as a GIF that repeats; the same input gives the same bytes.
 
     Args:
         scene: people and obstacles.
         windows: forecasts in this scene.
         animation: what is shown.
+        methods: labels and colours.
         path: the file.
 
     Raises:
         ValueRuleError: there are no forecasts of the method, or none at all.
     """
-    if animation.method not in windows.paths:
-        rule = f"scene {scene.name} has forecasts of {sorted(windows.paths)}"
+    if animation.method not in windows.predictions:
+        rule = f"scene {scene.name} has forecasts of {sorted(windows.predictions)}"
         raise ValueRuleError("method", animation.method, rule)
-    first, *others = _changes(list(_frames(scene, windows, animation)))
+    first, *others = _changes(list(_frames(scene, windows, animation, methods[animation.method])))
     options: dict[str, Any] = {
         "duration": round(1000 * animation.frame_s),
         "loop": 0,
@@ -92,7 +95,7 @@ def _changes(frames: list[Image.Image]) -> Iterator[Image.Image]:
 
 
 def busiest_start(time_s: np.ndarray, duration_s: float) -> float:
-    """Where the stretch of `duration_s` begins that holds most of the times; the earliest such.
+    """Find the begin of the stretch of `duration_s` that holds most of the times; the earliest such.
 
     Raises:
         ValueRuleError: there are no times.
@@ -105,7 +108,7 @@ def busiest_start(time_s: np.ndarray, duration_s: float) -> float:
 
 
 def positions_at(trajectories: Trajectories, time_s: float, longest_gap_s: float) -> dict[int, np.ndarray]:
-    """Who is there at an instant, and where (m, world, [2]): on the line between two detections.
+    """Interpolate everybody's position (m, world, [2]) at an instant between two detections.
 
     A track counts as absent within gaps longer than `longest_gap_s`.
     """
@@ -124,7 +127,7 @@ def positions_at(trajectories: Trajectories, time_s: float, longest_gap_s: float
 
 
 class _Sheet:
-    """A plan of the scene in pixels, to be drawn on."""
+    """A plan of the scene in pixels."""
 
     def __init__(self, scene: Scene, width_px: int):
         self.turns = quarter_turns_of(scene.camera)
@@ -152,12 +155,14 @@ class _Sheet:
         draw.text((column, self.foot), text, INK, font, anchor="lm")
 
 
-def _frames(scene: Scene, windows: Windows, animation: Animation) -> Iterator[Image.Image]:
+def _frames(
+    scene: Scene, windows: EvaluationWindows, animation: Animation, method: Method
+) -> Iterator[Image.Image]:
     """One picture per instant."""
     sheet = _Sheet(scene, animation.width_px)
     trajectories = scene.trajectories
     start_s = busiest_start(windows.time_s, animation.duration_s)
-    colour = colours(windows.paths)[animation.method]
+    own = windows.predictions[method.key]
     for time_s in start_s + np.arange(0.0, animation.duration_s, animation.frame_s):
         picture = sheet.ground.copy()
         draw = ImageDraw.Draw(picture)
@@ -168,12 +173,13 @@ def _frames(scene: Scene, windows: Windows, animation: Animation) -> Iterator[Im
             draw.line(sheet.pixels(np.vstack([tail, position])), _TAIL, 2 * _SMOOTHING)
         latest = (windows.time_s <= time_s + 1e-6) & (windows.time_s > time_s - scene.detection_dt_s + 1e-6)
         for row in np.flatnonzero(latest & np.isin(windows.track_id, list(here))):
-            path = sheet.pixels(np.vstack([windows.position[row], windows.paths[animation.method][row]]))
-            draw.line(path, colour, _SMOOTHING)
+            path = sheet.pixels(np.vstack([windows.position[row], own.point[row]]))
+            draw.line(path, method.colour, _SMOOTHING)
             for x, y in path[1:]:
-                draw.circle((x, y), 1.6 * _SMOOTHING, colour)
+                draw.circle((x, y), 1.6 * _SMOOTHING, method.colour)
         for x, y in sheet.pixels(np.array([*here.values()]).reshape(-1, 2)):
             draw.circle((x, y), _PERSON_RADIUS_M * sheet.scale, INK)
-        caption = f"{scene.name}, t = {time_s:.1f} s, dots: {label(animation.method)}, the next 3 s"
+        horizon_s = own.steps * own.dt_s
+        caption = f"{scene.name}, t = {time_s:.1f} s, dots: {method.label}, the next {horizon_s:g} s"
         sheet.write(draw, 60 * _SMOOTHING + 2 * sheet.scale, caption)
         yield picture.reduce(_SMOOTHING)

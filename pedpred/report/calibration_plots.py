@@ -1,4 +1,4 @@
-"""Do forecasts know how far off they may be? What their error ellipses should hold, and what they hold."""
+"""Calibration of forecasts: expected and observed coverage of their error ellipses."""
 
 from __future__ import annotations
 
@@ -9,44 +9,44 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pedpred.forecasting import Methods
 from pedpred.metrics.calibration import REGIONS, coverage, radius2, shown_steps, squared_mahalanobis
 from pedpred.report.canvas import FAINT, blank, styled
-from pedpred.report.methods import colours, label, ordered
-from pedpred.storage.windows import Windows
+from pedpred.storage.windows import EvaluationWindows
 
-_READING = "below the dashed line: too sure,\nabove it: too careful"
+_READING = "below the dashed line: overconfident,\nabove it: underconfident"
 _SHARES = np.linspace(0.0, 0.99, 100)
 _CORNERS = 40
 
 
-def told_by(windows: Sequence[Windows]) -> list[str]:
-    """Methods that tell covariances, in the order of display."""
-    return ordered({name for scene in windows for name in scene.covariances})
+def with_covariances(windows: Sequence[EvaluationWindows], methods: Methods) -> list[str]:
+    """Methods that give covariances, in the order of display."""
+    return methods.ordered({name for scene in windows for name in scene.covariances})
 
 
 @styled
-def calibration_figure(windows: Sequence[Windows], title: str, step_s: float = 0.3) -> Figure:
-    """Expected and observed coverage, a panel per time ahead, a line per method that tells covariances.
+def calibration_figure(windows: Sequence[EvaluationWindows], title: str, methods: Methods) -> Figure:
+    """Draw expected and observed coverage, a panel per time ahead, a line per method with covariances.
 
     Args:
         windows: forecasts of the scenes that are pooled.
         title: what was evaluated.
-        step_s: duration of a prediction step, s.
+        methods: labels, colours and order.
     """
     figure = blank(9.6, 2.9)
-    names = told_by(windows)
+    names, dt_s = with_covariances(windows, methods), windows[0].dt_s
     distance2 = {name: _distances(windows, name) for name in names}
     panels = shown_steps(distance2[names[0]].shape[1])
     for axes, step in zip(figure.subplots(1, len(panels), sharey=True), panels, strict=True):
         axes.plot([0, 100], [0, 100], color=FAINT, linewidth=1.0, dashes=(4, 2))
-        for name, colour in colours(names).items():
-            _draw_line(axes, distance2[name][:, step : step + 1], colour)
-        axes.set(xlim=(0, 100), ylim=(0, 100), aspect="equal", title=f"{(step + 1) * step_s:.1f} s ahead")
+        for name in names:
+            _draw_line(axes, distance2[name][:, step : step + 1], methods[name].colour)
+        axes.set(xlim=(0, 100), ylim=(0, 100), aspect="equal", title=f"{(step + 1) * dt_s:.1f} s ahead")
         axes.set(xlabel="should lie inside [%]", ylabel="lie inside [%]" if step == 0 else "")
     figure.suptitle(f"Error ellipses, {title}", x=0.01, ha="left", fontsize=10)
     handles = [
-        Line2D([], [], color=colour, marker="o", markersize=4.0, label=label(name))
-        for name, colour in colours(names).items()
+        Line2D([], [], color=method.colour, marker="o", markersize=4.0, label=method.label)
+        for method in map(methods.__getitem__, names)
     ]
     figure.legend(handles=handles, loc="outside right center", title=_READING, alignment="left")
     return figure
@@ -65,7 +65,7 @@ def ellipse(centre: np.ndarray, covariance: np.ndarray, share: float) -> np.ndar
     return centre + np.sqrt(radius2(share)) * circle @ np.linalg.cholesky(covariance).T
 
 
-def _distances(windows: Sequence[Windows], name: str) -> np.ndarray:
+def _distances(windows: Sequence[EvaluationWindows], name: str) -> np.ndarray:
     """Squared Mahalanobis distances of the truth over all windows. [W, P]."""
     parts = [squared_mahalanobis(w.truth - w.paths[name], w.covariances[name]) for w in windows]
     return np.concatenate(parts)

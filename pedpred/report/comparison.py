@@ -18,8 +18,8 @@ from typing import Any
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.files import read_json, translate_errors
 from pedpred.metrics import METRICS, Metric
-from pedpred.report.methods import NOTHING
-from pedpred.report.tables import interval, markdown_table
+from pedpred.report.document import NOTHING, markdown_table
+from pedpred.report.tables import interval
 
 _GAP = "_minus_reference"
 _RENAMED = {

@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 
 from pedpred.errors import StorageError
 from pedpred.files import translate_errors
+from pedpred.forecasting import Methods
 from pedpred.report.canvas import INK, blank, styled
-from pedpred.report.methods import colours, label
 
-_MODELS = ("lstm_nogrid", "lstm")
 _MEASURES = {
     "train_loss": "training loss",
     "validation_loss": "validation (dashed)",
@@ -31,50 +30,51 @@ def read_curve(path: Path) -> pd.DataFrame:
     Raises:
         StorageError: the file cannot be read or has no column `epoch`.
     """
-    with translate_errors(partial(StorageError, path, "file", remedy="Train again (dvc repro)")):
+    with translate_errors(partial(StorageError, path, "file")):
         curve = pd.read_csv(path, sep="\t")
     if "epoch" not in curve:
-        raise StorageError(path, "column epoch", "it is missing", "Train again (dvc repro)")
+        raise StorageError(path, "column epoch", "it is missing")
     return curve
 
 
-def stage_and_model(name: str) -> tuple[str, str | None]:
-    """`main_lstm_nogrid` -> (`main`, `lstm_nogrid`); the model's name may stand anywhere, or nowhere."""
-    for model in _MODELS:
-        if model in name:
-            before, _, after = name.partition(model)
-            return " ".join(f"{before} {after}".replace("_", " ").replace("-", " ").split()), model
-    return name, None
+def by_stage(curves: Mapping[str, pd.DataFrame], methods: Methods) -> dict[str, dict[str, pd.DataFrame]]:
+    """Group curves named `<stage>_<network>` or `<stage>`: stage -> key of the network or "" -> curve."""
+    keys = sorted((method.key for method in methods), key=len, reverse=True)
+    stages: dict[str, dict[str, pd.DataFrame]] = {}
+    for name, curve in curves.items():
+        network = next((key for key in keys if name.endswith(f"_{key}")), "")
+        stage = name.removesuffix(f"_{network}").replace("_", " ")
+        stages.setdefault(stage, {})[network] = curve
+    return {
+        stage: {key: own[key] for key in [*[""] * ("" in own), *methods.ordered(own.keys() - {""})]}
+        for stage, own in stages.items()
+    }
 
 
 @styled
-def curves_figure(curves: Mapping[str, pd.DataFrame]) -> Figure:
-    """A column per stage of training, a row per kind of measure, a line per model."""
-    stages: dict[str, dict[str | None, pd.DataFrame]] = {}
-    for name in curves:
-        stage, model = stage_and_model(name)
-        stages.setdefault(stage, {})[model] = curves[name]
+def curves_figure(curves: Mapping[str, pd.DataFrame], methods: Methods) -> Figure:
+    """Draw a column per stage of training, a row per kind of figure, a line per network."""
+    stages = by_stage(curves, methods)
     figure = blank(max(4.0, 2.6 * len(stages)), 4.6)
     grid = figure.subplots(2, len(stages), squeeze=False)
-    for column, (stage, by_model) in enumerate(stages.items()):
-        measures = [m for m in _MEASURES if any(m in curve for curve in by_model.values())]
+    for column, (stage, by_network) in enumerate(stages.items()):
+        measures = [m for m in _MEASURES if any(m in curve for curve in by_network.values())]
         losses = [m for m in measures if m.endswith("_loss")]
         scores = [m for m in measures if m not in losses]
         grid[0, column].set_title(stage)
         for axes, shown in ((grid[0, column], losses), (grid[1, column], scores)):
-            _draw(axes, by_model, shown)
-        stepped = all("step" in curve for curve in by_model.values())
+            _draw(axes, by_network, shown, methods)
+        stepped = all("step" in curve for curve in by_network.values())
         grid[1, column].set_xlabel("step" if stepped else "epoch")
     return figure
 
 
-def _draw(axes: Axes, by_model: Mapping[str | None, pd.DataFrame], measures: list[str]) -> None:
-    """Lines of one panel: the model gives the colour, a second measure is dashed."""
-    colour = colours(name for name in by_model if name)
-    for model, curve in by_model.items():
+def _draw(axes: Axes, by_network: Mapping[str, pd.DataFrame], measures: list[str], methods: Methods) -> None:
+    """Lines of one panel: the network gives the colour, a second measure is dashed."""
+    for network, curve in by_network.items():
         for rank, measure in enumerate(m for m in measures if m in curve):
-            tone = colour[model] if model else INK
-            name = label(model) if model and rank == 0 else None
+            tone = methods[network].colour if network else INK
+            name = methods[network].label if network and rank == 0 else None
             style: dict[str, Any] = {
                 "linestyle": ("-", "--")[rank % 2],
                 "marker": "." if len(curve) < 40 else "",
@@ -89,5 +89,5 @@ def _draw(axes: Axes, by_model: Mapping[str | None, pd.DataFrame], measures: lis
             )
     axes.set_ylabel(" / ".join(_MEASURES[measure] for measure in measures))
     axes.margins(x=0.03)
-    if any(by_model):
+    if any(by_network):
         axes.legend()

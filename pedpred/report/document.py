@@ -26,6 +26,7 @@ class Cell:
         text: what is shown.
         place: where the figure is in the metric files, such as `sim_test.lstm.ade_m`.
         bounds: 95 % interval; in Markdown it follows the text, the page shows it as a tooltip.
+        unit: of the interval.
         remark: further words of the tooltip.
         whisker: the interval as a drawing, on the page.
     """
@@ -33,13 +34,15 @@ class Cell:
     text: str
     place: str = ""
     bounds: str = ""
+    unit: str = "m"
     remark: str = ""
     whisker: Whisker | None = None
 
     @property
     def tip(self) -> str:
         """What the page shows when the cell is pointed at."""
-        return ", ".join(part for part in (f"95 % interval {self.bounds}" * bool(self.bounds), self.remark) if part)
+        interval = f"95 % interval {self.bounds} {self.unit}" if self.bounds else ""
+        return ", ".join(part for part in (interval, self.remark) if part)
 
     def markdown(self) -> str:
         """Text and interval."""
@@ -74,15 +77,15 @@ class Table:
 
 @dataclass(frozen=True)
 class Text:
-    """A paragraph; `**words**` are strong. A note is set smaller, a warning stands out."""
+    """A paragraph in a style: "", "note", "warning" or "sentence" (a result); `**words**` are strong."""
 
     kind: ClassVar[str] = "text"
     text: str
     style: str = ""
 
     def markdown(self, folder: str) -> str:
-        """The paragraph itself."""
-        return self.text
+        """The paragraph; a result is strong."""
+        return f"**{self.text}**" if self.style == "sentence" else self.text
 
 
 @dataclass(frozen=True)
@@ -92,13 +95,13 @@ class Picture:
     Attributes:
         name: file name without ending.
         caption: what is seen, and by which rule it was chosen.
-        figure: the figure itself.
+        figure: the figure itself; None where there are only plots.
         plots: what the page draws in its place, sharp at any width and with tooltips.
     """
 
     name: str
     caption: str
-    figure: Figure
+    figure: Figure | None = None
     plots: Sequence[BoxPlot | LinePlot] = ()
 
 
@@ -128,7 +131,7 @@ class Section:
 
     kind: ClassVar[str] = "section"
     title: str
-    blocks: Sequence[Section | Table | Text | Pictures]
+    blocks: Sequence[Block]
     name: str = ""
     folded: bool = False
 
@@ -147,9 +150,13 @@ class Section:
             level: of the heading.
         """
         deeper = [
-            b.markdown(folder, level + 1) if isinstance(b, Section) else b.markdown(folder) for b in self.blocks
+            b.markdown(folder, level + 1) if isinstance(b, Section) else b.markdown(folder)
+            for b in self.blocks
         ]
         return "\n\n".join([f"{'#' * level} {self.title}", *deeper])
+
+
+Block = Section | Table | Text | Pictures
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> str:

@@ -1,7 +1,7 @@
 """Encounters that are shown: two people give way to each other, one turns or stops before an obstacle.
 
-Chosen by a rule, not by hand: of all moving people's windows, where would walking straight on have gone most
-wrong while what people did was safe? Straight on is x + v t with the tracked velocity.
+The rule: of all windows of moving people, those whose straight continuation by the reference method goes most
+wrong although the true path was safe.
 """
 
 from __future__ import annotations
@@ -12,44 +12,48 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from pedpred.forecasting import Method
 from pedpred.report.instants import MOVING_MPS, Instant
-from pedpred.report.methods import YARDSTICK, label
 from pedpred.scenes import OccupancyMap, Scene
-from pedpred.storage.windows import Windows
+from pedpred.storage.windows import EvaluationWindows
 
 APART_M = (0.6, 1.5)
-"""How near two people truly come who are said to avoid each other: passing by, not touching, m."""
+"""True minimum distance of two people who avoid each other: passing by, not touching, m."""
 FACING_DEG = 120.0
 """The least angle between the velocities of two people who walk towards each other, degrees."""
 
 
-def mutual_avoidance(scenes: Mapping[str, Windows]) -> Instant | None:
-    """Two people walk towards each other and pass, and make more room than straight on of all who do.
+def mutual_avoidance(scenes: Mapping[str, EvaluationWindows], reference: Method) -> Instant | None:
+    """Find two people who walk towards each other, pass, and make most room compared with the forecast.
 
     Args:
         scenes: windows by scene name. The earlier scene name and time wins a tie.
+        reference: the method whose forecast they are compared with.
 
     Returns:
         The instant, in focus one of the two; None where nobody meets so.
     """
-    found = [found for name in sorted(scenes) for found in _meetings(name, scenes[name])]
+    found = [found for name in sorted(scenes) for found in _meetings(name, scenes[name], reference)]
     if not found:
         return None
     straight_m, true_m, other, instant = min(found, key=lambda meeting: meeting[0] - meeting[1])
     caption = (
-        f"{instant.where}: mutual avoidance. Of all who walk towards each other and pass at {APART_M[0]} to "
-        f"{APART_M[1]} m, the two who make most room: their {label(YARDSTICK)} forecasts come within "
-        f"{straight_m:.2f} m; truly {instant.who} and {other} came within {true_m:.2f} m."
+        f"{instant.where}: mutual avoidance. Of all pairs who walk towards each other and pass at "
+        f"{APART_M[0]} to {APART_M[1]} m, the one that makes most room. Agents {instant.who} and {other}: "
+        f"minimum distance forecast by {reference.label} {straight_m:.2f} m, actual {true_m:.2f} m."
     )
     return replace(instant, caption=caption)
 
 
-def before_obstacle(scenes: Mapping[str, Windows], places: Mapping[str, Scene]) -> Instant | None:
-    """The moving person who, walking straight on, would have gone deepest into an obstacle, and did not.
+def before_obstacle(
+    scenes: Mapping[str, EvaluationWindows], places: Mapping[str, Scene], reference: Method
+) -> Instant | None:
+    """Find the moving person whose forecast goes deepest into an obstacle that the true path avoids.
 
     Args:
         scenes: windows by scene name.
         places: the scenes with their maps, by name.
+        reference: the method whose forecasts are meant.
 
     Returns:
         The instant with the person in focus; None where nobody was heading for an obstacle.
@@ -57,7 +61,7 @@ def before_obstacle(scenes: Mapping[str, Windows], places: Mapping[str, Scene]) 
     deepest, best = 0.0, None
     for name in sorted(scenes):
         windows, occupancy = scenes[name], places[name].occupancy
-        ahead_m = depth_m(windows.paths[YARDSTICK], occupancy).max(axis=1, initial=0.0)
+        ahead_m = depth_m(windows.predictions[reference.key].point, occupancy).max(axis=1, initial=0.0)
         safe = ~occupancy.is_occupied(windows.truth).any(axis=1) & ~occupancy.is_occupied(windows.position)
         ahead_m = np.where(safe & _moving(windows), ahead_m, 0.0)
         row = int(np.argmax(ahead_m)) if len(windows) else 0
@@ -66,29 +70,31 @@ def before_obstacle(scenes: Mapping[str, Windows], places: Mapping[str, Scene]) 
     if best is None:
         return None
     caption = (
-        f"{best.where}: a stop or a turn before an obstacle. The {label(YARDSTICK)} forecast of person "
-        f"{best.who} goes deepest into an obstacle, {deepest:.2f} m, of all who did not enter one."
+        f"{best.where}: a stop or a turn before an obstacle. Of all people who did not enter an obstacle, "
+        f"the {reference.label} forecast of agent {best.who} goes deepest into one, {deepest:.2f} m."
     )
     return replace(best, caption=caption)
 
 
 def depth_m(points: np.ndarray, occupancy: OccupancyMap) -> np.ndarray:
-    """How far points (world, m, [..., 2]) are inside obstacles: to the nearest free cell; 0 if free."""
+    """Distance of points (world, m, [..., 2]) in obstacles to the nearest free cell, 0 if free, m. [...]."""
     depth = distance_transform_edt(occupancy.occupied) * occupancy.resolution_m
     cells = np.floor((points - occupancy.origin) / occupancy.resolution_m).astype(np.int64)
     at = np.clip(cells, 0, np.array(depth.shape) - 1)
     return np.where(occupancy.is_occupied(points), depth[at[..., 0], at[..., 1]], 0.0)
 
 
-def _meetings(scene: str, windows: Windows) -> list[tuple[float, float, int, Instant]]:
-    """The best meeting of each instant: nearest approach straight on and truly, m; the other's id."""
+def _meetings(
+    scene: str, windows: EvaluationWindows, reference: Method
+) -> list[tuple[float, float, int, Instant]]:
+    """The best meeting of each instant: forecast and actual minimum distance, m; the other's id."""
     clock_ms = np.round(windows.time_s * 1000.0).astype(np.int64)
     walkers = np.flatnonzero(_moving(windows))
     walkers = walkers[np.argsort(clock_ms[walkers], kind="stable")]
     found = []
     for rows in np.split(walkers, np.flatnonzero(np.diff(clock_ms[walkers])) + 1):
         one, two = (rows[side] for side in np.triu_indices(len(rows), 1))
-        straight_m = _nearest_m(windows.paths[YARDSTICK], one, two)
+        straight_m = _nearest_m(windows.predictions[reference.key].point, one, two)
         true_m = _nearest_m(windows.truth, one, two)
         fits = _facing(windows, one, two) & (true_m >= APART_M[0]) & (true_m <= APART_M[1])
         if fits.any():
@@ -98,7 +104,7 @@ def _meetings(scene: str, windows: Windows) -> list[tuple[float, float, int, Ins
     return found
 
 
-def _facing(windows: Windows, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+def _facing(windows: EvaluationWindows, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Whether people ([Q] rows each) walk in opposite directions and come nearer to each other. [Q] bool."""
     velocity = windows.world_velocity
     speeds = np.linalg.norm(velocity[one], axis=-1) * np.linalg.norm(velocity[two], axis=-1)
@@ -112,11 +118,11 @@ def _nearest_m(paths: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarra
     return np.linalg.norm(paths[one] - paths[two], axis=-1).min(axis=-1)
 
 
-def _moving(windows: Windows) -> np.ndarray:
+def _moving(windows: EvaluationWindows) -> np.ndarray:
     return np.linalg.norm(windows.velocity, axis=-1) > MOVING_MPS
 
 
-def _instant(scene: str, windows: Windows, focus: int) -> Instant:
+def _instant(scene: str, windows: EvaluationWindows, focus: int) -> Instant:
     """The instant of a window, with everybody who has one then."""
     rows = np.flatnonzero(np.abs(windows.time_s - windows.time_s[focus]) < 5e-4)
     return Instant(scene, float(windows.time_s[focus]), rows, focus, int(windows.track_id[focus]))

@@ -1,20 +1,61 @@
-"""What was expected of the numbers, and whether it came true."""
+"""What was expected of the metrics, and whether it holds."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
-from pedpred.report.measures import MethodMetrics
-from pedpred.report.methods import MODEL, NOTHING, YARDSTICK, label
-
-GRID_GAIN = 1.15
-"""By what factor the error without the obstacle grid is expected to be larger, in simulation."""
-ABOVE_BOUND = 1.2
-"""By what factor, at most, the model's error is expected to exceed that of inferred goals and targets."""
+from pedpred.errors import ValueRuleError
+from pedpred.forecasting import Methods
+from pedpred.report.document import NOTHING
+from pedpred.report.measures import Figures, Result
 
 Verdict = Literal["met", "missed", "not measured"]
+_KINDS = ("below", "gains", "ratio_at_most", "ratio_at_least")
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """A statement about the ADE of two methods.
+
+    Attributes:
+        kind: `below`: the first is below the second; `gains`: the same, reported as a relative gain;
+            `ratio_at_most` and `ratio_at_least`: first / second compared with the bound.
+        first: key of a method.
+        second: key of a method.
+        bound: of a ratio.
+    """
+
+    kind: str
+    first: str
+    second: str
+    bound: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in _KINDS:
+            raise ValueRuleError("kind", self.kind, f"it must be one of {_KINDS}")
+
+
+@dataclass(frozen=True)
+class Paper:
+    """The publication that results are compared with.
+
+    Attributes:
+        ade_m: its average prediction errors, m. {kind of test set: {method: error}}
+        remarks: about these, by kind of test set.
+        expectations: by kind of test set.
+    """
+
+    ade_m: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    remarks: Mapping[str, str] = field(default_factory=dict)
+    expectations: Mapping[str, Sequence[Expectation]] = field(default_factory=dict)
+
+    @classmethod
+    def parse(cls, plain: Mapping[str, Any]) -> Paper:
+        """Build from plain dictionaries."""
+        expected = {w: [Expectation(**row) for row in rows] for w, rows in plain["expectations"].items()}
+        return cls(plain["ade_m"], plain["remarks"], expected)
 
 
 @dataclass(frozen=True)
@@ -32,66 +73,31 @@ class Finding:
     verdict: Verdict
 
 
-def simulation_findings(methods: MethodMetrics) -> list[Finding]:
-    """Expectations in simulation: what knows more is closer, and the obstacle grid pays."""
-    return [
-        below(methods, "social_force", "goal_blind"),
-        below(methods, "goal_blind", "goal_unseen"),
-        below(methods, "goal_unseen", MODEL),
-        ratio_at_most(methods, MODEL, "goal_unseen", ABOVE_BOUND),
-        below(methods, MODEL, "lstm_nogrid"),
-        below(methods, "lstm_nogrid", YARDSTICK),
-        ratio_at_least(methods, "lstm_nogrid", MODEL, GRID_GAIN),
-    ]
+def findings(result: Result, paper: Paper, methods: Methods) -> list[tuple[str, Finding]]:
+    """Judge all expectations of the test set's kind; each comes with the name of the test set."""
+    expected = paper.expectations.get(result.where, ())
+    return [(result.name, judged(expectation, result.figures, methods)) for expectation in expected]
 
 
-def real_findings(methods: MethodMetrics) -> list[Finding]:
-    """Expectations at a real location that the network was not tuned on."""
-    return [below(methods, MODEL, "cv"), gains(methods, MODEL, YARDSTICK)]
-
-
-def below(methods: MethodMetrics, better: str, worse: str) -> Finding:
-    """The ADE of one method is below another's."""
-    claim = f"{label(better)} below {label(worse)}"
-    if not {better, worse} <= methods.keys():
+def judged(expected: Expectation, figures: Figures, methods: Methods) -> Finding:
+    """Judge an expectation by the figures of a test set."""
+    first, second = methods[expected.first], methods[expected.second]
+    words = {"ratio_at_most": "at most", "ratio_at_least": "at least"}
+    claim = f"{first.label} below {second.label}"
+    if expected.kind in words:
+        claim = f"{first.label} / {second.label} {words[expected.kind]} {expected.bound:.2f}"
+    if not {first.key, second.key} <= figures.keys():
         return Finding(claim, NOTHING, "not measured")
-    first, second = methods[better]["ade_m"], methods[worse]["ade_m"]
-    sign = "<" if first < second else "≥"
-    return Finding(claim, f"{first:.3f} m {sign} {second:.3f} m", "met" if first < second else "missed")
-
-
-def ratio_at_least(methods: MethodMetrics, numerator: str, denominator: str, bound: float) -> Finding:
-    """The ADE of one method is at least `bound` times another's."""
-    return _ratio(methods, numerator, denominator, f"at least {bound:.2f}", lambda ratio: ratio >= bound)
-
-
-def ratio_at_most(methods: MethodMetrics, numerator: str, denominator: str, bound: float) -> Finding:
-    """The ADE of one method is at most `bound` times another's."""
-    return _ratio(methods, numerator, denominator, f"at most {bound:.2f}", lambda ratio: ratio <= bound)
-
-
-def _ratio(
-    methods: MethodMetrics, numerator: str, denominator: str, wanted: str, holds: Callable[[float], bool]
-) -> Finding:
-    claim = f"{label(numerator)} / {label(denominator)} {wanted}"
-    if not {numerator, denominator} <= methods.keys():
-        return Finding(claim, NOTHING, "not measured")
-    ratio = methods[numerator]["ade_m"] / methods[denominator]["ade_m"]
-    return Finding(claim, f"{ratio:.3f}", "met" if holds(ratio) else "missed")
-
-
-def gains(methods: MethodMetrics, model: str, reference: str) -> Finding:
-    """The ADE of a model is below a reference's; tells the relative gain and whether it is noise."""
-    found = below(methods, model, reference)
-    if found.verdict == "not measured":
-        return found
-    gain = percent_better(relative_gain(methods, model, reference))
-    return replace(found, measured=gain + noise(methods[model]))
-
-
-def relative_gain(methods: MethodMetrics, model: str, reference: str) -> float:
-    """(reference - model) / reference, of the ADE."""
-    return 1.0 - methods[model]["ade_m"] / methods[reference]["ade_m"]
+    one, two = figures[first.key]["ade_m"], figures[second.key]["ade_m"]
+    measured, holds = f"{one:.3f} m {'<' if one < two else '≥'} {two:.3f} m", one < two
+    if expected.kind == "gains":
+        measured = percent_better(1.0 - one / two) + noise(figures[first.key])
+    elif expected.kind in words:
+        measured = f"{one / two:.3f}"
+        holds = (
+            one / two <= expected.bound if expected.kind == "ratio_at_most" else one / two >= expected.bound
+        )
+    return Finding(claim, measured, "met" if holds else "missed")
 
 
 def percent_better(gain: float) -> str:
@@ -99,43 +105,29 @@ def percent_better(gain: float) -> str:
     return f"{abs(gain):.1%} {'better' if gain >= 0 else 'worse'}".replace("%", " %")
 
 
-def in_the_noise(measures: dict) -> bool:
-    """Whether the interval of the paired difference to the yardstick holds zero."""
-    interval = measures.get("ade_m_minus_reference_ci95")
+def in_the_noise(own: Mapping[str, Any]) -> bool:
+    """Whether the interval of the paired difference to the reference includes zero."""
+    interval = own.get("ade_m_minus_reference_ci95")
     return interval is not None and interval[0] <= 0.0 <= interval[1]
 
 
-def noise(measures: dict) -> str:
-    """A remark where a difference cannot be told from none."""
-    return ", but the interval of the difference includes 0" if in_the_noise(measures) else ""
+def noise(own: Mapping[str, Any]) -> str:
+    """A remark where a difference is not significant."""
+    return ", but the interval of the difference includes 0" if in_the_noise(own) else ""
 
 
-def summed_up(findings: Sequence[tuple[str, Finding]]) -> str:
-    """An honest paragraph on all expectations; each comes with the scene it is about."""
-    judged = [(scene, f) for scene, f in findings if f.verdict != "not measured"]
-    missed = [(scene, f) for scene, f in judged if f.verdict == "missed"]
-    if not judged:
-        return "None of the expectations could be checked: the methods they are about were not evaluated."
+def summed_up(found: Sequence[tuple[str, Finding]]) -> str:
+    """Sum up all expectations; each comes with the test set that it is about."""
+    judgements = [(name, f) for name, f in found if f.verdict != "not measured"]
+    missed = [(name, f) for name, f in judgements if f.verdict == "missed"]
+    if not judgements:
+        return "None of the expectations could be checked: their methods were not evaluated."
     if missed:
+        listed = "; ".join(f"{name}, {f.claim} (measured: {f.measured})" for name, f in missed)
         verb = "is" if len(missed) == 1 else "are"
-        text = f"**{len(missed)} of {len(judged)} expectations {verb} missed**: {_listed(missed)}."
+        text = f"**{len(missed)} of {len(judgements)} expectations {verb} missed**: {listed}."
     else:
-        text = f"All {len(judged)} expectations that could be checked are met."
-    if len(judged) < len(findings):
-        text += f" {len(findings) - len(judged)} could not be checked, because a method was not evaluated."
+        text = f"All {len(judgements)} expectations that could be checked are met."
+    if len(judgements) < len(found):
+        text += f" {len(found) - len(judgements)} could not be checked, because a method was not evaluated."
     return text
-
-
-def below_in(scenes: Mapping[str, MethodMetrics], model: str, others: Sequence[str]) -> str:
-    """In how many scenes a model's ADE is below each of some others'; empty if nowhere comparable."""
-    counts = []
-    for other in others:
-        both = [methods for methods in scenes.values() if {model, other} <= methods.keys()]
-        wins = sum(methods[model]["ade_m"] < methods[other]["ade_m"] for methods in both)
-        if both:
-            counts.append(f"below the {label(other)} in {wins} of {len(both)}")
-    return f"The {label(model)} is {' and '.join(counts)}." if counts else ""
-
-
-def _listed(findings: Sequence[tuple[str, Finding]]) -> str:
-    return "; ".join(f"{scene}, {found.claim} (measured: {found.measured})" for scene, found in findings)

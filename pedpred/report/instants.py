@@ -1,8 +1,8 @@
-"""Which instants are shown: chosen by a rule, not by hand.
+"""Instants that are shown, chosen by a rule.
 
-At every instant with enough moving people, the gain is the mean over them of how much closer the
-model is to the truth than the yardstick. Shown are the instant with the largest gain and, for
-balance, the one with the smallest. Ties go to the earlier scene name and time.
+The gain of an instant is the mean, over its moving people, of the ADE of the reference method minus that of
+the main method. Shown are the instants with the largest and the smallest gain. Ties go to the earlier scene
+name and time.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.report.methods import MODEL, YARDSTICK, label
-from pedpred.storage.windows import Windows
+from pedpred.forecasting import Methods
+from pedpred.storage.windows import EvaluationWindows
 
 MOVING_MPS = 0.3
 """People faster than this count as moving."""
@@ -28,7 +28,7 @@ class Instant:
         scene: its name.
         time_s: the instant, s.
         rows: its windows. [n] int
-        focus: the window of the person that the picture is about.
+        focus: the window of the person in focus.
         who: that person's id.
         caption: what is shown and why.
     """
@@ -54,43 +54,47 @@ class Gain:
     gain_m: float
     moving: int
 
-    def captioned(self, least: bool) -> Instant:
-        """The instant with a caption that says why it is shown."""
+    def captioned(self, least: bool, methods: Methods) -> Instant:
+        """Add a caption that says why the instant is shown."""
         caption = (
-            f"{self.instant.where}: the instant at which the {label(MODEL)}'s gain over the "
-            f"{label(YARDSTICK)} is {'smallest' if least else 'largest'}, {self.gain_m:+.3f} m on average "
-            f"over {self.moving} moving people."
+            f"{self.instant.where}: the instant at which the {methods.main.label}'s gain over the "
+            f"{methods.reference.label} is {'smallest' if least else 'largest'}, {self.gain_m:+.3f} m on "
+            f"average over {self.moving} moving people."
         )
         return replace(self.instant, caption=caption)
 
 
-def choose(scenes: Mapping[str, Windows], least_moving: int, least: bool = False) -> Instant:
-    """The instant of all scenes at which the model gains most (or least) over the yardstick.
+def choose(
+    scenes: Mapping[str, EvaluationWindows], least_moving: int, methods: Methods, least: bool = False
+) -> Instant:
+    """Choose the instant of all scenes with the largest (or smallest) gain.
 
     Args:
         scenes: windows by scene name.
-        least_moving: how many people must be moving at the instant; where no instant has as many,
-            the largest number that occurs is asked for instead.
+        least_moving: least number of moving people at the instant; where no instant has as many,
+            the largest number that occurs.
+        methods: the main one and the reference are compared.
         least: ask for the smallest gain.
 
     Raises:
         ValueRuleError: nobody moves at any time.
     """
-    found = [instant for name in sorted(scenes) for instant in _gains(name, scenes[name], least)]
+    found = [instant for name in sorted(scenes) for instant in _gains(name, scenes[name], least, methods)]
     if not found:
         raise ValueRuleError("scenes", sorted(scenes), "somebody must be moving in one of them")
     asked = min(least_moving, max(instant.moving for instant in found))
     crowded = [instant for instant in found if instant.moving >= asked]
-    return min(crowded, key=lambda found: found.gain_m if least else -found.gain_m).captioned(least)
+    return min(crowded, key=lambda found: found.gain_m if least else -found.gain_m).captioned(least, methods)
 
 
-def _gains(scene: str, windows: Windows, least: bool) -> list[Gain]:
+def _gains(scene: str, windows: EvaluationWindows, least: bool, methods: Methods) -> list[Gain]:
     """All instants at which somebody moves, by time."""
-    missing = [name for name in (YARDSTICK, MODEL) if name not in windows.paths]
+    pair = (methods.reference.key, methods.main.key)
+    missing = [name for name in pair if name not in windows.predictions]
     if missing:
         rule = f"{missing[0]} must be among them"
-        raise ValueRuleError(f"forecasts of {scene}", sorted(windows.paths), rule)
-    gain_m = windows.ade_m(YARDSTICK) - windows.ade_m(MODEL)
+        raise ValueRuleError(f"forecasts of {scene}", sorted(windows.predictions), rule)
+    gain_m = windows.ade_m(pair[0]) - windows.ade_m(pair[1])
     moving = np.linalg.norm(windows.velocity, axis=-1) > MOVING_MPS
     clock_ms = np.round(windows.time_s * 1000.0).astype(np.int64)
     order = np.argsort(clock_ms, kind="stable")

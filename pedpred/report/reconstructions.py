@@ -1,6 +1,6 @@
-"""What the auto-encoder keeps of the obstacle grid: crops beside their reconstructions.
+"""Crops of the obstacle grid beside their reconstructions by the auto-encoder.
 
-Chosen by a rule, not by hand: windows with obstacles on a fiftieth of their cells at least are ranked by the
+Chosen by a rule: windows with obstacles on a fiftieth of their cells at least are ranked by the
 share of their cells that is occupied, and taken at evenly spaced ranks. Agreement is intersection over union
 of the occupied cells.
 """
@@ -17,19 +17,19 @@ from matplotlib.figure import Figure
 from pedpred.networks.autoencoder import GridAutoencoder, intersection_over_union
 from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.inputs import grid_image
-from pedpred.storage.windows import Windows
+from pedpred.storage.windows import EvaluationWindows
 
 SHOWN = 8
-"""How many crops the picture shows."""
+"""Number of crops in the picture."""
 LEAST_SHARE = 0.02
-"""Crops with fewer occupied cells show nothing, and a cell more or less decides on their agreement."""
+"""Least share of occupied cells; below it a single cell decides on the agreement."""
 MEASURED = 200
-"""Over how many crops the agreement is measured."""
+"""Number of crops over which the agreement is measured."""
 
 
 @dataclass(frozen=True)
 class Reconstructions:
-    """Crops and what the auto-encoder makes of them. S crops of G x G cells, (forward, left).
+    """Crops and their reconstructions. S crops of G x G cells, (forward, left).
 
     Attributes:
         truth: occupied cells. [S, G, G] bool
@@ -42,13 +42,13 @@ class Reconstructions:
     agreement: np.ndarray
 
     def few(self, count: int) -> Reconstructions:
-        """At most so many of them, evenly spaced."""
+        """Select at most `count` of them, evenly spaced."""
         at = np.unique(np.linspace(0, len(self.truth) - 1, count).round().astype(int))
         return Reconstructions(self.truth[at], self.image[at], self.agreement[at])
 
 
-def evenly_chosen(scenes: Mapping[str, Windows], count: int) -> np.ndarray:
-    """Crops with enough obstacles, at evenly spaced ranks of occupied share: [<= count, G, G] bool."""
+def evenly_chosen(scenes: Mapping[str, EvaluationWindows], count: int) -> np.ndarray:
+    """Choose crops with enough obstacles at evenly spaced ranks of occupied share: [<= count, G, G] bool."""
     windows = [scenes[name] for name in sorted(scenes)]
     rows = [(own, row) for own in windows for row in range(len(own))]
     occupied = np.concatenate([np.bitwise_count(own.packed_grid).sum(axis=1) for own in windows])
@@ -62,7 +62,7 @@ def evenly_chosen(scenes: Mapping[str, Windows], count: int) -> np.ndarray:
 
 @torch.no_grad()
 def reconstructed(network: GridAutoencoder, crops: np.ndarray) -> Reconstructions:
-    """What the auto-encoder makes of crops, [S, G, G] bool, one at a time: batches round differently."""
+    """Reconstruct crops, [S, G, G] bool, one at a time: batches round differently."""
     images, agreement = [], []
     for crop in torch.from_numpy(crops.astype(np.float32)):
         image = network(crop[None])
@@ -73,7 +73,7 @@ def reconstructed(network: GridAutoencoder, crops: np.ndarray) -> Reconstruction
 
 @styled
 def reconstructions_figure(found: Reconstructions) -> Figure:
-    """A column per crop: truth above, reconstruction below, the agreement over it; forward is up."""
+    """Draw a column per crop: truth above, reconstruction below, the agreement over it; forward is up."""
     columns = len(found.truth)
     figure = blank(1.2 * columns, 2.9)
     axes = figure.subplots(2, columns, squeeze=False)

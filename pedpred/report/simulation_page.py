@@ -1,4 +1,4 @@
-"""The page on the simulated people themselves: do they walk as people do?"""
+"""The page on the validation of the simulated walking."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pedpred.report.canvas import FAINT, INK, blank, styled
+from pedpred.report.document import Cell, Picture, Pictures, Row, Section, Table, Text
 from pedpred.report.findings import Finding
-from pedpred.report.pages import Picture, Section
 from pedpred.report.plan import draw_ground
-from pedpred.report.tables import findings_table, markdown_table
+from pedpred.report.tables import findings_table
 from pedpred.scenes import Scene
 
 LEAST_REACHED, MOST_SLOW = 0.995, 0.01
@@ -22,7 +22,7 @@ _FORWARD, _BACKWARD, _TAIL_S = "#0072B2", "#D55E00", 2.4
 
 
 def walking_findings(shares: Mapping[str, Any]) -> list[Finding]:
-    """What a data set must fulfil before anybody learns from it."""
+    """Judge the requirements on a data set."""
     rules = [
         ("nobody in an obstacle", "in_obstacle_share", shares["in_obstacle_share"] == 0),
         ("nobody above the speed cap", "above_cap_share", shares["above_cap_share"] == 0),
@@ -51,7 +51,7 @@ def weidmann_speed_mps(density_per_m2: np.ndarray) -> np.ndarray:
 
 @styled
 def flow_figure(rows: Sequence[Mapping[str, float]]) -> Figure:
-    """Speed over density beside Weidmann's observations, and lane order beside that of chance."""
+    """Draw speed over density beside Weidmann's observations, and lane order beside that of chance."""
     figure = blank(9.0, 3.4)
     speed, lanes = figure.subplots(1, 2)
     density = np.array([row["density_per_m2"] for row in rows])
@@ -68,18 +68,9 @@ def flow_figure(rows: Sequence[Mapping[str, float]]) -> Figure:
     return figure
 
 
-def flow_section(rows: Sequence[Mapping[str, float]]) -> Section:
-    """The experiment in a corridor, for the page."""
-    caption = (
-        "Two opposite streams in a corridor, nothing fitted. Lane order of Rex and Löwen (2007): "
-        "1 for perfect lanes."
-    )
-    return Section("Speed, density and lanes", [Picture("flow", caption, flow_figure(rows))])
-
-
 @styled
 def lanes_figure(scene: Scene) -> Figure:
-    """The last instant of a run: everybody with the last seconds of their path, coloured by direction."""
+    """Draw the last instant of a run: people with the last seconds of their paths, coloured by direction."""
     width, depth = scene.occupancy.extent_m
     figure = blank(9.0, 0.6 + 9.0 * depth / width)
     axes = figure.subplots()
@@ -105,53 +96,57 @@ def _name_directions(axes: Axes) -> None:
     axes.spines[:].set_color(INK)
 
 
-def crowd_page(
-    sets: Mapping[str, Mapping[str, Any]], flow: Sequence[Mapping[str, float]], folder: str
-) -> str:
-    """Markdown page: what was demanded of the walking, the figures, and the two experiments.
+def crowd_section(
+    sets: Mapping[str, Mapping[str, Any]], flow: Sequence[Mapping[str, float]], lanes: Scene
+) -> Section:
+    """Write what was demanded of the walking, the figures, and the two experiments.
 
     Args:
-        sets: `WalkingCounts.shares` of each data set.
+        sets: `Walking.shares` of each data set.
         flow: rows of `corridor_flow`.
-        folder: where flow.png and lanes.png lie, relative to the page.
+        lanes: the run whose lanes are clearest.
     """
     findings = [(name, finding) for name, shares in sets.items() for finding in walking_findings(shares)]
-    figures = [
-        [
-            name,
-            f"{s['states']}",
-            f"{s['mean_speed_over_desired']:.2f}",
-            f"{s['slow_share']:.2%}",
-            f"{s['close_share']:.2%}",
-            f"{s['targets']}",
-            f"{s['targets_reached_share']:.2%}",
-        ]
-        for name, s in sets.items()
+    rows = [
+        Row([Cell(name), *(Cell(format(shares[key], form)) for key, form in _SET_COLUMNS.values())])
+        for name, shares in sets.items()
     ]
-    head = ["set", "states", "speed / desired", "below 0.2 m/s", "nearer than 0.3 m", "targets", "in time"]
-    runs = [[f"{row[key]:.{digits}f}" for key, digits in _FLOW_COLUMNS.values()] for row in flow]
-    parts = [
-        "# Simulated people: do they walk as people do?",
-        "Every recorded state of every simulated set is checked. In a queue stands who has somebody within "
-        "1 m ahead; the free-walk time is the way around the obstacles at the desired speed.",
-        findings_table(findings),
-        markdown_table(head, figures),
-        "## Density, speed and lanes",
+    text = (
+        "Every recorded state of every simulated set is checked. Queueing: another person less than 1 m "
+        "ahead; free-walk time: the way around the obstacles at the desired speed."
+    )
+    caption = "The last instant of the run with the clearest lanes, people coloured by direction."
+    last = Pictures([Picture("lanes", caption, lanes_figure(lanes))])
+    title = "Validation of the simulated walking"
+    checks = [findings_table(findings), Table(["set", *_SET_COLUMNS], rows)]
+    return Section(title, [Text(text), *checks, flow_section(flow), last])
+
+
+def flow_section(flow: Sequence[Mapping[str, float]]) -> Section:
+    """Write the experiment in a corridor: rows of `corridor_flow`."""
+    text = (
         "Two opposite streams in a corridor, measured in its middle with PedPy; the curve is Weidmann's "
-        "(1993) fit to observations, to which nothing was fitted here. Lane order is that of Rex and Löwen "
-        "(2007), 1 for perfect lanes; beside it that of shuffled directions.",
-        f"![Speed over density, lane order over density]({folder}/flow.png)",
-        markdown_table(list(_FLOW_COLUMNS), runs, texts=0),
-        "The run whose lanes stand out most, its last instant:",
-        f"![People in a corridor, coloured by direction]({folder}/lanes.png)",
-    ]
-    return "\n\n".join(parts) + "\n"
+        "(1993) fit to observations, to which nothing was fitted here. Lane order of Rex and Löwen (2007), 1 for "
+        "perfect lanes; beside it that of shuffled directions."
+    )
+    picture = Picture("flow", "Speed over density, lane order over density.", flow_figure(flow))
+    runs = [Row([Cell(format(row[key], form)) for key, form in _FLOW_COLUMNS.values()]) for row in flow]
+    table = Table(list(_FLOW_COLUMNS), runs, texts=0)
+    return Section("Simulated walking: density, speed and lanes", [Text(text), Pictures([picture]), table])
 
 
+_SET_COLUMNS = {
+    "states": ("states", "d"),
+    "speed / desired": ("mean_speed_over_desired", ".2f"),
+    "below 0.2 m/s": ("slow_share", ".2%"),
+    "nearer than 0.3 m": ("close_share", ".2%"),
+    "targets": ("targets", "d"),
+    "in time": ("targets_reached_share", ".2%"),
+}
 _FLOW_COLUMNS = {
-    "people": ("people", 0),
-    "density [1/m²]": ("density_per_m2", 2),
-    "speed [m/s]": ("speed_mps", 2),
-    "lane order": ("lane_order", 2),
-    "shuffled": ("lane_order_shuffled", 2),
+    "people": ("people", ".0f"),
+    "density [1/m²]": ("density_per_m2", ".2f"),
+    "speed [m/s]": ("speed_mps", ".2f"),
+    "lane order": ("lane_order", ".2f"),
+    "shuffled": ("lane_order_shuffled", ".2f"),
 }

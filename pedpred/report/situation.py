@@ -12,16 +12,16 @@ from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
+from pedpred.forecasting import Method
 from pedpred.metrics.calibration import shown_steps
 from pedpred.report.calibration_plots import ellipse
 from pedpred.report.canvas import INK
 from pedpred.report.instants import Instant
-from pedpred.report.methods import colours, label
 from pedpred.scenes import Trajectories
-from pedpred.storage.windows import Windows
+from pedpred.storage.windows import EvaluationWindows
 
 ARROW_S = 0.75
-"""A velocity arrow ends where its person would be after this time, s."""
+"""Time that a velocity arrow spans, s."""
 
 REGION = 0.9
 """Share of the probability that the drawn error ellipses hold."""
@@ -32,25 +32,24 @@ Placing = Callable[[np.ndarray], np.ndarray]
 
 
 def draw_people(
-    axes: Axes, windows: Windows, instant: Instant, methods: Sequence[str], place: Placing
+    axes: Axes, windows: EvaluationWindows, instant: Instant, methods: Sequence[Method], place: Placing
 ) -> None:
-    """Circles with ids, velocity arrows, the true paths dashed, a dot per predicted step.
+    """Draw circles with ids, velocity arrows, the true paths dashed, a dot per predicted step.
 
-    The first method is the model and gets the large dots, and where it will be with 90 % at half the
-    horizon and at its end; others get thin lines with small ones.
+    The first method gets large dots and its regions of `REGION` at half the horizon and at its end; others
+    get thin lines with small dots.
     """
-    colour = colours(windows.paths)
     truth = _with_present(windows, windows.truth, instant.rows)
     for path in truth:
         axes.plot(*place(path).T, color=INK, linewidth=1.1, dashes=(4, 2), zorder=3)
-    for rank, name in reversed(list(enumerate(methods))):
+    for rank, method in reversed(list(enumerate(methods))):
         size, width = (4.2, 0.9) if rank == 0 else (2.2, 0.8)
-        for path in _with_present(windows, windows.paths[name], instant.rows):
+        for path in _with_present(windows, windows.predictions[method.key].point, instant.rows):
             at = place(path)
-            axes.plot(*at.T, color=colour[name], linewidth=width, zorder=4 + (rank == 0))
-            style: dict[str, Any] = {"color": colour[name], "marker": "o", "markeredgewidth": 0}
+            axes.plot(*at.T, color=method.colour, linewidth=width, zorder=4 + (rank == 0))
+            style: dict[str, Any] = {"color": method.colour, "marker": "o", "markeredgewidth": 0}
             axes.plot(*at[1:].T, linestyle="", markersize=size, zorder=5 + (rank == 0), **style)
-    if methods[0] in windows.covariances:
+    if windows.predictions[methods[0].key].covariance is not None:
         _draw_regions(axes, windows, instant.rows, methods[0], place)
     for row in instant.rows:
         step = np.array([[0.0], [ARROW_S]]) * windows.world_velocity[row]
@@ -58,21 +57,24 @@ def draw_people(
         _draw_person(axes, ends, str(windows.track_id[row]), row == instant.focus)
 
 
-def _draw_regions(axes: Axes, windows: Windows, rows: np.ndarray, method: str, place: Placing) -> None:
-    """Where a method expects people with `REGION` at half the horizon and at its end."""
-    colour = colours(windows.paths)[method]
+def _draw_regions(
+    axes: Axes, windows: EvaluationWindows, rows: np.ndarray, method: Method, place: Placing
+) -> None:
+    """The regions that hold `REGION` of a method's probability at half the horizon and at its end."""
+    colour, own = method.colour, windows.predictions[method.key]
     style: dict[str, Any] = {"facecolor": to_rgba(colour, 0.1), "edgecolor": to_rgba(colour, 0.5)}
     for row in rows:
         for step in shown_steps(windows.truth.shape[1])[1:]:
-            path, spread = windows.paths[method][row], windows.covariances[method][row]
-            outline = place(ellipse(path[step], spread[step], REGION))
+            outline = place(
+                ellipse(own.most_likely[row, step], windows.covariances[method.key][row, step], REGION)
+            )
             axes.fill(*outline.T, linewidth=0.6, zorder=2, **style)
 
 
 def draw_bystanders(
-    axes: Axes, trajectories: Trajectories, windows: Windows, instant: Instant, place: Placing
+    axes: Axes, trajectories: Trajectories, windows: EvaluationWindows, instant: Instant, place: Placing
 ) -> None:
-    """People who are there but not evaluated (too short a past or future), as empty grey circles."""
+    """Draw people without an evaluation window (too short a past or future) as empty grey circles."""
     stamps = np.unique(trajectories.time_s)
     nearest = stamps[np.argmin(np.abs(stamps - instant.time_s))]
     here = (trajectories.time_s == nearest) & ~np.isin(trajectories.track_id, windows.track_id[instant.rows])
@@ -83,19 +85,17 @@ def draw_bystanders(
         )
 
 
-def legend_handles(windows: Windows, methods: Sequence[str]) -> list[Artist]:
-    """What lines and dots mean."""
-    colour = colours(windows.paths)
+def legend_handles(methods: Sequence[Method]) -> list[Artist]:
+    """Legend entries of the lines and dots."""
+    sizes = [4.2 if rank == 0 else 2.2 for rank in range(len(methods))]
     forecasts = [
-        Line2D(
-            [], [], color=colour[name], marker="o", markersize=4.2 if rank == 0 else 2.2, label=label(name)
-        )
-        for rank, name in enumerate(methods)
+        Line2D([], [], color=method.colour, marker="o", markersize=size, label=method.label)
+        for method, size in zip(methods, sizes, strict=True)
     ]
     return [*forecasts, Line2D([], [], color=INK, linewidth=1.1, dashes=(4, 2), label="truth")]
 
 
-def _with_present(windows: Windows, paths: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def _with_present(windows: EvaluationWindows, paths: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Paths of some windows, begun at the present position: [n, 1 + P, 2]."""
     return np.concatenate([windows.position[rows, None], paths[rows]], axis=1)
 

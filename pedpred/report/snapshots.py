@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
@@ -11,34 +12,34 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.projections.polar import PolarAxes
 
 from pedpred.errors import ValueRuleError
+from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import blank, styled
 from pedpred.report.inputs import draw_angular_grid, draw_grid
 from pedpred.report.instants import Instant
-from pedpred.report.methods import MODEL, YARDSTICK
 from pedpred.report.plan import draw_ground, obstacle_image, quarter_turns_of, turned
 from pedpred.report.situation import draw_bystanders, draw_people, legend_handles
 from pedpred.scenes import Scene
-from pedpred.storage.windows import Windows
+from pedpred.storage.windows import EvaluationWindows
 
-SHOWN = (MODEL, YARDSTICK)
 _PALE = 0.42
-"""How much of the camera picture's contrast is kept, so that what is drawn on it stands out."""
+"""Share of the camera picture's contrast that is kept, so that what is drawn on it stands out."""
 
 
 @styled
-def inputs_figure(scene: Scene, windows: Windows, instant: Instant) -> Figure:
-    """The crowd in the plan view; to its right what the network sees of the person in focus."""
+def inputs_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, methods: Methods) -> Figure:
+    """Draw the crowd in the plan view; to its right the inputs about the person in focus."""
     figure = blank(9.6, 6.5)
     layout = figure.add_gridspec(2, 2, width_ratios=(2.1, 1.0))
-    _draw_plan(figure.add_subplot(layout[:, 0]), scene, windows, instant)
+    shown = (methods.main, methods.reference)
+    _draw_plan(figure.add_subplot(layout[:, 0]), scene, windows, instant, shown)
     _draw_inputs(figure, layout, windows, instant)
-    title = f"Scene {scene.name}; right: what person {instant.who} gives the network"
-    return _with_legend(figure, windows, title)
+    title = f"Scene {scene.name}; right: inputs about person {instant.who}"
+    return _with_legend(figure, title, shown)
 
 
 @styled
-def camera_figure(scene: Scene, windows: Windows, instant: Instant) -> Figure:
-    """Tracks, truth and forecasts on the camera picture, the plan that lies the same way, one's inputs.
+def camera_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, methods: Methods) -> Figure:
+    """Draw truth and forecasts on the camera picture, the plan that lies the same way, and one's inputs.
 
     Raises:
         ValueRuleError: the scene has no camera.
@@ -52,39 +53,42 @@ def camera_figure(scene: Scene, windows: Windows, instant: Instant) -> Figure:
     figure = blank(sum(widths) + 0.3, height + 0.5)
     layout = figure.add_gridspec(2, 3, width_ratios=widths)
     view, plan = figure.add_subplot(layout[:, 0]), figure.add_subplot(layout[:, 1])
-    homography = scene.camera.homography
+    homography, shown = scene.camera.homography, (methods.main, methods.reference)
     view.imshow(pale(scene.camera.picture), cmap="gray", vmin=0, vmax=255)
     draw_bystanders(view, scene.trajectories, windows, instant, lambda p: homography.to_image(p)[..., ::-1])
-    draw_people(view, windows, instant, SHOWN, lambda p: homography.to_image(p)[..., ::-1])
+    draw_people(view, windows, instant, shown, lambda p: homography.to_image(p)[..., ::-1])
     view.set(xticks=[], yticks=[], xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
     view.spines[:].set_visible(False)
-    _draw_plan(plan, scene, windows, instant)
+    _draw_plan(plan, scene, windows, instant, shown)
     _draw_inputs(figure, layout, windows, instant)
-    title = f"Scene {scene.name}; the same from above; what person {instant.who} gives the network"
-    return _with_legend(figure, windows, title)
+    title = f"Scene {scene.name}; the same from above; inputs about person {instant.who}"
+    return _with_legend(figure, title, shown)
 
 
 def pale(picture: np.ndarray) -> np.ndarray:
-    """A colour picture as light grey in a few steps (small files): [rows, columns] uint8."""
+    """Turn a colour picture into light grey in a few steps (small files): [rows, columns] uint8."""
     grey = picture.astype(np.float64) @ [0.299, 0.587, 0.114]
     return (255 - _PALE * (255 - np.round(grey / 12) * 12)).astype(np.uint8)
 
 
-def _draw_inputs(figure: Figure, layout: GridSpec, windows: Windows, instant: Instant) -> None:
-    """What the network sees of the person in focus, one above the other in the last column."""
-    draw_grid(figure.add_subplot(layout[0, -1]), windows.grid(instant.focus))
+def _draw_inputs(figure: Figure, layout: GridSpec, windows: EvaluationWindows, instant: Instant) -> None:
+    """The inputs about the person in focus, one above the other in the last column."""
+    grid = windows.grid(instant.focus)
+    draw_grid(figure.add_subplot(layout[0, -1]), grid, windows.grid_resolution_m)
     polar = figure.add_subplot(layout[1, -1], projection="polar")
-    draw_angular_grid(cast(PolarAxes, polar), windows.angular_grid_m[instant.focus])
+    draw_angular_grid(cast(PolarAxes, polar), windows.angular_grid_m[instant.focus], windows.max_range_m)
 
 
-def _draw_plan(axes: Axes, scene: Scene, windows: Windows, instant: Instant) -> None:
+def _draw_plan(
+    axes: Axes, scene: Scene, windows: EvaluationWindows, instant: Instant, shown: Sequence[Method]
+) -> None:
     turns = quarter_turns_of(scene.camera)
     draw_ground(axes, scene.occupancy, turns)
     draw_bystanders(axes, scene.trajectories, windows, instant, lambda points: turned(points, turns))
-    draw_people(axes, windows, instant, SHOWN, lambda points: turned(points, turns))
+    draw_people(axes, windows, instant, shown, lambda points: turned(points, turns))
 
 
-def _with_legend(figure: Figure, windows: Windows, title: str) -> Figure:
+def _with_legend(figure: Figure, title: str, shown: Sequence[Method]) -> Figure:
     figure.suptitle(title, x=0.01, ha="left", fontsize=10)
-    figure.legend(handles=legend_handles(windows, SHOWN), loc="outside upper right", ncols=3)
+    figure.legend(handles=legend_handles(shown), loc="outside upper right", ncols=3)
     return figure

@@ -1,114 +1,120 @@
-"""Markdown tables of metrics."""
+"""Tables of metrics. Which columns there are follows from `METRICS` and from what was measured."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
+from pedpred.forecasting import Methods
+from pedpred.metrics import METRICS
 from pedpred.metrics.calibration import REGIONS, shown_steps
+from pedpred.report.charts import whiskers
+from pedpred.report.document import NOTHING, Cell, Row, Table
 from pedpred.report.findings import Finding
-from pedpred.report.measures import MethodMetrics
-from pedpred.report.methods import MODEL, NOTHING, YARDSTICK, label, ordered
+from pedpred.report.measures import Figures, Result
+
+FIRST = ("ade_m", "fde_m", "moving_ade_m", "obstacle_share", "collision_share")
+"""Metrics of the first table; all others follow in a second one."""
+_GAP = "ade_m_minus_reference"
 
 
-def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> str:
-    """A Markdown table; the first `texts` columns are text, the others are figures."""
-    rule = ["---"] * texts + ["---:"] * (len(header) - texts)
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in [header, rule, *rows])
+def metric_keys(figures: Figures) -> tuple[list[str], list[str]]:
+    """Metrics of the first and of the second table.
 
-
-def methods_table(methods: MethodMetrics, paper_ade_m: Mapping[str, float]) -> str:
-    """All measures of one scene, a row per method, with the paper's error beside ours."""
-    header = [
-        "method",
-        "ADE [m] (95 % interval)",
-        "FDE [m]",
-        "ADE, moving [m]",
-        "points in obstacles",
-        "paths that collide",
-        f"ADE minus {label(YARDSTICK)} [m]",
-        "paper's ADE [m]",
-    ]
-    rows = []
-    for name in ordered(methods):
-        found = methods[name]
-        title = f"**{label(name)}**" if name == MODEL else label(name)
-        paper = f"{paper_ade_m[name]:.3f}" if name in paper_ade_m else NOTHING
-        rows.append(
-            [
-                title,
-                f"{found['ade_m']:.3f} ({interval(found['ade_m_ci95'])})",
-                f"{found['fde_m']:.3f}",
-                f"{found['moving_ade_m']:.3f}",
-                _share(found["obstacle_share"]),
-                _share(found["collision_share"]),
-                difference(name, found),
-                paper,
-            ]
-        )
-    return markdown_table(header, rows)
-
-
-def scenes_table(scenes: Mapping[str, MethodMetrics], first_column: str) -> str:
-    """ADE of every method in every scene, a row per scene."""
-    names = ordered({name for methods in scenes.values() for name in methods})
-    header = [first_column, "windows", *map(label, names), f"{label(MODEL)} minus {label(YARDSTICK)}"]
-    rows = []
-    for scene, methods in scenes.items():
-        windows = max(found["windows"] for found in methods.values())
-        errors = [f"{methods[name]['ade_m']:.3f}" if name in methods else NOTHING for name in names]
-        gap = difference(MODEL, methods[MODEL]) if MODEL in methods else NOTHING
-        rows.append([scene, str(windows), *errors, gap])
-    return markdown_table(header, rows)
-
-
-def calibration_table(methods: MethodMetrics, step_s: float = 0.3) -> str:
-    """What error ellipses hold, a row per method that tells them; nothing if none does.
-
-    Args:
-        methods: measures of one scene.
-        step_s: duration of a prediction step, s.
+    A metric that no method has is left out, and so is one that repeats an earlier one for all methods, as
+    the best of several modes does where every method has just one.
     """
-    names = telling(methods)
+    shown: dict[str, list[Any]] = {}
+    for key in [*FIRST, *METRICS]:
+        column = [own.get(key) for own in figures.values()]
+        if any(value is not None for value in column) and column not in shown.values():
+            shown[key] = column
+    return [key for key in shown if key in FIRST], [key for key in shown if key not in FIRST]
+
+
+def metrics_table(result: Result, methods: Methods, paper_ade_m: Mapping[str, float]) -> Table:
+    """The first metrics of a test set, a row per method, with the paper's error beside ours."""
+    keys, marks = metric_keys(result.figures)[0], whiskers(result.figures)
+    header = ["method", *map(_title, keys), f"ADE minus {methods.reference.label} [m]", "paper's ADE [m]"]
+    rows = []
+    for name in methods.ordered(result.figures):
+        own = result.figures[name]
+        size = f"{own['windows']} windows of {own['tracks']} tracks"
+        cells = [metric_cell(result.name, name, key, own) for key in keys]
+        bounds = interval(own["ade_m_ci95"])
+        cells[0] = Cell(cells[0].text, cells[0].place, bounds, remark=size, whisker=marks[name])
+        paper = Cell(f"{paper_ade_m[name]:.3f}" if name in paper_ade_m else NOTHING)
+        rows.append(_row(name, [*cells, gap_cell(result.name, name, own, methods), paper], methods))
+    return Table(header, rows)
+
+
+def further_table(result: Result, methods: Methods) -> Table:
+    """All other metrics of a test set, a row per method."""
+    keys = metric_keys(result.figures)[1]
+    rows = [
+        _row(name, [metric_cell(result.name, name, key, result.figures[name]) for key in keys], methods)
+        for name in methods.ordered(result.figures)
+        if any(key in result.figures[name] for key in keys)
+    ]
+    return Table(["method", *map(_title, keys)], rows)
+
+
+def scenes_table(scenes: Mapping[str, tuple[str, Figures]], first: str, methods: Methods) -> Table:
+    """ADE of every method in every scene, a row per scene: {title: (key in the metric files, figures)}."""
+    names = methods.ordered({name for _, figures in scenes.values() for name in figures})
+    main = methods.main
+    gap = f"{main.label} minus {methods.reference.label}"
+    rows = []
+    for title, (place, figures) in scenes.items():
+        windows = max(own["windows"] for own in figures.values())
+        errors = [metric_cell(place, name, "ade_m", figures.get(name, {})) for name in names]
+        last = gap_cell(place, main.key, figures.get(main.key, {}), methods)
+        rows.append(Row([Cell(title), Cell(str(windows)), *errors, last]))
+    return Table([first, "windows", *(methods[name].label for name in names), gap], rows)
+
+
+def calibration_table(result: Result, methods: Methods) -> Table | None:
+    """Coverage and NLL at `shown_steps`, a row per method with covariances; None if there is none."""
+    names = [name for name in methods.ordered(result.figures) if "per_step_nll" in result.figures[name]]
     if not names:
-        return ""
-    rows = [[label(name), *calibration_cells(methods[name])] for name in names]
-    return markdown_table(calibration_header(methods[names[0]], step_s), rows)
-
-
-def calibration_header(found: dict, step_s: float = 0.3) -> list[str]:
-    """What stands above a method's name and its `calibration_cells`."""
-    steps = shown_steps(len(found["per_step_nll"]))
-    times = " / ".join(f"{(step + 1) * step_s:.1f}" for step in steps)
+        return None
+    steps = shown_steps(len(result.figures[names[0]]["per_step_nll"]))
+    times = " / ".join(f"{(step + 1) * result.dt_s:.1f}" for step in steps)
     regions = [f"in the {100 * share:.0f} % ellipse [%]" for share in REGIONS]
-    return [f"after {times} s", *regions, "negative log likelihood [nats]"]
+    rows = []
+    for name in names:
+        own = result.figures[name]
+        shares = [own[f"per_step_coverage_{100 * share:.0f}"] for share in REGIONS]
+        cells = [Cell(" / ".join(f"{100.0 * values[step]:.0f}" for step in steps)) for values in shares]
+        cells.append(Cell(" / ".join(f"{own['per_step_nll'][step]:.2f}" for step in steps)))
+        rows.append(_row(name, cells, methods))
+    return Table([f"after {times} s", *regions, "NLL [nats]"], rows)
 
 
-def telling(methods: MethodMetrics) -> list[str]:
-    """Methods that told covariances, in the order of display."""
-    return [name for name in ordered(methods) if "per_step_nll" in methods[name]]
-
-
-def calibration_cells(found: dict) -> list[str]:
-    """A method's share of true positions in each region, %, then its surprise, nats: at `shown_steps`."""
-    steps = shown_steps(len(found["per_step_nll"]))
-    shares = [[100.0 * s for s in found[f"per_step_coverage_{100 * share:.0f}"]] for share in REGIONS]
-    cells = [" / ".join(f"{values[step]:.0f}" for step in steps) for values in shares]
-    return [*cells, " / ".join(f"{found['per_step_nll'][step]:.2f}" for step in steps)]
-
-
-def findings_table(findings: Sequence[tuple[str, Finding]]) -> str:
+def findings_table(found: Sequence[tuple[str, Finding]]) -> Table:
     """Expectations, the figures that decide, and the decision."""
-    rows = [[scene, f.claim, f.measured, f.verdict] for scene, f in findings]
-    return markdown_table(["where", "expected", "measured", "verdict"], rows, texts=4)
+    rows = [Row([Cell(text) for text in (name, f.claim, f.measured, f.verdict)]) for name, f in found]
+    return Table(["where", "expected", "measured", "verdict"], rows, texts=4)
 
 
-def difference(name: str, measures: dict) -> str:
-    """Paired difference to the yardstick with its interval, signed."""
-    if name == YARDSTICK or measures.get("ade_m_minus_reference") is None:
-        return NOTHING
-    gap = f"{measures['ade_m_minus_reference']:+.3f}"
-    bounds = measures.get("ade_m_minus_reference_ci95")
-    return f"{gap} ({interval(bounds, '+')})" if bounds else gap
+def metric_cell(place: str, name: str, key: str, own: Mapping[str, Any]) -> Cell:
+    """A metric of a method in a test set; its interval is a tooltip."""
+    value, unit = own.get(key), METRICS[key].unit
+    if value is None:
+        return Cell(NOTHING)
+    text = f"{100.0 * value:.2f} %" if unit == "%" else f"{value:.{2 if unit == 'nats' else 3}f}"
+    bounds, scale = own.get(f"{key}_ci95"), 100.0 if unit == "%" else 1.0
+    remark = f"95 % interval {interval([scale * end for end in bounds])} {unit}" if bounds else ""
+    return Cell(text, f"{place}.{name}.{key}", remark=remark)
+
+
+def gap_cell(place: str, name: str, own: Mapping[str, Any], methods: Methods) -> Cell:
+    """Paired difference of the ADE to the reference method with its interval, signed, m."""
+    bounds = own.get(f"{_GAP}_ci95")
+    if name == methods.reference.key or own.get(_GAP) is None or bounds is None:
+        return Cell(NOTHING)
+    text, where = f"{own[_GAP]:+.3f}", f"{place}.{name}.{_GAP}"
+    return Cell(text, where, interval(bounds, "+"), remark="paired difference")
 
 
 def interval(bounds: Sequence[float], sign: str = "") -> str:
@@ -116,5 +122,10 @@ def interval(bounds: Sequence[float], sign: str = "") -> str:
     return f"{bounds[0]:{sign}.3f} to {bounds[1]:{sign}.3f}"
 
 
-def _share(share: float | None) -> str:
-    return NOTHING if share is None else f"{100.0 * share:.2f} %"
+def _row(name: str, cells: Sequence[Cell], methods: Methods) -> Row:
+    return Row([Cell(methods[name].label), *cells], name, name == methods.main.key)
+
+
+def _title(key: str) -> str:
+    metric = METRICS[key]
+    return metric.label if metric.unit == "%" else f"{metric.label} [{metric.unit}]"

@@ -1,4 +1,4 @@
-// The replay player. Its element tells what it shows: data-scene, data-time, data-picked, data-playing.
+// The replay player. Attributes of its element say what it shows: data-scene, data-time, data-picked, data-playing.
 class Player {
   constructor(root, payloads, methods) {
     Object.assign(this, { root, payloads, methods, time: 0, playing: false, picked: null, pace: 1 });
@@ -50,7 +50,7 @@ class Player {
       const label = document.createElement("label"), box = document.createElement("input");
       const text = document.createElement("span");
       Object.assign(box, { type: "checkbox", value: name, checked: this.drawn.has(name) });
-      text.textContent = name === "truth" ? "what they did" : this.methods[name]?.label ?? name;
+      text.textContent = name === "truth" ? "true path" : this.methods[name]?.label ?? name;
       label.style.setProperty("--c", name === "truth" ? "var(--ink)" : `var(--m-${name})`);
       label.append(box, text);
       return label;

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import ValueRuleError
+from pedpred.forecasting import Methods
 from pedpred.report.animation import busiest_start
-from pedpred.report.methods import MODEL, ordered
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.scenes import Scene
-from pedpred.storage.windows import CELL_M, RANGE_M, Windows
+from pedpred.storage.windows import EvaluationWindows
 
 TAIL_S = 2.0
 """Time before the stretch for which detections are kept, s."""
@@ -49,14 +49,14 @@ class Replay:
         return base64.b64encode(self.data).decode()
 
 
-def replay(scene: Scene, windows: Windows, duration_s: float, step_s: float = 0.3) -> Replay:
+def replay(scene: Scene, windows: EvaluationWindows, duration_s: float, methods: Methods) -> Replay:
     """Pack the stretch of a scene that holds most forecasts.
 
     Args:
         scene: people and obstacles.
         windows: forecasts in this scene.
         duration_s: longest duration of the stretch.
-        step_s: between two points of a forecast.
+        methods: their order.
 
     Raises:
         ValueRuleError: there are no forecasts, or a value has no place in 16 bits.
@@ -65,26 +65,27 @@ def replay(scene: Scene, windows: Windows, duration_s: float, step_s: float = 0.
     duration_s = round(min(duration_s, float(windows.time_s.max()) - start_s), 2)
     turns = quarter_turns_of(scene.camera)
     image, (left, right, bottom, top) = obstacle_image(scene.occupancy, turns)
-    stretch = _Stretch(start_s, duration_s, step_s, turns, np.array([left, bottom]))
+    shown = methods.ordered(windows.predictions)
+    stretch = _Stretch(start_s, duration_s, windows.dt_s, turns, np.array([left, bottom]))
     columns = {"obstacles": np.packbits(image, axis=1, bitorder="little").astype(np.int64)}
-    columns |= stretch.columns(scene, windows)
+    columns |= stretch.columns(scene, windows, shown)
     header = {
         "name": scene.name,
         "start_s": round(start_s, 2),
         "duration_s": duration_s,
-        "step_s": step_s,
+        "step_s": windows.dt_s,
         "steps": windows.truth.shape[1],
         "gap_s": round(_LONGEST_GAP * scene.detection_dt_s, 3),
         "tail_s": TAIL_S,
         "size_m": [round(right - left, 3), round(top - bottom, 3)],
         "map_columns": image.shape[1],
-        "cell_m": CELL_M,
-        "grid_cells": len(windows.grid(0)),
+        "cell_m": windows.grid_resolution_m,
+        "grid_cells": windows.grid_cells,
         "cones": windows.angular_grid_m.shape[1],
-        "range_m": RANGE_M,
+        "range_m": windows.max_range_m,
         "coarse_cm": COARSE_CM,
-        "methods": ordered(windows.paths),
-        "drawn": MODEL,
+        "methods": shown,
+        "drawn": methods.main.key,
         "columns": [[name, list(values.shape)] for name, values in columns.items()],
     }
     return Replay(header, packed(list(columns.values())))
@@ -100,7 +101,7 @@ class _Stretch:
     turns: int
     corner: np.ndarray
 
-    def columns(self, scene: Scene, windows: Windows) -> dict[str, np.ndarray]:
+    def columns(self, scene: Scene, windows: EvaluationWindows, shown: list[str]) -> dict[str, np.ndarray]:
         """Detections by track and time, forecasts by time and track."""
         steps, seen = windows.truth.shape[1], scene.trajectories
         end_s = self.start_s + self.duration_s
@@ -128,8 +129,8 @@ class _Stretch:
             "speed": _whole("velocity", 100.0 * np.linalg.norm(windows.velocity[rows], axis=-1)),
             "truth": (true - line).transpose(1, 2, 0),
         }
-        for name in ordered(windows.paths):
-            path = self._place(name, windows.paths[name][rows]) - true[:, :1]
+        for name in shown:
+            path = self._place(name, windows.predictions[name].point[rows]) - true[:, :1]
             columns[f"path_{name}"] = path_codes(path, own).transpose(1, 2, 0)
         return columns
 

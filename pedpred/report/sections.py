@@ -1,0 +1,207 @@
+"""Sections that pages share: results in words and tables, expectations, calibration, comparisons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pedpred.forecasting import Methods
+from pedpred.report.charts import line_plot
+from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
+from pedpred.report.findings import Paper, findings, in_the_noise, percent_better, summed_up
+from pedpred.report.measures import Figures, Result
+from pedpred.report.tables import (
+    calibration_table,
+    findings_table,
+    further_table,
+    gap_cell,
+    interval,
+    metric_cell,
+    metric_keys,
+    metrics_table,
+    scenes_table,
+)
+
+READING = (
+    "ADE: distance to the true position, averaged over all steps; FDE: at the last step; intervals: "
+    "bootstrap over tracks; in obstacles: share of forecast positions; collisions: share of forecasts that come closer "
+    "to another one than the collision distance. The paper's column is its own table, measured on its own "
+    "windows."
+)
+CALIBRATION = (
+    "Some methods give a Gaussian of the position at every step. Its ellipses of 50, 90 and 95 % should "
+    "include that share of the true positions: fewer mean overconfidence, more mean underconfidence. NLL: "
+    "negative log likelihood of the true position; lower: tighter and better calibrated. The networks learn "
+    "their covariances in training; those of the Kalman filter follow from its noise."
+)
+NONCAUSAL = "**Non-causal protocol: the inputs know the future, so nothing on this page is a forecast.**"
+
+
+def warnings(results: Sequence[Result]) -> list[Text]:
+    """What a reader must know first."""
+    return [Text(NONCAUSAL, "warning")] if any(result.noncausal for result in results) else []
+
+
+def answer(result: Result, methods: Methods) -> str:
+    """One sentence: the error of the main method, and whether it is below the reference's."""
+    main, reference, start = methods.main, methods.reference, result.title
+    if main.key not in result.figures:
+        return f"{start}, the {main.label} was not evaluated."
+    own = result.figures[main.key]
+    text = (
+        f"{start}, the {main.label} has an ADE of {own['ade_m']:.3f} m over "
+        f"{len(own['per_step_m']) * result.dt_s:.0f} s (95 % interval {interval(own['ade_m_ci95'])} m; "
+        f"{own['windows']} windows of {own['tracks']} tracks)"
+    )
+    if reference.key not in result.figures:
+        return text + f"; the {reference.label} was not evaluated."
+    other_m = result.figures[reference.key]["ade_m"]
+    gain, than = percent_better(1.0 - own["ade_m"] / other_m), f"the {reference.label}'s {other_m:.3f} m"
+    gap = gap_cell(result.name, main.key, own, methods)
+    words = "" if gap.text == NOTHING else f"difference {gap.text} m, interval {gap.bounds} m"
+    if in_the_noise(own):
+        return f"{text}, not distinguishable from {than} ({gain}; {words})."
+    return f"{text}, {gain} than {than}{f' ({words})' if words else ''}."
+
+
+def answer_section(result: Result, methods: Methods, paper: Paper) -> Section:
+    """The result of a test set with its metrics."""
+    blocks: list[Block] = [Text(answer(result, methods), "sentence")]
+    blocks.append(metrics_table(result, methods, paper.ade_m.get(result.where, {})))
+    if metric_keys(result.figures)[1]:
+        further = Section("Further metrics", [further_table(result, methods)], folded=True)
+        blocks.append(further)
+    return Section(result.title, blocks)
+
+
+def expectations_section(results: Sequence[Result], methods: Methods, paper: Paper) -> Section:
+    """What was expected, and what was found."""
+    found = [finding for result in results for finding in findings(result, paper, methods)]
+    return Section("Expected and found", [Text(summed_up(found)), findings_table(found)], folded=True)
+
+
+def parts_sections(results: Sequence[Result], methods: Methods) -> list[Section]:
+    """Single scenes of pooled test sets, and several test sets side by side."""
+    found = []
+    for result in (result for result in results if result.parts):
+        scenes = {part: (f"{result.name}_{part}", own) for part, own in result.parts.items()}
+        wins = below_in(list(result.parts.values()), methods)
+        table = scenes_table(scenes, "scene", methods)
+        found.append(Section("Single scenes", [Text(f"ADE, m. {wins}"), table], folded=True))
+    if len(results) > 1:
+        sets = {result.name: (result.name, result.figures) for result in results}
+        table = scenes_table(sets, "tested at", methods)
+        found.append(Section("Test sets", [Text("ADE, m."), table], folded=True))
+    return found
+
+
+def below_in(scenes: Sequence[Figures], methods: Methods) -> str:
+    """In how many scenes the main method's ADE is below those of its ablations and of the reference."""
+    main, counts = methods.main, []
+    for other in [row for row in methods if row.role == "ablation"] + [methods.reference]:
+        both = [figures for figures in scenes if {main.key, other.key} <= figures.keys()]
+        wins = sum(figures[main.key]["ade_m"] < figures[other.key]["ade_m"] for figures in both)
+        if both:
+            counts.append(f"below the {other.label} in {wins} of {len(both)}")
+    return f"The {main.label} is {' and '.join(counts)}." if counts else ""
+
+
+def calibration_section(
+    results: Sequence[Result], methods: Methods, pictures: Sequence[Picture]
+) -> list[Section]:
+    """Coverage of the error ellipses; nothing where no method gives covariances."""
+    tables = [(result, calibration_table(result, methods)) for result in results]
+    blocks: list[Block] = [Section(result.title, [table]) for result, table in tables if table]
+    if not blocks:
+        return []
+    return [Section("Calibration", [Text(CALIBRATION), *blocks, Pictures(pictures)], "calibration")]
+
+
+def paper_section(results: Sequence[Result], methods: Methods, paper: Paper) -> Section:
+    """ADE of every method beside the paper's, test set by test set."""
+    kinds = dict.fromkeys(result.where for result in results)
+    columns = [(where, [result for result in results if result.where == where]) for where in kinds]
+    header = ["ADE [m]"]
+    for where, own in columns:
+        header += [f"paper, {where}", *(f"here, {result.name}" for result in own)]
+    rows = []
+    for name in methods.ordered({name for result in results for name in result.figures}):
+        cells = [Cell(methods[name].label)]
+        for where, own in columns:
+            theirs = paper.ade_m.get(where, {}).get(name)
+            cells.append(Cell(NOTHING if theirs is None else f"{theirs:.3f}"))
+            cells += [metric_cell(r.name, name, "ade_m", r.figures.get(name, {})) for r in own]
+        rows.append(Row(cells, name, name == methods.main.key))
+    remarks = [Text(paper.remarks[where], "note") for where in kinds if where in paper.remarks]
+    return Section("Beside the paper's table", [*remarks, Table(header, rows)], "paper")
+
+
+def literature_section(
+    literature: Mapping[str, Figures], published: Sequence[Mapping[str, Any]], methods: Methods
+) -> list[Section]:
+    """The simple methods beside published figures, under the protocol of the literature; nothing without it.
+
+    Args:
+        literature: {place: figures}.
+        published: rows with `name`, `remark` and `errors_m`: {place: [ADE, FDE]}.
+        methods: labels and order.
+    """
+    if not literature:
+        return []
+    keys = ("ade_m", "fde_m")
+    header = [
+        "method",
+        *(f"{place}, {key[:3].upper()} [m]" for place in literature for key in keys),
+        "remark",
+    ]
+    rows = []
+    for name in methods.ordered({name for figures in literature.values() for name in figures}):
+        cells = [
+            metric_cell(f"literature.{place}", name, key, figures.get(name, {}))
+            for place, figures in literature.items()
+            for key in keys
+        ]
+        rows.append(Row([Cell(methods[name].label), *cells, Cell("measured here")], name))
+    for row in published:
+        errors = [error for place in literature for error in row["errors_m"].get(place, (None, None))]
+        cells = [Cell(NOTHING if error is None else f"{error:.2f}") for error in errors]
+        rows.append(Row([Cell(row["name"]), *cells, Cell(row["remark"])]))
+    text = (
+        "Most publications see 8 annotations, 0.4 s apart, and forecast the next 12. Here are the simple "
+        "methods on the native annotations, full windows only. The networks are not in the table, because they "
+        "forecast another horizon in other steps. Published rows are quoted from others and were trained on the other "
+        "ETH and UCY scenes; people who are not seen for all 20 annotations are left out here."
+    )
+    return [Section("Beside the literature", [Text(text), Table(header, rows)], "literature")]
+
+
+def latency_section(updates: Sequence[Mapping[str, float]], methods: Methods) -> list[Section]:
+    """Time per update over the size of the crowd; nothing if it was not measured."""
+    if not updates:
+        return []
+    crowd, median = (np.array([row[key] for row in updates], float) for key in ("pedestrians", "median_ms"))
+    series, key = {methods.main.key: (crowd, median)}, methods.main.key
+    plot = line_plot("One update", series, "pedestrians", "time [ms]", {key: ""})
+    rows = [
+        Row(
+            [
+                Cell(str(row["pedestrians"])),
+                *(Cell(f"{row[k]:.2f}", f"latency.updates.{rank}.{k}") for k in ("median_ms", "p99_ms")),
+            ]
+        )
+        for rank, row in enumerate(updates)
+    ]
+    text = (
+        "Tracker, both grids, network and bookkeeping for all pedestrians at once, on one thread. "
+        "The paper: 51 ms for 20 pedestrians on an i7-4810MQ."
+    )
+    table = Table(["pedestrians", "median [ms]", "99th percentile [ms]"], rows, texts=0)
+    return [
+        Section(
+            "Time per update",
+            [Text(text), Pictures([Picture("latency", "", None, [plot])]), table],
+            "latency",
+        )
+    ]
