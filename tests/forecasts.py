@@ -1,13 +1,27 @@
 """Requests, predictions and windows that tests share."""
 
+from pathlib import Path
+
 import numpy as np
+import yaml
 
 from pedpred.features import FeatureSettings
-from pedpred.forecasting import ForecastRequest
+from pedpred.forecasting import ForecastRequest, Methods
 from pedpred.metrics import MetricScene
+from pedpred.report.findings import Paper
 from pedpred.scenes import Predictions
 from pedpred.storage.windows import EvaluationWindows
 from tests.worlds import empty_map
+
+CONF = Path(__file__).parents[1] / "conf"
+GROUPS = ("baselines", "networks")
+METHODS = Methods.parse(
+    {
+        group: yaml.safe_load((CONF / f"methods/{group}.yaml").read_text())
+        for group in ("baselines", "networks")
+    }
+)
+PAPER = Paper.parse(yaml.safe_load((CONF / "paper/pfeiffer2018.yaml").read_text()))
 
 
 def request_about(scene, table, rows=None, **given):

@@ -17,6 +17,7 @@ from pedpred.report.ablation import (
     steps_until,
 )
 from pedpred.report.canvas import png_bytes
+from tests.forecasts import METHODS
 
 ROOT = Path(__file__).parents[1]
 ABLATIONS = sorted((ROOT / "conf" / "ablations").glob("*.yaml"))
@@ -52,8 +53,8 @@ def test_points_become_a_picture_and_a_table(path):
     rows = point_rows(ablation, measured(ablation))
     assert len(rows) == len(ablation.points) * 3
     assert rows[0]["overrides"] == [*ablation.always, *ablation.points[rows[0]["point"]]]
-    assert png_bytes(ablation_figure(ablation, rows)).startswith(b"\x89PNG")
-    lines = ablation_table(ablation, rows).splitlines()
+    assert png_bytes(ablation_figure(ablation, rows, METHODS)).startswith(b"\x89PNG")
+    lines = ablation_table(ablation, rows, METHODS).splitlines()
     assert len(lines) == 2 + len(ablation.points)
     assert "0.500 (0.400 to 0.600)" in lines[2]
 
@@ -62,7 +63,7 @@ def test_repeated_points_have_a_mean_and_a_spread():
     ablation = read_ablation(ROOT / "conf" / "ablations" / "seeds.yaml")
     assert len(ablation.points) == 3
     rows = point_rows(ablation, measured(ablation))
-    last = ablation_table(ablation, rows).splitlines()[-1]
+    last = ablation_table(ablation, rows, METHODS).splitlines()[-1]
     assert last.count("0.490 ± 0.010") == 3  # of 0.50, 0.49 and 0.48
 
 
@@ -79,7 +80,7 @@ def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
     by_point = [(found["lstm"][m]["both"], found["lstm"][m]["no corridor"]) for m in levels_m]
     assert by_point[0] == (100, 200)
     assert by_point[2] == (200, None)
-    lines = steps_table(ablation, found).splitlines()
+    lines = steps_table(ablation, found, METHODS).splitlines()
     assert len(lines) == 2 + len(ablation.points)
     assert "LSTM to 0.525 m" in lines[0]
     assert lines[3].count("never") == 2

@@ -5,7 +5,9 @@ import pytest
 
 from pedpred.report.encounters import before_obstacle, depth_m, mutual_avoidance
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from tests.forecasts import windows_with
+from tests.forecasts import METHODS, windows_with
+
+REFERENCE = METHODS.reference
 
 AHEAD_S = (np.arange(10) + 1)[:, None] * 0.3
 
@@ -25,7 +27,7 @@ FACING = windows_of([[2, 5], [6, 5], [2, 9]], [[1, 0], [-1, 0], [1, 0]], [[0, 0.
 
 
 def test_two_who_give_way_to_each_other_are_found():
-    found = mutual_avoidance({"hall": FACING})
+    found = mutual_avoidance({"hall": FACING}, REFERENCE)
     assert (found.scene, found.who) == ("hall", 7)
     assert "7 and 8" in found.caption
     assert list(found.rows) == [0, 1, 2]
@@ -42,7 +44,7 @@ def test_two_who_give_way_to_each_other_are_found():
     ],
 )
 def test_others_do_not_meet_so(velocities, aside_m):
-    assert mutual_avoidance({"hall": windows_of([[2, 5], [4, 5]], velocities, aside_m)}) is None
+    assert mutual_avoidance({"hall": windows_of([[2, 5], [4, 5]], velocities, aside_m)}, REFERENCE) is None
 
 
 def hall():
@@ -63,6 +65,9 @@ def test_who_turns_before_an_obstacle_is_found_and_who_walks_through_is_not():
         [[1, 0]] * 4,
         [[-1.0, 2.5], [-1.0, -2.5], [0, 0], [0, 0]],
     )
-    found = before_obstacle({"hall": windows}, {"hall": hall()})
+    found = before_obstacle({"hall": windows}, {"hall": hall()}, REFERENCE)
     assert (found.scene, found.who) == ("hall", 7)
-    assert before_obstacle({"hall": windows_of([[3, 8]], [[1, 0]], [[0, 0]])}, {"hall": hall()}) is None
+    assert (
+        before_obstacle({"hall": windows_of([[3, 8]], [[1, 0]], [[0, 0]])}, {"hall": hall()}, REFERENCE)
+        is None
+    )

@@ -22,7 +22,7 @@ from pedpred.ros import read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
 from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories
-from tests.forecasts import windows_with
+from tests.forecasts import METHODS, windows_with
 from tests.worlds import walled_scene
 
 STEPS = 10
@@ -303,12 +303,14 @@ def test_an_animation_lasts_as_long_as_it_shows(tmp_path):
     scene = small_scene(tracks=1)
     animation = Animation("lstm", duration_s=1.0, frame_s=0.2, tail_s=1.0, width_px=80)
     for name in ("a.gif", "b.gif"):
-        write_animation(scene, walking_on(scene), animation, tmp_path / name)
+        write_animation(scene, walking_on(scene), animation, METHODS, tmp_path / name)
     assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
     with Image.open(tmp_path / "a.gif") as film:
         assert (film.n_frames, film.info["duration"], film.width) == (5, 200, 80)
     with pytest.raises(ValueRuleError, match="method = 'cv'"):
-        write_animation(scene, walking_on(scene), replace(animation, method="cv"), tmp_path / "c.gif")
+        write_animation(
+            scene, walking_on(scene), replace(animation, method="cv"), METHODS, tmp_path / "c.gif"
+        )
 
 
 def test_no_warning_without_a_cut(tmp_path):

@@ -13,26 +13,27 @@ from PIL import Image
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import occupancy_crops
 from pedpred.geometry import Homography, rotate
+from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.calibration_plots import ellipse
 from pedpred.report.canvas import png_bytes
-from pedpred.report.curves import curves_figure, stage_and_model
-from pedpred.report.findings import real_findings, simulation_findings, summed_up
-from pedpred.report.gallery import real_gallery, simulation_gallery
-from pedpred.report.horizon import horizon_figure
+from pedpred.report.curves import by_stage, curves_figure
+from pedpred.report.document import Picture, Pictures, Section, joined
+from pedpred.report.findings import Expectation, findings, summed_up
+from pedpred.report.gallery import gallery
+from pedpred.report.gather import Evaluated
+from pedpred.report.horizon import horizon_figure, horizon_table
 from pedpred.report.inputs import angular_cell_edges, draw_angular_grid, grid_image
 from pedpred.report.instants import choose
-from pedpred.report.measures import read_metrics
-from pedpred.report.methods import colours, ordered
-from pedpred.report.overview import errors_m, horizon_table, overall
-from pedpred.report.pages import Picture, Section, answer, joined, real_page, simulation_page
+from pedpred.report.measures import read_metrics, results_of
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
 from pedpred.report.reconstructions import evenly_chosen, reconstructed
-from pedpred.report.tables import calibration_table, methods_table
+from pedpred.report.sections import answer
+from pedpred.report.tables import calibration_table, further_table, metrics_table
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
-from pedpred.storage.windows import RANGE_M, read_windows, write_windows
-from tests.forecasts import windows_with
+from pedpred.storage.windows import read_windows, write_windows
+from tests.forecasts import METHODS, PAPER, windows_with
 
 STEPS = 10
 MEETING = {
@@ -69,17 +70,38 @@ def metrics_of(errors_m, spread_m=0.01):
     return found
 
 
-def verdicts(findings):
-    return [finding.verdict for finding in findings]
+def result_of(metrics, name="sim_test", train=(), where=None):
+    """The result of one test set: a simulated one when nothing was trained for it."""
+    where = where or ("real" if train else "simulation")
+    return results_of({name: metrics}, [{"train": train, "test": [name]}], where, 0.3)[0]
+
+
+def judged(metrics, train=()):
+    return [finding for _, finding in findings(result_of(metrics, train=train), PAPER, METHODS)]
+
+
+def document_of(key, results, gallery=()):
+    """A page with the sections of a gallery instead of its pictures."""
+
+    class Plain(Evaluated):
+        def gallery(self, methods):
+            return list(gallery)
+
+    return Plain(key, results, {}, {}, {}, None).document(METHODS, PAPER).markdown(key)
 
 
 # Words
 
 
 def test_met_expectations_are_called_met():
-    findings = simulation_findings(metrics_of(IN_SIMULATION))
-    assert verdicts(findings) == ["met"] * 7
-    assert "All 7 expectations" in summed_up([("here", finding) for finding in findings])
+    found = judged(metrics_of(IN_SIMULATION))
+    assert [finding.verdict for finding in found] == ["met"] * 7
+    assert "All 7 expectations" in summed_up([("here", finding) for finding in found])
+
+
+def test_an_expectation_of_an_unknown_kind_is_refused():
+    with pytest.raises(ValueRuleError, match="kind = 'equal'"):
+        Expectation("equal", "lstm", "cv")
 
 
 @pytest.mark.parametrize(
@@ -95,9 +117,9 @@ def test_met_expectations_are_called_met():
     ],
 )
 def test_a_missed_expectation_is_named(changed, missed):
-    findings = simulation_findings(metrics_of(IN_SIMULATION | changed))
-    assert missed in [finding.claim for finding in findings if finding.verdict == "missed"]
-    text = summed_up([("here", finding) for finding in findings])
+    found = judged(metrics_of(IN_SIMULATION | changed))
+    assert missed in [finding.claim for finding in found if finding.verdict == "missed"]
+    text = summed_up([("here", finding) for finding in found])
     assert "missed" in text
     assert missed in text
     assert "All" not in text
@@ -112,30 +134,30 @@ def test_a_missed_expectation_is_named(changed, missed):
     ],
 )
 def test_the_gain_on_real_people_is_judged_in_both_directions(lstm, verdict, words):
-    methods = metrics_of(MEETING | {"lstm": lstm}, spread_m=0.001)
-    below_cv, gain = real_findings(methods)
+    metrics = metrics_of(MEETING | {"lstm": lstm}, spread_m=0.001)
+    below_cv, gain = judged(metrics, train=["home"])
     assert (below_cv.verdict, gain.verdict) == ("met", verdict)
     assert gain.measured == words
-    assert f"{words} than the Kalman CV's 0.600 m" in answer(methods, "Here")
+    assert f"{words} than the Kalman CV's 0.600 m" in answer(result_of(metrics), METHODS)
 
 
 def test_a_difference_within_the_noise_is_said_to_be():
-    methods = metrics_of(MEETING | {"lstm": 0.595}, spread_m=0.02)
-    assert "not distinguishable from the Kalman CV's" in answer(methods, "Here")
-    assert "includes 0" in real_findings(methods)[1].measured
-    assert "not distinguishable" not in answer(metrics_of(MEETING), "Here")
+    metrics = metrics_of(MEETING | {"lstm": 0.595}, spread_m=0.02)
+    assert "not distinguishable from the Kalman CV's" in answer(result_of(metrics), METHODS)
+    assert "includes 0" in judged(metrics, train=["home"])[1].measured
+    assert "not distinguishable" not in answer(result_of(metrics_of(MEETING)), METHODS)
 
 
 def test_what_was_not_evaluated_is_not_judged():
-    methods = metrics_of({"cv": 0.7, "kalman_cv": 0.6})
-    findings = [("here", finding) for finding in simulation_findings(methods)]
-    assert {finding.verdict for _, finding in findings} == {"not measured"}
-    assert "could be checked" in summed_up(findings)
-    assert "was not evaluated" in answer(methods, "Here")
+    metrics = metrics_of({"cv": 0.7, "kalman_cv": 0.6})
+    found = [("here", finding) for finding in judged(metrics)]
+    assert {finding.verdict for _, finding in found} == {"not measured"}
+    assert "could be checked" in summed_up(found)
+    assert "was not evaluated" in answer(result_of(metrics), METHODS)
 
 
 def test_a_table_row_holds_its_figures_beside_the_papers():
-    table = methods_table(metrics_of(MEETING), {"cv": 0.652})
+    table = metrics_table(result_of(metrics_of(MEETING)), METHODS, {"cv": 0.652}).markdown("")
     rows = {row.split(" | ")[0].strip("|* "): row for row in table.splitlines()}
     cells = rows["CV"].strip("| ").split(" | ")
     assert cells[1:5] == ["0.700 (0.680 to 0.730)", "1.330", "0.770", "1.23 %"]
@@ -144,11 +166,25 @@ def test_a_table_row_holds_its_figures_beside_the_papers():
     assert {row.count(" | ") for row in table.splitlines()} == {7}
 
 
-def test_the_table_of_ellipses_holds_three_times_ahead_of_whoever_tells_them():
-    rows = calibration_table(metrics_of(MEETING)).split("\n")
+def test_every_metric_is_shown_once(monkeypatch):
+    monkeypatch.setitem(METRICS, "toy_share", Metric("toy", "%", "higher", None))
+    metrics = metrics_of({"cv": 0.7, "kalman_cv": 0.6, "lstm": 0.4})
+    for own in metrics.values():
+        own |= {"min_ade_m_k3": own["ade_m"], "min_ade_m_k6": 0.9 * own["ade_m"], "toy_share": 0.5}
+    rows = further_table(result_of(metrics), METHODS).markdown("").splitlines()
+    assert rows[0] == "| method | minADE6 [m] | NLL [nats] | toy |"  # minADE3 repeats the ADE
+    assert rows[2:] == [
+        "| CV | 0.630 | - | 50.00 % |",
+        "| Kalman CV | 0.540 | - | 50.00 % |",
+        "| **LSTM** | 0.360 | 0.50 | 50.00 % |",
+    ]
+
+
+def test_the_table_of_ellipses_has_three_steps_of_methods_with_covariances():
+    rows = calibration_table(result_of(metrics_of(MEETING)), METHODS).markdown("").split("\n")
     assert rows[0].startswith("| after 0.3 / 1.5 / 3.0 s | in the 50 % ellipse [%] |")
-    assert rows[2:] == ["| LSTM | 51 / 51 / 51 | 91 / 91 / 91 | 96 / 96 / 96 | -4.00 / -1.33 / 2.00 |"]
-    assert calibration_table(metrics_of({"cv": 1.0, "kalman_cv": 0.5})) == ""
+    assert rows[2:] == ["| **LSTM** | 51 / 51 / 51 | 91 / 91 / 91 | 96 / 96 / 96 | -4.00 / -1.33 / 2.00 |"]
+    assert calibration_table(result_of(metrics_of({"cv": 1.0, "kalman_cv": 0.5})), METHODS) is None
 
 
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
@@ -158,40 +194,36 @@ def test_an_ellipse_is_drawn_where_its_share_ends(share):
     np.testing.assert_allclose(squared_mahalanobis(outline - centre, covariance), radius2(share))
 
 
-def test_methods_keep_order_and_colour_whoever_else_is_there():
-    assert ordered(["zebra", "lstm", "cv", "aaa"]) == ["cv", "lstm", "aaa", "zebra"]
-    assert colours(["lstm", "mine"])["lstm"] == colours(["lstm", "cv", "other"])["lstm"]
-    assert len(set(colours([*MEETING, "goal_blind", "goal_unseen", "mine", "other"]).values())) == 10
-
-
-@pytest.mark.parametrize("page", [simulation_page, real_page])
-def test_a_page_of_leaky_figures_says_so_first(page):
-    methods = metrics_of(MEETING)
-    honest = page({"sim_test": methods}, [], "sim")
-    marked = page({"sim_test": {name: m | {"noncausal": True} for name, m in methods.items()}}, [], "sim")
-    assert "nothing on this page is a forecast" not in honest
+@pytest.mark.parametrize(("key", "train"), [("sim", []), ("real", ["home"])])
+def test_a_page_of_noncausal_figures_says_so_first(key, train):
+    metrics = metrics_of(MEETING)
+    causal = document_of(key, [result_of(metrics, train=train)])
+    marked = {name: own | {"noncausal": True} for name, own in metrics.items()}
+    marked = document_of(key, [result_of(marked, train=train)])
+    assert "nothing on this page is a forecast" not in causal
     assert "nothing on this page is a forecast" in marked.partition("|")[0]
 
 
-def test_simulation_page_tells_single_arrangements_and_the_leaky_protocol_apart():
-    methods = metrics_of(MEETING)
-    worse = metrics_of(MEETING | {"lstm": 0.65})
-    scenes = {"sim_test": methods, "sim_test_office": methods, "sim_test_g0": worse}
-    section = Section("Look", [Picture(f"p{k}", f"caption {k}", Figure()) for k in range(3)], columns=2)
-    page = simulation_page(scenes | {"paper_protocol/sim_test": methods}, [section], "sim")
+def test_the_page_on_simulation_lists_single_scenes_and_pictures():
+    metrics, worse = metrics_of(MEETING), metrics_of(MEETING | {"lstm": 0.65})
+    sets = {"sim_test": metrics, "sim_test_office": metrics, "sim_test_g0": worse}
+    results = results_of(sets, [{"train": [], "test": ["sim_test"]}], "simulation", 0.3)
+    pictures = [Picture(f"p{k}", f"caption {k}", Figure()) for k in range(3)]
+    page = document_of("sim", results, [Section("Look", [Pictures(pictures, columns=2)])])
     assert page.startswith("# Simulation")
     assert "| office | 1234 |" in page
     assert "below the LSTM-noGrid in 1 of 2 and below the Kalman CV in 1 of 2" in page
-    assert "future" in page.partition("## Leaky protocol")[2]
     assert "![p2](sim/p2.png)<br>caption 2" in page
     with pytest.raises(ValueRuleError, match="sim_test"):
-        simulation_page({"eth": methods}, [], "sim")
+        results_of({"eth": metrics}, [{"train": [], "test": ["sim_test"]}], "simulation", 0.3)
 
 
-def test_real_page_names_both_directions_and_what_cannot_be_reproduced():
-    page = real_page({"eth": metrics_of(MEETING), "hotel": metrics_of(MEETING)}, [], "real")
-    assert "At eth (tuned on hotel)" in page
-    assert "At hotel (tuned on eth)" in page
+def test_the_page_on_real_people_names_all_folds_and_what_cannot_be_reproduced():
+    folds = [{"train": ["hotel", "zara"], "test": ["eth"]}, {"train": ["eth"], "test": ["hotel"]}]
+    sets = {"eth": metrics_of(MEETING), "hotel": metrics_of(MEETING)}
+    page = document_of("real", results_of(sets, folds, "real", 0.3))
+    assert "At eth (fine-tuned on hotel and zara)" in page
+    assert "At hotel (fine-tuned on eth)" in page
     assert "could not be reproduced" in page
 
 
@@ -211,9 +243,9 @@ def test_a_measure_that_is_missing_is_named(tmp_path):
     scenes = {"sim_test": metrics_of(MEETING)}
     path.write_text(json.dumps(scenes))
     assert read_metrics(path) == scenes
-    del scenes["sim_test"]["cv"]["fde_m"]
+    del scenes["sim_test"]["cv"]["tracks"]
     path.write_text(json.dumps(scenes))
-    with pytest.raises(StorageError, match="sim_test/cv/fde_m"):
+    with pytest.raises(StorageError, match="sim_test/cv/tracks"):
         read_metrics(path)
 
 
@@ -261,12 +293,12 @@ def test_the_rule_picks_the_planted_instant(tmp_path):
         "plain": windows_of(tmp_path, plain),
         "planted": windows_of(tmp_path, planted, planted_s=1.2),
     }
-    found = choose(scenes, least_moving=4)
+    found = choose(scenes, 4, METHODS)
     assert found.scene == "planted"
     assert found.time_s == pytest.approx(1.2)
     assert f"largest, {0.3 * 0.3 * 5.5:+.3f} m on average over 5 moving" in found.caption
     assert found.focus in found.rows
-    least = choose(scenes, least_moving=4, least=True)
+    least = choose(scenes, 4, METHODS, least=True)
     assert (least.scene, least.time_s) == ("plain", 0.0)
     assert "smallest, +0.000 m" in least.caption
 
@@ -276,16 +308,16 @@ def test_few_people_do_not_count_where_more_are_somewhere(tmp_path):
         "few": windows_of(tmp_path, wall_scene("few"), walkers=2, planted_s=0.3),
         "many": windows_of(tmp_path, wall_scene("many"), walkers=4),
     }
-    assert choose(scenes, least_moving=3).scene == "many"
-    assert choose(scenes, least_moving=99).scene == "many"
-    assert choose(scenes, least_moving=2).scene == "few"
+    assert choose(scenes, 3, METHODS).scene == "many"
+    assert choose(scenes, 99, METHODS).scene == "many"
+    assert choose(scenes, 2, METHODS).scene == "few"
 
 
 def test_without_a_model_there_is_nothing_to_show(tmp_path):
     windows = windows_of(tmp_path, wall_scene())
     del windows.predictions["lstm"]
     with pytest.raises(ValueRuleError, match="lstm must be among them"):
-        choose({"hall": windows}, 1)
+        choose({"hall": windows}, 1, METHODS)
 
 
 @pytest.mark.parametrize("heading_rad", [0.0, 1.0, np.pi / 2, -2.5])
@@ -305,10 +337,10 @@ def test_an_obstacle_ahead_is_drawn_above_and_one_to_the_left_is_drawn_left(head
 
 @pytest.mark.parametrize(("cell", "direction"), [(0, (0, 1)), (18, (-1, 0)), (36, (0, -1)), (54, (1, 0))])
 def test_a_person_ahead_is_drawn_above_and_one_to_the_left_is_drawn_left(cell, direction):
-    distance_m = np.full(72, RANGE_M)
+    distance_m = np.full(72, 6.0)
     distance_m[cell] = 3.0
     axes = Figure().add_subplot(projection="polar")
-    draw_angular_grid(axes, distance_m)
+    draw_angular_grid(axes, distance_m, 6.0)
     edges = angular_cell_edges(72)
     arcs = [patch for patch in axes.patches if patch.get_y() > 0]
     assert len(arcs) == 1
@@ -355,26 +387,25 @@ def curve_tables():
 
 
 def test_curves_are_sorted_into_stages_and_models():
-    names = ["main_lstm_nogrid", "finetune_lstm_eth", "autoencoder"]
-    found = [stage_and_model(name) for name in names]
-    assert found == [("main", "lstm_nogrid"), ("finetune eth", "lstm"), ("autoencoder", None)]
-    assert len(curves_figure(curve_tables()).axes) == 6
+    found = {stage: list(curves) for stage, curves in by_stage(curve_tables(), METHODS).items()}
+    assert found == {"autoencoder": [""], "main": ["lstm_nogrid", "lstm"], "finetune eth": ["lstm"]}
+    assert len(curves_figure(curve_tables(), METHODS).axes) == 6
 
 
 def galleries(folder):
     scene = wall_scene()
-    metrics = {"sim_test": metrics_of(MEETING), "hall": metrics_of(MEETING | {"ca": 9.0})}
+    simulated = result_of(metrics_of(MEETING))
+    real = result_of(metrics_of(MEETING | {"ca": 9.0}), "hall", ["home"])
     windows = {"hall": windows_of(folder, scene, planted_s=0.9)}
     matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
     picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
     torch.manual_seed(0)
     network = GridAutoencoder(60, 8)
     seen = wall_scene(camera=Camera(Homography(matrix), picture))
-    simulated = simulation_gallery(
-        metrics, {"sim_test": [scene], "main": [scene] * 3}, windows, curve_tables(), network
-    )
-    real = real_gallery(metrics, {"hall": [seen]}, windows, {}, network)
-    return [picture for section in [*simulated, *real] for picture in section.pictures]
+    sets, curves = {"sim_test": [scene], "main": [scene] * 3}, curve_tables()
+    sections = gallery([simulated], sets, windows, curves, network, METHODS)
+    sections += gallery([real], {"hall": [seen]}, windows, {}, network, METHODS)
+    return [picture for section in sections for picture in section.pictures]
 
 
 def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
@@ -419,33 +450,26 @@ def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
 def test_forecasts_of_an_unknown_scene_are_refused(tmp_path):
     windows = {"attic": windows_of(tmp_path, wall_scene("attic"))}
     with pytest.raises(ValueRuleError, match="attic"):
-        simulation_gallery(
-            {"sim_test": metrics_of(MEETING)},
+        gallery(
+            [result_of(metrics_of(MEETING))],
             {"sim_test": [wall_scene()]},
             windows,
             {},
             GridAutoencoder(60, 8),
+            METHODS,
         )
 
 
 def test_a_method_far_beyond_the_others_does_not_set_the_scale():
-    top = horizon_figure(metrics_of(MEETING | {"ca": 9.0}), "x").axes[0].get_ylim()[1]
-    assert top < 1.3 * 1.9 * 0.7 * 1.5
-    legend = horizon_figure(metrics_of(MEETING | {"ca": 9.0}), "x").legends[0]
+    figure = horizon_figure(result_of(metrics_of(MEETING | {"ca": 9.0})), METHODS)
+    assert figure.axes[0].get_ylim()[1] < 1.3 * 1.9 * 0.7 * 1.5
+    legend = figure.legends[0]
     assert "beyond" in legend.get_texts()[1].get_text()
 
 
-def test_the_overview_holds_whole_test_sets_and_nothing_leaky():
-    scenes = {
-        name: metrics_of(MEETING) for name in ("sim_test", "sim_test_hall", "paper_protocol/eth", "eth")
-    }
-    assert set(overall(scenes)) == {"sim_test", "eth"}
-    assert errors_m(scenes["eth"]) == {name: scenes["eth"][name]["ade_m"] for name in MEETING}
-
-
 def test_the_horizon_table_has_a_row_per_step_and_sorts_as_text():
-    methods = metrics_of(MEETING)
-    table = horizon_table(methods)
+    metrics = metrics_of(MEETING)
+    table = horizon_table(result_of(metrics), METHODS)
     assert list(table["horizon_s"]) == sorted(table["horizon_s"])
-    assert table["lstm"].tolist() == methods["lstm"]["per_step_m"]
+    assert table["lstm"].tolist() == metrics["lstm"]["per_step_m"]
     assert table["horizon_s"].iloc[-1] == f"{0.3 * len(table):.1f}"

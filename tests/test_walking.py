@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 from pedpred.errors import ValueRuleError
 from pedpred.report.canvas import png_bytes
 from pedpred.report.simulation_page import (
-    crowd_page,
-    flow_figure,
-    lanes_figure,
+    crowd_section,
     walking_findings,
     weidmann_speed_mps,
 )
@@ -110,9 +108,12 @@ def test_a_small_experiment_becomes_a_page():
     assert rows[1]["speed_mps"] < 1.8
     assert len(np.unique(clearest.trajectories.track_id)) == 50
     assert corridor_flow(small, SETTINGS)[0] == rows or np.isnan(rows[0]["lane_order"])
-    assert png_bytes(flow_figure(rows)).startswith(b"\x89PNG")
-    assert png_bytes(lanes_figure(clearest)).startswith(b"\x89PNG")
-    page = crowd_page({"main": WalkingCounts(10, slow=1, targets=4, reached=4).shares()}, rows, "simulation")
+    section = crowd_section(
+        {"main": WalkingCounts(10, slow=1, targets=4, reached=4).shares()}, rows, clearest
+    )
+    assert [picture.name for picture in section.pictures] == ["flow", "lanes"]
+    assert all(png_bytes(picture.figure).startswith(b"\x89PNG") for picture in section.pictures)
+    page = section.markdown("simulation")
     assert "| main | nobody in an obstacle | 0.00% | met |" in page
 
 

@@ -26,9 +26,9 @@ from pedpred.report.tables import (
 
 READING = (
     "ADE: distance to the true position, averaged over all steps; FDE: at the last step; intervals: "
-    "bootstrap over tracks; in obstacles: share of forecast positions; collisions: share of forecasts that come closer "
-    "to another one than the collision distance. The paper's column is its own table, measured on its own "
-    "windows."
+    "bootstrap over tracks; in obstacles: share of forecast positions; collisions: share of forecasts that "
+    "come closer to another one than the collision distance. The paper's column is its own table, measured "
+    "on its own windows."
 )
 CALIBRATION = (
     "Some methods give a Gaussian of the position at every step. Its ellipses of 50, 90 and 95 % should "
@@ -170,9 +170,9 @@ def literature_section(
         rows.append(Row([Cell(row["name"]), *cells, Cell(row["remark"])]))
     text = (
         "Most publications see 8 annotations, 0.4 s apart, and forecast the next 12. Here are the simple "
-        "methods on the native annotations, full windows only. The networks are not in the table, because they "
-        "forecast another horizon in other steps. Published rows are quoted from others and were trained on the other "
-        "ETH and UCY scenes; people who are not seen for all 20 annotations are left out here."
+        "methods on the native annotations, full windows only. The networks are not in the table: they "
+        "forecast another horizon in other steps. Published rows are quoted from others and were trained on "
+        "the other scenes; people who are not seen for all 20 annotations are left out here."
     )
     return [Section("Beside the literature", [Text(text), Table(header, rows)], "literature")]
 

@@ -126,8 +126,8 @@ def flow_section(flow: Sequence[Mapping[str, float]]) -> Section:
     """Write the experiment in a corridor: rows of `corridor_flow`."""
     text = (
         "Two opposite streams in a corridor, measured in its middle with PedPy; the curve is Weidmann's "
-        "(1993) fit to observations, to which nothing was fitted here. Lane order of Rex and Löwen (2007), 1 for "
-        "perfect lanes; beside it that of shuffled directions."
+        "(1993) fit to observations, to which nothing was fitted here. Lane order of Rex and Löwen (2007), 1 "
+        "for perfect lanes; beside it that of shuffled directions."
     )
     picture = Picture("flow", "Speed over density, lane order over density.", flow_figure(flow))
     runs = [Row([Cell(format(row[key], form)) for key, form in _FLOW_COLUMNS.values()]) for row in flow]

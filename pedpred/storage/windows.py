@@ -94,10 +94,6 @@ class EvaluationWindows:
         return np.linalg.norm(self.predictions[method].point - self.truth, axis=-1).mean(axis=-1)
 
 
-Windows = EvaluationWindows  # until the reports read the sizes from the windows
-CELL_M, RANGE_M = 0.1, 6.0
-
-
 def write_windows(windows: EvaluationWindows, path: Path) -> None:
     """Write windows as Parquet; predicted and true positions become float32, sizes file metadata."""
     columns = {
