@@ -332,7 +332,10 @@ def test_the_player_shows_what_was_forecast_and_seen(visit_at, hall):
         return rows.map((row) => name === "cones" ? replay.cones(row) : replay.path(name, row)); }"""
     rows = np.flatnonzero(windows.time_s < 2.05)
     order = rows[np.lexsort((windows.track_id[rows], windows.time_s[rows].round(3)))]
-    for name, path, off_m in (("truth", windows.truth, 0.00501), ("lstm", windows.paths["lstm"], 0.0151)):
+    for name, path, off_m in (
+        ("truth", windows.truth, 0.00501),
+        ("lstm", windows.predictions["lstm"].point, 0.0151),
+    ):
         points = np.array(visit.page.evaluate(read, {"name": name, "rows": list(range(len(rows)))}))
         np.testing.assert_allclose(points[:, 0], windows.position[order], atol=0.00501)
         np.testing.assert_allclose(points[:, 1:], path[order], atol=off_m)

@@ -67,7 +67,8 @@ def ellipse(centre: np.ndarray, covariance: np.ndarray, share: float) -> np.ndar
 
 def _distances(windows: Sequence[EvaluationWindows], name: str) -> np.ndarray:
     """Squared Mahalanobis distances of the truth over all windows. [W, P]."""
-    parts = [squared_mahalanobis(w.truth - w.paths[name], w.covariances[name]) for w in windows]
+    errors = [w.truth - w.predictions[name].most_likely for w in windows]
+    parts = [squared_mahalanobis(e, w.covariances[name]) for e, w in zip(errors, windows, strict=True)]
     return np.concatenate(parts)
 
 

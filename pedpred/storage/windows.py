@@ -75,11 +75,6 @@ class EvaluationWindows:
         return rotate(self.velocity, self.heading_rad)
 
     @property
-    def paths(self) -> dict[str, np.ndarray]:
-        """The point forecasts, m. {method: [W, P, 2]}."""
-        return {method: own.point for method, own in self.predictions.items()}
-
-    @property
     def covariances(self) -> dict[str, np.ndarray]:
         """Covariances of the most likely modes, m^2. {method: [W, P, 2, 2]}."""
         return {m: p.covariance[:, 0] for m, p in self.predictions.items() if p.covariance is not None}
