@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.admission import sealed_part
+from pedpred.simulation.arrangements import sealed_part
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.routing import routes_to

@@ -16,8 +16,7 @@ from pedpred.geometry import Homography
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import Camera
 from pedpred.sources import SOURCES
-from pedpred.sources.ewap import ALONE, read_sequence
-from pedpred.sources.obstacles import occupancy_from_image
+from pedpred.sources.ewap import ALONE, occupancy_from_image, read_sequence
 from pedpred.tracking import KalmanSettings, follow, log_likelihood
 from tests.forecasts import request_about
 

@@ -23,7 +23,7 @@ from pedpred.features import (
     occupancy_crops,
     unpack_crops,
 )
-from pedpred.features.presence import pedestrians_at
+from pedpred.features.extract import pedestrians_at
 from pedpred.features.targets import future_velocities
 from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap, Scene, Trajectories

@@ -9,8 +9,7 @@ from PIL import Image
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.sources import SOURCES
-from pedpred.sources.ewap import merged, read_sequence
-from pedpred.sources.obstacles import occupancy_from_image
+from pedpred.sources.ewap import merged, occupancy_from_image, read_sequence
 
 SETTINGS = {"frame_rate_hz": 10.0, "annotation_frames": 4, "resolution_m": 0.5, "margin_m": 1.0}
 ROWS = ["4 1 2.0 0 3.0 9 0 9", "4 2 4.0 0 6.0 9 0 9", "8 1 2.5 0 3.0 9 0 9"]

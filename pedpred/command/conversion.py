@@ -1,4 +1,4 @@
-"""`pedpred info` and `pedpred convert`: describe a scene, write it in another format."""
+"""`pedpred info` and `pedpred convert`: read a scene in any format, describe it, write it in another."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.command.reading import read_any
-from pedpred.ros import write_recording
+from pedpred.errors import StorageError, ValueRuleError
+from pedpred.ros import is_bag, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
-from pedpred.storage.scenes import read_map, write_scene
+from pedpred.scenes import OccupancyMap, Scene
+from pedpred.storage.scenes import read_map, read_scene, read_tracks_csv, write_scene
 
 _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id")
 
@@ -56,3 +57,27 @@ def refuse_overwriting(path: Path, force: bool) -> None:
     """End the command if `path` exists and `--force` is not given."""
     if path.exists() and not force:
         sys.exit(f"{path} is there already; --force replaces it")
+
+
+def read_any(path: Path, topic: str | None = None) -> Scene:
+    """Read a scene folder, a CSV file of tracks (on free ground), a recording or a ROS bag.
+
+    Args:
+        path: its name determines the format.
+        topic: of a bag's people; an .mcap file is read as a bag if one is given.
+
+    Raises:
+        StorageError, SourceError: the file is missing, damaged or of another format.
+    """
+    if is_bag(path) or (path.suffix == ".mcap" and topic is not None):
+        return read_bag(path, topic)
+    if path.is_dir():
+        return read_scene(path)
+    if path.suffix != ".csv":
+        return read_recording(path)
+    trajectories = read_tracks_csv(path)
+    try:
+        dt_s = trajectories.usual_interval_s()
+    except ValueRuleError as cause:
+        raise StorageError(path, "table", str(cause), "A track needs several detections") from cause
+    return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)

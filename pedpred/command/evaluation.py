@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pedpred.baselines.present_motion import STRONGEST
+from pedpred.command.conversion import read_any
 from pedpred.command.prediction import robot_for, with_progress
-from pedpred.command.reading import read_any
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
 from pedpred.files import write_json

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pedpred.command.conversion import refuse_overwriting
-from pedpred.command.reading import read_any
+from pedpred.command.conversion import read_any, refuse_overwriting
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import as_windows, replayed
 from pedpred.ros import write_recording

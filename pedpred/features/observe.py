@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.features.angular import angular_grids
-from pedpred.features.crop import occupancy_crops
+from pedpred.features.grids import angular_grids, occupancy_crops
 from pedpred.features.table import FeatureSettings
 from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap

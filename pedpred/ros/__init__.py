@@ -3,10 +3,9 @@
 Positions are in the world frame, called `map` (its parent `world` coincides with it); times are the scene's.
 """
 
-from pedpred.ros.bags import is_bag, read_bag
+from pedpred.ros.bags import ADAPTERS, TrackNumbers, is_bag, read_bag
 from pedpred.ros.recordings import read_recording, write_recording
-from pedpred.ros.scene_messages import occupancy_of
-from pedpred.ros.tracked_people import ADAPTERS, TrackNumbers, seconds
+from pedpred.ros.scene_messages import occupancy_of, seconds
 
 __all__ = [
     "ADAPTERS",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -15,9 +15,28 @@ from pedpred.errors import SourceError
 from pedpred.files import read_yaml, translate_errors
 from pedpred.ros.mcap_reader import McapReader
 from pedpred.ros.message_types import MAP, TYPES, known_types
-from pedpred.ros.scene_messages import occupancy_of
-from pedpred.ros.tracked_people import ADAPTERS, TrackNumbers, seconds
+from pedpred.ros.scene_messages import occupancy_of, seconds
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
+
+Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
+"""A message -> (name, position with x and y in m) of every person in it."""
+
+
+def _poses(message: Any) -> Iterator[tuple[object, Any]]:
+    """Poses have no names: the index in the list identifies the person."""
+    return ((index, pose.position) for index, pose in enumerate(message.poses))
+
+
+ADAPTERS: dict[str, Adapter] = {
+    "people_msgs/msg/People": lambda m: ((p.name, p.position) for p in m.people),
+    "spencer_tracking_msgs/msg/TrackedPersons": lambda m: (
+        (t.track_id, t.pose.pose.position) for t in m.tracks
+    ),
+    "hunav_msgs/msg/Agents": lambda m: ((a.id, a.position.position) for a in m.agents),
+    "vision_msgs/msg/Detection3DArray": lambda m: ((d.id, d.bbox.center.position) for d in m.detections),
+    "geometry_msgs/msg/PoseArray": _poses,
+}
+"""The supported message types. All have a header with stamp and frame."""
 
 _GRID = TYPES[MAP]
 _REMEDY = f"A bag may hold {', '.join(sorted(ADAPTERS))} for people and {_GRID} for the map"
@@ -105,3 +124,17 @@ def _people_topic(path: Path, connections: Sequence[Any], topic: str | None) -> 
     found = {c.topic: c.msgtype for c in (carriers or connections)}
     lack = "several topics carry people: choose one" if carriers else "no topic carries people"
     raise SourceError(path, None, f"{lack}, among {found}", _REMEDY)
+
+
+class TrackNumbers:
+    """Track numbers for names: a decimal number keeps its value, other names get -1, -2, ... in order."""
+
+    def __init__(self) -> None:
+        self._given: dict[str, int] = {}
+
+    def number(self, name: object) -> int:
+        """The number of a name, the same on every call."""
+        text = str(name)
+        if text.isascii() and text.isdecimal():
+            return int(text)
+        return self._given.setdefault(text, -1 - len(self._given))

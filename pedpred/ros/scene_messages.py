@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 
 from pedpred.errors import ValueRuleError
-from pedpred.ros.tracked_people import seconds
 from pedpred.scenes import OccupancyMap
 
 Content = dict[str, Any]
@@ -43,6 +42,11 @@ def nanoseconds(time_s: np.ndarray) -> np.ndarray:
 def stamp(time_ns: int) -> Content:
     """builtin_interfaces/Time."""
     return {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}
+
+
+def seconds(stamp: Any) -> float:
+    """Convert a ROS time stamp to s."""
+    return float(stamp.sec + stamp.nanosec / 1e9)
 
 
 def header(time_ns: int, frame: str = FRAME) -> Content:

@@ -10,8 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pedpred.scenes.scene import Scene
-from pedpred.scenes.trajectories import Trajectories
+from pedpred.scenes.scene import Scene, Trajectories
 
 _MIRROR = np.array([-1.0, 1.0])
 

@@ -1,24 +1,34 @@
-"""The rooms of a simulated data set: layout, number of people, duration and random state of each."""
+"""The rooms of a simulated data set: layout, number of people, duration and random state; checks of each."""
 
 from __future__ import annotations
 
 import copy
 import zlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy import ndimage
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene
-from pedpred.simulation.admission import check_crowd, check_room
 from pedpred.simulation.clutter import ClutterSettings, cluttered_room
-from pedpred.simulation.ground import ground_of
+from pedpred.simulation.ground import Ground, ground_of
 from pedpred.simulation.layouts import Layout, layout_from
-from pedpred.simulation.placement import drawn_targets
-from pedpred.simulation.settings import SimulationSettings, SocialForceSettings
+from pedpred.simulation.placement import drawn_targets, largest_part, open_cells, scattered, walkable
+from pedpred.simulation.routing import clearance_grid
+from pedpred.simulation.settings import (
+    CrowdSettings,
+    RoutingSettings,
+    SimulationSettings,
+    SocialForceSettings,
+)
+from pedpred.simulation.shapes import kind_of
 from pedpred.simulation.simulator import simulate
+
+SEALED_M2 = 1.0
+"""Unreachable parts larger than this count as closed rooms; smaller ones are gaps between obstacles."""
 
 
 @dataclass(frozen=True)
@@ -116,3 +126,97 @@ def simulated(arrangement: Arrangement, settings: SocialForceSettings) -> Scene:
     targets = drawn_targets(arrangement.layout, ground_of(occupancy), settings.crowd, rng)
     people, duration_s = arrangement.pedestrians, arrangement.duration_s
     return simulate(arrangement.name, occupancy, targets, settings, people, duration_s, rng)
+
+
+def check_room(layout: Layout, ground: Ground, settings: SocialForceSettings, path: str) -> None:
+    """Refuse a drawn room with unreachable ground or targets.
+
+    Args:
+        layout: the room.
+        ground: of the same room.
+        settings: space that people and routes need.
+        path: of the layout, for errors.
+
+    Raises:
+        ValueRuleError: no ground is free, a target region cannot be reached, or obstacles close off a part.
+    """
+    clearance_m, regions = settings.crowd.clearance_m, layout.target_regions
+    cells = open_cells(ground, clearance_m)
+    if not len(cells):
+        cause = "shapes" if layout.shapes else "size_m"
+        rule = f"there is no free ground: nowhere is the clearance {clearance_m} m"
+        raise ValueRuleError(f"{path}.{cause}", getattr(layout, cause), rule)
+    if len(regions) == 1:
+        rule = "people walk between regions: draw a second one, or none for targets all over the room"
+        raise ValueRuleError(f"{path}.target_regions", regions, rule)
+    for n, region in enumerate(regions):
+        if not region.covers(cells).any():
+            rule = f"people cannot get there with {clearance_m} m of free ground around them"
+            raise ValueRuleError(f"{path}.target_regions[{n}].{kind_of(region)}", region, rule)
+    area_m2, place = sealed_part(ground, settings.routing)
+    if area_m2 > SEALED_M2:
+        _raise_sealed(layout, area_m2, place, settings.routing, path)
+
+
+def check_crowd(
+    name: str,
+    layout: Layout,
+    ground: Ground,
+    pedestrians: int,
+    settings: CrowdSettings,
+    rng: np.random.Generator,
+) -> None:
+    """Refuse too many people, or a room with one target, by repeating the first draws of the simulation.
+
+    Args:
+        name: of the room, for errors.
+        layout: the room.
+        ground: of the same room.
+        pedestrians: number of people.
+        settings: space that each of them needs.
+        rng: in the state in which the simulation will begin.
+
+    Raises:
+        ValueRuleError: fewer people fit, or there is only one target.
+    """
+    pool = drawn_targets(layout, ground, settings, rng)
+    if len(np.unique(pool.region)) < 2:
+        rule = f"it is too small for two targets {settings.target_spacing_m} m apart"
+        raise ValueRuleError(f"rooms.{name}.size_m", layout.size_m, rule)
+    cells = open_cells(ground, settings.clearance_m)
+    fit = len(scattered(cells, pedestrians, settings.spacing_m, rng))
+    if fit < pedestrians:
+        rule = f"only {fit} fit into room '{name}', {settings.spacing_m} m apart"
+        raise ValueRuleError("pedestrians", pedestrians, rule)
+
+
+def sealed_part(ground: Ground, settings: RoutingSettings) -> tuple[float, np.ndarray]:
+    """Find the largest part of the ground that is wide enough for people but cannot be reached.
+
+    Returns:
+        Its area, m^2, and its centre, world frame, m [2]; (0, origin) where there is none.
+    """
+    clearance = clearance_grid(ground, settings.resolution_m)
+    reached = walkable(clearance, settings.narrow_m)
+    lost = (clearance >= settings.narrow_m) & ~reached
+    if not lost.any():
+        return 0.0, ground.origin
+    reach = settings.narrow_m / settings.resolution_m  # a person on a cell covers its surroundings
+    ours, theirs = (ndimage.distance_transform_edt(~cells) <= reach for cells in (lost, reached))
+    part = np.argwhere(largest_part(ours & ~theirs & (clearance > 0)))
+    center = part.mean(axis=0) + 0.5 if len(part) else np.zeros(2)
+    return len(part) * settings.resolution_m**2, ground.origin + center * settings.resolution_m
+
+
+def _raise_sealed(
+    layout: Layout, area_m2: float, place: np.ndarray, settings: RoutingSettings, path: str
+) -> None:
+    """Raise an error about the first obstacle whose removal leaves less ground closed off."""
+    x, y = np.round(place, 1).tolist()
+    wide_m = 2 * settings.narrow_m + settings.resolution_m
+    rule = f"it closes off {area_m2:.1f} m2 around ({x}, {y}); leave an opening wider than {wide_m:.1f} m"
+    for n, shape in enumerate(layout.shapes):
+        others = replace(layout, shapes=[*layout.shapes[:n], *layout.shapes[n + 1 :]])
+        if sealed_part(ground_of(others.occupancy()), settings)[0] < area_m2:
+            raise ValueRuleError(f"{path}.shapes[{n}].{kind_of(shape)}", shape, rule)
+    raise ValueRuleError(f"{path}.shapes", layout.shapes, rule)
