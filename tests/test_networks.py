@@ -18,7 +18,7 @@ from pedpred.tracking import follow
 from pedpred.training import train_motion
 from tests.exported import TRACKER
 from tests.test_learning import QUICK, toy_data
-from tests.toy_network import ToySettings
+from tests.toys.architecture import ToySettings
 from tests.worlds import walled_scene
 
 

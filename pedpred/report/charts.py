@@ -11,12 +11,11 @@ import pandas as pd
 from matplotlib.ticker import MaxNLocator
 
 from pedpred.forecasting import Methods
-from pedpred.report.curves import by_stage
+from pedpred.report.curves import MEASURES, by_stage, choose_score
 from pedpred.report.measures import Figures
 
 _BOXES = (800.0, 300.0)
 _LINES = (300.0, 180.0)
-_VALIDATION = {"validation_ade_m": "validation ADE [m]", "validation_iou": "validation IoU"}
 _TICKS = MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])
 _OUTLIER = 1.6
 """A method whose last box ends this much above all others' does not set the scale."""
@@ -150,12 +149,13 @@ def _boxes(
 def training_plots(curves: Mapping[str, pd.DataFrame], methods: Methods) -> list[LinePlot]:
     """Validation during training: a plot per stage, a line per network."""
     plots = []
-    for stage, by_network in by_stage(curves, methods).items():
-        measure = next(m for m in _VALIDATION if m in next(iter(by_network.values())))
+    for stage, all_networks in by_stage(curves, methods).items():
+        measure = choose_score([str(name) for curve in all_networks.values() for name in curve])
+        by_network = {m: curve for m, curve in all_networks.items() if measure in curve}
         along = "step" if all("step" in curve for curve in by_network.values()) else "epoch"
         series = {m: (c[along].fillna(0).to_numpy(), c[measure].to_numpy()) for m, c in by_network.items()}
         labels = {m: f"{methods[m].label}, " if m else "" for m in series}
-        plots.append(line_plot(stage, series, along, _VALIDATION[measure], labels))
+        plots.append(line_plot(stage, series, along, MEASURES.get(measure, measure), labels))
     return plots
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from pedpred.files import translate_errors
 from pedpred.forecasting import Methods
 from pedpred.report.canvas import INK, blank, styled
 
-_MEASURES = {
+MEASURES = {
     "train_loss": "training loss",
     "validation_loss": "validation (dashed)",
     "validation_ade_m": "validation ADE [m]",
@@ -38,10 +38,15 @@ def read_curve(path: Path) -> pd.DataFrame:
 
 
 def by_stage(curves: Mapping[str, pd.DataFrame], methods: Methods) -> dict[str, dict[str, pd.DataFrame]]:
-    """Group curves named `<stage>_<network>` or `<stage>`: stage -> key of the network or "" -> curve."""
+    """Group curves named `<stage>_<network>` or `<stage>`: stage -> key of the network or "" -> curve.
+
+    A phase that only copied its network has a curve without rows, which is left out.
+    """
     keys = sorted((method.key for method in methods), key=len, reverse=True)
     stages: dict[str, dict[str, pd.DataFrame]] = {}
     for name, curve in curves.items():
+        if curve.empty:
+            continue
         network = next((key for key in keys if name.endswith(f"_{key}")), "")
         stage = name.removesuffix(f"_{network}").replace("_", " ")
         stages.setdefault(stage, {})[network] = curve
@@ -51,6 +56,12 @@ def by_stage(curves: Mapping[str, pd.DataFrame], methods: Methods) -> dict[str, 
     }
 
 
+def choose_score(columns: Sequence[str]) -> str:
+    """The score of a training that is shown: a known one, else the first that it was validated by."""
+    scores = [name for name in columns if name.startswith("validation_") and not name.endswith("_loss")]
+    return next((name for name in MEASURES if name in scores), scores[0])
+
+
 @styled
 def curves_figure(curves: Mapping[str, pd.DataFrame], methods: Methods) -> Figure:
     """Draw a column per stage of training, a row per kind of figure, a line per network."""
@@ -58,9 +69,9 @@ def curves_figure(curves: Mapping[str, pd.DataFrame], methods: Methods) -> Figur
     figure = blank(max(4.0, 2.6 * len(stages)), 4.6)
     grid = figure.subplots(2, len(stages), squeeze=False)
     for column, (stage, by_network) in enumerate(stages.items()):
-        measures = [m for m in _MEASURES if any(m in curve for curve in by_network.values())]
-        losses = [m for m in measures if m.endswith("_loss")]
-        scores = [m for m in measures if m not in losses]
+        columns = list(dict.fromkeys(str(name) for curve in by_network.values() for name in curve))
+        losses = [name for name in columns if name.endswith("_loss")]
+        scores = [choose_score(columns)]
         grid[0, column].set_title(stage)
         for axes, shown in ((grid[0, column], losses), (grid[1, column], scores)):
             _draw(axes, by_network, shown, methods)
@@ -87,7 +98,7 @@ def _draw(axes: Axes, by_network: Mapping[str, pd.DataFrame], measures: list[str
                 label=name,
                 **style,
             )
-    axes.set_ylabel(" / ".join(_MEASURES[measure] for measure in measures))
+    axes.set_ylabel(" / ".join(MEASURES.get(measure, measure) for measure in measures))
     axes.margins(x=0.03)
     if any(by_network):
         axes.legend()
