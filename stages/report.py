@@ -9,7 +9,8 @@ from pedpred.files import write_json, write_text
 from pedpred.forecasting import Methods
 from pedpred.report.canvas import write_png
 from pedpred.report.findings import Paper
-from pedpred.report.gather import gather
+from pedpred.report.gallery import gallery
+from pedpred.report.gather import document, gather
 from pedpred.report.horizon import horizon_table
 
 
@@ -19,11 +20,11 @@ def main(cfg: DictConfig) -> None:
     key, out = stage_key(cfg), Path(cfg.get("out", "reports"))
     methods, paper = Methods.parse(plain(cfg.methods)), Paper.parse(plain(cfg.paper))
     evaluated = gather(key, plain(cfg.folds))
-    document = evaluated.document(methods, paper)
-    for picture in document.pictures:
+    page = document(evaluated, gallery(evaluated, methods), methods, paper)
+    for picture in page.pictures:
         if picture.figure:
             write_png(picture.figure, out / key / f"{picture.name}.png")
-    write_text(out / f"{key}.md", document.markdown(key) + "\n")
+    write_text(out / f"{key}.md", page.markdown(key) + "\n")
     errors_m = {}
     for result in evaluated.results:
         ordered = methods.ordered(result.figures)

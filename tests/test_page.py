@@ -17,7 +17,7 @@ from playwright.sync_api import sync_playwright
 from pedpred.errors import ValueRuleError
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.charts import box_plot, line_plot, whiskers
-from pedpred.report.gather import Evaluated
+from pedpred.report.gallery import Evaluated
 from pedpred.report.inputs import grid_image
 from pedpred.report.measures import results_of
 from pedpred.report.page.build import Contents, page
@@ -48,8 +48,8 @@ def contents_of(scene, windows):
     real = results_of(REAL, FOLDS, "real", 0.3)
     places = {name: [dataclasses.replace(scene, name=name)] for name in REAL}
     evaluated = [
-        Evaluated("sim", simulated, {"sim_test": [scene]}, {"hall": windows}, curves, network),
-        Evaluated("real", real, places, dict.fromkeys(REAL, windows), {}, network),
+        Evaluated(simulated, {"sim_test": [scene]}, {"hall": windows}, curves, network),
+        Evaluated(real, places, dict.fromkeys(REAL, windows), {}, network),
     ]
     few = {name: REAL["eth"][name] | {"fde_m_ci95": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
     shown = [replay(scene, windows, 2.1, METHODS), replay(wall_scene("attic"), windows, 1.2, METHODS)]

@@ -21,8 +21,8 @@ from pedpred.report.canvas import png_bytes
 from pedpred.report.curves import by_stage, curves_figure
 from pedpred.report.document import Picture, Pictures, Section, joined
 from pedpred.report.findings import Expectation, findings, summed_up
-from pedpred.report.gallery import gallery
-from pedpred.report.gather import Evaluated
+from pedpred.report.gallery import Evaluated, gallery
+from pedpred.report.gather import document
 from pedpred.report.horizon import horizon_figure, horizon_table
 from pedpred.report.inputs import angular_cell_edges, draw_angular_grid, grid_image
 from pedpred.report.instants import choose
@@ -80,14 +80,9 @@ def judged(metrics, train=()):
     return [finding for _, finding in findings(result_of(metrics, train=train), PAPER, METHODS)]
 
 
-def document_of(key, results, gallery=()):
-    """A page with the sections of a gallery instead of its pictures."""
-
-    class Plain(Evaluated):
-        def gallery(self, methods):
-            return list(gallery)
-
-    return Plain(key, results, {}, {}, {}, None).document(METHODS, PAPER).markdown(key)
+def document_of(key, results, pictures=()):
+    """A page with other pictures than those of the gallery."""
+    return document(Evaluated(results, {}, {}, {}, None), pictures, METHODS, PAPER).markdown(key)
 
 
 # Words
@@ -403,8 +398,8 @@ def galleries(folder):
     network = GridAutoencoder(60, 8)
     seen = wall_scene(camera=Camera(Homography(matrix), picture))
     sets, curves = {"sim_test": [scene], "main": [scene] * 3}, curve_tables()
-    sections = gallery([simulated], sets, windows, curves, network, METHODS)
-    sections += gallery([real], {"hall": [seen]}, windows, {}, network, METHODS)
+    sections = gallery(Evaluated([simulated], sets, windows, curves, network), METHODS)
+    sections += gallery(Evaluated([real], {"hall": [seen]}, windows, {}, network), METHODS)
     return [picture for section in sections for picture in section.pictures]
 
 
@@ -451,11 +446,7 @@ def test_forecasts_of_an_unknown_scene_are_refused(tmp_path):
     windows = {"attic": windows_of(tmp_path, wall_scene("attic"))}
     with pytest.raises(ValueRuleError, match="attic"):
         gallery(
-            [result_of(metrics_of(MEETING))],
-            {"sim_test": [wall_scene()]},
-            windows,
-            {},
-            GridAutoencoder(60, 8),
+            Evaluated([result_of(metrics_of(MEETING))], {"sim_test": [wall_scene()]}, windows, {}, None),
             METHODS,
         )
 

@@ -114,7 +114,7 @@ def test_a_small_experiment_becomes_a_page():
     assert [picture.name for picture in section.pictures] == ["flow", "lanes"]
     assert all(png_bytes(picture.figure).startswith(b"\x89PNG") for picture in section.pictures)
     page = section.markdown("simulation")
-    assert "| main | nobody in an obstacle | 0.00% | met |" in page
+    assert "| main | no state in an obstacle | 0.00% | met |" in page
 
 
 def test_a_set_that_breaks_a_rule_says_so():

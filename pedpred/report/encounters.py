@@ -31,7 +31,7 @@ def mutual_avoidance(scenes: Mapping[str, EvaluationWindows], reference: Method)
         reference: the method whose forecast they are compared with.
 
     Returns:
-        The instant, in focus one of the two; None where nobody meets so.
+        The instant, in focus one of the two; None where there is no such pair.
     """
     found = [found for name in sorted(scenes) for found in _meetings(name, scenes[name], reference)]
     if not found:
@@ -56,7 +56,7 @@ def before_obstacle(
         reference: the method whose forecasts are meant.
 
     Returns:
-        The instant with the person in focus; None where nobody was heading for an obstacle.
+        The instant with the person in focus; None where there is none.
     """
     deepest, best = 0.0, None
     for name in sorted(scenes):
@@ -123,6 +123,6 @@ def _moving(windows: EvaluationWindows) -> np.ndarray:
 
 
 def _instant(scene: str, windows: EvaluationWindows, focus: int) -> Instant:
-    """The instant of a window, with everybody who has one then."""
+    """The instant of a window, with all windows at that time."""
     rows = np.flatnonzero(np.abs(windows.time_s - windows.time_s[focus]) < 5e-4)
     return Instant(scene, float(windows.time_s[focus]), rows, focus, int(windows.track_id[focus]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -45,55 +46,67 @@ _STILL = (
 )
 
 
-def gallery(
-    results: Sequence[Result],
-    data_sets: Mapping[str, Sequence[Scene]],
-    windows: Mapping[str, EvaluationWindows],
-    curves: Mapping[str, pd.DataFrame],
-    autoencoder: GridAutoencoder,
-    methods: Methods,
-) -> list[Section]:
-    """Pictures of the page on one kind of test sets.
+@dataclass(frozen=True)
+class Evaluated:
+    """What was measured of one kind of test sets, and what it was measured on.
 
-    Args:
+    Attributes:
         results: of the test sets.
-        data_sets: scenes of the test sets, and of sets that networks were trained in.
-        windows: forecasts by the name of the scene.
-        curves: of the trainings.
-        autoencoder: whose reconstructions are shown.
-        methods: labels, colours and order.
+        scenes: by data set; those that networks were trained in follow the test sets.
+        windows: forecasts by scene.
+        curves: of trainings, by name.
+        autoencoder: that encodes obstacle grids.
+    """
+
+    results: Sequence[Result]
+    scenes: Mapping[str, Sequence[Scene]]
+    windows: Mapping[str, EvaluationWindows]
+    curves: Mapping[str, pd.DataFrame]
+    autoencoder: GridAutoencoder
+
+    @property
+    def where(self) -> str:
+        """Kind of the test sets."""
+        return self.results[0].where
+
+    def scene(self, name: str) -> Scene:
+        """Find a scene by its name."""
+        return next(scene for scenes in self.scenes.values() for scene in scenes if scene.name == name)
+
+
+def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
+    """Draw all pictures of the page on one kind of test sets.
 
     Raises:
         ValueRuleError: forecasts of a scene that is in no test set.
     """
-    tested = {result.name: {s.name: s for s in data_sets[result.name]} for result in results}
+    results, windows, where = evaluated.results, evaluated.windows, evaluated.where
+    tested = {result.name: {s.name: s for s in evaluated.scenes[result.name]} for result in results}
     scenes = {name: scene for own in tested.values() for name, scene in own.items()}
     unknown = sorted(windows.keys() - scenes.keys())
     if unknown:
         raise ValueRuleError("forecasts of scene", unknown[0], f"only {sorted(scenes)} are known")
-    suffix = {result.name: f"_{result.name}" if len(results) > 1 else "" for result in results}
     horizons, calibrations, snapshots = [], [], []
     for result in results:
+        suffix = f"_{result.name}" if len(results) > 1 else ""
         own = {name: windows[name] for name in tested[result.name] if name in windows}
-        horizons.append(_horizon(f"horizon{suffix[result.name]}", result, methods))
+        horizons.append(_horizon(f"horizon{suffix}", result, methods))
         if with_covariances(list(own.values()), methods):
             figure = calibration_figure(list(own.values()), result.place, methods)
             caption = f"Expected and observed coverage of error ellipses, {result.place}."
-            calibrations.append(Picture(f"calibration{suffix[result.name]}", caption, figure))
-        for name, found in _instants(own, scenes, CROWD[result.where], methods).items():
-            snapshots.append(_snapshot(f"{suffix[result.name]}_{name}", scenes, own, found, methods))
+            calibrations.append(Picture(f"calibration{suffix}", caption, figure))
+        for name, found in _instants(own, scenes, CROWD[where], methods).items():
+            snapshots.append(_snapshot(f"{suffix}_{name}", scenes, own, found, methods))
     legend = f"{_legend(methods)} {_STILL}" if any(s.camera for s in scenes.values()) else _legend(methods)
-    where = results[0].where
+    others = {name: rooms for name, rooms in evaluated.scenes.items() if name not in tested}
     return [
         Section("Error over the horizon", [Pictures(horizons)], "horizon"),
         *calibration_section(results, methods, calibrations),
         Section("Instants, chosen by rule", [Text(legend), Pictures(snapshots)]),
-        *_reconstructions(autoencoder, windows),
+        *_reconstructions(evaluated.autoencoder, windows),
         _places(scenes, SHOWN_S[where]),
-        *_trained_in(
-            {n: rooms for n, rooms in data_sets.items() if n not in tested and where == "simulation"}
-        ),
-        *_training(curves, methods),
+        *(_trained_in(others) if where == "simulation" else []),
+        *_training(evaluated.curves, methods),
     ]
 
 

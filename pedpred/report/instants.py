@@ -77,18 +77,18 @@ def choose(
         least: ask for the smallest gain.
 
     Raises:
-        ValueRuleError: nobody moves at any time.
+        ValueRuleError: no person moves at any time.
     """
     found = [instant for name in sorted(scenes) for instant in _gains(name, scenes[name], least, methods)]
     if not found:
-        raise ValueRuleError("scenes", sorted(scenes), "somebody must be moving in one of them")
+        raise ValueRuleError("scenes", sorted(scenes), "a person must be moving in one of them")
     asked = min(least_moving, max(instant.moving for instant in found))
     crowded = [instant for instant in found if instant.moving >= asked]
     return min(crowded, key=lambda found: found.gain_m if least else -found.gain_m).captioned(least, methods)
 
 
 def _gains(scene: str, windows: EvaluationWindows, least: bool, methods: Methods) -> list[Gain]:
-    """All instants at which somebody moves, by time."""
+    """All instants with a moving person, by time."""
     pair = (methods.reference.key, methods.main.key)
     missing = [name for name in pair if name not in windows.predictions]
     if missing:

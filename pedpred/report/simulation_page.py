@@ -24,8 +24,8 @@ _FORWARD, _BACKWARD, _TAIL_S = "#0072B2", "#D55E00", 2.4
 def walking_findings(shares: Mapping[str, Any]) -> list[Finding]:
     """Judge the requirements on a data set."""
     rules = [
-        ("nobody in an obstacle", "in_obstacle_share", shares["in_obstacle_share"] == 0),
-        ("nobody above the speed cap", "above_cap_share", shares["above_cap_share"] == 0),
+        ("no state in an obstacle", "in_obstacle_share", shares["in_obstacle_share"] == 0),
+        ("no state above the speed cap", "above_cap_share", shares["above_cap_share"] == 0),
         (
             f"at least {LEAST_REACHED:.1%} of targets within 3 x the free-walk time",
             "targets_reached_share",

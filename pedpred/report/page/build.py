@@ -17,7 +17,8 @@ from pedpred.forecasting import Methods
 from pedpred.report.canvas import avif_bytes
 from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
-from pedpred.report.gather import TITLES, Evaluated
+from pedpred.report.gallery import Evaluated, gallery
+from pedpred.report.gather import TITLES
 from pedpred.report.measures import Figures
 from pedpred.report.page.player import Replay
 from pedpred.report.sections import (
@@ -90,7 +91,7 @@ def _sections(contents: Contents) -> list[Section]:
     answer += [answer_section(result, methods, paper) for result in results]
     answer += [Text(READING, "note"), Section("Expectations", [table], folded=True)]
     answer += parts_sections(results, methods)
-    galleries = {TITLES[e.key]: e.gallery(methods) for e in contents.evaluated}
+    galleries = {TITLES[e.where]: gallery(e, methods) for e in contents.evaluated}
     unnamed = [Section(t, [s for s in own if not s.name]) for t, own in galleries.items()]
     return [
         Section("The answer", answer, "answer"),
@@ -105,7 +106,7 @@ def _sections(contents: Contents) -> list[Section]:
 
 
 def _merged(name: str, galleries: Mapping[str, Sequence[Section]]) -> list[Section]:
-    """The sections of a name in one; what they have in common is said once."""
+    """The sections of a name in one; equal blocks appear once."""
     same = [section for own in galleries.values() for section in own if section.name == name]
     blocks = [block for section in same for block in section.blocks]
     once = [block for k, block in enumerate(blocks) if block not in blocks[:k]]

@@ -1,4 +1,4 @@
-// What a figure hides is told when it is pointed at, tapped or focused.
+// Show the tooltip of what is pointed at, tapped or focused.
 const tip = document.getElementById("tip");
 
 function showTip(target) {

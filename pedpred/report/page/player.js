@@ -140,7 +140,7 @@ class Player {
     for (const row of rows.values()) this.drawPaths(brush, row);
     for (const person of people) this.drawPerson(brush, person, rows.get(person.track));
     this.drawBar(brush, height);
-    this.tell(rows, people);
+    this.show(rows, people);
   }
 
   drawPaths(brush, row) {
@@ -206,23 +206,23 @@ class Player {
     brush.setLineDash([]);
   }
 
-  tell(rows, people) {
+  show(rows, people) {
     const { scrub, clock } = this.parts, { header } = this.replay;
     scrub.value = this.time;
     clock.textContent = `${(header.start_s + this.time).toFixed(1)} s`;
     Object.assign(this.root.dataset, { time: this.time.toFixed(2), picked: this.picked ?? "" });
     const row = rows.get(this.picked), here = people.some(({ track }) => track === this.picked);
     const state = `${header.name} ${this.picked} ${row} ${here} ${document.documentElement.clientWidth} ${ink("ink")}`;
-    if (state !== this.told) this.tellPerson(row, here);
-    this.told = state;
+    if (state !== this.shown) this.showPerson(row, here);
+    this.shown = state;
   }
 
-  tellPerson(row, here) {
+  showPerson(row, here) {
     const { who, about, errors, grid, angular } = this.parts;
-    who.textContent = this.picked === null ? "Nobody is picked" : `Person ${this.picked}`;
-    about.textContent = this.picked === null ? "Pick somebody in the plan."
+    who.textContent = this.picked === null ? "No person is picked" : `Person ${this.picked}`;
+    about.textContent = this.picked === null ? "Pick a person in the plan."
       : row !== undefined ? `walks at ${this.replay.speed(row).toFixed(2)} m/s`
-      : here ? "has no forecast to judge now: too little is known before or after." : "is not here now.";
+      : here ? "has no evaluation window now: its past or future is too short." : "is not in the scene now.";
     errors.replaceChildren(...(row === undefined ? [] : this.replay.header.methods.map((name) => this.errorRow(name, row))));
     drawGrid(grid, this.replay, row);
     drawAngular(angular, this.replay, row);
