@@ -142,6 +142,26 @@ def test_a_stage_is_glue(script):
     assert not set(asked) & set(PARAMS), "a configured key must be read in a way that fails when undeclared"
 
 
+# Places and methods are rows of the configuration
+
+OWN_FILES = re.compile(r"pedpred/(baselines|sources)/|pedpred/networks/(lstm|registry)\.py")
+NAMED_FOR_ANOTHER_REASON = {"social_force"}  # also the model of walking
+
+
+def test_no_place_and_no_method_is_named_outside_its_own_file():
+    methods = {key for group in PARAMS["methods"].values() for key in group} - NAMED_FOR_ANOTHER_REASON
+    names = re.compile(rf"\b({'|'.join([*PARAMS['places'], *methods])})\b")
+    searched = ("dvc.yaml", "Makefile", "stages/", "tools/", "pedpred/")
+    texts = {named(path): path for path in shipped_files() if named(path).startswith(searched)}
+    guilty = {
+        (name, found[0])
+        for name, path in texts.items()
+        if not OWN_FILES.match(name)
+        for found in names.finditer(path.read_text())
+    }
+    assert guilty <= {("pedpred/report/comparison.py", "ca")}  # reads metric files with the former key
+
+
 # Readable in one sitting
 
 
