@@ -17,8 +17,8 @@ from tqdm import tqdm
 
 from benchmarks.timing import keep, tell
 from pedpred.config import read_params
-from pedpred.evaluation.bootstrap import TrackBootstrap
 from pedpred.evaluation.scores import true_paths
+from pedpred.evaluation.summary import TrackBootstrap
 from pedpred.metrics.paths import displacement
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import predictions_at, replayed
@@ -27,7 +27,7 @@ from pedpred.storage.shards import read_manifest, read_shard
 
 
 def validation_rooms(share: float, seed: int) -> list[str]:
-    """The rooms that the main training keeps for validation; see `pedpred.datasets.split`."""
+    """The rooms that the main training keeps for validation; see `pedpred.datasets.split_sequences`."""
     names = list(read_manifest(Path("data/features/simulated/main"))[1])
     order = np.random.default_rng(seed).permutation(len(names))
     return [names[i] for i in order[: max(1, round(share * len(names)))]]

@@ -9,7 +9,7 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage
 from pedpred.datasets.crops import embedded_crops_of
-from pedpred.networks.encoding import load_encoder
+from pedpred.networks.autoencoder import load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.distillation import DistillationSettings, distil
 from pedpred.training.fit import manifests_sha256, write_curve

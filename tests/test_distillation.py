@@ -8,7 +8,7 @@ from pedpred.datasets.crops import EmbeddedCrops, embedded_crops_of
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.networks import GridEncoder
-from pedpred.networks.encoding import encode, load_encoder
+from pedpred.networks.autoencoder import encode, load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import write_embeddings, write_manifest, write_shard

@@ -14,8 +14,8 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.networks import GridAutoencoder, load_network, parse_settings
 from pedpred.networks.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
 from pedpred.networks.contract import detach, mean_over, reset, velocity_distance
+from pedpred.networks.forecasting import roll, rolled
 from pedpred.networks.registry import plain_settings, write_network
-from pedpred.networks.rolling import roll, rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.training import (
     AutoencoderSettings,
@@ -24,8 +24,8 @@ from pedpred.training import (
     train_motion,
 )
 from pedpred.training.fit import copy_phase
+from pedpred.training.loop import learning_rate
 from pedpred.training.pretraining import AutoencoderLearner
-from pedpred.training.schedule import learning_rate
 
 WIDTHS = {"state": 2, "angular": 72}
 SMALL = parse_settings(
@@ -153,8 +153,8 @@ def test_rolling_block_by_block_tells_every_row_once(monkeypatch):
     data = toy_data(np.random.default_rng(0))
     network = SMALL.build(WIDTHS, 4).eval()
     whole = roll(network, data, data.sequences)
-    monkeypatch.setattr("pedpred.networks.rolling._TRACKS_AT_ONCE", 4)
-    monkeypatch.setattr("pedpred.networks.rolling._STEPS_AT_ONCE", 7)
+    monkeypatch.setattr("pedpred.networks.forecasting._TRACKS_AT_ONCE", 4)
+    monkeypatch.setattr("pedpred.networks.forecasting._STEPS_AT_ONCE", 7)
     blocks = list(rolled(network, data, data.sequences[1:]))
     assert max(len(rows) for rows, _ in blocks) == 4 * 7
     rows = torch.cat([rows for rows, _ in blocks])

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from benchmarks.timing import used
 from pedpred.datasets.crops import crops_of, embedded_crops_of
+from pedpred.datasets.lanes import split_sequences
 from pedpred.datasets.motion import NETWORK_COLUMNS, load_motion_data, network_columns
-from pedpred.datasets.split import split_sequences
 from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.storage import mapped

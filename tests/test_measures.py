@@ -9,8 +9,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from pedpred.evaluation import EvaluationSettings, score, summaries
-from pedpred.evaluation.bootstrap import TrackBootstrap
 from pedpred.evaluation.scores import metric_scene as scene_of_windows
+from pedpred.evaluation.summary import TrackBootstrap
 from pedpred.features import FeatureSettings, extract
 from pedpred.scenes import Predictions
 from pedpred.tracking import KalmanSettings, follow

@@ -15,8 +15,8 @@ import pytest
 from joblib import Parallel, delayed
 from PIL import Image
 
+from pedpred.datasets.lanes import split_sequences
 from pedpred.datasets.motion import load_motion_data
-from pedpred.datasets.split import split_sequences
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, extract, extract_blocks, unpack_crops
 from pedpred.simulation.sensor import SensorSettings

@@ -12,9 +12,9 @@ from pedpred.datasets import MotionData
 from pedpred.errors import ValueRuleError
 from pedpred.networks import parse_settings
 from pedpred.networks.contract import displacements
+from pedpred.networks.forecasting import roll
 from pedpred.networks.gaussian import FLOOR_M, GaussianHead, covariance_of, negative_log_density
 from pedpred.networks.registry import plain_settings
-from pedpred.networks.rolling import roll
 from pedpred.training import TrainingSettings, train_motion
 
 MEAN_ONLY = parse_settings(

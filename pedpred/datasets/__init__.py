@@ -1,7 +1,6 @@
 """Splits and lanes: how feature tables become training batches."""
 
-from pedpred.datasets.lanes import LaneBatch, stream_lanes
+from pedpred.datasets.lanes import LaneBatch, split_sequences, stream_lanes
 from pedpred.datasets.motion import MotionData, load_motion_data
-from pedpred.datasets.split import split_sequences
 
 __all__ = ["LaneBatch", "MotionData", "load_motion_data", "split_sequences", "stream_lanes"]

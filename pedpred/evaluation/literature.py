@@ -14,8 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.evaluation.scores import metric_scene, score
-from pedpred.evaluation.settings import EvaluationSettings
+from pedpred.evaluation.scores import EvaluationSettings, metric_scene, score
 from pedpred.evaluation.summary import Figures, summaries
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.features.extract import last_differences

@@ -93,8 +93,8 @@ def as_windows(
     truth, _ = Futures.of(scene.trajectories, sizes.lost_after_s).after(track_id, time_s, ahead_s)
     rows = len(track_id)
     return EvaluationWindows(
-        track_id=track_id,
-        time_s=time_s,
+        track_id,
+        time_s,
         position=predictions.point[:, 0] - first * dt_s,
         heading_rad=np.zeros(rows),
         velocity=first,

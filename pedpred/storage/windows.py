@@ -18,7 +18,7 @@ from pedpred.storage.columns import read_about, read_columns, write_columns
 
 _POINT, _MODES, _WEIGHT, _COVARIANCE = "point_", "modes_", "weight_", "covariance_"
 _PLAIN = ("track_id", "time_s", "x_m", "y_m", "heading_rad", "vx_mps", "vy_mps")
-_SIZES = ("dt_s", "grid_cells", "grid_resolution_m", "max_range_m")
+SIZES = ("dt_s", "grid_cells", "grid_resolution_m", "max_range_m")
 _REMEDY = "Evaluate again"
 
 
@@ -112,7 +112,7 @@ def write_windows(windows: EvaluationWindows, path: Path) -> None:
             columns[_WEIGHT + method] = own.weight.astype(np.float32)
         if own.covariance is not None:
             columns[_COVARIANCE + method] = own.covariance.astype(np.float32)
-    write_columns(columns, path, {name: getattr(windows, name) for name in _SIZES} | {"modes": modes})
+    write_columns(columns, path, {name: getattr(windows, name) for name in SIZES} | {"modes": modes})
 
 
 def read_windows(path: Path) -> EvaluationWindows:
@@ -124,7 +124,7 @@ def read_windows(path: Path) -> EvaluationWindows:
     with translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)):
         types = {column.name: column.type for column in pq.read_schema(path)}
         about = read_about(path)
-        sizes, modes = {name: about[name] for name in _SIZES}, about["modes"]
+        sizes, modes = {name: about[name] for name in SIZES}, about["modes"]
         steps = _width(types, "truth") // 2
         shapes: dict[str, tuple[int, ...]] = {name: () for name in _PLAIN}
         shapes |= {"grid": (-1,), "angular_grid": (-1,), "truth": (steps, 2)}

@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 import torch
 
+from pedpred.datasets.lanes import split_sequences
 from pedpred.datasets.motion import MotionData, load_motion_data
-from pedpred.datasets.split import split_sequences
 from pedpred.errors import StorageError
 from pedpred.files import atomic_write, translate_errors
+from pedpred.networks.autoencoder import encode, load_encoder
 from pedpred.networks.contract import NetworkSettings, RecurrentNetwork
-from pedpred.networks.encoding import encode, load_encoder
 from pedpred.networks.registry import describe_network, is_network
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.storage.shards import read_manifest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +16,6 @@ from tqdm import tqdm
 from pedpred.networks.contract import Loss, Tensors
 from pedpred.training.distributed import ALONE, DistributedContext
 from pedpred.training.progress import Progress, load_progress, save_progress
-from pedpred.training.schedule import learning_rate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +129,14 @@ def train_step(
     learner.clip()
     learner.optimizer.step()
     return joint
+
+
+def learning_rate(step: int, steps: int, peak: float, warmup_steps: int, final_share: float = 0.01) -> float:
+    """Linear warm-up to `peak`, then half a cosine down to `final_share * peak`."""
+    if step < warmup_steps:
+        return peak * (step + 1) / warmup_steps
+    progress = min(1.0, (step - warmup_steps) / max(1, steps - warmup_steps))
+    return peak * (final_share + (1 - final_share) * 0.5 * (1 + math.cos(math.pi * progress)))
 
 
 def _validate(learner: Learner, progress: Progress, train_loss: float) -> str:

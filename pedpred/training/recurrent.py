@@ -14,7 +14,7 @@ from torch.nn.utils import clip_grad_norm_
 from pedpred.datasets.lanes import stream_lanes
 from pedpred.datasets.motion import MotionData
 from pedpred.networks.contract import Loss, RecurrentNetwork, detach, reset, select
-from pedpred.networks.rolling import rolled
+from pedpred.networks.forecasting import rolled
 from pedpred.training.distributed import ALONE, DistributedContext
 from pedpred.training.loop import Learner, Schedule, train
 from pedpred.training.variation import Variation, VariedBatch, looked_up, varied
