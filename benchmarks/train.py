@@ -155,7 +155,7 @@ def measured(
         return looked_up(data, batch), data.known(batch.rows), batch
 
     def step() -> None:
-        train_step(learner, next(batches), 0, training, here)
+        train_step(learner, next(batches), 0)
 
     with here.precision():
         works = {"rate": lambda: square @ square, "products": alone}

@@ -9,10 +9,11 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage
 from pedpred.datasets.crops import embedded_crops_of
-from pedpred.networks.autoencoder import load_encoder
+from pedpred.networks.encoding import load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
-from pedpred.training.distillation import DistillationSettings, distil
+from pedpred.training.distillation import DistillationLearner, DistillationSettings
 from pedpred.training.fit import manifests_sha256, write_curve
+from pedpred.training.loop import train
 from pedpred.training.progress import scratch_folder
 
 
@@ -35,8 +36,9 @@ def main(cfg: DictConfig) -> None:
     }
     origin = {"every": every, "share": share, "features_sha256": manifests_sha256([features])}
     with scratch_folder({**about, **origin}, teacher.state_dict()) as scratch:
-        encoder, curve = distil(teacher, training, validation, settings, scratch)
-    weights = {f"encoder.{name}": value for name, value in encoder.state_dict().items()}
+        learner = DistillationLearner(teacher, training, validation, settings)
+        curve = train(learner, scratch, "narrow encoder")
+    weights = {f"encoder.{name}": value for name, value in learner.network.state_dict().items()}
     out = Path(cfg.get("out", "models/distilled"))
     write_checkpoint(out, weights, about)
     write_curve(pd.DataFrame(curve), out / "curve.tsv")

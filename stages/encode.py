@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 from pedpred.config import stage, stage_key
 from pedpred.features.table import FeatureSettings
 from pedpred.networks import GridEncoder
-from pedpred.networks.autoencoder import encode, load_encoder
+from pedpred.networks.encoding import encode, load_encoder
 from pedpred.storage.shards import read_crops, read_manifest, write_embeddings
 from pedpred.workers import in_parallel
 

@@ -11,7 +11,8 @@ from omegaconf import DictConfig
 
 from pedpred.baselines.registry import baselines
 from pedpred.config import SETS, configured, plain, row, stage
-from pedpred.evaluation import EvaluationSettings, Scores, compare
+from pedpred.evaluation import EvaluationSettings, Scores
+from pedpred.evaluation.compare import compare
 from pedpred.evaluation.summary import figures
 from pedpred.features import FeatureSettings
 from pedpred.files import write_json

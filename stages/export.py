@@ -5,7 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import row, stage
-from pedpred.networks.autoencoder import load_encoder
+from pedpred.networks.encoding import load_encoder
 from pedpred.networks.export import export_int8, export_onnx
 from pedpred.networks.registry import describe_network, load_network
 from pedpred.online.network import ModelDescription, sensor_shapes, write_description

@@ -11,7 +11,8 @@ from pedpred.config import configured, plain, stage
 from pedpred.datasets.crops import crops_of
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.fit import manifests_sha256, write_curve
-from pedpred.training.pretraining import AutoencoderSettings, train_autoencoder
+from pedpred.training.loop import train
+from pedpred.training.pretraining import AutoencoderLearner, AutoencoderSettings
 from pedpred.training.progress import scratch_folder
 
 
@@ -28,9 +29,10 @@ def main(cfg: DictConfig) -> None:
     about = {"kind": "autoencoder", "settings": options, "cells": cells}
     origin = {"share": share, "crops": crops, "features_sha256": manifests_sha256([features])}
     with scratch_folder({**about, **origin}) as scratch:
-        network, curve = train_autoencoder(training, validation, cells, settings, scratch)
+        learner = AutoencoderLearner(training, validation, cells, settings)
+        curve = train(learner, scratch, "auto-encoder")
     out = Path(cfg.get("out", "models/autoencoder"))
-    write_checkpoint(out, network.state_dict(), about)
+    write_checkpoint(out, learner.network.state_dict(), about)
     write_curve(pd.DataFrame(curve), Path(cfg.get("curve", "reports/curves/sim/autoencoder.tsv")))
 
 

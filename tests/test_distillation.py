@@ -1,5 +1,7 @@
 """A narrow encoder learns the codes of a full one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -8,12 +10,13 @@ from pedpred.datasets.crops import EmbeddedCrops, embedded_crops_of
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.networks import GridEncoder
-from pedpred.networks.autoencoder import encode, load_encoder
+from pedpred.networks.encoding import encode, load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import write_embeddings, write_manifest, write_shard
 from pedpred.tracking import follow
-from pedpred.training.distillation import DistillationSettings, crops_at, distil, unexplained, validate
+from pedpred.training.distillation import DistillationLearner, DistillationSettings, crops_at, unexplained
+from pedpred.training.loop import train
 from tests.exported import TRACKER
 from tests.worlds import walled_scene
 
@@ -37,13 +40,15 @@ def taught():
 
 def test_a_narrow_encoder_learns_and_repeats(taught):
     teacher, crops = taught
-    student, curve = distil(teacher, crops, crops, SHORT)
+    learner, again = (DistillationLearner(teacher, crops, crops, SHORT) for _ in range(2))
+    student, curve = learner.network, train(learner, None, "toy")
     for share in ("validation_embedding_missed", "validation_latent_missed"):
         assert curve[-1][share] < 0.3 * curve[0][share]
     assert student.conv1.out_channels == 8
     assert torch.equal(student.fc.weight, teacher.fc.weight)
-    again, _ = distil(teacher, crops, crops, SHORT)
-    assert all(torch.equal(a, b) for a, b in zip(student.parameters(), again.parameters(), strict=True))
+    train(again, None, "toy")
+    pairs = zip(student.parameters(), again.network.parameters(), strict=True)
+    assert all(torch.equal(a, b) for a, b in pairs)
 
 
 def test_the_teacher_misses_nothing_and_a_constant_everything(taught):
@@ -60,12 +65,11 @@ def test_the_teacher_misses_nothing_and_a_constant_everything(taught):
 
 def test_validation_in_blocks_is_that_of_all_crops_at_once(taught, monkeypatch):
     teacher, crops = taught
-    student = GridEncoder(60, 16, (4, 6))
-    student.fc.load_state_dict(teacher.fc.state_dict())
-    whole = validate(student, crops)
+    learner = DistillationLearner(teacher, crops, crops, replace(SHORT, widths=(4, 6)))
+    whole = learner.validate()
     monkeypatch.setattr("pedpred.training.distillation._CROPS_AT_ONCE", 7)  # of 40: the last block is short
-    blocks = validate(student, crops)
-    direct = unexplained(student, *crops_at(crops, np.arange(len(crops))))
+    blocks = learner.validate()
+    direct = unexplained(learner.network, *crops_at(crops, np.arange(len(crops))))
     for name, share in direct.items():
         assert whole[f"validation_{name}_missed"] == pytest.approx(share.item(), rel=1e-5)
         assert blocks[f"validation_{name}_missed"] == pytest.approx(share.item(), rel=1e-5)
@@ -103,8 +107,9 @@ def test_crops_and_codes_stay_together_and_rooms_apart(tmp_path):
         np.testing.assert_array_equal(part.embedding, _code_of(part.packed))
     with pytest.raises(ValueRuleError, match="validation_share"):
         divided(1.0)
-    with pytest.raises(ShapeError, match="embedding"):
-        EmbeddedCrops(training.packed, training.embedding[1:], training.cells)
+    write_embeddings([_code_of(bits[1:])], tmp_path / "embeddings", "c")
+    with pytest.raises(ShapeError, match="embedding up to c"):
+        divided(0.3)
 
 
 def _code_of(packed):

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from pedpred.baselines.registry import BASELINES, baselines
 from pedpred.baselines.together import seen_together
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import EvaluationSettings, Scores, compare, pooled, score, summaries
+from pedpred.evaluation import EvaluationSettings, Scores, pooled, score, summaries
+from pedpred.evaluation.compare import compare
 from pedpred.evaluation.scores import true_paths
 from pedpred.evaluation.summary import TrackBootstrap
 from pedpred.features import FeatureSettings, extract

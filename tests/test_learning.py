@@ -14,18 +14,18 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.networks import GridAutoencoder, load_network, parse_settings
 from pedpred.networks.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
 from pedpred.networks.contract import detach, mean_over, reset, velocity_distance
-from pedpred.networks.forecasting import roll, rolled
 from pedpred.networks.registry import plain_settings, write_network
+from pedpred.networks.rolling import roll, rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.training import (
+    AutoencoderLearner,
     AutoencoderSettings,
+    RecurrentLearner,
     TrainingSettings,
-    train_autoencoder,
-    train_motion,
+    train,
 )
 from pedpred.training.fit import copy_phase
 from pedpred.training.loop import learning_rate
-from pedpred.training.pretraining import AutoencoderLearner
 
 WIDTHS = {"state": 2, "angular": 72}
 SMALL = parse_settings(
@@ -153,8 +153,8 @@ def test_rolling_block_by_block_tells_every_row_once(monkeypatch):
     data = toy_data(np.random.default_rng(0))
     network = SMALL.build(WIDTHS, 4).eval()
     whole = roll(network, data, data.sequences)
-    monkeypatch.setattr("pedpred.networks.forecasting._TRACKS_AT_ONCE", 4)
-    monkeypatch.setattr("pedpred.networks.forecasting._STEPS_AT_ONCE", 7)
+    monkeypatch.setattr("pedpred.networks.rolling._TRACKS_AT_ONCE", 4)
+    monkeypatch.setattr("pedpred.networks.rolling._STEPS_AT_ONCE", 7)
     blocks = list(rolled(network, data, data.sequences[1:]))
     assert max(len(rows) for rows, _ in blocks) == 4 * 7
     rows = torch.cat([rows for rows, _ in blocks])
@@ -190,7 +190,7 @@ def test_carried_memory_solves_what_one_sub_sequence_cannot(tmp_path):
     data = toy_data(np.random.default_rng(1), tracks=24)
     network = SMALL.build(WIDTHS, 4)
     long = dataclasses.replace(QUICK, steps=250, lanes=12, longest_track=100, validate_every=50)
-    train_motion(network, data, data.sequences, data.sequences, long, tmp_path, "memory")
+    train(RecurrentLearner(network, data, data.sequences, data.sequences, long), tmp_path, "memory")
     late = [row for first, last in data.sequences for row in range(first + 10, last)]
     error = torch.linalg.vector_norm(
         roll(network.eval(), data, data.sequences)["velocities"][late] - data.future[late], dim=-1
@@ -204,8 +204,8 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     def run(scratch):
         torch.manual_seed(3)
         network = SMALL.build(WIDTHS, 4)
-        curve = train_motion(network, data, data.sequences[:4], data.sequences[4:], QUICK, scratch, "toy")
-        return network.state_dict(), curve
+        learner = RecurrentLearner(network, data, data.sequences[:4], data.sequences[4:], QUICK)
+        return network.state_dict(), train(learner, scratch, "toy")
 
     whole, curve = run(tmp_path / "whole")
     import pedpred.training.loop as loop
@@ -225,19 +225,24 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     assert [r["step"] for r in curve] == [r["step"] for r in resumed_curve]
 
 
+def train_autoencoder(training, validation, settings, scratch=None):
+    learner = AutoencoderLearner(training, validation, 60, settings)
+    return learner.network, train(learner, scratch, "toy")
+
+
 def test_a_killed_pre_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     packed = np.random.default_rng(0).integers(0, 255, (8, 450), dtype=np.uint8)
     short = AutoencoderSettings(
         latent=4, batch=2, steps=3, validate_every=1, lr=1e-3, warmup_steps=1, clip_norm=1.0, seed=0
     )
-    whole, curve = train_autoencoder(packed, packed, 60, short)
+    whole, curve = train_autoencoder(packed, packed, short)
     validate = AutoencoderLearner.validate
     found = iter([validate] * 3)  # untrained and after two steps
     monkeypatch.setattr(AutoencoderLearner, "validate", lambda learner: next(found)(learner))
     with pytest.raises(StopIteration):
-        train_autoencoder(packed, packed, 60, short, tmp_path)
+        train_autoencoder(packed, packed, short, tmp_path)
     monkeypatch.setattr(AutoencoderLearner, "validate", validate)
-    resumed, resumed_curve = train_autoencoder(packed, packed, 60, short, tmp_path)
+    resumed, resumed_curve = train_autoencoder(packed, packed, short, tmp_path)
     assert all(torch.equal(a, b) for a, b in zip(whole.parameters(), resumed.parameters(), strict=True))
     assert resumed_curve[1:] == curve[1:]  # [0] has no loss yet, and nan equals nothing
 
@@ -334,9 +339,9 @@ def test_autoencoder_learns_and_repeats():
     short = AutoencoderSettings(
         latent=16, batch=8, steps=60, validate_every=20, lr=2e-3, warmup_steps=5, clip_norm=100.0, seed=0
     )
-    network, curve = train_autoencoder(packed, packed[:32], 60, short)
+    network, curve = train_autoencoder(packed, packed[:32], short)
     assert curve[-1]["validation_loss"] < 0.8 * curve[0]["validation_loss"]
-    again, _ = train_autoencoder(packed, packed[:32], 60, short)
+    again, _ = train_autoencoder(packed, packed[:32], short)
     assert all(torch.equal(a, b) for a, b in zip(network.parameters(), again.parameters(), strict=True))
 
 

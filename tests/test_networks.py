@@ -15,7 +15,7 @@ from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import ModelDescription, sensor_shapes, write_description
 from pedpred.online.replay import replayed
 from pedpred.tracking import follow
-from pedpred.training import train_motion
+from pedpred.training import RecurrentLearner, train
 from tests.exported import TRACKER
 from tests.test_learning import QUICK, toy_data
 from tests.toys.architecture import ToySettings
@@ -30,7 +30,8 @@ def network(monkeypatch, tmp_path):
     torch.manual_seed(0)
     toy = parse_settings({"architecture": "toy", "units": 6}).build(data.widths, data.horizon_steps)
     long = dataclasses.replace(QUICK, steps=30, validate_every=15)
-    curve = train_motion(toy, data, data.sequences, data.sequences, long, tmp_path / "run", "toy")
+    learner = RecurrentLearner(toy, data, data.sequences, data.sequences, long)
+    curve = train(learner, tmp_path / "run", "toy")
     assert curve[-1]["validation_distance"] < curve[0]["validation_distance"]
     write_network(tmp_path / "toy", toy)
     return load_network(tmp_path / "toy")

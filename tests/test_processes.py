@@ -11,7 +11,7 @@ import torch
 from safetensors.torch import load_file
 
 from pedpred.errors import ValueRuleError
-from pedpred.training import train_motion
+from pedpred.training import train as train_learner
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
 from pedpred.training.loop import train_step
 from pedpred.training.recurrent import RecurrentLearner
@@ -26,9 +26,9 @@ def train(here, folder):
     torch.manual_seed(0)
     data = toy_data(np.random.default_rng(2))
     data.future_steps[::7] = 1  # so that the processes' shares weigh differently
-    return train_motion(
-        SMALL.build(WIDTHS, 4), data, data.sequences[:4], data.sequences[4:], VARIED, folder, "", here
-    )
+    network = SMALL.build(WIDTHS, 4)
+    learner = RecurrentLearner(network, data, data.sequences[:4], data.sequences[4:], VARIED, here)
+    return train_learner(learner, folder, "")
 
 
 def one_of_two(rank, port, folder):
@@ -100,5 +100,5 @@ def test_a_training_step_stays_on_its_device():
     learner = RecurrentLearner(network, data, data.sequences, data.sequences, VARIED, far)
     learner.optimizer = torch.optim.SGD(network.parameters())
     for step, batch in enumerate(islice(learner.batches(0), 2)):
-        loss = train_step(learner, batch, step, VARIED, far)
+        loss = train_step(learner, batch, step)
         assert loss.device.type == "meta"

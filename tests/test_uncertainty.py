@@ -12,10 +12,10 @@ from pedpred.datasets import MotionData
 from pedpred.errors import ValueRuleError
 from pedpred.networks import parse_settings
 from pedpred.networks.contract import displacements
-from pedpred.networks.forecasting import roll
 from pedpred.networks.gaussian import FLOOR_M, GaussianHead, covariance_of, negative_log_density
 from pedpred.networks.registry import plain_settings
-from pedpred.training import TrainingSettings, train_motion
+from pedpred.networks.rolling import roll
+from pedpred.training import RecurrentLearner, TrainingSettings, train
 
 MEAN_ONLY = parse_settings(
     {
@@ -66,7 +66,7 @@ def trained(shape, data, scratch, **changes):
     torch.manual_seed(1)
     network = shape.build({"state": 2}, 3)
     how = dataclasses.replace(QUICK, **changes)
-    curve = train_motion(network, data, data.sequences, data.sequences, how, scratch, "toy")
+    curve = train(RecurrentLearner(network, data, data.sequences, data.sequences, how), scratch, "toy")
     return network.eval(), curve
 
 

@@ -56,10 +56,6 @@ class EmbeddedCrops:
     embedding: np.ndarray
     cells: int
 
-    def __post_init__(self) -> None:
-        if len(self.packed) != len(self.embedding):
-            raise ShapeError("embedding", self.embedding.shape, f"[{len(self.packed)}, C]")
-
     def __len__(self) -> int:
         return len(self.packed)
 

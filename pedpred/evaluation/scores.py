@@ -1,22 +1,20 @@
-"""Forecast and measure all evaluation windows of a scene: one scene, all forecasters, the same windows."""
+"""All metrics of one forecaster in every evaluation window."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
 from pedpred.metrics import METRICS, Metric, MetricScene
 from pedpred.metrics.calibration import mixture_nll, squared_mahalanobis
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import OccupancyMap, Predictions
-from pedpred.storage.windows import SIZES, EvaluationWindows
 
 _PER_STEP = ("error_m", "distance2", "nll")
 
@@ -154,40 +152,3 @@ def pooled(scores: Sequence[Scores]) -> Scores:
     values = {key: np.concatenate([part.values[key] for part in scores]) for key in scores[0].values}
     per_step = (np.concatenate([getattr(part, name) for part in scores]) for name in _PER_STEP)
     return Scores(np.concatenate(track), values, *per_step)
-
-
-def compare(
-    request: ForecastRequest, forecasters: Mapping[str, Forecaster], settings: EvaluationSettings
-) -> tuple[EvaluationWindows, dict[str, Scores]]:
-    """Forecast and measure all evaluation windows of a scene.
-
-    Args:
-        request: about the scene; its rows are replaced.
-        forecasters: by method.
-        settings: thresholds of the metrics.
-
-    Raises:
-        ValueRuleError: the scene has no window.
-
-    Returns:
-        Windows with all predictions, and the scores of each method.
-    """
-    rows = windows_of(request.table, request.sizes, request.scene.name)
-    asked = replace(request, rows=rows)
-    predictions = {method: forecast(asked) for method, forecast in forecasters.items()}
-    windows, truth = asked.asked, true_paths(asked.asked, asked.sizes.dt_s)
-    scene = metric_scene(windows, request.scene.occupancy, settings)
-    scores = {m: score(own, truth, windows.track_id, scene) for m, own in predictions.items()}
-    collected = EvaluationWindows(
-        windows.track_id,
-        windows.time_s,
-        windows.position,
-        windows.heading_rad,
-        windows.velocity,
-        packed_grid=windows.occupancy,
-        angular_grid_m=windows.angular_grid,
-        truth=truth,
-        predictions=predictions,
-        **{name: getattr(request.sizes, name) for name in SIZES},
-    )
-    return collected, scores

@@ -5,13 +5,11 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as f
 
 from pedpred.errors import StorageError
-from pedpred.features import unpack_crops
 from pedpred.files import translate_errors
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
@@ -20,9 +18,6 @@ WIDTHS = (64, 32)
 _EMBEDDING_CHANNELS = 8
 _CONVOLUTIONS = ((5, 0), (3, 1), (3, 1))
 """(kernel size, padding) of the three convolutions; their stride is 2."""
-_CROPS_AT_ONCE = 8
-"""Their first layer's output, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
-_PREFIX = "encoder."
 
 
 class GridEncoder(nn.Module):
@@ -98,46 +93,6 @@ def read_autoencoder(folder: Path) -> tuple[GridAutoencoder, int]:
         network = GridAutoencoder(cells, about["settings"]["latent"], tied)
     load_weights(network, weights, folder)
     return network, cells
-
-
-def load_encoder(folder: Path) -> GridEncoder:
-    """The encoder of a checkpoint: of a pre-trained auto-encoder, or a narrow one alone.
-
-    Raises:
-        StorageError: a file is missing, damaged or of another network.
-    """
-    weights, about = read_checkpoint(folder)
-    with translate_errors(
-        partial(StorageError, folder / "about.json", "settings", remedy="Train the encoder again")
-    ):
-        settings = about["settings"]
-        widths = tuple(settings.get("widths", WIDTHS))
-        encoder = GridEncoder(int(about["cells"]), settings["latent"], widths)
-    own = {name.removeprefix(_PREFIX): w for name, w in weights.items() if name.startswith(_PREFIX)}
-    load_weights(encoder, own, folder)
-    return encoder
-
-
-@torch.no_grad()
-def encode(encoder: GridEncoder, packed: np.ndarray, cells: int) -> np.ndarray:
-    """The frozen convolutions' outputs of bit-packed crops, in cache-sized batches.
-
-    Args:
-        encoder: pre-trained.
-        packed: [M, cells^2 / 8] uint8
-        cells: per side of a crop.
-
-    Returns:
-        Embeddings. [M, C] float32
-    """
-    fast = encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    # Filled, not collected: small pieces kept between the layers' large outputs make the heap grow.
-    embeddings = np.empty((len(packed), encoder.fc.in_features), np.float32)
-    for at in range(0, len(packed), _CROPS_AT_ONCE):
-        batch = slice(at, at + _CROPS_AT_ONCE)
-        crops = torch.from_numpy(unpack_crops(packed[batch], cells)).to(torch.float32)
-        embeddings[batch] = fast.embedding(crops).numpy()
-    return embeddings
 
 
 def _weights(encoder: GridEncoder) -> dict[str, Tensor]:

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.evaluation import EvaluationSettings, Scores, compare
+from pedpred.evaluation import EvaluationSettings, Scores
+from pedpred.evaluation.compare import compare
 from pedpred.features import extract_at_detections
 from pedpred.forecasting import ForecastRequest
 from pedpred.online.predictor import OnlinePredictor

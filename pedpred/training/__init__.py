@@ -1,6 +1,7 @@
 """The training loop and what it trains: recurrent networks, the auto-encoder, a narrow encoder."""
 
-from pedpred.training.pretraining import AutoencoderSettings, train_autoencoder
-from pedpred.training.recurrent import TrainingSettings, train_motion
+from pedpred.training.loop import train
+from pedpred.training.pretraining import AutoencoderLearner, AutoencoderSettings
+from pedpred.training.recurrent import RecurrentLearner, TrainingSettings
 
-__all__ = ["AutoencoderSettings", "TrainingSettings", "train_autoencoder", "train_motion"]
+__all__ = ["AutoencoderLearner", "AutoencoderSettings", "RecurrentLearner", "TrainingSettings", "train"]

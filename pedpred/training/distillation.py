@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from pedpred.datasets.crops import EmbeddedCrops
-from pedpred.features import unpack_crops
-from pedpred.networks import GridEncoder
+from pedpred.networks.autoencoder import GridEncoder
 from pedpred.networks.contract import Loss
-from pedpred.training.loop import Schedule, train
+from pedpred.networks.encoding import float_crops
+from pedpred.training.loop import Schedule
 from pedpred.training.pretraining import CropLearner
 
 _FIGURES = ("embedding", "latent")
@@ -50,7 +49,14 @@ class DistillationLearner(CropLearner):
         validation: EmbeddedCrops,
         settings: DistillationSettings,
     ):
-        """See `distil`."""
+        """Make random weights.
+
+        Args:
+            teacher: pre-trained; its fully connected layer is copied unchanged.
+            training: crops and the teacher's embeddings.
+            validation: those of other arrangements.
+            settings: see there.
+        """
         torch.manual_seed(settings.seed)
         self.training, self.validation, self.settings = training, validation, settings
         student = GridEncoder(training.cells, teacher.fc.out_features, settings.widths)
@@ -66,32 +72,15 @@ class DistillationLearner(CropLearner):
         loss = torch.stack(list(shares.values())).sum()
         return Loss(loss, loss, torch.tensor(len(batch)))
 
+    @torch.inference_mode()
     def validate(self) -> dict[str, float]:
-        """See `validate`."""
-        return validate(self.network, self.validation)
-
-
-def distil(
-    teacher: GridEncoder,
-    training: EmbeddedCrops,
-    validation: EmbeddedCrops,
-    settings: DistillationSettings,
-    scratch: Path | None = None,
-) -> tuple[GridEncoder, list[dict[str, float]]]:
-    """Train a narrow encoder.
-
-    Args:
-        teacher: pre-trained; its fully connected layer is copied unchanged.
-        training: crops and the teacher's embeddings.
-        validation: those of other arrangements.
-        settings: see there.
-        scratch: see `pedpred.training.loop.train`.
-
-    Returns:
-        The encoder, and its curve: one row per validation.
-    """
-    learner = DistillationLearner(teacher, training, validation, settings)
-    return learner.network, train(learner, settings, scratch, "narrow encoder")
+        """Unexplained shares of all crops, see `unexplained`, with some of them in memory at a time."""
+        crops = self.validation
+        mean = torch.from_numpy(np.mean(crops.embedding, axis=0, dtype=np.float64).astype(np.float32))
+        blocks = np.split(np.arange(len(crops)), range(_CROPS_AT_ONCE, len(crops), _CROPS_AT_ONCE))
+        parts = torch.stack([squares(self.network, *crops_at(crops, rows), mean) for rows in blocks])
+        missed, spread = parts.double().sum(dim=0)
+        return {f"validation_{n}_missed": float(s) for n, s in zip(_FIGURES, missed / spread, strict=True)}
 
 
 def unexplained(student: GridEncoder, crops: Tensor, embeddings: Tensor) -> Mapping[str, Tensor]:
@@ -115,19 +104,7 @@ def squares(student: GridEncoder, crops: Tensor, embeddings: Tensor, mean: Tenso
     return torch.stack([torch.stack([p.square().sum(), (p @ weight.T).square().sum()]) for p in parts])
 
 
-@torch.inference_mode()
-def validate(student: GridEncoder, crops: EmbeddedCrops) -> dict[str, float]:
-    """Unexplained shares of all crops, see `unexplained`, with some of them in memory at a time."""
-    mean = torch.from_numpy(np.mean(crops.embedding, axis=0, dtype=np.float64).astype(np.float32))
-    blocks = np.split(np.arange(len(crops)), range(_CROPS_AT_ONCE, len(crops), _CROPS_AT_ONCE))
-    parts = torch.stack([squares(student, *crops_at(crops, rows), mean) for rows in blocks])
-    missed, spread = parts.double().sum(dim=0)
-    return {f"validation_{n}_missed": float(s) for n, s in zip(_FIGURES, missed / spread, strict=True)}
-
-
 def crops_at(crops: EmbeddedCrops, rows: np.ndarray) -> tuple[Tensor, Tensor]:
     """Crops and embeddings of some rows. [B, cells, cells], [B, C] float32."""
-    cells = unpack_crops(crops.packed[rows], crops.cells)
-    return torch.from_numpy(cells).to(torch.float32), torch.from_numpy(crops.embedding[rows]).to(
-        torch.float32
-    )
+    embeddings = torch.from_numpy(crops.embedding[rows]).to(torch.float32)
+    return float_crops(crops.packed[rows], crops.cells), embeddings

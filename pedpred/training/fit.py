@@ -16,14 +16,15 @@ from pedpred.datasets.lanes import split_sequences
 from pedpred.datasets.motion import MotionData, load_motion_data
 from pedpred.errors import StorageError
 from pedpred.files import atomic_write, translate_errors
-from pedpred.networks.autoencoder import encode, load_encoder
 from pedpred.networks.contract import NetworkSettings, RecurrentNetwork
+from pedpred.networks.encoding import encode, load_encoder
 from pedpred.networks.registry import describe_network, is_network
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.storage.shards import read_manifest
 from pedpred.training.distributed import DistributedContext
+from pedpred.training.loop import train
 from pedpred.training.progress import scratch_folder
-from pedpred.training.recurrent import TrainingSettings, train_motion
+from pedpred.training.recurrent import RecurrentLearner, TrainingSettings
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,9 @@ class PhaseData:
             return load_motion_data(self.features)
         cells = read_manifest(self.features[0])[0].grid_cells
         data = load_motion_data(self.features, self.embeddings)
-        return replace(data, empty_embedding=empty_embedding(self.autoencoder, cells))
+        free = np.zeros((1, cells * cells // 8), np.uint8)  # unmapped ground is free
+        empty = encode(load_encoder(self.autoencoder), free, cells)[0]
+        return replace(data, empty_embedding=torch.from_numpy(empty))
 
 
 def initialised(settings: NetworkSettings, data: MotionData, previous: Path, seed: int) -> RecurrentNetwork:
@@ -114,7 +117,8 @@ def fit(
     with scratch_folder(about, network.state_dict(), context) as scratch:
         network.to(context.device)
         resident = data.to(context.device)
-        curve = train_motion(network, resident, training, validation, settings, scratch, description, context)
+        learner = RecurrentLearner(network, resident, training, validation, settings, context)
+        curve = train(learner, scratch, description)
     return network, pd.DataFrame(curve), about
 
 
@@ -124,17 +128,6 @@ def manifests_sha256(features: Iterable[Path]) -> str:
     for folder in features:
         digest.update((folder / "manifest.json").read_bytes())
     return digest.hexdigest()
-
-
-def empty_embedding(encoder: Path, cells: int) -> torch.Tensor:
-    """The frozen encoder's output for a crop without obstacles; unmapped ground is free. [C] float32.
-
-    Args:
-        encoder: checkpoint of the auto-encoder.
-        cells: per side of a crop.
-    """
-    free = np.zeros((1, cells * cells // 8), np.uint8)
-    return torch.from_numpy(encode(load_encoder(encoder), free, cells)[0])
 
 
 def copy_phase(previous: Path, out: Path, curve_path: Path) -> None:

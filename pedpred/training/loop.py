@@ -43,13 +43,17 @@ class Learner(ABC):
     Attributes:
         network: initialised, on its device.
         optimizer: of its weights.
+        settings: see there.
+        context: of this process; every process of a training has the same learner but its own context.
         memory: recurrent state that is carried from step to step; saved with the progress. [N, ...] each
         best_by: validation figure, lower is better, that chooses the weights; None keeps the last weights.
     """
 
     network: nn.Module
     optimizer: torch.optim.Optimizer
+    settings: Schedule
     memory: Tensors
+    context: DistributedContext = ALONE
     best_by: str | None = None
 
     @abstractmethod
@@ -68,27 +72,20 @@ class Learner(ABC):
         """Clip gradients; not at all by default."""
 
 
-def train(
-    learner: Learner,
-    schedule: Schedule,
-    scratch: Path | None,
-    description: str,
-    context: DistributedContext = ALONE,
-) -> list[dict[str, float]]:
+def train(learner: Learner, scratch: Path | None, description: str) -> list[dict[str, float]]:
     """Train a network; leaves the best validated weights in it, or the last ones without `best_by`.
 
     Args:
         learner: see there.
-        schedule: see there.
         scratch: folder for the state of an unfinished training, which is resumed if there is one; None
             keeps no state.
         description: title of the progress bar.
-        context: every process of a training calls this with the same arguments but its own context.
 
     Returns:
         The curve, one row per validation: epoch, step, train_loss, and the figures of the validation.
     """
-    progress = load_progress(scratch, learner, context)
+    schedule = learner.settings
+    progress = load_progress(scratch, learner)
     if progress is None:
         progress = Progress()
         _validate(learner, progress, float("nan"))
@@ -99,33 +96,32 @@ def train(
         initial=progress.step,
         desc=description,
         unit="step",
-        disable=not context.writes,
+        disable=not learner.context.writes,
     )
     while progress.step < schedule.steps:
-        losses.append(train_step(learner, next(batches), progress.step, schedule, context))
+        losses.append(train_step(learner, next(batches), progress.step))
         progress.step += 1
         bar.update()
         if progress.step % schedule.validate_every == 0 or progress.step == schedule.steps:
             train_loss = float(torch.stack(losses).double().mean())  # the only wait for a GPU
             bar.set_postfix_str(_validate(learner, progress, train_loss))
             losses = []
-            save_progress(scratch, progress, learner, context)
+            save_progress(scratch, progress, learner)
     bar.close()
     if learner.best_by:
         learner.network.load_state_dict(progress.best)
     return progress.curve
 
 
-def train_step(
-    learner: Learner, batch: Any, step: int, schedule: Schedule, context: DistributedContext
-) -> Tensor:
+def train_step(learner: Learner, batch: Any, step: int) -> Tensor:
     """Forward, backward and update with one batch; returns the joint reported loss. []."""
+    schedule = learner.settings
     for group in learner.optimizer.param_groups:
         group["lr"] = learning_rate(step, schedule.steps, schedule.lr, schedule.warmup_steps)
     loss = learner.loss(batch, step)
     learner.optimizer.zero_grad(set_to_none=True)
     loss.total.backward()
-    joint = context.average(learner.network.parameters(), loss.reported.detach(), loss.weight)
+    joint = learner.context.average(learner.network.parameters(), loss.reported.detach(), loss.weight)
     learner.clip()
     learner.optimizer.step()
     return joint

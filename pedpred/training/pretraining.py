@@ -5,20 +5,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from torch.nn.utils import clip_grad_norm_
 
-from pedpred.features import unpack_crops
 from pedpred.networks.autoencoder import GridAutoencoder, intersection_over_union, reconstruction_loss
 from pedpred.networks.contract import Loss
-from pedpred.training.loop import Learner, Schedule, train
-
-_CROPS_AT_ONCE = 8
-"""Their first layer's output, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
+from pedpred.networks.encoding import CROPS_AT_ONCE, float_crops
+from pedpred.training.loop import Learner, Schedule
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,14 +48,21 @@ class CropLearner(Learner):
 
 
 class AutoencoderLearner(CropLearner):
-    """An auto-encoder and its crops."""
+    """An auto-encoder and its bit-packed crops."""
 
     network: GridAutoencoder
 
     def __init__(
         self, training: np.ndarray, validation: np.ndarray, cells: int, settings: AutoencoderSettings
     ):
-        """See `train_autoencoder`."""
+        """Make random weights.
+
+        Args:
+            training: [M, cells^2 / 8] uint8
+            validation: crops of other arrangements. [V, cells^2 / 8] uint8
+            cells: cells per side of a crop.
+            settings: see there.
+        """
         torch.manual_seed(settings.seed)
         self.training, self.validation, self.cells, self.settings = training, validation, cells, settings
         self.network = GridAutoencoder(cells, settings.latent, settings.tied)
@@ -68,7 +71,7 @@ class AutoencoderLearner(CropLearner):
 
     def loss(self, batch: np.ndarray, step: int) -> Loss:
         """Reconstruction loss."""
-        crops = torch.from_numpy(unpack_crops(self.training[batch], self.cells)).to(torch.float32)
+        crops = float_crops(self.training[batch], self.cells)
         loss = reconstruction_loss(crops, self.network(crops))
         return Loss(loss, loss, torch.tensor(len(batch)))
 
@@ -76,43 +79,13 @@ class AutoencoderLearner(CropLearner):
         """One norm for all weights."""
         clip_grad_norm_(self.network.parameters(), self.settings.clip_norm)
 
+    @torch.inference_mode()
     def validate(self) -> dict[str, float]:
-        """See `validate`."""
-        return validate(self.network, self.validation, self.cells)
-
-
-def train_autoencoder(
-    training: np.ndarray,
-    validation: np.ndarray,
-    cells: int,
-    settings: AutoencoderSettings,
-    scratch: Path | None = None,
-) -> tuple[GridAutoencoder, list[dict[str, float]]]:
-    """Train on bit-packed crops.
-
-    Args:
-        training: [M, cells^2 / 8] uint8
-        validation: crops of other arrangements. [V, cells^2 / 8] uint8
-        cells: cells per side of a crop.
-        settings: see there.
-        scratch: see `pedpred.training.loop.train`.
-
-    Returns:
-        The network, and its curve: one row per validation.
-    """
-    learner = AutoencoderLearner(training, validation, cells, settings)
-    return learner.network, train(learner, settings, scratch, "auto-encoder")
-
-
-@torch.inference_mode()
-def validate(network: GridAutoencoder, crops: np.ndarray, cells: int) -> dict[str, float]:
-    """Loss and intersection over union of bit-packed crops. [V, cells^2 / 8] uint8."""
-    parts = []
-    for at in range(0, len(crops), _CROPS_AT_ONCE):
-        truth = torch.from_numpy(unpack_crops(crops[at : at + _CROPS_AT_ONCE], cells)).to(torch.float32)
-        parts.append((truth, network(truth)))
-    truth, guess = (torch.cat(side) for side in zip(*parts, strict=True))
-    return {
-        "validation_loss": float(reconstruction_loss(truth, guess)),
-        "validation_iou": intersection_over_union(truth, guess),
-    }
+        """Loss and intersection over union, computed in blocks of crops."""
+        blocks = range(0, len(self.validation), CROPS_AT_ONCE)
+        parts = [float_crops(self.validation[at : at + CROPS_AT_ONCE], self.cells) for at in blocks]
+        truth, guess = torch.cat(parts), torch.cat([self.network(part) for part in parts])
+        return {
+            "validation_loss": float(reconstruction_loss(truth, guess)),
+            "validation_iou": intersection_over_union(truth, guess),
+        }

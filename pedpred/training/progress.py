@@ -63,14 +63,12 @@ def scratch_folder(
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def save_progress(
-    folder: Path | None, progress: Progress, learner: Learner, context: DistributedContext
-) -> None:
+def save_progress(folder: Path | None, progress: Progress, learner: Learner) -> None:
     """Write everything into `folder`, replacing the old state at once. All processes must call it."""
     if folder is None:
         return
-    memory = context.gathered(learner.memory)
-    if not context.writes:
+    memory = learner.context.gathered(learner.memory)
+    if not learner.context.writes:
         return
     tensors = {f"network.{k}": v for k, v in learner.network.state_dict().items()}
     tensors |= {f"best.{k}": v for k, v in progress.best.items()}
@@ -82,12 +80,12 @@ def save_progress(
         save_file({k: v.detach().clone().contiguous() for k, v in tensors.items()}, new, metadata=about)
 
 
-def load_progress(folder: Path | None, learner: Learner, context: DistributedContext) -> Progress | None:
+def load_progress(folder: Path | None, learner: Learner) -> Progress | None:
     """Put the learner back to where `folder` says; None when there is nothing."""
     path = None if folder is None else folder / "progress.safetensors"
     if path is None or not path.exists():
         return None
-    with safe_open(path, "pt", device=str(context.device)) as file:
+    with safe_open(path, "pt", device=str(learner.context.device)) as file:
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118, not a mapping
         about = json.loads(file.metadata()["about"])
     learner.network.load_state_dict(_under(tensors, "network."))
@@ -96,7 +94,7 @@ def load_progress(folder: Path | None, learner: Learner, context: DistributedCon
         index, _, name = key.partition(".")
         moments.setdefault(int(index), {})[name] = value
     learner.optimizer.load_state_dict({**learner.optimizer.state_dict(), "state": moments})
-    learner.memory = context.mine(_under(tensors, "memory."))
+    learner.memory = learner.context.mine(_under(tensors, "memory."))
     return Progress(about["step"], _under(tensors, "best."), about["curve"])
 
 

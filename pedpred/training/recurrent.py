@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -14,9 +13,9 @@ from torch.nn.utils import clip_grad_norm_
 from pedpred.datasets.lanes import stream_lanes
 from pedpred.datasets.motion import MotionData
 from pedpred.networks.contract import Loss, RecurrentNetwork, detach, reset, select
-from pedpred.networks.forecasting import rolled
+from pedpred.networks.rolling import rolled
 from pedpred.training.distributed import ALONE, DistributedContext
-from pedpred.training.loop import Learner, Schedule, train
+from pedpred.training.loop import Learner, Schedule
 from pedpred.training.variation import Variation, VariedBatch, looked_up, varied
 
 _SEED_DISTANCE = 1_000_003
@@ -58,8 +57,6 @@ class RecurrentLearner(Learner):
         data: all rows, on the same device.
         training: rows [first, last) of the sequences to learn from. [S, 2]
         validation: rows [first, last) of the sequences to choose the weights by. [S, 2]
-        settings: see there.
-        context: of this process.
     """
 
     network: RecurrentNetwork
@@ -67,7 +64,7 @@ class RecurrentLearner(Learner):
     training: np.ndarray
     validation: np.ndarray
     settings: TrainingSettings
-    context: DistributedContext
+    context: DistributedContext = ALONE
 
     def __post_init__(self) -> None:
         settings = self.settings
@@ -79,9 +76,12 @@ class RecurrentLearner(Learner):
         self.best_by = f"validation_{self.network.score_names[0]}"
 
     def batches(self, done: int) -> Iterator[VariedBatch]:
-        """This process's part of every batch."""
-        batches = training_batches(self.training, self.settings, done)
-        return (batch.part(self.lanes, self.context.device) for batch in batches)
+        """This process's part of the endless stream of lanes, without the steps that are done."""
+        how, rng = self.settings, np.random.default_rng(self.settings.seed)
+        stream = stream_lanes(self.training, how.lanes, how.sub_sequence, how.longest_track, rng)
+        for step, batch in enumerate(islice(stream, done, None), done):
+            whole = varied(batch, how.variation, np.random.default_rng([how.seed, step]))
+            yield whole.part(self.lanes, self.context.device)
 
     def loss(self, batch: VariedBatch, step: int) -> Loss:
         """One sub-sequence of every lane; the state is carried on, the gradient is not."""
@@ -100,52 +100,21 @@ class RecurrentLearner(Learner):
             clip_grad_norm_(weights, self.settings.clip_norm)
 
     def validate(self) -> dict[str, float]:
-        """See `validation`."""
-        return validation(self.network, self.data, self.validation, self.context)
+        """Mean scores over all steps whose whole horizon is known; nan where there is none.
 
+        The processes of a training divide the sequences among them.
 
-def train_motion(
-    network: RecurrentNetwork,
-    data: MotionData,
-    training: np.ndarray,
-    validation: np.ndarray,
-    settings: TrainingSettings,
-    scratch: Path | None,
-    description: str,
-    context: DistributedContext = ALONE,
-) -> list[dict[str, float]]:
-    """Train by truncated back-propagation through time; leaves the best validated weights in `network`.
-
-    Arguments are those of `RecurrentLearner` and of `pedpred.training.loop.train`, which this returns.
-    """
-    learner = RecurrentLearner(network, data, training, validation, settings, context)
-    return train(learner, settings, scratch, description, context)
-
-
-def training_batches(training: np.ndarray, settings: TrainingSettings, done: int) -> Iterator[VariedBatch]:
-    """The endless stream of lanes, without the steps that are done."""
-    rng = np.random.default_rng(settings.seed)
-    stream = stream_lanes(training, settings.lanes, settings.sub_sequence, settings.longest_track, rng)
-    for step, batch in enumerate(islice(stream, done, None), done):
-        yield varied(batch, settings.variation, np.random.default_rng([settings.seed, step]))
-
-
-def validation(
-    network: RecurrentNetwork, data: MotionData, sequences: np.ndarray, context: DistributedContext = ALONE
-) -> dict[str, float]:
-    """Means over all steps whose whole horizon is known; nan where there is none.
-
-    The processes of a training divide the sequences [S, 2] among them.
-
-    Returns:
-        "validation_<score>" for each of the network's scores; the first one chooses the weights.
-    """
-    names = [f"validation_{name}" for name in network.score_names]
-    sums = torch.zeros(len(names) + 1, dtype=torch.float64, device=data.future.device)  # and how many
-    for rows, outputs in rolled(network, data, sequences[context.rank :: context.size]):
-        known = data.known(rows).all(dim=-1)
-        scores = list(network.scores(select(outputs, known), data.future[rows[known]], data.dt_s).values())
-        counted = sums.new_tensor(scores[0].numel())
-        sums += torch.stack([*(score.double().sum() for score in scores), counted])
-    *totals, count = context.total(sums).tolist()
-    return {name: total / count if count else float("nan") for name, total in zip(names, totals, strict=True)}
+        Returns:
+            "validation_<score>" for each of the network's scores.
+        """
+        names = [f"validation_{name}" for name in self.network.score_names]
+        data, own = self.data, self.validation[self.context.rank :: self.context.size]
+        sums = torch.zeros(len(names) + 1, dtype=torch.float64, device=data.future.device)  # and how many
+        for rows, outputs in rolled(self.network, data, own):
+            known = data.known(rows).all(dim=-1)
+            truth = data.future[rows[known]]
+            scores = list(self.network.scores(select(outputs, known), truth, data.dt_s).values())
+            counted = sums.new_tensor(scores[0].numel())
+            sums += torch.stack([*(score.double().sum() for score in scores), counted])
+        *totals, count = self.context.total(sums).tolist()
+        return {n: total / count if count else float("nan") for n, total in zip(names, totals, strict=True)}
