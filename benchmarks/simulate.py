@@ -24,8 +24,7 @@ from benchmarks.timing import keep, run_measured, tell
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.kernel import advance
-from pedpred.simulation.layouts import Layout
-from pedpred.simulation.placement import TargetPool, open_cells, scattered
+from pedpred.simulation.layouts import Layout, TargetPool, open_cells, scattered
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.simulation.shapes import Rectangle

@@ -58,7 +58,10 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
         def run(cfg: DictConfig) -> None:
             logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
             with _explained(address):
-                main(_frozen(cfg))
+                OmegaConf.resolve(cfg)
+                OmegaConf.set_struct(cfg, True)
+                OmegaConf.set_readonly(cfg, True)
+                main(cfg)
 
         if address:
             with _explained(address):
@@ -77,7 +80,9 @@ def _explained(address: str | None) -> Iterator[None]:
     try:
         yield
     except (ConfigAttributeError, ConfigKeyError) as error:
-        raise SystemExit(f"\n{_undeclared(error, address)}\n") from error
+        undeclared = f"stage '{address}' reads it, but dvc.yaml does not declare it under its params"
+        remedy = undeclared if address else "conf/ has no such key"
+        raise SystemExit(f"\n{ConfigError(str(error.full_key), None, remedy)}\n") from error
     except FileError as error:
         written = error.path.parts[:1] in WRITTEN
         remedy = ". `dvc repro` writes it again" if written else ""
@@ -99,22 +104,6 @@ def read_params(root: Path) -> DictConfig:
     wording = partial(ConfigError, "params", str(root / "params.yaml"))
     with translate_errors(wording):
         return OmegaConf.create(read_yaml(root / "params.yaml", wording))
-
-
-def _frozen(cfg: DictConfig) -> DictConfig:
-    OmegaConf.resolve(cfg)
-    OmegaConf.set_struct(cfg, True)
-    OmegaConf.set_readonly(cfg, True)
-    return cfg
-
-
-def _undeclared(error: OmegaConfBaseException, address: str | None) -> ConfigError:
-    remedy = (
-        f"stage '{address}' reads it, but dvc.yaml does not declare it under its params"
-        if address
-        else "conf/ has no such key"
-    )
-    return ConfigError(str(error.full_key), None, remedy)
 
 
 def stage_key(cfg: DictConfig) -> str:

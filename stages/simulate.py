@@ -8,7 +8,8 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, row, stage, stage_key
 from pedpred.simulation.arrangements import Arrangement, arrangements, parsed_layouts, simulated
-from pedpred.simulation.clutter import clutter_settings
+from pedpred.simulation.clutter import ClutterSettings
+from pedpred.simulation.fields import parsed
 from pedpred.simulation.settings import SimulationSettings, SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import write_scene
 from pedpred.workers import in_parallel
@@ -28,7 +29,7 @@ def main(cfg: DictConfig) -> None:
     with configured(f"social_forces.{simulation['social_force']}"):
         settings = social_force_settings(row(cfg, "social_forces", simulation["social_force"]))
     with configured("clutter"):
-        clutter = clutter_settings(plain(cfg.clutter))
+        clutter = parsed(ClutterSettings, plain(cfg.clutter))
     with configured(f"simulations.{key}"):
         data_set = SimulationSettings.parse(simulation)
     with configured("layouts"):

@@ -6,9 +6,9 @@ import numpy as np
 import yaml
 
 from pedpred.simulation.arrangements import arrangements, parsed_layouts, simulated
-from pedpred.simulation.clutter import clutter_settings
-from pedpred.simulation.layouts import Layout, layout_from
-from pedpred.simulation.placement import TargetPool
+from pedpred.simulation.clutter import ClutterSettings
+from pedpred.simulation.fields import parsed
+from pedpred.simulation.layouts import Layout, TargetPool, layout_from
 from pedpred.simulation.settings import SimulationSettings, social_force_settings
 
 CONF = Path(__file__).parents[1] / "conf"
@@ -33,7 +33,7 @@ def asked(row, layouts=DRAWN):
     """The arrangements of a plain row of `conf/simulations`."""
     data_set = SimulationSettings.parse(row)
     drawn = parsed_layouts(layouts, data_set.drawn, SETTINGS)
-    return arrangements(data_set, drawn, clutter_settings(CLUTTER), SETTINGS)
+    return arrangements(data_set, drawn, parsed(ClutterSettings, CLUTTER), SETTINGS)
 
 
 def short(seconds, pedestrians=20, **changes):

@@ -20,7 +20,7 @@ from pedpred.features import FeatureSettings, extract
 from pedpred.metrics.paths import displacement
 from pedpred.simulation import kernel
 from pedpred.simulation.ground import ground_of
-from pedpred.simulation.placement import open_cells
+from pedpred.simulation.layouts import open_cells
 from pedpred.simulation.routing import directions_at, routes_to
 from pedpred.tracking import follow
 from tests.forces import driving_acceleration, social_acceleration

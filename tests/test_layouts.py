@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from pedpred.config import composed
-from pedpred.simulation.clutter import clutter_settings, cluttered_room
+from pedpred.simulation.clutter import ClutterSettings, cluttered_room
+from pedpred.simulation.fields import parsed
 from pedpred.simulation.ground import ground_of, signed_distance
-from pedpred.simulation.layouts import Layout
-from pedpred.simulation.placement import drawn_targets
+from pedpred.simulation.layouts import Layout, drawn_targets
 from pedpred.simulation.shapes import Circle, Door, Polygon, Rectangle, Wall, shape_from
 from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, asked, drawn, scene_of, short
 
@@ -34,7 +34,7 @@ def connected_parts(distance, clearance_m):
 
 
 def room_maps(seeds):
-    settings = clutter_settings(CLUTTER)
+    settings = parsed(ClutterSettings, CLUTTER)
     return [cluttered_room(settings, np.random.default_rng(seed)).occupancy() for seed in seeds]
 
 

@@ -5,11 +5,12 @@ import pytest
 
 from pedpred.errors import ValueRuleError
 from pedpred.report.simulation_page import walking_findings
-from pedpred.simulation.clutter import clutter_settings
+from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.crowd import Clock, crowd_of
+from pedpred.simulation.fields import parsed
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.kernel import advance
-from pedpred.simulation.placement import drawn_targets
+from pedpred.simulation.layouts import drawn_targets
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
 from pedpred.simulation.simulator import desired_speeds, rollout, visiting_plans
@@ -177,4 +178,4 @@ def test_unknown_and_missing_settings_are_named(group):
 @pytest.mark.parametrize("value", [-1.0, [2.0, 1.0], "wide", None])
 def test_clutter_out_of_range_is_named(name, value):
     with pytest.raises(ValueRuleError, match=f"^{name} = "):
-        clutter_settings({**CLUTTER, name: value})
+        parsed(ClutterSettings, {**CLUTTER, name: value})

@@ -9,7 +9,7 @@ import numpy as np
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene
 from pedpred.simulation.ground import ground_of
-from pedpred.simulation.placement import open_cells, scattered
+from pedpred.simulation.layouts import open_cells, scattered
 
 
 @dataclass(frozen=True)

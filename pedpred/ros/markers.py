@@ -53,85 +53,66 @@ def markers_message(
         colours: of each method to be drawn; its name is the markers' namespace.
         time_ns: the instant.
     """
-    markers: list[Content] = [{"header": header(time_ns), "action": _DELETE_ALL, "pose": _UNTURNED}]
+    markers: list[Content] = [{"action": _DELETE_ALL, "pose": _UNTURNED}]
     for track, x, y in people[["track_id", "x_m", "y_m"]].itertuples(index=False):
         pose = {"position": {"x": x, "y": y, "z": _PERSON_M["z"] / 2}}
-        markers.append(
-            _marker(time_ns, "people", track, _CYLINDER, _PERSON_M, _INK, 0.6) | {"pose": _UNTURNED | pose}
-        )
+        markers.append(_marker("people", track, _CYLINDER, _PERSON_M, _INK, 0.6) | {"pose": _UNTURNED | pose})
     if windows is not None:
-        markers += _window_markers(windows, rows, colours, time_ns)
-    return {"markers": markers}
+        markers += _window_markers(windows, rows, colours)
+    return {"markers": [{"header": header(time_ns)} | marker for marker in markers]}
 
 
 def _window_markers(
-    windows: EvaluationWindows, rows: np.ndarray, colours: Mapping[str, Colour], time_ns: int
+    windows: EvaluationWindows, rows: np.ndarray, colours: Mapping[str, Colour]
 ) -> Iterator[Content]:
     """The tracked velocity as an arrow, the true path as a line, and the forecasts."""
     velocity = rotate(windows.velocity[rows], windows.heading_rad[rows])
     forecasts = {method: windows.predictions[method].select(rows) for method in colours}
     for index, row in enumerate(rows):
         track, start = windows.track_id[row], windows.position[row]
-        arrow = _marker(time_ns, "velocity", track, _ARROW, _ARROW_M, _INK, 1.0)
+        arrow = _marker("velocity", track, _ARROW, _ARROW_M, _INK, 1.0)
         yield arrow | {"points": [point(start), point(start + _ARROW_S * velocity[index])]}
-        yield _line(time_ns, "truth", track, start, windows.truth[row], _INK, 1.0)
+        yield _line("truth", track, start, windows.truth[row], _INK, 1.0)
         for method, colour in colours.items():
-            yield from _forecast_markers(method, forecasts[method], index, track, start, colour, time_ns)
+            yield from _forecast_markers(method, forecasts[method], index, track, start, colour)
 
 
 def _forecast_markers(
-    method: str,
-    forecasts: Predictions,
-    row: int,
-    track: int,
-    start: np.ndarray,
-    colour: Colour,
-    time_ns: int,
+    method: str, forecasts: Predictions, row: int, track: int, start: np.ndarray, colour: Colour
 ) -> Iterator[Content]:
     """The point forecast as a line, its error ellipse, and several modes as lines, their weight as alpha."""
     _, ellipse, modes = namespaces(method)
-    yield _line(time_ns, method, track, start, forecasts.point[row], colour, 1.0)
+    yield _line(method, track, start, forecasts.point[row], colour, 1.0)
     if forecasts.covariance is not None:
         centre, covariance = forecasts.most_likely[row, -1], forecasts.covariance[row, 0, -1]
-        yield _disc(time_ns, ellipse, track, centre, covariance, colour)
+        yield _disc(ellipse, track, centre, covariance, colour)
     if forecasts.modes > 1:
         for mode, (path, weight) in enumerate(zip(forecasts.path[row], forecasts.weight[row], strict=True)):
             number = row * forecasts.modes + mode
-            yield _line(time_ns, modes, number, start, path, colour, float(weight))
+            yield _line(modes, number, start, path, colour, float(weight))
 
 
 def _line(
-    time_ns: int,
-    namespace: str,
-    number: int,
-    start: np.ndarray,
-    path: np.ndarray,
-    colour: Colour,
-    alpha: float,
+    namespace: str, number: int, start: np.ndarray, path: np.ndarray, colour: Colour, alpha: float
 ) -> Content:
-    line = _marker(time_ns, namespace, number, _LINE_STRIP, {"x": _LINE_M}, colour, alpha)
+    line = _marker(namespace, number, _LINE_STRIP, {"x": _LINE_M}, colour, alpha)
     return line | {"points": [point(position, _HEIGHT_M) for position in [start, *path]]}
 
 
-def _disc(
-    time_ns: int, namespace: str, number: int, centre: np.ndarray, covariance: np.ndarray, colour: Colour
-) -> Content:
+def _disc(namespace: str, number: int, centre: np.ndarray, covariance: np.ndarray, colour: Colour) -> Content:
     """A flat ellipse that holds `_REGION` of the probability at the end of the horizon."""
     variances, axes = np.linalg.eigh(covariance)
     length, width = 2.0 * np.sqrt(radius2(_REGION) * variances[::-1])
     half_yaw = 0.5 * np.arctan2(axes[1, 1], axes[0, 1])
     size = {"x": length, "y": width, "z": _HEIGHT_M}
     turned = {"z": float(np.sin(half_yaw)), "w": float(np.cos(half_yaw))}
-    disc = _marker(time_ns, namespace, number, _CYLINDER, size, colour, 0.15)
+    disc = _marker(namespace, number, _CYLINDER, size, colour, 0.15)
     return disc | {"pose": {"position": point(centre), "orientation": turned}}
 
 
-def _marker(
-    time_ns: int, namespace: str, number: int, shape: int, scale: Content, colour: Colour, alpha: float
-) -> Content:
+def _marker(namespace: str, number: int, shape: int, scale: Content, colour: Colour, alpha: float) -> Content:
     """The fields of every marker; the pose is that of the frame unless it is replaced."""
     return {
-        "header": header(time_ns),
         "ns": namespace,
         "id": int(np.int64(number).astype(np.int32)),  # 32 bits: larger track ids wrap
         "type": shape,

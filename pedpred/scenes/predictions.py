@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -72,14 +72,9 @@ class Predictions:
     @classmethod
     def join(cls, parts: Sequence[Predictions]) -> Predictions:
         """Join the rows of at least one part; all have the same modes, steps and frame."""
-        covariance = [part.covariance for part in parts if part.covariance is not None]
-        return replace(
-            parts[0],
-            point=np.concatenate([part.point for part in parts]),
-            path=np.concatenate([part.path for part in parts]),
-            weight=np.concatenate([part.weight for part in parts]),
-            covariance=np.concatenate(covariance) if covariance else None,
-        )
+        arrays = [part._arrays() for part in parts]
+        joined: dict[str, Any] = {n: np.concatenate([own[n] for own in arrays]) for n in arrays[0]}
+        return replace(parts[0], **joined)
 
     def __len__(self) -> int:
         return len(self.point)
@@ -122,14 +117,10 @@ class Predictions:
 
     def select(self, rows: np.ndarray) -> Predictions:
         """The predictions of some people (mask or indices)."""
-        covariance = None if self.covariance is None else self.covariance[rows]
-        return replace(
-            self,
-            point=self.point[rows],
-            path=self.path[rows],
-            weight=self.weight[rows],
-            covariance=covariance,
-        )
+        return replace(self, **{name: values[rows] for name, values in self._arrays().items()})
+
+    def _arrays(self) -> dict[str, Any]:
+        return {name: values for name, values in vars(self).items() if isinstance(values, np.ndarray)}
 
     def in_world(self, position: np.ndarray, heading_rad: np.ndarray) -> Predictions:
         """Predictions in agent frames, as seen from the world.
@@ -169,10 +160,9 @@ class Forecast:
 
     def __post_init__(self) -> None:
         shape = (len(self.track_id), self.predictions.steps, 2)
-        if self.predictions.point.shape != shape:
-            raise ShapeError("predictions", self.predictions.point.shape, str(shape))
-        if self.velocity.shape != shape:
-            raise ShapeError("velocity", self.velocity.shape, str(shape))
+        for name, values in (("predictions", self.position), ("velocity", self.velocity)):
+            if values.shape != shape:
+                raise ShapeError(name, values.shape, str(shape))
 
     def __len__(self) -> int:
         return len(self.track_id)

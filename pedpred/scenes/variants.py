@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pedpred.scenes.scene import Scene, Trajectories
+from pedpred.scenes.scene import Scene
 
 _MIRROR = np.array([-1.0, 1.0])
 
@@ -18,36 +18,26 @@ _MIRROR = np.array([-1.0, 1.0])
 def mirrored(scene: Scene) -> Scene:
     """Mirror a scene: x becomes -x, for people and obstacles."""
     places, people = scene.occupancy, scene.trajectories
-    edge = -(places.origin[0] + places.extent_m[0])
+    origin = np.array([-(places.origin[0] + places.extent_m[0]), places.origin[1]])
+    vectors = {name: getattr(people, name) for name in ("position", "velocity", "goal")}
+    flipped = {name: values * _MIRROR for name, values in vectors.items() if values is not None}
     return replace(
         scene,
-        occupancy=replace(
-            places, occupied=places.occupied[::-1].copy(), origin=np.array([edge, places.origin[1]])
-        ),
-        trajectories=replace(
-            people,
-            position=people.position * _MIRROR,
-            velocity=None if people.velocity is None else people.velocity * _MIRROR,
-            goal=None if people.goal is None else people.goal * _MIRROR,
-        ),
+        occupancy=replace(places, occupied=places.occupied[::-1].copy(), origin=origin),
+        trajectories=replace(people, **flipped),
         camera=None,
     )
 
 
 def backwards(scene: Scene) -> Scene:
     """Reverse time; goals are dropped."""
-    people: Trajectories = scene.trajectories
-    if not len(people.time_s):
+    people = scene.trajectories
+    if not len(people):
         return replace(scene, camera=None)
+    time_s = people.time_s.min() + people.time_s.max() - people.time_s
+    velocity = None if people.velocity is None else -people.velocity
     return replace(
-        scene,
-        trajectories=replace(
-            people,
-            time_s=people.time_s.min() + people.time_s.max() - people.time_s,
-            velocity=None if people.velocity is None else -people.velocity,
-            goal=None,
-        ),
-        camera=None,
+        scene, trajectories=replace(people, time_s=time_s, velocity=velocity, goal=None), camera=None
     )
 
 

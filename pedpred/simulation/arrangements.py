@@ -15,8 +15,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene
 from pedpred.simulation.clutter import ClutterSettings, cluttered_room
 from pedpred.simulation.ground import Ground, ground_of
-from pedpred.simulation.layouts import Layout, layout_from
-from pedpred.simulation.placement import drawn_targets, largest_part, open_cells, scattered, walkable
+from pedpred.simulation.layouts import Layout, drawn_targets, largest_part, layout_from, open_cells, scattered
 from pedpred.simulation.routing import clearance_grid
 from pedpred.simulation.settings import (
     CrowdSettings,
@@ -69,7 +68,7 @@ def parsed_layouts(
     """
     layouts = {name: layout_from(plain[name], name) for name in names if name in plain}
     for name, layout in layouts.items():
-        check_room(layout, ground_of(layout.occupancy()), settings, name)
+        _check_room(layout, settings, name)
     return layouts
 
 
@@ -90,13 +89,11 @@ def arrangements(
     Raises:
         ValueRuleError: a layout is unknown, or a room is too small for its people.
     """
-    made, found = rooms(data_set, layouts, clutter), []
-    for name, (layout, rng) in made.items():
-        duration_s = 3600.0 * data_set.hours / len(made)
-        arrangement = Arrangement(name, layout, rng, data_set.pedestrians, duration_s)
-        ground = ground_of(layout.occupancy())
-        check_crowd(name, layout, ground, data_set.pedestrians, settings.crowd, arrangement.rng())
-        found.append(arrangement)
+    made = rooms(data_set, layouts, clutter)
+    people, duration_s = data_set.pedestrians, 3600.0 * data_set.hours / len(made)
+    found = [Arrangement(name, layout, rng, people, duration_s) for name, (layout, rng) in made.items()]
+    for arrangement in found:
+        _check_crowd(arrangement, settings.crowd)
     return found
 
 
@@ -128,19 +125,10 @@ def simulated(arrangement: Arrangement, settings: SocialForceSettings) -> Scene:
     return simulate(arrangement.name, occupancy, targets, settings, people, duration_s, rng)
 
 
-def check_room(layout: Layout, ground: Ground, settings: SocialForceSettings, path: str) -> None:
-    """Refuse a drawn room with unreachable ground or targets.
-
-    Args:
-        layout: the room.
-        ground: of the same room.
-        settings: space that people and routes need.
-        path: of the layout, for errors.
-
-    Raises:
-        ValueRuleError: no ground is free, a target region cannot be reached, or obstacles close off a part.
-    """
+def _check_room(layout: Layout, settings: SocialForceSettings, path: str) -> None:
+    """Refuse a drawn room without free ground, or with unreachable ground or targets."""
     clearance_m, regions = settings.crowd.clearance_m, layout.target_regions
+    ground = ground_of(layout.occupancy())
     cells = open_cells(ground, clearance_m)
     if not len(cells):
         cause = "shapes" if layout.shapes else "size_m"
@@ -158,36 +146,18 @@ def check_room(layout: Layout, ground: Ground, settings: SocialForceSettings, pa
         _raise_sealed(layout, area_m2, place, settings.routing, path)
 
 
-def check_crowd(
-    name: str,
-    layout: Layout,
-    ground: Ground,
-    pedestrians: int,
-    settings: CrowdSettings,
-    rng: np.random.Generator,
-) -> None:
-    """Refuse too many people, or a room with one target, by repeating the first draws of the simulation.
-
-    Args:
-        name: of the room, for errors.
-        layout: the room.
-        ground: of the same room.
-        pedestrians: number of people.
-        settings: space that each of them needs.
-        rng: in the state in which the simulation will begin.
-
-    Raises:
-        ValueRuleError: fewer people fit, or there is only one target.
-    """
-    pool = drawn_targets(layout, ground, settings, rng)
+def _check_crowd(room: Arrangement, settings: CrowdSettings) -> None:
+    """Refuse too many people, or a room with one target, by repeating the first draws of the simulation."""
+    ground, rng = ground_of(room.layout.occupancy()), room.rng()
+    pool = drawn_targets(room.layout, ground, settings, rng)
     if len(np.unique(pool.region)) < 2:
         rule = f"it is too small for two targets {settings.target_spacing_m} m apart"
-        raise ValueRuleError(f"rooms.{name}.size_m", layout.size_m, rule)
+        raise ValueRuleError(f"rooms.{room.name}.size_m", room.layout.size_m, rule)
     cells = open_cells(ground, settings.clearance_m)
-    fit = len(scattered(cells, pedestrians, settings.spacing_m, rng))
-    if fit < pedestrians:
-        rule = f"only {fit} fit into room '{name}', {settings.spacing_m} m apart"
-        raise ValueRuleError("pedestrians", pedestrians, rule)
+    fit = len(scattered(cells, room.pedestrians, settings.spacing_m, rng))
+    if fit < room.pedestrians:
+        rule = f"only {fit} fit into room '{room.name}', {settings.spacing_m} m apart"
+        raise ValueRuleError("pedestrians", room.pedestrians, rule)
 
 
 def sealed_part(ground: Ground, settings: RoutingSettings) -> tuple[float, np.ndarray]:
@@ -197,8 +167,9 @@ def sealed_part(ground: Ground, settings: RoutingSettings) -> tuple[float, np.nd
         Its area, m^2, and its centre, world frame, m [2]; (0, origin) where there is none.
     """
     clearance = clearance_grid(ground, settings.resolution_m)
-    reached = walkable(clearance, settings.narrow_m)
-    lost = (clearance >= settings.narrow_m) & ~reached
+    wide = clearance >= settings.narrow_m
+    reached = largest_part(wide)
+    lost = wide & ~reached
     if not lost.any():
         return 0.0, ground.origin
     reach = settings.narrow_m / settings.resolution_m  # a person on a cell covers its surroundings

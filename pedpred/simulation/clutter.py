@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
-from pedpred.simulation.fields import Range, check_ranges, parsed
+from pedpred.simulation.fields import Range, check_ranges
 from pedpred.simulation.furniture import KINDS, columns, furniture, split_walls
 from pedpred.simulation.layouts import RESOLUTION_M, WALL_CELLS, Layout, covered
 from pedpred.simulation.shapes import Shape
@@ -56,15 +54,6 @@ class ClutterSettings:
         shares = ("second_door_share", "column_share", "furniture_share", "turned_share")
         check_ranges(self, dict.fromkeys((*lengths, "scale"), "(0, inf)") | dict.fromkeys(shares, "[0, 1]"))
         check_ranges(self, dict.fromkeys(("partitions", "clearance_m", "attempts"), "[0, inf)"))
-
-
-def clutter_settings(plain: Mapping[str, Any]) -> ClutterSettings:
-    """Parse a dictionary of all fields.
-
-    Raises:
-        ValueRuleError: a field is missing or unknown, or breaks its rule.
-    """
-    return parsed(ClutterSettings, plain)
 
 
 def cluttered_room(settings: ClutterSettings, rng: np.random.Generator) -> Layout:

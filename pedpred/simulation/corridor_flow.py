@@ -15,8 +15,7 @@ import pedpy
 from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.fields import Range, check_ranges, positive
 from pedpred.simulation.ground import ground_of
-from pedpred.simulation.layouts import Layout
-from pedpred.simulation.placement import drawn_targets
+from pedpred.simulation.layouts import Layout, drawn_targets
 from pedpred.simulation.settings import SocialForceSettings
 from pedpred.simulation.shapes import Rectangle
 from pedpred.simulation.simulator import simulate

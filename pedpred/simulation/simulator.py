@@ -9,7 +9,7 @@ from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.crowd import Clock, Crowd, crowd_of
 from pedpred.simulation.ground import Ground, ground_of
 from pedpred.simulation.kernel import advance
-from pedpred.simulation.placement import TargetPool, open_cells, scattered
+from pedpred.simulation.layouts import TargetPool, open_cells, scattered
 from pedpred.simulation.routing import Routes, routes_to
 from pedpred.simulation.settings import CrowdSettings, SocialForceSettings
 
