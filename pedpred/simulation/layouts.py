@@ -108,7 +108,7 @@ def largest_part(cells: np.ndarray) -> np.ndarray:
 
 
 def open_cells(ground: Ground, clearance_m: float) -> np.ndarray:
-    """Centres of the walkable cells, the largest connected part with that clearance, world frame, m. [C, 2]."""
+    """Centres of the walkable cells, the largest connected part with that clearance, m. [C, 2]."""
     cells = np.argwhere(largest_part(ground.distance >= clearance_m))
     return ground.origin + (cells + 0.5) * ground.resolution_m
 
