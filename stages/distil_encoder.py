@@ -13,8 +13,7 @@ from pedpred.networks.encoding import load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.distillation import DistillationLearner, DistillationSettings
 from pedpred.training.fit import manifests_sha256, write_curve
-from pedpred.training.loop import train
-from pedpred.training.progress import scratch_folder
+from pedpred.training.loop import scratch_folder, train
 
 
 @stage

@@ -11,9 +11,8 @@ from pedpred.config import configured, plain, stage
 from pedpred.datasets.crops import crops_of
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.fit import manifests_sha256, write_curve
-from pedpred.training.loop import train
+from pedpred.training.loop import scratch_folder, train
 from pedpred.training.pretraining import AutoencoderLearner, AutoencoderSettings
-from pedpred.training.progress import scratch_folder
 
 
 @stage

@@ -5,7 +5,9 @@ import torch
 from pedpred.features import FeatureSettings
 from pedpred.networks import GridAutoencoder, parse_settings
 from pedpred.networks.export import export_onnx
+from pedpred.networks.registry import describe_network
 from pedpred.online.network import ModelDescription, sensor_shapes, write_description
+from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.tracking import KalmanSettings
 
 WIDTHS = {"state": 2, "grid": 392, "angular": 72}
@@ -37,3 +39,8 @@ def export(folder):
     description = ModelDescription(**ends, features=sizes, tracker=TRACKER, standstill_mps=0.2)
     write_description(folder, description, {"trained_on": "nothing"})
     return folder, network, encoder
+
+
+def write_network(folder, network, about=()):
+    """Write a network as a checkpoint; `about` adds to its description."""
+    write_checkpoint(folder, network.state_dict(), describe_network(network) | dict(about))

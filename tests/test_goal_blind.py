@@ -13,7 +13,7 @@ from pedpred.baselines.beliefs import Belief, apply_bayes, arrival, replace_reac
 from pedpred.baselines.candidates import draw_candidates, room_goals
 from pedpred.baselines.goal_inference import draw_plans, geometric_median, goal_unseen, infer_paths
 from pedpred.baselines.influences import Influences, Observations, between, others_push
-from pedpred.baselines.walking import walking
+from pedpred.baselines.walking import Walking
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.scores import true_paths
 from pedpred.features import FeatureSettings, extract
@@ -28,7 +28,7 @@ from tests.forecasts import request_about
 from tests.simulated import SETTINGS, drawn, scene_of, short
 
 PEOPLE = 8
-MOVING = walking(0.3, SETTINGS, ~np.eye(3, dtype=bool), 0.0)
+MOVING = Walking(0.3, SETTINGS, (1.0 - np.eye(3)) / 2.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +156,7 @@ def test_weighing_is_bayes_rule_for_a_linear_gaussian_model():
     for goal in range(3):
         gain = (1 - MOVING.keep) * direction[0, goal]
         mean = MOVING.keep * start.velocity[0] + gain * prior.speed_mps[0, goal]
-        mean = mean + (1 - MOVING.keep) * MOVING.forces.relaxation_time_s * acting.push[0, goal]
+        mean = mean + (1 - MOVING.keep) * SETTINGS.forces.relaxation_time_s * acting.push[0, goal]
         spread = prior.variance[0, goal] * np.outer(gain, gain) + MOVING.noise_mps**2 * np.eye(2)
         likelihood.append(stats.multivariate_normal(mean, spread).pdf(end.velocity[0]))
         information = 1 / prior.variance[0, goal] + gain @ gain / MOVING.noise_mps**2

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from pedpred.baselines.fitting import FITTED, fit_forces
 from pedpred.baselines.social_force import initial_state, intentions
 from pedpred.errors import ShapeError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
@@ -11,6 +10,7 @@ from pedpred.simulation import kernel
 from pedpred.simulation.settings import SocialForceSettings
 from tests import groups
 from tests.simulated import SETTINGS
+from tools.fit_social_force import FITTED, fit_forces
 
 FORCES = SETTINGS.forces
 EAST = np.array([1.0, 0.0])

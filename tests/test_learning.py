@@ -14,7 +14,7 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.networks import GridAutoencoder, load_network, parse_settings
 from pedpred.networks.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
 from pedpred.networks.contract import detach, mean_over, reset, velocity_distance
-from pedpred.networks.registry import plain_settings, write_network
+from pedpred.networks.registry import plain_settings
 from pedpred.networks.rolling import roll, rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
 from pedpred.training import (
@@ -26,6 +26,7 @@ from pedpred.training import (
 )
 from pedpred.training.fit import copy_phase
 from pedpred.training.loop import learning_rate
+from tests.exported import write_network
 
 WIDTHS = {"state": 2, "angular": 72}
 SMALL = parse_settings(

@@ -10,13 +10,12 @@ from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureSettings, extract
 from pedpred.networks import ARCHITECTURES, GridEncoder, NetworkForecaster, load_network, parse_settings
 from pedpred.networks.export import export_onnx
-from pedpred.networks.registry import write_network
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import ModelDescription, sensor_shapes, write_description
 from pedpred.online.replay import replayed
 from pedpred.tracking import follow
 from pedpred.training import RecurrentLearner, train
-from tests.exported import TRACKER
+from tests.exported import TRACKER, write_network
 from tests.test_learning import QUICK, toy_data
 from tests.toys.architecture import ToySettings
 from tests.worlds import walled_scene

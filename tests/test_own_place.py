@@ -13,10 +13,9 @@ from omegaconf import OmegaConf
 
 from pedpred import config
 from pedpred.networks import GridAutoencoder, parse_settings
-from pedpred.networks.registry import write_network
 from pedpred.storage.checkpoints import write_checkpoint
 from tests.conftest import ROOT
-from tests.exported import WIDTHS
+from tests.exported import WIDTHS, write_network
 
 NETWORKS = ("lstm", "lstm_nogrid")
 SMALL = [

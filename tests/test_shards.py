@@ -20,11 +20,10 @@ from pedpred.datasets.motion import load_motion_data
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, extract, extract_blocks, unpack_crops
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.storage.columns import read_columns, write_blocks, write_columns
+from pedpred.storage.columns import read_columns, split_pairs, write_blocks, write_columns
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import (
     FEATURE_SCHEMA,
-    feature_columns,
     read_crops,
     read_manifest,
     read_shard,
@@ -180,7 +179,7 @@ def test_another_size_is_named(shard):
 @pytest.mark.parametrize("column", ["time_s", "angular_grid", "window"])
 def test_another_type_is_named(shard, column, wrong):
     folder, table = shard
-    columns = feature_columns(table)
+    columns = split_pairs(vars(table))
     columns[column] = columns[column].astype(wrong if column != "angular_grid" else np.float64)
     write_blocks([columns], folder / "walled.parquet", FEATURE_SCHEMA)
     with pytest.raises(StorageError, match=rf"walled\.parquet, column {column}.*Write it again"):
@@ -190,7 +189,7 @@ def test_another_type_is_named(shard, column, wrong):
 def test_another_schema_version_is_named(shard):
     folder, table = shard
     for write in (write_columns, lambda c, p: write_blocks([c], p, FEATURE_SCHEMA - 1)):
-        write(feature_columns(table), folder / "walled.parquet")
+        write(split_pairs(vars(table)), folder / "walled.parquet")
         with pytest.raises(StorageError, match=r"walled\.parquet, schema: version .* expected"):
             read_shard(folder, "walled", SETTINGS)
 

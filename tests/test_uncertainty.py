@@ -15,7 +15,8 @@ from pedpred.networks.contract import displacements
 from pedpred.networks.gaussian import FLOOR_M, GaussianHead, covariance_of, negative_log_density
 from pedpred.networks.registry import plain_settings
 from pedpred.networks.rolling import roll
-from pedpred.training import RecurrentLearner, TrainingSettings, train
+from pedpred.training import RecurrentLearner, train
+from tests import test_learning
 
 MEAN_ONLY = parse_settings(
     {
@@ -28,18 +29,7 @@ MEAN_ONLY = parse_settings(
     }
 )
 WITH_SPREAD = dataclasses.replace(MEAN_ONLY, uncertainty="gaussian")
-QUICK = TrainingSettings(
-    steps=6,
-    lanes=4,
-    sub_sequence=5,
-    longest_track=40,
-    validate_every=3,
-    lr=1e-2,
-    warmup_steps=2,
-    clip_norm=0.1,
-    weight_decay=1e-4,
-    seed=0,
-)
+QUICK = dataclasses.replace(test_learning.QUICK, longest_track=40, clip_norm=0.1)
 SPREAD = st.tuples(st.floats(0.01, 5.0), st.floats(0.01, 5.0), st.floats(-3.0, 3.0))
 
 

@@ -56,7 +56,7 @@ class Belief:
 
 
 def beliefs(
-    seen: Observations, step: np.ndarray, time_s: np.ndarray, ground: Ground, routes: Routes, model: Walking
+    seen: Observations, step: np.ndarray, time_s: np.ndarray, ground: Ground, routes: Routes, walking: Walking
 ) -> Belief:
     """Filter all pedestrians together, instant by instant.
 
@@ -66,28 +66,28 @@ def beliefs(
         time_s: of the observations. [M]
         ground: obstacles.
         routes: ways to the goals. [G]
-        model: how people walk.
+        walking: how people walk.
 
     Returns:
         Row n knows the observations up to its instant. [M, G]
     """
-    shape = (len(step), len(routes.target))
+    shape, crowd = (len(step), len(routes.target)), walking.model.crowd
     belief = Belief(
         np.full(shape, 1.0 / shape[1]),
-        np.full(shape, model.speed_mps),
-        np.full(shape, model.speed_deviation_mps**2),
+        np.full(shape, crowd.mean_speed_mps),
+        np.full(shape, crowd.speed_deviation_mps**2),
     )
     for rows in instants(time_s):
         now = rows[step[rows] > 0]
         if len(now):
             prior, start, end = belief.at(now - 1), seen.at(now - 1), seen.at(now)
             acting = influences_between(
-                start, end, model.dt_s, prior.probability, ground, routes, model.forces
+                start, end, walking.dt_s, prior.probability, ground, routes, walking.model.forces
             )
-            arrived = arrival(start.position, end.position, routes.target, model)
-            noise = unexplained(prior, start.position, routes.target, arrived, model)
+            arrived = arrival(start.position, end.position, routes.target, walking)
+            noise = unexplained(prior, start.position, routes.target, arrived, walking)
             posterior = replace_reached(
-                apply_bayes(prior, start, end, acting, noise, model), arrived, model.following
+                apply_bayes(prior, start, end, acting, noise, walking), arrived, walking.following
             )
             for name, values in vars(posterior).items():
                 getattr(belief, name)[now] = values
@@ -95,7 +95,7 @@ def beliefs(
 
 
 def unexplained(
-    prior: Belief, position: np.ndarray, places: np.ndarray, arrived: np.ndarray, model: Walking
+    prior: Belief, position: np.ndarray, places: np.ndarray, arrived: np.ndarray, walking: Walking
 ) -> np.ndarray:
     """Compute the variance of each velocity component about its prediction under each goal.
 
@@ -107,15 +107,15 @@ def unexplained(
         position: at the start, m. [N, 2]
         places: that stand for the goals, m. [G, 2]
         arrived: probability to have reached a goal in between. [N, G]
-        model: how people walk.
+        walking: how people walk.
 
     Returns:
         s^2, m^2/s^2. [N, G]
     """
-    noise = np.where(arrived > 0, _ARRIVING_MPS, model.noise_mps) ** 2
+    noise = np.where(arrived > 0, _ARRIVING_MPS, walking.noise_mps) ** 2
     apart = np.linalg.norm(position[:, None] - places, axis=-1)
-    astray = model.spread_m / (2.0 * np.maximum(apart, model.reach_m))
-    return noise + ((1.0 - model.keep) * prior.speed_mps * astray) ** 2
+    astray = walking.spread_m / (2.0 * np.maximum(apart, walking.model.crowd.reach_m))
+    return noise + ((1.0 - walking.keep) * prior.speed_mps * astray) ** 2
 
 
 def apply_bayes(
@@ -124,7 +124,7 @@ def apply_bayes(
     end: Observations,
     acting: Influences,
     noise: np.ndarray,
-    model: Walking,
+    walking: Walking,
 ) -> Belief:
     """Apply Bayes' rule to goals and desired speeds, given the velocity at the end of an interval.
 
@@ -137,11 +137,11 @@ def apply_bayes(
         end: of the interval. [N]
         acting: forces in between. [N, G]
         noise: s^2, m^2/s^2. [N, G]
-        model: how people walk.
+        walking: how people walk.
     """
-    gain = (1.0 - model.keep) * acting.direction
-    foreseen = model.keep * start.velocity[:, None] + gain * prior.speed_mps[..., None]
-    foreseen += (1.0 - model.keep) * model.forces.relaxation_time_s * acting.push
+    gain = (1.0 - walking.keep) * acting.direction
+    foreseen = walking.keep * start.velocity[:, None] + gain * prior.speed_mps[..., None]
+    foreseen += (1.0 - walking.keep) * walking.model.forces.relaxation_time_s * acting.push
     miss = end.velocity[:, None] - foreseen
     along, squared = (gain * miss).sum(axis=-1), (miss**2).sum(axis=-1)
     spread = noise + prior.variance * (gain**2).sum(axis=-1)
@@ -157,7 +157,7 @@ def apply_bayes(
     )
 
 
-def arrival(start: np.ndarray, end: np.ndarray, places: np.ndarray, model: Walking) -> np.ndarray:
+def arrival(start: np.ndarray, end: np.ndarray, places: np.ndarray, walking: Walking) -> np.ndarray:
     """Compute the probability that goals were reached on straight segments; blurred at the edge of reach.
 
     The edge is as wide as the disc in which a goal may lie, or as paths are uncertain.
@@ -166,7 +166,7 @@ def arrival(start: np.ndarray, end: np.ndarray, places: np.ndarray, model: Walki
         start: of the segments, m. [N, 2]
         end: of the segments, m. [N, 2]
         places: that stand for the goals, m. [G, 2]
-        model: how people walk.
+        walking: how people walk.
 
     Returns:
         [N, G]
@@ -175,8 +175,8 @@ def arrival(start: np.ndarray, end: np.ndarray, places: np.ndarray, model: Walki
     length = np.maximum((along**2).sum(axis=-1), 1e-12)
     share = np.clip((to * along).sum(axis=-1) / length, 0.0, 1.0)
     nearest = np.linalg.norm(to - share[..., None] * along, axis=-1)
-    blur_m = max(_BLUR_M, 2.0 * model.spread_m)
-    return np.clip((model.reach_m - nearest) / blur_m + 0.5, 0.0, 1.0)
+    blur_m = max(_BLUR_M, 2.0 * walking.spread_m)
+    return np.clip((walking.model.crowd.reach_m - nearest) / blur_m + 0.5, 0.0, 1.0)
 
 
 def replace_reached(belief: Belief, arrived: np.ndarray, following: np.ndarray) -> Belief:

@@ -22,7 +22,7 @@ from pedpred.baselines.beliefs import beliefs
 from pedpred.baselines.candidates import Candidates, draw_candidates, room_goals
 from pedpred.baselines.influences import Observations
 from pedpred.baselines.together import forecast_jointly, roll_out_all
-from pedpred.baselines.walking import walking
+from pedpred.baselines.walking import Walking
 from pedpred.features import FeatureTable
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
@@ -106,12 +106,13 @@ def infer_paths(
     ground = ground_of(occupancy)
     routes = routes_to(candidates.position, ground, model.routing)
     allowed = successors(routes.target, np.arange(len(routes.target)), model.crowd.least_leg_m)
-    moving = walking(dt_s, model, allowed, candidates.spread_m)
+    following = allowed / allowed.sum(axis=1, keepdims=True)
+    walking = Walking(dt_s, model, following, candidates.spread_m)
     seen = Observations(table.position, rotate(table.velocity, table.heading_rad).astype(np.float64))
-    belief = beliefs(seen, table.step, table.time_s, ground, routes, moving).at(rows)
+    belief = beliefs(seen, table.step, table.time_s, ground, routes, walking).at(rows)
     here, time_s = seen.at(rows), table.time_s[rows]
     futures = np.empty((draws, len(rows), horizon_steps, 2))
-    for draw, plan in enumerate(draw_plans(belief.probability, moving.following, draws, rng)):
+    for draw, plan in enumerate(draw_plans(belief.probability, following, draws, rng)):
         speed = np.take_along_axis(belief.speed_mps, plan[:, :1], axis=1)[:, 0]
         speed = np.clip(speed, *model.crowd.speed_range_mps)
         crowd = crowd_of(here.position, here.velocity, speed, plan)

@@ -151,14 +151,7 @@ def intentions(
 def _latest_rows(
     track: np.ndarray, times_s: np.ndarray, track_id: np.ndarray, time_s: np.ndarray
 ) -> np.ndarray:
-    """Index of each track's last detection up to an instant (its first one if there is none yet).
-
-    Args:
-        track: of all detections, sorted. [M]
-        times_s: of all detections, sorted within a track. [M]
-        track_id: asked for. [W]
-        time_s: asked for. [W]
-    """
+    """Index of each track's last detection up to an instant (its first one if there is none yet). [W]."""
     rows = np.empty(len(track_id), dtype=np.int64)
     for asked in np.unique(track_id):
         first, last = np.searchsorted(track, [asked, asked + 1])

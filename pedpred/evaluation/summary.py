@@ -96,19 +96,11 @@ def summaries(pool: Mapping[str, Scores], reference: str, settings: EvaluationSe
     """
     rng = np.random.default_rng(settings.seed)
     resampling = TrackBootstrap.draw(pool[reference].track, settings.bootstrap, rng)
-    return {method: summary(own, pool[reference], resampling) for method, own in pool.items()}
+    return {method: _summary(own, pool[reference], resampling) for method, own in pool.items()}
 
 
-def summary(scores: Scores, reference: Scores, resampling: TrackBootstrap) -> dict[str, Any]:
-    """Summarise one method in one scene or pool.
-
-    A metric that applies to no window is left out.
-
-    Args:
-        scores: of the method.
-        reference: of the reference method in the same windows; differences are paired.
-        resampling: of these windows.
-    """
+def _summary(scores: Scores, reference: Scores, resampling: TrackBootstrap) -> dict[str, Any]:
+    """Summarise one method; a metric that applies to no window is left out, differences are paired."""
     values: dict[str, Any] = {}
     for key, own in scores.values.items():
         for name, each in ((key, own), (f"{key}_minus_reference", own - reference.values[key])):

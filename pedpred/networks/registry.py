@@ -13,7 +13,7 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.networks.contract import NetworkSettings, RecurrentNetwork
 from pedpred.networks.lstm import LstmSettings
-from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
 ARCHITECTURES: dict[str, type[NetworkSettings]] = {
     "lstm": LstmSettings,
@@ -55,11 +55,6 @@ def describe_network(network: RecurrentNetwork) -> dict[str, Any]:
 def is_network(about: Mapping[str, Any]) -> bool:
     """Whether a checkpoint's description is that of a recurrent network."""
     return about["kind"] == _KIND
-
-
-def write_network(folder: Path, network: RecurrentNetwork, about: Mapping[str, Any] | None = None) -> None:
-    """Write a network as a checkpoint; `about` adds to its description."""
-    write_checkpoint(folder, network.state_dict(), {**describe_network(network), **(about or {})})
 
 
 def load_network(folder: Path) -> RecurrentNetwork:

@@ -22,6 +22,33 @@ _REMEDY = "Write it again"
 _NUMBERS = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
 
 
+PAIRS = {
+    "position": ("x_m", "y_m"),
+    "velocity": ("vx_mps", "vy_mps"),
+    "last_position": ("last_x_m", "last_y_m"),
+    "last_velocity": ("last_vx_mps", "last_vy_mps"),
+    "last_acceleration": ("last_ax_mps2", "last_ay_mps2"),
+}
+"""Fields of x and y, [M, 2], of feature tables and windows, and their columns."""
+
+
+def split_pairs(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Fields as named columns: those of `PAIRS` become two."""
+    columns: dict[str, np.ndarray] = {}
+    for name, value in values.items():
+        columns |= dict(zip(PAIRS[name], value.T, strict=True)) if name in PAIRS else {name: value}
+    return columns
+
+
+def join_pairs(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The inverse of `split_pairs`."""
+    pairs = {name: pair for name, pair in PAIRS.items() if pair[0] in columns}
+    joined = {
+        name: np.stack([columns.pop(column) for column in pair], axis=-1) for name, pair in pairs.items()
+    }
+    return columns | joined
+
+
 def write_columns(
     columns: Mapping[str, np.ndarray], path: Path, about: Mapping[str, Any] | None = None
 ) -> None:

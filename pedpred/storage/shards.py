@@ -13,19 +13,12 @@ import numpy as np
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.files import read_json, translate_errors, write_json
-from pedpred.storage.columns import read_blocks, write_blocks
+from pedpred.storage.columns import PAIRS, join_pairs, read_blocks, split_pairs, write_blocks
 
 FEATURE_SCHEMA = 2
 _NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
 """Byte-stream-split makes these 5-45 % smaller, and those that hold their values up to 3 times larger."""
 _REMEDY = "Write it again"
-_PAIRS = {
-    "position": ("x_m", "y_m"),
-    "velocity": ("vx_mps", "vy_mps"),
-    "last_position": ("last_x_m", "last_y_m"),
-    "last_velocity": ("last_vx_mps", "last_vy_mps"),
-    "last_acceleration": ("last_ax_mps2", "last_ay_mps2"),
-}
 
 
 @dataclass(frozen=True)
@@ -58,20 +51,7 @@ def columns_of(settings: FeatureSettings) -> dict[str, Column]:
         "future_steps": Column("int8", unit="steps of future that are known"),
         "window": Column("bool"),
     }
-    return {name: about for field, about in by_field.items() for name in _PAIRS.get(field, (field,))}
-
-
-def feature_columns(table: FeatureTable) -> dict[str, np.ndarray]:
-    """The table as named columns, pairs split into x and y."""
-    columns: dict[str, np.ndarray] = {}
-    for field in fields(table):
-        value = getattr(table, field.name)
-        columns |= (
-            dict(zip(_PAIRS[field.name], value.T, strict=True))
-            if field.name in _PAIRS
-            else {field.name: value}
-        )
-    return columns
+    return {name: about for field, about in by_field.items() for name in PAIRS.get(field, (field,))}
 
 
 def write_shard(blocks: Iterable[FeatureTable], folder: Path, name: str) -> None:
@@ -83,7 +63,7 @@ def write_shard(blocks: Iterable[FeatureTable], folder: Path, name: str) -> None
         name: of the scene.
     """
     path = folder / f"{name}.parquet"
-    write_blocks(map(feature_columns, blocks), path, FEATURE_SCHEMA, split=_NEVER_REPEATED)
+    write_blocks((split_pairs(vars(block)) for block in blocks), path, FEATURE_SCHEMA, split=_NEVER_REPEATED)
 
 
 def write_manifest(folder: Path, settings: FeatureSettings, scenes: Mapping[str, Path]) -> None:
@@ -143,9 +123,7 @@ def read_shard_blocks(folder: Path, name: str, settings: FeatureSettings) -> Ite
             another type or size; it names file and field.
     """
     for columns in _blocks(folder / f"{name}.parquet", columns_of(settings)):
-        for field, pair in _PAIRS.items():
-            columns[field] = np.stack([columns.pop(column) for column in pair], axis=-1)
-        yield FeatureTable(**columns)
+        yield FeatureTable(**join_pairs(columns))
 
 
 def read_crops(folder: Path, name: str, settings: FeatureSettings) -> Iterator[np.ndarray]:

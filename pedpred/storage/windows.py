@@ -14,10 +14,10 @@ from pedpred.errors import ShapeError, StorageError
 from pedpred.files import translate_errors
 from pedpred.geometry import rotate
 from pedpred.scenes import Predictions
-from pedpred.storage.columns import read_about, read_columns, write_columns
+from pedpred.storage.columns import PAIRS, join_pairs, read_about, read_columns, split_pairs, write_columns
 
 _POINT, _MODES, _WEIGHT, _COVARIANCE = "point_", "modes_", "weight_", "covariance_"
-_PLAIN = ("track_id", "time_s", "x_m", "y_m", "heading_rad", "vx_mps", "vy_mps")
+_PLAIN = ("track_id", "time_s", "position", "heading_rad", "velocity")
 SIZES = ("dt_s", "grid_cells", "grid_resolution_m", "max_range_m")
 _REMEDY = "Evaluate again"
 
@@ -92,13 +92,7 @@ class EvaluationWindows:
 def write_windows(windows: EvaluationWindows, path: Path) -> None:
     """Write windows as Parquet; predicted and true positions become float32, sizes file metadata."""
     columns = {
-        "track_id": windows.track_id,
-        "time_s": windows.time_s,
-        "x_m": windows.position[:, 0],
-        "y_m": windows.position[:, 1],
-        "heading_rad": windows.heading_rad,
-        "vx_mps": windows.velocity[:, 0],
-        "vy_mps": windows.velocity[:, 1],
+        **split_pairs({name: getattr(windows, name) for name in _PLAIN}),
         "grid": windows.packed_grid,
         "angular_grid": windows.angular_grid_m,
         "truth": windows.truth.astype(np.float32),
@@ -126,18 +120,20 @@ def read_windows(path: Path) -> EvaluationWindows:
         about = read_about(path)
         sizes, modes = {name: about[name] for name in SIZES}, about["modes"]
         steps = _width(types, "truth") // 2
-        shapes: dict[str, tuple[int, ...]] = {name: () for name in _PLAIN}
+        shapes: dict[str, tuple[int, ...]] = {
+            name: () for field in _PLAIN for name in PAIRS.get(field, (field,))
+        }
         shapes |= {"grid": (-1,), "angular_grid": (-1,), "truth": (steps, 2)}
         for method in (name.removeprefix(_POINT) for name in types if name.startswith(_POINT)):
             shapes |= _prediction_shapes(method, modes.get(method, 1), steps, types)
-    columns = read_columns(path, shapes)
+    columns = join_pairs(read_columns(path, shapes))
     methods = [name.removeprefix(_POINT) for name in columns if name.startswith(_POINT)]
     return EvaluationWindows(
         track_id=columns["track_id"],
         time_s=columns["time_s"],
-        position=np.column_stack([columns["x_m"], columns["y_m"]]),
+        position=columns["position"],
         heading_rad=columns["heading_rad"],
-        velocity=np.column_stack([columns["vx_mps"], columns["vy_mps"]]),
+        velocity=columns["velocity"],
         packed_grid=columns["grid"],
         angular_grid_m=columns["angular_grid"],
         truth=columns["truth"].astype(np.float64),

@@ -22,8 +22,7 @@ from pedpred.networks.registry import describe_network, is_network
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.storage.shards import read_manifest
 from pedpred.training.distributed import DistributedContext
-from pedpred.training.loop import train
-from pedpred.training.progress import scratch_folder
+from pedpred.training.loop import scratch_folder, train
 from pedpred.training.recurrent import RecurrentLearner, TrainingSettings
 
 

@@ -22,22 +22,21 @@ from rosbags.typesys import Stores
 from pedpred import config
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.geometry import Homography
-from pedpred.networks.registry import write_network
 from pedpred.online.network import ExportedNetwork, read_description
 from pedpred.report import measures
 from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
+from pedpred.storage.columns import split_pairs
 from pedpred.storage.scenes import tracks_table, write_scene
 from pedpred.storage.shards import (
-    feature_columns,
     read_manifest,
     read_shard,
     write_manifest,
     write_shard,
 )
 from pedpred.storage.windows import write_windows
-from tests.exported import NETWORK, WIDTHS
+from tests.exported import NETWORK, WIDTHS, write_network
 from tests.forecasts import windows_with
 from tests.test_bags import Store, stream
 
@@ -124,7 +123,7 @@ def make_features(folder: Path) -> None:
 def read_features(folder: Path) -> object:
     """Manifest, then every shard that it names."""
     settings, names = read_manifest(folder)
-    return [feature_columns(read_shard(folder, name, settings)) for name in names]
+    return [split_pairs(vars(read_shard(folder, name, settings))) for name in names]
 
 
 def make_windows(folder: Path) -> None:
