@@ -21,19 +21,10 @@ def social_acceleration(
     away: np.ndarray,
     settings: ForceSettings,
 ) -> np.ndarray:
-    """Sum of all forces on each pedestrian of a crowd. Helbing & Molnar 1995, eq. 9.
+    """Sum of all forces but the noise on each pedestrian of a crowd. Helbing & Molnar 1995, eq. 9. [N, 2].
 
-    Args:
-        position: world frame, m. [N, 2]
-        velocity: m/s. [N, 2]
-        direction: e, unit vector of the way to the goal. [N, 2]
-        desired_speed: v0, m/s. [N]
-        distance: to the nearest obstacle point, m. [N]
-        away: gradient of that distance. [N, 2]
-        settings: constants of the model.
-
-    Returns:
-        Acceleration without noise. [N, 2]
+    `direction` is e, the unit vector of the way to the goal, `away` the gradient of the `distance` to the
+    nearest obstacle point.
     """
     total = driving_acceleration(velocity, direction, desired_speed, settings.relaxation_time_s)
     total = total + border_repulsion(distance, away, settings)

@@ -19,14 +19,7 @@ def gaze(
 ) -> np.ndarray:
     """Deceleration to see the others, f = -beta_1 alpha v; alpha = angle to the others' centre beyond phi.
 
-    Args:
-        velocity: m/s. [N, 2]
-        direction: e, direction of gaze, unit vectors. [N, 2]
-        to_others: from each person to the centre of the other members, m. [N, 2]
-        settings: beta_1.
-
-    Returns:
-        [N, 2]
+    `direction` is e, the direction of gaze, `to_others` leads to the centre of the other members. [N, 2]
     """
     cosine = (direction * _unit(to_others)).sum(axis=-1)
     turn = np.maximum(np.arccos(np.clip(cosine, -1.0, 1.0)) - HALF_VIEW_RAD, 0.0)
@@ -36,28 +29,14 @@ def gaze(
 def cohesion(to_centre: np.ndarray, size: np.ndarray, settings: ForceSettings) -> np.ndarray:
     """Attraction to the centre of the group, f = beta_2 U, when it is farther than (size - 1) / 2 metres.
 
-    Args:
-        to_centre: from each person to the centre of all members, m; U is its unit vector. [N, 2]
-        size: of the group. [N]
-        settings: beta_2.
-
-    Returns:
-        [N, 2]
+    U is the unit vector of `to_centre`, which leads to the centre of all members, m. [N, 2]
     """
     apart = np.linalg.norm(to_centre, axis=-1) > 0.5 * (size - 1)
     return settings.group_attraction * apart[:, None] * _unit(to_centre)
 
 
 def elbow_room(offset: np.ndarray, settings: ForceSettings) -> np.ndarray:
-    """Repulsion by another member closer than d0, f = beta_3 W.
-
-    Args:
-        offset: from the other member to this one, m; W is its unit vector. [..., 2]
-        settings: beta_3 and d0.
-
-    Returns:
-        [..., 2]
-    """
+    """Repulsion by another member closer than d0, f = beta_3 W; W: unit vector of `offset`. [..., 2]."""
     near = np.linalg.norm(offset, axis=-1) < settings.group_distance_m
     return settings.group_repulsion * near[..., None] * _unit(offset)
 
@@ -69,18 +48,7 @@ def group_acceleration(
     group: np.ndarray,
     settings: ForceSettings,
 ) -> np.ndarray:
-    """Sum of the group terms; zero for people without others of their group.
-
-    Args:
-        position: world frame, m. [N, 2]
-        velocity: m/s. [N, 2]
-        direction: e, unit vector of the way to the goal. [N, 2]
-        group: people with equal numbers walk together; -1: alone. [N]
-        settings: beta_1, beta_2, beta_3, d0.
-
-    Returns:
-        [N, 2]
-    """
+    """Sum of the group terms; zero for people without others of their group (-1: alone). [N, 2]."""
     together = (group[:, None] == group) & (group[:, None] >= 0) & ~np.eye(len(group), dtype=bool)
     others = together.sum(axis=1)
     offset = position[:, None] - position[None]

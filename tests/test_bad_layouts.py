@@ -53,7 +53,7 @@ def asked_for(plain, **scene):
         (den({"rectangle": {**RECTANGLE, "size_m": [3, 0]}}), "rectangle.size_m = [3, 0]", "positive"),
         (den({"rectangle": {**RECTANGLE, "angle_deg": NAN}}), "rectangle.angle_deg = nan", "finite"),
         (
-            den({"circle": CIRCLE}, {"wall": {**WALL, "thickness_m": 0}}),
+            den({"circle": CIRCLE}, {"wall": WALL | {"thickness_m": 0}}),
             "shapes[1].wall.thickness_m",
             "positive",
         ),
@@ -63,15 +63,11 @@ def asked_for(plain, **scene):
         (den({"polygon": {"corners": [[1, 1], [2], [3, 1]]}}), "polygon.corners", "of shape"),
         (den({"hexagon": {}}), "shapes[0] = {'hexagon': {}}", "one of rectangle, circle, polygon, wall"),
         (den("circle"), "shapes[0] = 'circle", "write one of"),
+        (den({"circle": CIRCLE | {"center": [15, 4]}}), "shapes[0].circle", "between (0, 0) and (10, 8)"),
         (
-            den({"circle": {**CIRCLE, "center": [15, 4]}}),
-            "shapes[0].circle",
-            "between (0, 0) and (10, 8)",
-        ),
-        (
-            den(target_regions=[{"circle": {**CIRCLE, "radius_m": -1}}]),
-            "target_regions[0].circle.radius_m",
-            "pos",
+            den(target_regions=[{"circle": CIRCLE | {"radius_m": -1}}]),
+            "regions[0].circle.radius_m",
+            "positive",
         ),
         (den(size_m=[10, -8]), "size_m = [10, -8]", "positive"),
         (den(size_m=[10, 800]), "size_m = [10, 800]", "200.0 m"),
@@ -161,11 +157,8 @@ def test_what_is_admitted_is_reached_by_routes(width_m):
 
 def test_polygons_may_have_edges_along_one_line_and_inner_corners():
     comb = [[0, 0], [5, 0], [5, 3], [4, 3], [4, 1], [3, 1], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]]
-    assert Polygon(comb).covers(np.array([[0.5, 2.0], [1.5, 2.0], [2.5, 2.0]])).tolist() == [
-        True,
-        False,
-        True,
-    ]
+    covered = Polygon(comb).covers(np.array([[0.5, 2.0], [1.5, 2.0], [2.5, 2.0]]))
+    assert covered.tolist() == [True, False, True]
 
 
 @pytest.mark.parametrize("name", ["columns", "room001"])
@@ -176,9 +169,8 @@ def test_more_people_than_fit_are_refused_before_any_room_is_simulated(name):
 
 
 def test_a_room_with_one_place_to_walk_to_is_refused():
-    assert "rooms.den.size_m = [1.6, 1.6], but it is too small" in asked_for(
-        den(size_m=[1.6, 1.6]), pedestrians=1
-    )
+    message = asked_for(den(size_m=[1.6, 1.6]), pedestrians=1)
+    assert "rooms.den.size_m = [1.6, 1.6], but it is too small" in message
 
 
 def test_as_many_people_as_find_room_are_admitted_and_start():

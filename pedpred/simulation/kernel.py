@@ -213,18 +213,11 @@ def _heading(n, crowd, routes, reach_m):
 
 @njit(cache=True, nogil=True)
 def advance(crowd, noise, clock, ground, routes, forces, reach_m):
-    """Simulate a crowd; its position, velocity and leg are changed in place.
+    """Simulate a `Crowd` by the steps of a `Clock`; its position, velocity and leg are changed in place.
 
-    Semi-implicit Euler: v += a dt, capped at `speed_cap` v0, then x += v dt.
-
-    Args:
-        crowd: `Crowd`.
-        noise: random accelerations, each held for `clock.hold` steps; empty for none. [H, N, 2] m/s^2
-        clock: `Clock`.
-        ground: `Ground`.
-        routes: `Routes`.
-        forces: `ForceSettings`.
-        reach_m: a target is reached at this distance; people stay around the last one of their plan.
+    Semi-implicit Euler: v += a dt, capped at `speed_cap` v0, then x += v dt. `noise` [H, N, 2] holds random
+    accelerations, m/s^2, each held for `clock.hold` steps; it is empty for none. A target is reached at the
+    distance `reach_m`; people stay around the last one of their plan.
 
     Returns:
         Positions [R, N, 2], velocities [R, N, 2] and legs [R, N] after each `clock.every` steps.

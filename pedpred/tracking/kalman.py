@@ -65,14 +65,9 @@ def updated(
     acceleration_noise: float,
     position_noise_m: float,
 ) -> Belief:
-    """Predict over `dt_s` [N] and correct by the next detections.
+    """Correct the belief `predicted` at the next detections (world frame, m, [N, 2]) by them.
 
-    Args:
-        belief: after the previous detections.
-        dt_s: time since then, s. [N]
-        detection: world frame, m. [N, 2]
-        acceleration_noise: spectral density q, m^2/s^3.
-        position_noise_m: standard deviation r of a detection, m.
+    `position_noise_m` is the standard deviation r of a detection, m.
     """
     before = predicted(belief, dt_s, acceleration_noise)
     p_pp, p_pv, p_vv = before.covariance.T
