@@ -24,7 +24,7 @@ class Cell:
 
     Attributes:
         text: what is shown.
-        place: where the figure is in the metric files, such as `sim_test.lstm.ade_m`.
+        place: where the figure is in the metric files, such as `<scene>.<method>.ade_m`.
         bounds: 95 % interval; in Markdown it follows the text, the page shows it as a tooltip.
         unit: of the interval.
         remark: further words of the tooltip.
