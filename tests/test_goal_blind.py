@@ -40,7 +40,8 @@ def walked():
 
 def among(candidates, scene, table, rows):
     rng = np.random.default_rng(3)
-    return infer_paths(scene.occupancy, table, rows, candidates, SETTINGS, 10, 0.3, rng, draws=4)
+    request = request_about(scene, table, rows, social_force=SETTINGS)
+    return infer_paths(request, rows, candidates, rng, draws=4)
 
 
 def forecast(scene, table, rows):

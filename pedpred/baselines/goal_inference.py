@@ -23,14 +23,12 @@ from pedpred.baselines.candidates import Candidates, draw_candidates, room_goals
 from pedpred.baselines.influences import Observations
 from pedpred.baselines.together import forecast_jointly, roll_out_all
 from pedpred.baselines.walking import Walking
-from pedpred.features import FeatureTable
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
-from pedpred.scenes import OccupancyMap, Predictions
+from pedpred.scenes import Predictions
 from pedpred.simulation.crowd import crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.routing import routes_to
-from pedpred.simulation.settings import SocialForceSettings
 from pedpred.simulation.simulator import successors
 
 DRAWS = 8  # twice as many lower the error by 1 to 3 % (two rooms of `main`) and take nearly twice the time
@@ -63,13 +61,7 @@ def goal_unseen(imagined_goals: int) -> Forecaster:
 
 
 def _infer(request: ForecastRequest, candidates: Candidates, rng: np.random.Generator) -> Predictions:
-    sizes, model, occupancy = request.sizes, request.walking_model, request.scene.occupancy
-
-    def roll_out(rows: np.ndarray) -> np.ndarray:
-        given = (occupancy, request.table, rows, candidates, model)
-        return infer_paths(*given, sizes.horizon_steps, sizes.dt_s, rng)
-
-    return forecast_jointly(request, roll_out)
+    return forecast_jointly(request, lambda rows: infer_paths(request, rows, candidates, rng))
 
 
 def _generator(request: ForecastRequest) -> np.random.Generator:
@@ -77,46 +69,39 @@ def _generator(request: ForecastRequest) -> np.random.Generator:
 
 
 def infer_paths(
-    occupancy: OccupancyMap,
-    table: FeatureTable,
+    request: ForecastRequest,
     rows: np.ndarray,
     candidates: Candidates,
-    model: SocialForceSettings,
-    horizon_steps: int,
-    dt_s: float,
     rng: np.random.Generator,
     draws: int = DRAWS,
 ) -> np.ndarray:
     """Forecast pedestrians of whom only the past is known.
 
     Args:
-        occupancy: obstacles.
-        table: the tracked past of all people, sorted by track and step.
+        request: what is asked; the tracked past of all people is its table.
         rows: what to forecast: all people at some instants. [R]
         candidates: possible goals.
-        model: how people walk.
-        horizon_steps: P.
-        dt_s: time between two steps of the table and of the horizon, s.
         rng: combines the draws of different pedestrians.
         draws: joint futures per instant, D.
 
     Returns:
         World positions, m. [R, P, 2]
     """
-    ground = ground_of(occupancy)
+    sizes, table, model = request.sizes, request.table, request.walking_model
+    ground = ground_of(request.scene.occupancy)
     routes = routes_to(candidates.position, ground, model.routing)
     allowed = successors(routes.target, np.arange(len(routes.target)), model.crowd.least_leg_m)
     following = allowed / allowed.sum(axis=1, keepdims=True)
-    walking = Walking(dt_s, model, following, candidates.spread_m)
+    walking = Walking(sizes.dt_s, model, following, candidates.spread_m)
     seen = Observations(table.position, rotate(table.velocity, table.heading_rad).astype(np.float64))
     belief = beliefs(seen, table.step, table.time_s, ground, routes, walking).at(rows)
     here, time_s = seen.at(rows), table.time_s[rows]
-    futures = np.empty((draws, len(rows), horizon_steps, 2))
+    futures = np.empty((draws, len(rows), sizes.horizon_steps, 2))
     for draw, plan in enumerate(draw_plans(belief.probability, following, draws, rng)):
         speed = np.take_along_axis(belief.speed_mps, plan[:, :1], axis=1)[:, 0]
         speed = np.clip(speed, *model.crowd.speed_range_mps)
         crowd = crowd_of(here.position, here.velocity, speed, plan)
-        futures[draw] = roll_out_all(crowd, time_s, ground, routes, model, horizon_steps, dt_s)
+        futures[draw] = roll_out_all(crowd, time_s, ground, routes, model, sizes.horizon_steps, sizes.dt_s)
     return geometric_median(futures)
 
 

@@ -15,14 +15,7 @@ from pedpred.storage.mapped import MappedRows
 from pedpred.storage.shards import read_embeddings, read_manifest, read_shard_blocks
 
 NETWORK_COLUMNS = ("velocity", "angular", "future", "future_steps")
-_COMMON_SIZES = (
-    "dt_s",
-    "horizon_steps",
-    "grid_cells",
-    "grid_resolution_m",
-    "angular_cells",
-    "max_range_m",
-)
+_COMMON_SIZES = ("dt_s", "horizon_steps", "grid_cells", "grid_resolution_m", "angular_cells", "max_range_m")
 
 
 @dataclass(frozen=True)

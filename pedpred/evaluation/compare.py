@@ -5,14 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from pedpred.evaluation.scores import (
-    EvaluationSettings,
-    Scores,
-    metric_scene,
-    score,
-    true_paths,
-    windows_of,
-)
+from pedpred.evaluation.scores import EvaluationSettings, Scores, metric_scene, score, true_paths, windows_of
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.storage.windows import SIZES, EvaluationWindows
 
