@@ -100,21 +100,16 @@ def track_blocks(track_id: np.ndarray, rows: int) -> Iterator[slice]:
 
 
 def _features(
-    scene: Scene,
-    tracks: Tracks,
-    settings: FeatureSettings,
-    steps: Steps,
-    neighbours: Neighbours,
-    futures: Futures,
+    scene: Scene, tracks: Tracks, sizes: FeatureSettings, steps: Steps, around: Neighbours, futures: Futures
 ) -> FeatureTable:
     """Inputs and targets of the steps of some whole tracks."""
     walkers = pedestrians_at(tracks, steps.row, steps.time_s)
-    seen = observe(walkers, neighbours, scene.occupancy, settings)
+    seen = observe(walkers, around, scene.occupancy, sizes)
     last_velocity, last_acceleration = last_differences(tracks, steps.row)
-    ahead_s = (np.arange(settings.horizon_steps) + 1) * settings.dt_s
+    ahead_s = (np.arange(sizes.horizon_steps) + 1) * sizes.dt_s
     path, future_steps = futures.after(tracks.person_id[steps.row], steps.time_s, ahead_s)
-    future = rotate(future_velocities(walkers.position, path, settings.dt_s), -walkers.heading_rad[:, None])
-    known = np.arange(settings.horizon_steps) < future_steps[:, None]
+    future = rotate(future_velocities(walkers.position, path, sizes.dt_s), -walkers.heading_rad[:, None])
+    known = np.arange(sizes.horizon_steps) < future_steps[:, None]
     seen_now = np.abs(tracks.time_s[steps.row] - steps.time_s) <= TIME_TOLERANCE_S
     return FeatureTable(
         track_id=steps.track_id,
@@ -131,7 +126,7 @@ def _features(
         angular_grid=seen.angular_grid,
         future=np.where(known[..., None], future, 0.0).astype(np.float32),
         future_steps=future_steps,
-        window=seen_now & (tracks.age[steps.row] >= settings.min_history) & known.all(axis=1),
+        window=seen_now & (tracks.age[steps.row] >= sizes.min_history) & known.all(axis=1),
     )
 
 
@@ -150,13 +145,8 @@ def clock_steps(tracks: Tracks, detection_dt_s: float, settings: FeatureSettings
     # Round so that simultaneous steps compare equal: neighbours are grouped by instant.
     time_s = np.round((start[sequence] + step * settings.dt_s) / TIME_TOLERANCE_S) * TIME_TOLERANCE_S
     track_id = names[track[sequence]]
-    return Steps(
-        track_id,
-        phase[sequence].astype(np.int8),
-        step.astype(np.int32),
-        time_s,
-        tracks.last_row(track_id, time_s),
-    )
+    row = tracks.last_row(track_id, time_s)
+    return Steps(track_id, phase[sequence].astype(np.int8), step.astype(np.int32), time_s, row)
 
 
 def last_differences(tracks: Tracks, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

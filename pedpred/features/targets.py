@@ -11,17 +11,8 @@ from pedpred.scenes import Trajectories
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, births, last_rows
 
 
-def true_path(time_s: np.ndarray, position: np.ndarray, query_s: np.ndarray) -> np.ndarray:
-    """Interpolate the positions of one track between its annotations (for targets only).
-
-    Args:
-        time_s: annotated instants, rising, s. [A]
-        position: annotations, world frame, m. [A, 2]
-        query_s: clipped to the annotated span, s. [...]
-
-    Returns:
-        World frame, m. [..., 2]
-    """
+def _true_path(time_s: np.ndarray, position: np.ndarray, query_s: np.ndarray) -> np.ndarray:
+    """Interpolate the positions [A, 2] of one track at some times [...], clipped to its span. m, [..., 2]."""
     query_s = np.clip(query_s, time_s[0], time_s[-1])
     if len(time_s) == 1:
         return np.broadcast_to(position[0], (*query_s.shape, 2))
@@ -77,7 +68,7 @@ class Futures:
         lives = np.flatnonzero(np.diff(self.first[row[order]])) + 1
         for steps in np.split(order, lives) if len(order) else []:
             a, b = self.first[row[steps[0]]], self.last[row[steps[0]]]
-            path[steps] = true_path(self.time_s[a:b], self.position[a:b], asked[steps])
+            path[steps] = _true_path(self.time_s[a:b], self.position[a:b], asked[steps])
         ends = self.time_s[self.last[row] - 1]
         return path, (asked <= ends[:, None] + TIME_TOLERANCE_S).sum(axis=1).astype(np.int8)
 

@@ -47,12 +47,10 @@ class ForceSettings(NamedTuple):
     group_distance_m: float
 
 
-_NOT_NEGATIVE = "pedestrian_strength anticipation_s border_strength group_gaze group_attraction"
+_POSITIVE = ("relaxation_time_s", "speed_cap", "pedestrian_range_m", "border_range_m")
 FORCE_RANGES = {
-    **dict.fromkeys(_NOT_NEGATIVE.split(), "[0, inf)"),
-    **dict.fromkeys(("group_repulsion", "group_distance_m"), "[0, inf)"),
-    **dict.fromkeys(("relaxation_time_s", "speed_cap"), "(0, inf)"),
-    **dict.fromkeys(("pedestrian_range_m", "border_range_m"), "(0, inf)"),
+    **dict.fromkeys(ForceSettings._fields, "[0, inf)"),
+    **dict.fromkeys(_POSITIVE, "(0, inf)"),
     "sight_cosine": "[-1, 1]",
     "unseen_weight": "[0, 1]",
 }

@@ -71,11 +71,7 @@ def columns(size_m: Sequence[float], radius_m: float, spacing_m: float, rng: Rng
 
 
 def furniture(
-    size_m: Sequence[float],
-    mixture: np.ndarray,
-    turned_share: float,
-    scale: float,
-    rng: Rng,
+    size_m: Sequence[float], mixture: np.ndarray, turned_share: float, scale: float, rng: Rng
 ) -> Shape:
     """Make a random piece of furniture at a random place.
 

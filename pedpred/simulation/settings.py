@@ -31,8 +31,8 @@ class RoutingSettings:
     slowest: float
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"slowest": "(0, 1]", "comfortable_m": "(0, inf)"})
-        check_ranges(self, {"resolution_m": "(0, inf)", "narrow_m": "(0, inf)"})
+        lengths = ("resolution_m", "narrow_m", "comfortable_m")
+        check_ranges(self, dict.fromkeys(lengths, "(0, inf)") | {"slowest": "(0, 1]"})
         if not self.narrow_m < self.comfortable_m:
             raise ValueRuleError("narrow_m", self.narrow_m, "it must be less than comfortable_m")
 
@@ -156,12 +156,11 @@ class SimulationSettings:
     seed: int
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"generated": "[0, inf)", "pedestrians": "[1, inf)", "hours": "(0, inf)"})
-        check_ranges(self, {"seed": "[0, inf)"})
-        names = self.rooms
-        if not names:
+        check_ranges(self, dict.fromkeys(("generated", "seed"), "[0, inf)"))
+        check_ranges(self, {"pedestrians": "[1, inf)", "hours": "(0, inf)"})
+        if not self.rooms:
             raise ValueRuleError("drawn", self.drawn, "name a layout or set 'generated' above 0")
-        if len(set(names)) < len(names):
+        if len(set(self.rooms)) < len(self.rooms):
             raise ValueRuleError("drawn", self.drawn, "the names of rooms must differ")
 
     @classmethod

@@ -49,15 +49,8 @@ def simulate(
     skipped = round(clock.warm_up_s / clock.record_s)
     steps = (skipped + round(duration_s / clock.record_s)) * every
     noise = rng.normal(0.0, clock.noise_mps2, (-(-steps // hold), pedestrians, 2))
-    recorded = advance(
-        crowd,
-        noise,
-        Clock(clock.step_s, steps, every, hold),
-        ground,
-        routes,
-        settings.forces,
-        settings.crowd.reach_m,
-    )
+    ticks = Clock(clock.step_s, steps, every, hold)
+    recorded = advance(crowd, noise, ticks, ground, routes, settings.forces, settings.crowd.reach_m)
     position, velocity, leg = (values[skipped:] for values in recorded)
     goal = routes.target[np.take_along_axis(crowd.plan, leg.T, axis=1).T]
     rows = leg.size

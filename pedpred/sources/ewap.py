@@ -70,10 +70,15 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
         position=rows.position,
         group_id=np.array([groups.get(track, ALONE) for track in rows.track_id.tolist()]),
     )
-    occupancy = _occupancy(folder, blocked, homography, rows.position, settings)
-    return Scene(
-        name, trajectories, occupancy, settings["annotation_frames"] / settings["frame_rate_hz"], camera
-    )
+    try:
+        occupancy = occupancy_from_image(
+            blocked, homography, rows.position, settings["resolution_m"], settings["margin_m"]
+        )
+    except ValueRuleError as cause:
+        problem = f"{cause}: an obstacle reaches the horizon, H.txt is wrong or resolution_m too small"
+        raise SourceError(folder / "map.png", None, problem) from cause
+    dt_s = settings["annotation_frames"] / settings["frame_rate_hz"]
+    return Scene(name, trajectories, occupancy, dt_s, camera)
 
 
 def merged(groups: Iterable[set[int]]) -> list[set[int]]:
@@ -146,9 +151,7 @@ def _read_camera(folder: Path, homography: Homography, shape: tuple[int, ...]) -
 
 
 def _read_image(path: Path, mode: str) -> np.ndarray:
-    return read_picture(
-        path, mode, lambda problem: SourceError(path, None, f"not a readable image ({problem})")
-    )
+    return read_picture(path, mode, lambda text: SourceError(path, None, f"not a readable image ({text})"))
 
 
 def _check_in_picture(
@@ -166,18 +169,6 @@ def _check_in_picture(
             "this row, H.txt or map.png is wrong"
         )
         raise SourceError(folder / "obsmat.txt", int(rows.line[row]), problem)
-
-
-def _occupancy(
-    folder: Path, blocked: np.ndarray, homography: Homography, points: np.ndarray, settings: Mapping[str, Any]
-) -> OccupancyMap:
-    try:
-        return occupancy_from_image(
-            blocked, homography, points, settings["resolution_m"], settings["margin_m"]
-        )
-    except ValueRuleError as cause:
-        problem = f"{cause}: an obstacle reaches the horizon, H.txt is wrong or resolution_m too small"
-        raise SourceError(folder / "map.png", None, problem) from cause
 
 
 def occupancy_from_image(

@@ -75,8 +75,5 @@ def updated(
     gain_p, gain_v = p_pp / innovation_variance, p_pv / innovation_variance
     innovation = detection - before.position
     covariance = np.stack([(1 - gain_p) * p_pp, (1 - gain_p) * p_pv, p_vv - gain_v * p_pv], axis=-1)
-    return Belief(
-        before.position + gain_p[:, None] * innovation,
-        before.velocity + gain_v[:, None] * innovation,
-        covariance,
-    )
+    position = before.position + gain_p[:, None] * innovation
+    return Belief(position, before.velocity + gain_v[:, None] * innovation, covariance)

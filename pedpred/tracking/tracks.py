@@ -167,7 +167,7 @@ def follow(
         state.position,
         state.velocity,
         state.covariance,
-        held_heading(state.velocity, age, standstill_mps),
+        _held_heading(state.velocity, age, standstill_mps),
     )
 
 
@@ -203,14 +203,8 @@ def settled(interval_s: float, settings: KalmanSettings) -> Belief:
     return belief
 
 
-def held_heading(velocity: np.ndarray, age: np.ndarray, standstill_mps: float) -> np.ndarray:
-    """Direction of motion; while standing, the last one of the same life, or else world x. [M] rad.
-
-    Args:
-        velocity: rows sorted by (track, time), world frame, m/s. [M, 2]
-        age: index of each row in its life, from 0. [M]
-        standstill_mps: slower pedestrians count as standing, m/s.
-    """
+def _held_heading(velocity: np.ndarray, age: np.ndarray, standstill_mps: float) -> np.ndarray:
+    """Direction of motion; while standing, the last one of the same life, or else world x. [M] rad."""
     rows = np.arange(len(velocity))
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) >= standstill_mps
     latest = np.maximum.accumulate(np.where(moving, rows, -1))
