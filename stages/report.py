@@ -22,8 +22,7 @@ def main(cfg: DictConfig) -> None:
     evaluated = gather(key, plain(cfg.folds))
     page = document(evaluated, gallery(evaluated, methods), methods, paper)
     for picture in page.pictures:
-        if picture.figure:
-            write_png(picture.figure, out / key / f"{picture.name}.png")
+        write_png(picture.figure, out / key / f"{picture.name}.png")
     write_text(out / f"{key}.md", page.markdown(key) + "\n")
     errors_m = {}
     for result in evaluated.results:

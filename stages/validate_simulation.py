@@ -30,8 +30,7 @@ def main(cfg: DictConfig) -> None:
     write_json(out / "metrics/walking.json", sets | {"corridor_flow": flow})
     section = crowd_section(sets, flow, clearest)
     for picture in section.pictures:
-        if picture.figure:
-            write_png(picture.figure, out / f"simulation/{picture.name}.png")
+        write_png(picture.figure, out / f"simulation/{picture.name}.png")
     write_text(out / "simulation.md", section.markdown("simulation") + "\n")
 
 

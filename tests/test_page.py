@@ -16,7 +16,7 @@ from playwright.sync_api import sync_playwright
 
 from pedpred.errors import ValueRuleError
 from pedpred.networks.autoencoder import GridAutoencoder
-from pedpred.report.charts import box_plot, line_plot, whiskers
+from pedpred.report.charts import Line, LinePlot, box_plot, whiskers
 from pedpred.report.gallery import Evaluated
 from pedpred.report.inputs import grid_image
 from pedpred.report.measures import results_of
@@ -134,18 +134,19 @@ def test_boxes_and_whiskers_lie_at_their_values():
 
 
 def test_a_line_ends_where_its_series_ends():
-    plot = line_plot(
-        "x", {"lstm": (np.array([0.0, 4.0]), np.array([2.0, 1.0]))}, "step", "m", {"lstm": "LSTM, "}
-    )
-    (_, points, end), frame = plot.lines[0], plot.frame
-    assert end == "LSTM, at the end 1.000"
-    assert float(points.split()[-1].split(",")[0]) == frame.width
-    assert float(points.split()[-1].split(",")[1]) == pytest.approx(frame.height * (1 - 1 / 2.1), abs=0.05)
+    line = Line("lstm", "LSTM", np.array([0.0, 4.0]), np.array([2.0, 1.0]))
+    plot = LinePlot("x", "step", "m", [line])
+    x, y = map(float, plot.points(line).split()[-1].split(","))
+    assert line.tip == "LSTM, at the end 1.000"
+    assert x == plot.frame.width
+    assert y == pytest.approx(plot.frame.height * (1 - 1 / 2.1), abs=0.05)
 
 
-def test_a_series_of_zeros_lies_on_the_axis():
-    plot = line_plot("x", {"lstm": (np.zeros(1), np.zeros(1))}, "step", "IoU", {"lstm": ""})
-    assert plot.lines[0][1] == f"0.0,{plot.frame.height:.1f}"
+@pytest.mark.parametrize(("value", "place"), [(0.0, 1.0), (-2.0, 1 / 1.05)])
+def test_zeros_and_negative_values_have_a_place(value, place):
+    line = Line("lstm", "", np.zeros(1), np.array([value]))
+    plot = LinePlot("x", "step", "loss", [line])
+    assert float(plot.points(line).split(",")[1]) == pytest.approx(plot.frame.height * place, abs=0.06)
 
 
 # What stands on the page

@@ -18,7 +18,7 @@ from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.calibration_plots import ellipse
 from pedpred.report.canvas import png_bytes
-from pedpred.report.curves import by_stage, curves_figure
+from pedpred.report.curves import by_stage, lines_figure, training_plots
 from pedpred.report.document import Picture, Pictures, Section, joined
 from pedpred.report.findings import Expectation, findings, summed_up
 from pedpred.report.gallery import Evaluated, gallery
@@ -384,7 +384,16 @@ def curve_tables():
 def test_curves_are_sorted_into_stages_and_models():
     found = {stage: list(curves) for stage, curves in by_stage(curve_tables(), METHODS).items()}
     assert found == {"autoencoder": [""], "main": ["lstm_nogrid", "lstm"], "finetune eth": ["lstm"]}
-    assert len(curves_figure(curve_tables(), METHODS).axes) == 6
+    plots = training_plots(curve_tables(), METHODS)
+    assert [(plot.title, len(plot.lines)) for plot in plots] == [
+        ("autoencoder", 2),
+        ("autoencoder", 1),
+        ("main", 2),
+        ("main", 2),
+        ("finetune eth", 1),
+        ("finetune eth", 1),
+    ]
+    assert len(lines_figure(plots, METHODS).axes) == 6
 
 
 def galleries(folder):

@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-import pandas as pd
 from matplotlib.ticker import MaxNLocator
 
 from pedpred.forecasting import Methods
-from pedpred.report.curves import MEASURES, by_stage, choose_score
 from pedpred.report.measures import Figures
 
 _BOXES = (800.0, 300.0)
@@ -63,13 +61,51 @@ class BoxPlot:
 
 
 @dataclass(frozen=True)
+class Line:
+    """A line through (x, y), each [n], of a method (key and label) or of none (empty)."""
+
+    method: str
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+    dashed: bool = False
+
+    @property
+    def tip(self) -> str:
+        """What the page shows when the line is pointed at."""
+        return ", ".join(part for part in (self.label, f"at the end {self.y[-1]:.3f}") if part)
+
+
+@dataclass(frozen=True)
 class LinePlot:
-    """Lines: (key of a method or empty, points as `x,y x,y ...`, tooltip)."""
+    """Lines in one frame that includes the origin."""
 
     kind: ClassVar[str] = "lines"
     title: str
-    frame: Frame
-    lines: Sequence[tuple[str, str, str]]
+    x_label: str
+    y_label: str
+    lines: Sequence[Line]
+
+    @property
+    def _ends(self) -> tuple[float, float, float]:
+        """Right, lower and upper end of the axes."""
+        right = max(float(line.x.max()) for line in self.lines) or 1.0
+        low = min(0.0, *(1.05 * float(line.y.min()) for line in self.lines))
+        high = max(0.0, *(1.05 * float(line.y.max()) for line in self.lines))
+        return right, low, high if high > low else 1.0
+
+    @property
+    def frame(self) -> Frame:
+        """Axes with their ticks."""
+        (width, height), (right, low, high) = _LINES, self._ends
+        x_ticks = [(round(width * t / right, 1), f"{t:g}") for t in _ticks(0.0, right)]
+        return Frame(width, height, x_ticks, _levels(height, low, high), self.x_label, self.y_label)
+
+    def points(self, line: Line) -> str:
+        """A line as `x,y x,y ...` in px."""
+        (width, height), (right, low, high) = _LINES, self._ends
+        places = zip(width * line.x / right, height * (high - line.y) / (high - low), strict=True)
+        return " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
 
 
 @dataclass(frozen=True)
@@ -121,7 +157,7 @@ def box_plot(figures: Figures, title: str, dt_s: float, methods: Methods) -> Box
     width, height = _BOXES
     slot = width / steps
     x_ticks = [(round(slot * (k + 0.5), 1), f"{(k + 1) * dt_s:.1f}") for k in range(steps)]
-    frame = Frame(width, height, x_ticks, _levels(height, top), "prediction horizon [s]", "error [m]")
+    frame = Frame(width, height, x_ticks, _levels(height, 0.0, top), "prediction horizon [s]", "error [m]")
     wide = 0.8 * slot / len(names)
     boxes = {}
     for rank, name in enumerate(names):
@@ -146,41 +182,10 @@ def _boxes(
     return boxes
 
 
-def training_plots(curves: Mapping[str, pd.DataFrame], methods: Methods) -> list[LinePlot]:
-    """Validation during training: a plot per stage, a line per network."""
-    plots = []
-    for stage, all_networks in by_stage(curves, methods).items():
-        measure = choose_score([str(name) for curve in all_networks.values() for name in curve])
-        by_network = {m: curve for m, curve in all_networks.items() if measure in curve}
-        along = "step" if all("step" in curve for curve in by_network.values()) else "epoch"
-        series = {m: (c[along].fillna(0).to_numpy(), c[measure].to_numpy()) for m, c in by_network.items()}
-        labels = {m: f"{methods[m].label}, " if m else "" for m in series}
-        plots.append(line_plot(stage, series, along, MEASURES.get(measure, measure), labels))
-    return plots
+def _levels(height: float, low: float, high: float) -> list[tuple[float, str]]:
+    """Round values between the ends of an axis and their places, px from above."""
+    return [(round(height * (high - t) / (high - low), 1), f"{t:g}") for t in _ticks(low, high)]
 
 
-def line_plot(
-    title: str,
-    series: Mapping[str, tuple[np.ndarray, np.ndarray]],
-    x_label: str,
-    y_label: str,
-    labels: Mapping[str, str],
-) -> LinePlot:
-    """Lines of (x, y) from the origin up, by the key of a method; an empty key is drawn in ink."""
-    width, height = _LINES
-    right = max(float(x.max()) for x, _ in series.values()) or 1.0
-    top = 1.05 * max(float(y.max()) for _, y in series.values()) or 1.0
-    x_ticks = [(round(width * t / right, 1), f"{t:g}") for t in _TICKS.tick_values(0.0, right) if t <= right]
-    lines = []
-    for name, (x, y) in series.items():
-        points = zip(width * x / right, height * (1 - y / top), strict=True)
-        marks = " ".join(f"{a:.1f},{b:.1f}" for a, b in points)
-        lines.append((name, marks, f"{labels[name]}at the end {y[-1]:.3f}"))
-    return LinePlot(title, Frame(width, height, x_ticks, _levels(height, top), x_label, y_label), lines)
-
-
-def _levels(height: float, top: float) -> list[tuple[float, str]]:
-    """Round values between 0 and the upper end of an axis with their places, px from above."""
-    return [
-        (round(height * (1 - t / top), 1), f"{t:g}") for t in _TICKS.tick_values(0.0, top) if 0.0 <= t <= top
-    ]
+def _ticks(low: float, high: float) -> list[float]:
+    return [tick for tick in _TICKS.tick_values(low, high) if low <= tick <= high]

@@ -5,23 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pedpred.errors import StorageError
 from pedpred.files import translate_errors
 from pedpred.forecasting import Methods
 from pedpred.report.canvas import INK, blank, styled
+from pedpred.report.charts import Line, LinePlot
 
-MEASURES = {
-    "train_loss": "training loss",
-    "validation_loss": "validation (dashed)",
-    "validation_ade_m": "validation ADE [m]",
-    "validation_iou": "validation IoU",
-}
+_LOSSES = ("train_loss", "validation_loss")
+_SCORES = {"validation_ade_m": "validation ADE [m]", "validation_iou": "validation IoU"}
 
 
 def read_curve(path: Path) -> pd.DataFrame:
@@ -59,46 +55,45 @@ def by_stage(curves: Mapping[str, pd.DataFrame], methods: Methods) -> dict[str, 
 def choose_score(columns: Sequence[str]) -> str:
     """The score of a training that is shown: a known one, else the first that it was validated by."""
     scores = [name for name in columns if name.startswith("validation_") and not name.endswith("_loss")]
-    return next((name for name in MEASURES if name in scores), scores[0])
+    return next((name for name in _SCORES if name in scores), scores[0])
+
+
+def training_plots(curves: Mapping[str, pd.DataFrame], methods: Methods) -> list[LinePlot]:
+    """Loss and validation error over training: a plot per stage and kind of figure, a line per network."""
+    plots = []
+    for stage, by_network in by_stage(curves, methods).items():
+        along = "step" if all("step" in curve for curve in by_network.values()) else "epoch"
+        score = choose_score(list(next(iter(by_network.values())).columns))
+        shown = {"loss (dashed: validation)": _LOSSES, _SCORES.get(score, score): (score,)}
+        for y_label, columns in shown.items():
+            lines = [
+                Line(key, methods[key].label if key else "", *_series(curve, along, column), dashed=rank > 0)
+                for key, curve in by_network.items()
+                for rank, column in enumerate(c for c in columns if c in curve)
+            ]
+            plots += [LinePlot(stage, along, y_label, lines)] if lines else []
+    return plots
+
+
+def _series(curve: pd.DataFrame, along: str, column: str) -> tuple[np.ndarray, np.ndarray]:
+    known = curve[curve[column].notna()]
+    return known[along].fillna(0).to_numpy(float), known[column].to_numpy(float)
 
 
 @styled
-def curves_figure(curves: Mapping[str, pd.DataFrame], methods: Methods) -> Figure:
-    """Draw a column per stage of training, a row per kind of figure, a line per network."""
-    stages = by_stage(curves, methods)
-    figure = blank(max(4.0, 2.6 * len(stages)), 4.6)
-    grid = figure.subplots(2, len(stages), squeeze=False)
-    for column, (stage, by_network) in enumerate(stages.items()):
-        columns = list(dict.fromkeys(str(name) for curve in by_network.values() for name in curve))
-        losses = [name for name in columns if name.endswith("_loss")]
-        scores = [choose_score(columns)]
-        grid[0, column].set_title(stage)
-        for axes, shown in ((grid[0, column], losses), (grid[1, column], scores)):
-            _draw(axes, by_network, shown, methods)
-        stepped = all("step" in curve for curve in by_network.values())
-        grid[1, column].set_xlabel("step" if stepped else "epoch")
+def lines_figure(plots: Sequence[LinePlot], methods: Methods) -> Figure:
+    """Draw line plots, up to four side by side."""
+    columns = min(4, len(plots))
+    rows = -(-len(plots) // columns)
+    figure = blank(2.8 * columns, 2.4 * rows)
+    for rank, plot in enumerate(plots):
+        axes = figure.add_subplot(rows, columns, rank + 1)
+        for line in plot.lines:
+            tone = methods[line.method].colour if line.method else INK
+            label = None if line.dashed else line.label
+            axes.plot(line.x, line.y, "--" if line.dashed else "-", color=tone, linewidth=1.2, label=label)
+        axes.set(title=plot.title, xlabel=plot.x_label, ylabel=plot.y_label)
+        axes.margins(x=0.03)
+        if any(line.label for line in plot.lines):
+            axes.legend()
     return figure
-
-
-def _draw(axes: Axes, by_network: Mapping[str, pd.DataFrame], measures: list[str], methods: Methods) -> None:
-    """Lines of one panel: the network gives the colour, a second measure is dashed."""
-    for network, curve in by_network.items():
-        for rank, measure in enumerate(m for m in measures if m in curve):
-            tone = methods[network].colour if network else INK
-            name = methods[network].label if network and rank == 0 else None
-            style: dict[str, Any] = {
-                "linestyle": ("-", "--")[rank % 2],
-                "marker": "." if len(curve) < 40 else "",
-            }
-            axes.plot(
-                curve.get("step", curve["epoch"]),
-                curve[measure],
-                color=tone,
-                linewidth=1.2,
-                label=name,
-                **style,
-            )
-    axes.set_ylabel(" / ".join(MEASURES.get(measure, measure) for measure in measures))
-    axes.margins(x=0.03)
-    if any(by_network):
-        axes.legend()

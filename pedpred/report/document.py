@@ -95,13 +95,13 @@ class Picture:
     Attributes:
         name: file name without ending.
         caption: what is seen, and by which rule it was chosen.
-        figure: the figure itself; None where there are only plots.
+        figure: the figure itself.
         plots: what the page draws in its place, sharp at any width and with tooltips.
     """
 
     name: str
     caption: str
-    figure: Figure | None = None
+    figure: Figure
     plots: Sequence[BoxPlot | LinePlot] = ()
 
 

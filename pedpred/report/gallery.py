@@ -12,8 +12,8 @@ from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Methods
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.calibration_plots import calibration_figure, with_covariances
-from pedpred.report.charts import box_plot, training_plots
-from pedpred.report.curves import curves_figure
+from pedpred.report.charts import box_plot
+from pedpred.report.curves import lines_figure, training_plots
 from pedpred.report.document import Picture, Pictures, Section, Text
 from pedpred.report.encounters import before_obstacle, mutual_avoidance
 from pedpred.report.horizon import horizon_figure
@@ -187,7 +187,7 @@ def _trained_in(data_sets: Mapping[str, Sequence[Scene]]) -> list[Section]:
 def _training(curves: Mapping[str, pd.DataFrame], methods: Methods) -> list[Section]:
     if not curves:
         return []
-    caption = "A column per stage of training. Validation tracks are from training layouts and places."
+    caption = "Stages of training. Validation tracks are from training layouts and places."
     plots = training_plots(curves, methods)
-    picture = Picture("training", caption, curves_figure(curves, methods), plots)
+    picture = Picture("training", caption, lines_figure(plots, methods), plots)
     return [Section("Training", [Pictures([picture])], "training")]

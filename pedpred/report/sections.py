@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from pedpred.forecasting import Methods
-from pedpred.report.charts import line_plot
+from pedpred.report.charts import Line, LinePlot
+from pedpred.report.curves import lines_figure
 from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
 from pedpred.report.findings import Paper, findings, in_the_noise, percent_better, summed_up
 from pedpred.report.measures import Figures, Result
@@ -182,8 +183,8 @@ def latency_section(updates: Sequence[Mapping[str, float]], methods: Methods) ->
     if not updates:
         return []
     crowd, median = (np.array([row[key] for row in updates], float) for key in ("pedestrians", "median_ms"))
-    series, key = {methods.main.key: (crowd, median)}, methods.main.key
-    plot = line_plot("One update", series, "pedestrians", "time [ms]", {key: ""})
+    plot = LinePlot("One update", "pedestrians", "time [ms]", [Line(methods.main.key, "", crowd, median)])
+    picture = Picture("latency", "", lines_figure([plot], methods), [plot])
     rows = [
         Row(
             [
@@ -201,7 +202,7 @@ def latency_section(updates: Sequence[Mapping[str, float]], methods: Methods) ->
     return [
         Section(
             "Time per update",
-            [Text(text), Pictures([Picture("latency", "", None, [plot])]), table],
+            [Text(text), Pictures([picture]), table],
             "latency",
         )
     ]
