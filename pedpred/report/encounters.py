@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from pedpred.forecasting import Method
-from pedpred.report.instants import MOVING_MPS, Instant
+from pedpred.report.instants import Instant, moving, walkers_by_instant
 from pedpred.scenes import OccupancyMap, Scene
 from pedpred.storage.windows import EvaluationWindows
 
@@ -63,10 +63,10 @@ def before_obstacle(
         windows, occupancy = scenes[name], places[name].occupancy
         ahead_m = depth_m(windows.predictions[reference.key].point, occupancy).max(axis=1, initial=0.0)
         safe = ~occupancy.is_occupied(windows.truth).any(axis=1) & ~occupancy.is_occupied(windows.position)
-        ahead_m = np.where(safe & _moving(windows), ahead_m, 0.0)
+        ahead_m = np.where(safe & moving(windows), ahead_m, 0.0)
         row = int(np.argmax(ahead_m)) if len(windows) else 0
         if len(windows) and ahead_m[row] > deepest:
-            deepest, best = ahead_m[row], _instant(name, windows, row)
+            deepest, best = ahead_m[row], Instant.of(name, windows, row)
     if best is None:
         return None
     caption = (
@@ -88,18 +88,15 @@ def _meetings(
     scene: str, windows: EvaluationWindows, reference: Method
 ) -> list[tuple[float, float, int, Instant]]:
     """The best meeting of each instant: forecast and actual minimum distance, m; the other's id."""
-    clock_ms = np.round(windows.time_s * 1000.0).astype(np.int64)
-    walkers = np.flatnonzero(_moving(windows))
-    walkers = walkers[np.argsort(clock_ms[walkers], kind="stable")]
     found = []
-    for rows in np.split(walkers, np.flatnonzero(np.diff(clock_ms[walkers])) + 1):
+    for rows in walkers_by_instant(windows):
         one, two = (rows[side] for side in np.triu_indices(len(rows), 1))
         straight_m = _nearest_m(windows.predictions[reference.key].point, one, two)
         true_m = _nearest_m(windows.truth, one, two)
         fits = _facing(windows, one, two) & (true_m >= APART_M[0]) & (true_m <= APART_M[1])
         if fits.any():
             k = int(np.argmin(np.where(fits, straight_m - true_m, np.inf)))
-            instant = _instant(scene, windows, int(one[k]))
+            instant = Instant.of(scene, windows, int(one[k]))
             found.append((float(straight_m[k]), float(true_m[k]), int(windows.track_id[two[k]]), instant))
     return found
 
@@ -116,13 +113,3 @@ def _facing(windows: EvaluationWindows, one: np.ndarray, two: np.ndarray) -> np.
 def _nearest_m(paths: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """The least distance over the steps of pairs of paths, m: [Q]."""
     return np.linalg.norm(paths[one] - paths[two], axis=-1).min(axis=-1)
-
-
-def _moving(windows: EvaluationWindows) -> np.ndarray:
-    return np.linalg.norm(windows.velocity, axis=-1) > MOVING_MPS
-
-
-def _instant(scene: str, windows: EvaluationWindows, focus: int) -> Instant:
-    """The instant of a window, with all windows at that time."""
-    rows = np.flatnonzero(np.abs(windows.time_s - windows.time_s[focus]) < 5e-4)
-    return Instant(scene, float(windows.time_s[focus]), rows, focus, int(windows.track_id[focus]))

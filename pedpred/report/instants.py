@@ -40,28 +40,30 @@ class Instant:
     who: int
     caption: str = ""
 
+    @classmethod
+    def of(cls, scene: str, windows: EvaluationWindows, focus: int) -> Instant:
+        """The instant of a window, with all windows at that time."""
+        rows = np.flatnonzero(np.abs(windows.time_s - windows.time_s[focus]) < 5e-4)
+        return cls(scene, float(windows.time_s[focus]), rows, focus, int(windows.track_id[focus]))
+
     @property
     def where(self) -> str:
         """Scene and time, as captions begin."""
         return f"Scene {self.scene}, t = {self.time_s:.1f} s"
 
 
-@dataclass(frozen=True)
-class Gain:
-    """An instant with the mean gain of its moving people, m, and how many they are."""
+def moving(windows: EvaluationWindows) -> np.ndarray:
+    """Which windows are of moving people. [W] bool."""
+    return np.linalg.norm(windows.velocity, axis=-1) > MOVING_MPS
 
-    instant: Instant
-    gain_m: float
-    moving: int
 
-    def captioned(self, least: bool, methods: Methods) -> Instant:
-        """Add a caption that says why the instant is shown."""
-        caption = (
-            f"{self.instant.where}: the instant at which the {methods.main.label}'s gain over the "
-            f"{methods.reference.label} is {'smallest' if least else 'largest'}, {self.gain_m:+.3f} m on "
-            f"average over {self.moving} moving people."
-        )
-        return replace(self.instant, caption=caption)
+def walkers_by_instant(windows: EvaluationWindows) -> list[np.ndarray]:
+    """The windows of moving people, one array of rows per instant, by time."""
+    clock_ms = np.round(windows.time_s * 1000.0).astype(np.int64)
+    walkers = np.flatnonzero(moving(windows))
+    walkers = walkers[np.argsort(clock_ms[walkers], kind="stable")]
+    groups = np.split(walkers, np.flatnonzero(np.diff(clock_ms[walkers])) + 1)
+    return [rows for rows in groups if len(rows)]
 
 
 def choose(
@@ -77,33 +79,32 @@ def choose(
         least: ask for the smallest gain.
 
     Raises:
-        ValueRuleError: no person moves at any time.
+        ValueRuleError: no person moves at any time, or one of the two methods has no forecasts.
     """
-    found = [instant for name in sorted(scenes) for instant in _gains(name, scenes[name], least, methods)]
+    sign = -1.0 if least else 1.0
+    found = []
+    for name in sorted(scenes):
+        gain_m = sign * _gain_m(name, scenes[name], methods)
+        for rows in walkers_by_instant(scenes[name]):
+            found.append((float(gain_m[rows].mean()), len(rows), name, int(rows[np.argmax(gain_m[rows])])))
     if not found:
         raise ValueRuleError("scenes", sorted(scenes), "a person must be moving in one of them")
-    asked = min(least_moving, max(instant.moving for instant in found))
-    crowded = [instant for instant in found if instant.moving >= asked]
-    return min(crowded, key=lambda found: found.gain_m if least else -found.gain_m).captioned(least, methods)
+    asked = min(least_moving, max(count for _, count, _, _ in found))
+    crowded = [candidate for candidate in found if candidate[1] >= asked]
+    gain, count, name, focus = max(crowded, key=lambda candidate: candidate[0])
+    instant = Instant.of(name, scenes[name], focus)
+    caption = (
+        f"{instant.where}: the instant at which the {methods.main.label}'s gain over the "
+        f"{methods.reference.label} is {'smallest' if least else 'largest'}, {sign * gain + 0.0:+.3f} m on "
+        f"average over {count} moving people."
+    )
+    return replace(instant, caption=caption)
 
 
-def _gains(scene: str, windows: EvaluationWindows, least: bool, methods: Methods) -> list[Gain]:
-    """All instants with a moving person, by time."""
-    pair = (methods.reference.key, methods.main.key)
-    missing = [name for name in pair if name not in windows.predictions]
-    if missing:
-        rule = f"{missing[0]} must be among them"
-        raise ValueRuleError(f"forecasts of {scene}", sorted(windows.predictions), rule)
-    gain_m = windows.ade_m(pair[0]) - windows.ade_m(pair[1])
-    moving = np.linalg.norm(windows.velocity, axis=-1) > MOVING_MPS
-    clock_ms = np.round(windows.time_s * 1000.0).astype(np.int64)
-    order = np.argsort(clock_ms, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(clock_ms[order])) + 1)
-    found = []
-    for rows in groups:
-        walkers = rows[moving[rows]]
-        if len(walkers):
-            focus = int(walkers[np.argmin(gain_m[walkers]) if least else np.argmax(gain_m[walkers])])
-            instant = Instant(scene, float(windows.time_s[focus]), rows, focus, int(windows.track_id[focus]))
-            found.append(Gain(instant, float(gain_m[walkers].mean()), len(walkers)))
-    return found
+def _gain_m(scene: str, windows: EvaluationWindows, methods: Methods) -> np.ndarray:
+    """ADE of the reference minus that of the main method. [W]."""
+    for method in (methods.reference, methods.main):
+        if method.key not in windows.predictions:
+            rule = f"{method.key} must be among them"
+            raise ValueRuleError(f"forecasts of {scene}", sorted(windows.predictions), rule)
+    return windows.ade_m(methods.reference.key) - windows.ade_m(methods.main.key)
