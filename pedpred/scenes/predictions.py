@@ -71,8 +71,14 @@ class Predictions:
 
     @classmethod
     def join(cls, parts: Sequence[Predictions]) -> Predictions:
-        """Join the rows of at least one part; all have the same modes, steps and frame."""
+        """Join the rows of at least one part; all have the same modes, steps and frame.
+
+        Raises:
+            ShapeError: some parts have covariances, others have none.
+        """
         arrays = [part._arrays() for part in parts]
+        if any(own.keys() != arrays[0].keys() for own in arrays):
+            raise ShapeError("covariance", (), "all parts or none to have it")
         joined: dict[str, Any] = {n: np.concatenate([own[n] for own in arrays]) for n in arrays[0]}
         return replace(parts[0], **joined)
 
