@@ -4,8 +4,6 @@ One pure function per term, accelerations in m/s^2, world frame. `pedpred.simula
 formulas compiled; a test compares the two.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pedpred.simulation.forces import ForceSettings

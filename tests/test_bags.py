@@ -51,9 +51,8 @@ class Store:
 
     def header(self, time_s, frame):
         stamp = self.make("builtin_interfaces/msg/Time", sec=int(time_s), nanosec=round(time_s % 1 * 1e9))
-        return self.make(
-            "std_msgs/msg/Header", **({"seq": 0} if self.ros1 else {}), stamp=stamp, frame_id=frame
-        )
+        number = {"seq": 0} if self.ros1 else {}
+        return self.make("std_msgs/msg/Header", **number, stamp=stamp, frame_id=frame)
 
     def pose(self, x, y):
         point = self.make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
@@ -88,28 +87,16 @@ class Store:
 
     def grid(self, frame="map"):
         """Three by two cells of half a metre; the one at (1, 0) is occupied, the next one unknown."""
-        header = self.header(0.0, frame)
-        about = self.make(
-            "nav_msgs/msg/MapMetaData",
-            map_load_time=header.stamp,
-            resolution=0.5,
-            width=3,
-            height=2,
-            origin=self.pose(-1.0, 2.0),
-        )
-        data = np.array([0, 100, -1, 0, 0, 0], np.int8)
+        header, data = self.header(0.0, frame), np.array([0, 100, -1, 0, 0, 0], np.int8)
+        sizes = {"resolution": 0.5, "width": 3, "height": 2, "origin": self.pose(-1.0, 2.0)}
+        about = self.make("nav_msgs/msg/MapMetaData", map_load_time=header.stamp, **sizes)
         return self.make("nav_msgs/msg/OccupancyGrid", header=header, info=about, data=data)
 
     def write(self, path, messages, storage=rosbag2.StoragePlugin.SQLITE3):
         """Write (topic, type, message) tuples in order of time."""
-        if self.ros1:
-            writer, serialise = rosbag1.Writer(path), self.types.serialize_ros1
-        else:
-            writer, serialise = (
-                rosbag2.Writer(path, version=9, storage_plugin=storage),
-                self.types.serialize_cdr,
-            )
-        with writer:
+        serialise = self.types.serialize_ros1 if self.ros1 else self.types.serialize_cdr
+        ros2 = {"version": 9, "storage_plugin": storage}
+        with rosbag1.Writer(path) if self.ros1 else rosbag2.Writer(path, **ros2) as writer:
             known = {}
             for count, (topic, kind, message) in enumerate(messages):
                 if topic not in known:
@@ -159,15 +146,8 @@ def test_a_bag_becomes_a_scene_folder_with_another_map(ros2, tmp_path):
     world = walled_scene(np.random.default_rng(0))
     write_scene(world, tmp_path / "room")
     ros2.write(tmp_path / "hall", stream(ros2, "hunav_msgs/msg/Agents"))
-    command = [
-        "convert",
-        str(tmp_path / "hall"),
-        "-o",
-        str(tmp_path / "scene"),
-        "--map",
-        str(tmp_path / "room"),
-    ]
-    main(command)
+    hall, scene, room = (str(tmp_path / name) for name in ("hall", "scene", "room"))
+    main(["convert", hall, "-o", scene, "--map", room])
     scene = read_scene(tmp_path / "scene")
     assert scene.trajectories.track_id.tolist() == [3, 8] * 3
     np.testing.assert_array_equal(scene.occupancy.occupied, world.occupancy.occupied)
@@ -219,9 +199,8 @@ def test_chunks_may_be_compressed_in_every_way(compression, tmp_path):
     world = walled_scene(np.random.default_rng(0), detections=20)
     write_recording(world, tmp_path / "zstd.mcap")
     repacked(tmp_path / "zstd.mcap", tmp_path / "hall.mcap", compression)
-    np.testing.assert_array_equal(
-        read_bag(tmp_path / "hall.mcap").trajectories.track_id, world.trajectories.track_id
-    )
+    found = read_bag(tmp_path / "hall.mcap").trajectories.track_id
+    np.testing.assert_array_equal(found, world.trajectories.track_id)
 
 
 @pytest.mark.parametrize("share", [0.4, 0.7, 0.95])
@@ -261,8 +240,10 @@ def repacked(source, target, compression, **options):
     with source.open("rb") as old, target.open("wb") as new:
         writer = Writer(new, compression=compression, **options)
         writer.start("ros2")
-        channels = {}
-        for schema, channel, message in make_reader(old).iter_messages():
+        reader, channels = make_reader(old), {}
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
             if channel.id not in channels:
                 known = writer.register_schema(schema.name, schema.encoding, schema.data)
                 channels[channel.id] = writer.register_channel(channel.topic, "cdr", known)

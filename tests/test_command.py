@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
 from pedpred.command import main
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.storage.scenes import read_scene, write_scene
+from tests.conftest import ROOT
+from tests.scenes import assert_same
+from tests.test_recording import decoded
 from tests.worlds import walled_scene
 
 
@@ -30,33 +31,26 @@ def scene(tmp_path):
 def test_there_and_back_changes_nothing(scene, tmp_path):
     main(["convert", str(scene), "-o", str(tmp_path / "hall.mcap")])
     main(["convert", str(tmp_path / "hall.mcap"), "-o", str(tmp_path / "again")])
-    one, two = read_scene(scene), read_scene(tmp_path / "again")
-    assert one.name == two.name
-    assert one.detection_dt_s == two.detection_dt_s
-    for part in ("trajectories", "occupancy"):
-        for field in dataclasses.fields(getattr(one, part)):
-            a, b = (getattr(getattr(world, part), field.name) for world in (one, two))
-            np.testing.assert_array_equal(a, b, err_msg=field.name)
+    assert_same(read_scene(scene), read_scene(tmp_path / "again"))
 
 
 def test_predictions_in_a_recording_are_those_of_the_predictor(scene, tmp_path, model):
     main(["predict", str(scene), "--model", str(model[0]), "-o", str(tmp_path / "hall.mcap")])
-    lines = {}
-    with (tmp_path / "hall.mcap").open("rb") as stream:
-        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        for _, _, message, content in reader.iter_decoded_messages(topics=["/markers"]):
-            for marker in (marker for marker in content.markers if marker.ns == "pedpred"):
-                points = [(point.x, point.y) for point in marker.points]
-                lines[message.log_time, marker.id] = np.array(points)
+    lines = {
+        (message.log_time, marker.id): np.array([(point.x, point.y) for point in marker.points])
+        for _, channel, message, content in decoded(tmp_path / "hall.mcap")[1]
+        if channel.topic == "/markers"
+        for marker in content.markers
+        if marker.ns == "pedpred"
+    }
     world = read_scene(scene)
     robot = OnlinePredictor.load(model[0], OnlineSettings(max_age_s=0.5))
     robot.set_map(world.occupancy)
     compared = 0
     for now in np.unique(world.trajectories.time_s):
         here = world.trajectories.time_s == now
-        forecast = robot.update(
-            float(now), world.trajectories.track_id[here], world.trajectories.position[here]
-        )
+        people = world.trajectories.select(here)
+        forecast = robot.update(float(now), people.track_id, people.position)
         for track, path in zip(forecast.track_id.tolist(), forecast.position, strict=True):
             np.testing.assert_allclose(lines[round(now * 1e9), int(track)][1:], path, atol=1e-6)
             compared += 1
@@ -89,16 +83,9 @@ def test_an_error_is_a_sentence_that_names_the_file(command, tmp_path, monkeypat
 
 
 def test_help_is_there_and_needs_no_torch():
-    script = (
-        "import sys, pedpred.command; assert 'torch' not in sys.modules; pedpred.command.main(['--help'])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=Path(__file__).parents[1],
-    )
+    checked = "import sys, pedpred.command; assert 'torch' not in sys.modules; "
+    command = [sys.executable, "-c", checked + "pedpred.command.main(['--help'])"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     assert "predict" in done.stdout
 
@@ -116,10 +103,9 @@ def test_own_tracks_in_a_table_are_measured(tmp_path, model, capsys):
     """Two people walk straight on at 5 Hz: every detection with three more seconds is a window."""
     rows = [f"{0.2 * k},{who},{0.24 * k * way},{who}.5" for k in range(30) for who, way in ((1, 1), (2, -1))]
     (tmp_path / "hall.csv").write_text("\n".join(["time,id,x,y", *rows]))
-    main(
-        ["evaluate", str(tmp_path / "hall.csv"), "--model", str(model[0]), "--json", str(tmp_path / "e.json")]
-    )
-    figures = json.loads((tmp_path / "e.json").read_text())["hall"]
+    out = tmp_path / "e.json"
+    main(["evaluate", str(tmp_path / "hall.csv"), "--model", str(model[0]), "--json", str(out)])
+    figures = json.loads(out.read_text())["hall"]
     assert set(figures) == {"cv", "ca", "kalman_cv", "network"}
     last = int((29 * 0.2 - 3.0) / 0.2)
     assert {own["windows"] for own in figures.values()} == {2 * (last + 1 - 3)}
@@ -154,19 +140,18 @@ def test_a_scene_that_is_too_short_to_measure_says_so(tmp_path, model):
 
 
 def test_what_counts_is_what_the_published_metrics_count():
-    options = yaml.safe_load((Path(__file__).parents[1] / "conf/evaluation/paper.yaml").read_text())
+    options = yaml.safe_load((ROOT / "conf/evaluation/paper.yaml").read_text())
     usual = EvaluationSettings()
     assert (options["moving_mps"], options["collision_m"]) == (usual.moving_mps, usual.collision_m)
 
 
 def test_the_walk_through_of_the_readme_runs(model, tmp_path, monkeypatch):
     """With an untrained network in place of the trained one."""
-    root = Path(__file__).parents[1]
-    page = (root / "README.md").read_text().partition("## Your own recordings")[2]
+    page = (ROOT / "README.md").read_text().partition("## Your own recordings")[2]
     lines = page.partition("```sh\n")[2].partition("```")[0].splitlines()
     (tmp_path / "models/online").mkdir(parents=True)
     (tmp_path / "models/online/simulation_distilled").symlink_to(model[0])
-    (tmp_path / "examples").symlink_to(root / "examples")
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
     for line in lines:
         name, *arguments = shlex.split(line, comments=True)

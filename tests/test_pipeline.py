@@ -5,7 +5,6 @@ Everything happens in a copy of the working tree, with one tiny simulated scene.
 
 import hashlib
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -15,7 +14,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-ROOT = Path(__file__).resolve().parents[1]
+from tests.trust.project import ROOT, SILENT, done, environment
+
 TARGET = "simulate@corridor"
 TRACKS = Path("data/scenes/simulated/corridor/corridor/tracks.parquet")
 ROWS = Path("conf/simulations/rooms.yaml")
@@ -26,21 +26,14 @@ SWEPT = f"{CORRIDOR}pedestrians"
 pytestmark = [pytest.mark.pipeline, pytest.mark.usefixtures("sweep")]
 
 
-ENVIRONMENT = {k: v for k, v in os.environ.items() if not k.startswith(("DVC_", "GIT_"))} | {
-    "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-    "NUMBA_DISABLE_JIT": "1",  # a second of simulation is not worth a compilation
-    "PEDPRED_JOBS": "1",
-    "GIT_AUTHOR_NAME": "test",
-    "GIT_AUTHOR_EMAIL": "test@localhost",
-    "GIT_COMMITTER_NAME": "test",
-    "GIT_COMMITTER_EMAIL": "test@localhost",
-}
+# a second of simulation is not worth a compilation
+QUICK = {"NUMBA_DISABLE_JIT": "1", "PEDPRED_JOBS": "1"}
 
 
 def run(folder, *command, succeeds=True):
-    done = subprocess.run(command, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, check=False)
-    assert (done.returncode == 0) is succeeds, f"{command}\n{done.stdout}\n{done.stderr}"
-    return done.stdout + done.stderr
+    ended = done(folder, *command, **QUICK)
+    assert (ended.returncode == 0) is succeeds, f"{command}\n{ended.stdout}\n{ended.stderr}"
+    return ended.stdout + ended.stderr
 
 
 def commit(folder, message):
@@ -53,9 +46,9 @@ def finished_experiments(folder, count, patience_s=300):
     deadline = time.monotonic() + patience_s
     while time.monotonic() < deadline:
         references = run(folder, "git", "for-each-ref", "--format=%(refname)", "refs/exps").split()
-        done = [reference for reference in references if reference.split("/")[2] not in ("celery", "exec")]
-        if len(done) == count:
-            return done
+        ended = [reference for reference in references if reference.split("/")[2] not in ("celery", "exec")]
+        if len(ended) == count:
+            return ended
         if "refs/exps/celery/failed" in references:
             break
         time.sleep(0.5)
@@ -75,11 +68,8 @@ def project(tmp_path_factory):
     """A committed copy of the working tree in which the corridor lasts a second and is reproduced."""
     folder = tmp_path_factory.mktemp("pipeline") / "project"
     run(ROOT, ".ci/copy", str(folder))
-    corridor = folder / ROWS
-    text = corridor.read_text()
-    corridor.write_text(
-        text.replace("hours: 0.95", "hours: 0.0005").replace("pedestrians: 10", "pedestrians: 3")
-    )
+    text = (folder / ROWS).read_text().replace("hours: 0.95", "hours: 0.0005")
+    (folder / ROWS).write_text(text.replace("pedestrians: 10", "pedestrians: 3"))
     run(folder, sys.executable, "-m", "pedpred.config")
     run(folder, "dvc", "repro", TARGET)
     commit(folder, "reproduced")
@@ -92,9 +82,8 @@ def sweep(project, tmp_path_factory):
     folder = tmp_path_factory.mktemp("sweep") / "project"
     shutil.copytree(project, folder, symlinks=True)
     run(folder, "dvc", "exp", "run", "--queue", "--set-param", f"{SWEPT}=2,4", TARGET)
-    start = ["dvc", "queue", "start", "--jobs", "2"]
-    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}  # its workers would keep pipes open
-    subprocess.run(start, cwd=folder, env=ENVIRONMENT, check=True, **silent)
+    start = ["dvc", "queue", "start", "--jobs", "2"]  # its workers would keep pipes open
+    subprocess.run(start, cwd=folder, env=environment(**QUICK), check=True, **SILENT)
     return folder
 
 

@@ -1,14 +1,12 @@
 """A recording holds the scene exactly, standard ROS 2 tools can read it, and damaged files are named."""
 
 import json
-import warnings
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
@@ -21,14 +19,15 @@ from pedpred.report.animation import Animation, busiest_start, positions_at, wri
 from pedpred.ros import read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
-from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories
+from pedpred.scenes import OccupancyMap, Predictions, Trajectories
 from tests.forecasts import METHODS, windows_with
+from tests.scenes import assert_same, scenes
 from tests.worlds import walled_scene
 
 STEPS = 10
 SHOWN = {"lstm": (1.0, 0.5, 0.0)}
-LINES, LARGEST = {"truth", "lstm"}, 1e6
-numbers = st.floats(-LARGEST, LARGEST)
+LINES = {"truth", "lstm"}
+NOBODY = Trajectories([], [], np.zeros((0, 2)))
 
 
 def small_scene(tracks=3, detections=12):
@@ -52,47 +51,25 @@ def walking_on(scene):
     )
 
 
-def assert_same(scene, other):
-    for field in fields(Trajectories):
-        np.testing.assert_array_equal(
-            getattr(scene.trajectories, field.name), getattr(other.trajectories, field.name)
-        )
-    np.testing.assert_array_equal(scene.occupancy.occupied, other.occupancy.occupied)
-    np.testing.assert_array_equal(scene.occupancy.origin, other.occupancy.origin)
-    assert scene.occupancy.resolution_m == other.occupancy.resolution_m
-    assert (scene.name, scene.detection_dt_s) == (other.name, other.detection_dt_s)
-
-
 def decoded(path):
     with path.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         return reader.get_header().profile, list(reader.iter_decoded_messages(log_time_order=False))
 
 
-@st.composite
-def scenes(draw):
-    """Any few people on any small map, with or without what only simulation knows."""
-    rows = draw(st.integers(0, 5))
-    time_s = draw(arrays(float, rows, elements=st.floats(0, 2**31 - 1)))
-    track = draw(arrays(np.int64, rows, elements=st.integers(-(2**62), 2**62)))
-    assume(len(set(zip(time_s.tolist(), track.tolist(), strict=True))) == rows)
-    known = draw(st.sets(st.sampled_from(["velocity", "goal", "desired_speed_mps", "group_id"])))
-    values = {
-        name: draw(arrays(float, (rows, 2), elements=numbers)) for name in ("position", "velocity", "goal")
-    }
-    values["desired_speed_mps"] = draw(arrays(float, rows, elements=numbers))
-    values["group_id"] = draw(arrays(np.int64, rows, elements=st.integers(-1, 2**31)))
-    kept = {name: value for name, value in values.items() if rows and (name in known or name == "position")}
-    trajectories = Trajectories(time_s, track, **({"position": np.zeros((0, 2))} | kept))
-    occupied = draw(arrays(bool, st.tuples(st.integers(1, 5), st.integers(1, 5))))
-    place = OccupancyMap(occupied, draw(arrays(float, 2, elements=numbers)), draw(st.floats(1e-3, 10)))
-    return Scene("anywhere", trajectories, place, draw(st.floats(1e-3, 10)))
+def contents(path, wanted=MARKERS):
+    """The messages of one topic."""
+    return [content for _, channel, _, content in decoded(path)[1] if channel.topic == wanted]
 
 
-@given(scenes())
+@given(scenes(st.floats(0, 2**31 - 1), st.integers(-(2**62), 2**62)))
 @settings(max_examples=40)
 def test_a_scene_comes_back_as_it_was(tmp_path_factory, scene):
+    """But for the camera's picture and columns without rows, which have no message."""
     path = tmp_path_factory.mktemp("recording") / "scene.mcap"
+    scene = replace(
+        scene, camera=None, trajectories=scene.trajectories if len(scene.trajectories) else NOBODY
+    )
     write_recording(scene, path)
     assert_same(scene, read_recording(path))
 
@@ -123,10 +100,7 @@ def test_markers_show_people_where_they_are_and_paths_where_they_lead(tmp_path, 
     windows = walking_on(scene)
     windows = replace(windows, time_s=np.abs(windows.time_s + later_s))
     write_recording(scene, tmp_path / "scene.mcap", windows, SHOWN)
-    drawn = [
-        content for _, channel, _, content in decoded(tmp_path / "scene.mcap")[1] if channel.topic == MARKERS
-    ]
-    for row, content in enumerate(drawn):
+    for row, content in enumerate(contents(tmp_path / "scene.mcap")):
         clearing, *markers = content.markers
         assert clearing.action == 3
         by_name = {marker.ns: marker for marker in markers}
@@ -146,8 +120,7 @@ def test_an_error_ellipse_ends_where_its_share_ends(tmp_path):
     spread = np.tile(covariance, (len(scene.trajectories), STEPS, 1, 1))
     given = {"lstm": Predictions.single(windows.predictions["lstm"].point, 0.3, spread)}
     write_recording(scene, tmp_path / "scene.mcap", replace(windows, predictions=given), SHOWN)
-    drawn = [c for _, channel, _, c in decoded(tmp_path / "scene.mcap")[1] if channel.topic == MARKERS]
-    for row, content in enumerate(drawn):
+    for row, content in enumerate(contents(tmp_path / "scene.mcap")):
         disc = next(marker for marker in content.markers if marker.ns == "lstm ellipse")
         centre = np.array([disc.pose.position.x, disc.pose.position.y])
         np.testing.assert_allclose(centre, windows.predictions["lstm"].point[row, -1])
@@ -164,7 +137,7 @@ def test_modes_are_lines_whose_alpha_is_their_weight(tmp_path):
     modes = Predictions(point, path, np.tile(weight, (rows, 1)), windows.dt_s)
     windows = replace(windows, predictions={"lstm": modes})
     write_recording(scene, tmp_path / "scene.mcap", windows, SHOWN)
-    drawn = [c for _, channel, _, c in decoded(tmp_path / "scene.mcap")[1] if channel.topic == MARKERS]
+    drawn = contents(tmp_path / "scene.mcap")
     lines = [[marker for marker in content.markers if marker.ns == "lstm modes"] for content in drawn]
     assert sum(map(len, lines)) == 2 * rows
     for here in lines:
@@ -179,7 +152,7 @@ def test_map_rows_run_along_x(tmp_path):
     occupied = np.array([[True, False], [False, False], [False, True]])  # x, y
     scene = replace(small_scene(), occupancy=OccupancyMap(occupied, np.array([-1.0, 2.0]), 0.1))
     write_recording(scene, tmp_path / "scene.mcap")
-    grid = next(c for _, channel, _, c in decoded(tmp_path / "scene.mcap")[1] if channel.topic == MAP)
+    (grid,) = contents(tmp_path / "scene.mcap", MAP)
     assert (grid.info.width, grid.info.height) == (3, 2)
     assert list(grid.data) == [100, 0, 0, 0, 0, 100]
 
@@ -302,22 +275,14 @@ def test_the_busiest_stretch_is_found():
 def test_an_animation_lasts_as_long_as_it_shows(tmp_path):
     scene = small_scene(tracks=1)
     animation = Animation("lstm", duration_s=1.0, frame_s=0.2, tail_s=1.0, width_px=80)
+    other = replace(animation, method="cv")
     for name in ("a.gif", "b.gif"):
         write_animation(scene, walking_on(scene), animation, METHODS, tmp_path / name)
     assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
     with Image.open(tmp_path / "a.gif") as film:
         assert (film.n_frames, film.info["duration"], film.width) == (5, 200, 80)
     with pytest.raises(ValueRuleError, match="method = 'cv'"):
-        write_animation(
-            scene, walking_on(scene), replace(animation, method="cv"), METHODS, tmp_path / "c.gif"
-        )
-
-
-def test_no_warning_without_a_cut(tmp_path):
-    write_recording(small_scene(), tmp_path / "scene.mcap")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        read_recording(tmp_path / "scene.mcap")
+        write_animation(scene, walking_on(scene), other, METHODS, tmp_path / "c.gif")
 
 
 def test_a_layout_does_not_depend_on_the_order_of_the_methods(tmp_path):

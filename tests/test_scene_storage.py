@@ -1,63 +1,24 @@
 """A disk round trip changes nothing, and foreign or damaged scene folders are understood or refused."""
 
 import json
-from dataclasses import fields
 
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from pedpred.errors import StorageError
-from pedpred.geometry import Homography
-from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import (
     read_map,
     read_scene,
     read_scenes,
     read_tracks_csv,
     scene_folders,
-    tracks_table,
     write_map,
     write_scene,
 )
-
-number = st.floats(-1e6, 1e6)
-
-
-@st.composite
-def scenes(draw):
-    rows = draw(st.integers(0, 6))
-    column, pairs = arrays(np.float64, rows, elements=number), arrays(np.float64, (rows, 2), elements=number)
-    trajectories = Trajectories(
-        time_s=draw(column),
-        track_id=np.arange(rows) * 3,
-        position=draw(pairs),
-        velocity=draw(st.none() | pairs),
-        goal=draw(st.none() | pairs),
-        desired_speed_mps=draw(st.none() | column),
-        group_id=draw(st.none() | arrays(np.int64, rows, elements=st.integers(-1, 5))),
-    )
-    shape = draw(st.tuples(st.integers(1, 5), st.integers(1, 5)))
-    occupancy = OccupancyMap(
-        draw(arrays(bool, shape)), draw(arrays(np.float64, 2, elements=number)), draw(st.floats(1e-3, 10.0))
-    )
-    picture = draw(st.none() | arrays(np.uint8, (2, 3, 3)))
-    camera = None if picture is None else Camera(Homography(np.diag([0.1, 0.3, 1.0]), 1), picture)
-    return Scene("place", trajectories, occupancy, draw(st.floats(0.01, 2.0)), camera)
-
-
-def assert_same(left, right):
-    """Equality, field by field, to the last bit."""
-    assert type(left) is type(right)
-    for field in fields(left):
-        one, other = getattr(left, field.name), getattr(right, field.name)
-        if hasattr(one, "__dataclass_fields__"):
-            assert_same(one, other)
-        else:
-            np.testing.assert_array_equal(one, other, err_msg=field.name)
+from tests.scenes import assert_same, scenes, write_as_table
 
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -147,10 +108,7 @@ def test_damage_is_named(folder, damage, named):
 @given(scenes())
 def test_tracks_may_be_a_csv_table_and_the_map_missing(tmp_path, scene):
     """Then the same people walk on free ground that holds them all."""
-    write_scene(scene, tmp_path / "place")
-    for name in ("tracks.parquet", "map.yaml", "map.pgm"):
-        (tmp_path / "place" / name).unlink()
-    tracks_table(scene.trajectories).to_csv(tmp_path / "place/tracks.csv", index=False)
+    write_as_table(scene, tmp_path / "place")
     own = read_scene(tmp_path / "place")
     assert_same(own.trajectories, scene.trajectories)
     assert not own.occupancy.occupied.any()

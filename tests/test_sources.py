@@ -15,16 +15,20 @@ SETTINGS = {"frame_rate_hz": 10.0, "annotation_frames": 4, "resolution_m": 0.5, 
 ROWS = ["4 1 2.0 0 3.0 9 0 9", "4 2 4.0 0 6.0 9 0 9", "8 1 2.5 0 3.0 9 0 9"]
 
 
-@pytest.fixture
-def folder(tmp_path):
+def write_sequence(folder):
     """A picture of 8 rows and 10 columns, 1 m per row (x) and 2 m per column (y), wall in row 7."""
-    (tmp_path / "obsmat.txt").write_text("\r\n".join(ROWS) + "\r\n")
-    (tmp_path / "H.txt").write_text(" 1 0 -1\n 0 2 -2\n 0 0 1\n")  # pixel (1, 1) of MATLAB is (0, 0) m
-    (tmp_path / "groups.txt").write_text(" 1 2 \n \n")
+    (folder / "obsmat.txt").write_text("\r\n".join(ROWS) + "\r\n")
+    (folder / "H.txt").write_text(" 1 0 -1\n 0 2 -2\n 0 0 1\n")  # pixel (1, 1) of MATLAB is (0, 0) m
+    (folder / "groups.txt").write_text(" 1 2 \n \n")
     blocked = np.zeros((8, 10), dtype=np.uint8)
     blocked[7] = 255
-    Image.fromarray(blocked).save(tmp_path / "map.png")
-    return tmp_path
+    Image.fromarray(blocked).save(folder / "map.png")
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return write_sequence(tmp_path)
 
 
 def change_row(row):

@@ -10,15 +10,7 @@ from hypothesis import strategies as st
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
-from pedpred.tracking import (
-    KalmanSettings,
-    born,
-    follow,
-    log_likelihood,
-    resampled,
-    tune_kalman,
-    updated,
-)
+from pedpred.tracking import KalmanSettings, born, follow, log_likelihood, resampled, tune_kalman, updated
 from tests.worlds import walled_scene, wandering
 
 SETTINGS = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)

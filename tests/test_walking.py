@@ -9,11 +9,7 @@ from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
 from pedpred.report.canvas import png_bytes
-from pedpred.report.simulation_page import (
-    crowd_section,
-    walking_findings,
-    weidmann_speed_mps,
-)
+from pedpred.report.simulation_page import crowd_section, walking_findings, weidmann_speed_mps
 from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow, lane_order
 from pedpred.simulation.walking import WalkingCounts, count_walking

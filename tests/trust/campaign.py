@@ -4,8 +4,6 @@ Failures (a crash, a hang, too much memory, another exception, an error that nam
 build/trust/ with the command that repeats them.
 """
 
-from __future__ import annotations
-
 import argparse
 import logging
 import multiprocessing

@@ -1,23 +1,16 @@
 """Small intact examples of what pedpred reads, and how each is read."""
 
-from __future__ import annotations
-
 import hashlib
-import io
 import shutil
-import tarfile
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 from omegaconf import OmegaConf
 from PIL import Image
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.typesys import Stores
 
 from pedpred import config
 from pedpred.features import FeatureSettings, FeatureTable
@@ -28,21 +21,18 @@ from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
 from pedpred.storage.columns import split_pairs
-from pedpred.storage.scenes import tracks_table, write_scene
-from pedpred.storage.shards import (
-    read_manifest,
-    read_shard,
-    write_manifest,
-    write_shard,
-)
+from pedpred.storage.scenes import write_scene
+from pedpred.storage.shards import read_manifest, read_shard, write_manifest, write_shard
 from pedpred.storage.windows import write_windows
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.forecasts import windows_with
-from tests.test_bags import Store, stream
+from tests.scenes import write_as_table
+from tests.test_bags import repacked
+from tests.test_fetch import write_archive
+from tests.test_sources import write_sequence
 
-EWAP = {"frame_rate_hz": 10.0, "annotation_frames": 4, "resolution_m": 0.5, "margin_m": 1.0}
 FEATURES = FeatureSettings(grid_cells=8, angular_cells=6, horizon_steps=4)
-ARCHIVED, CONTENT = ("seq_eth/H.txt", "seq_eth/obsmat.txt"), b"7 1.5\n" * 100
+ARCHIVED = dict.fromkeys(("seq_eth/H.txt", "seq_eth/obsmat.txt"), b"7 1.5\n" * 100)
 METRICS = {"eth": {"cv": dict.fromkeys(measures._FIELDS, 0.25)}}
 CONF = "defaults: [_self_, scale: default, scenes@scenes.eth: eth]\nscenes: {}\nseed: 1\nrates: [0.1, 1e-3]\n"
 PIPELINE = """\
@@ -74,23 +64,20 @@ def place() -> Scene:
     return Scene("place", trajectories, OccupancyMap(occupied, np.array([-1.0, -2.0]), 0.5), 0.4, camera)
 
 
-def make_table(folder: Path) -> None:
-    """Somebody's own folder: detections as CSV, and no map."""
+def make_scene(folder: Path) -> None:
     write_scene(place(), folder)
-    for name in ("tracks.parquet", "map.yaml", "map.pgm"):
-        (folder / name).unlink()
-    tracks_table(place().trajectories).to_csv(folder / "tracks.csv", index=False, float_format="%.3f")
+
+
+def make_table(folder: Path) -> None:
+    write_as_table(place(), folder, float_format="%.3f")
 
 
 def make_ewap(folder: Path) -> None:
-    """A picture of 8 rows and 10 columns with a wall; pixel (1, 1) is (0, 0) m."""
-    (folder / "obsmat.txt").write_text("4 1 2.0 0 3.0 9 0 9\n4 2 4.0 0 6.0 9 0 9\n8 1 2.5 0 3.0 9 0 9\n")
+    """An inclined camera, and its picture."""
+    write_sequence(folder)
     (folder / "H.txt").write_text(" 1 0 -1\n 0 2 -2\n 0.01 0 1\n")
-    (folder / "groups.txt").write_text(" 1 2 \n \n")
-    blocked = np.zeros((8, 10), dtype=np.uint8)
-    blocked[7] = 255
-    Image.fromarray(blocked).save(folder / "map.png")
-    Image.fromarray(np.stack([blocked] * 3, axis=-1)).save(folder / "reference.png")
+    with Image.open(folder / "map.png") as picture:
+        picture.convert("RGB").save(folder / "reference.png")
 
 
 def table(rows: int = 12) -> FeatureTable:
@@ -150,47 +137,27 @@ def read_model(folder: Path) -> object:
     return network.step({n: np.zeros(shapes[n], np.float32) for n in about.inputs}, memory)
 
 
+def make_recording(folder: Path) -> None:
+    write_recording(place(), folder / "place.mcap")
+
+
 def make_open_recording(folder: Path) -> None:
     """Neither compressed nor in chunks nor with checksums, so that damage reaches the messages."""
     write_recording(place(), folder / "closed.mcap")
-    with (folder / "closed.mcap").open("rb") as source, (folder / "place.mcap").open("wb") as target:
-        writer = Writer(target, use_chunking=False, enable_crcs=False, compression=CompressionType.NONE)
-        writer.start("ros2")
-        reader, channels = make_reader(source), {}
-        for record in reader.iter_metadata():
-            writer.add_metadata(record.name, record.metadata)
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.id not in channels:
-                known = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(channel.topic, "cdr", known)
-            number = channels[channel.id]
-            writer.add_message(number, message.log_time, message.data, message.publish_time)
-        writer.finish()
-
-
-def make_bag(path: Path, version: Stores, **storage: StoragePlugin) -> None:
-    """Three instants of two people, and a map."""
-    store = Store(version)
-    store.write(path, stream(store, "people_msgs/msg/People"), **storage)
+    how: dict[str, Any] = {"use_chunking": False, "enable_crcs": False, "compression": CompressionType.NONE}
+    repacked(folder / "closed.mcap", folder / "place.mcap", **how)
 
 
 def make_archive(folder: Path) -> None:
-    """The files of a data set as a tar archive, and their sums."""
-    with tarfile.open(folder / "mirror.tar", "w") as archive:
-        for name in ARCHIVED:
-            member = tarfile.TarInfo(f"ewap_dataset/{name}")
-            member.size = len(CONTENT)
-            archive.addfile(member, io.BytesIO(CONTENT))
-    with tarfile.open(folder / "mirror.tar") as plain, tarfile.open(folder / "mirror.tgz", "w:gz") as packed:
-        for member in plain:
-            packed.addfile(member, plain.extractfile(member))
+    for kind in ("tar", "tgz"):
+        write_archive(folder / f"mirror.{kind}", content=ARCHIVED)
 
 
 def read_archive(folder: Path) -> None:
     """Fetch from the archives, one of which is damaged; nothing but the right files may come of it."""
     target = folder / "raw" / "ewap"
     shutil.rmtree(target.parent, ignore_errors=True)
-    sums = dict.fromkeys(ARCHIVED, hashlib.sha256(CONTENT).hexdigest())
+    sums = {name: hashlib.sha256(content).hexdigest() for name, content in ARCHIVED.items()}
     archives = tuple(str(folder / f"mirror.{kind}") for kind in ("tar", "tgz"))
     mirrors.fetch(mirrors.Mirrors("ewap", (), archives, 1.0, sums), target)
 

@@ -3,8 +3,6 @@
 After each fault, the same command must end with the bytes of an undisturbed run and leave no other files.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import shutil
@@ -18,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from tests.trust.project import ROOT, SILENT, Project, dvc, environment, found, kinds, made, started, toy
+from tests.trust.project import ROOT, SILENT, Project, done, environment, found, kinds, made, started, toy
 
 FOLDER = ROOT / "build/trust/project"
 CLOCK = {"PYTHONPATH": str(Path(__file__).with_name("clock"))}
@@ -114,9 +112,7 @@ def _mounted(project: Project, options: str) -> str:
     simulate = f"{sys.executable} -m stages.simulate +name=corridor +out=build/mounted/corridor"
     script = f"mount -t tmpfs -o {options} tmpfs build/mounted && {simulate}"
     command = ["unshare", "--mount", "sh", "-c", script]
-    run = subprocess.run(
-        command, cwd=project.folder, env=environment(), capture_output=True, text=True, check=False
-    )
+    run = done(project.folder, *command)
     if not run.returncode or "run dvc repro again" not in run.stderr:
         raise AssertionError(f"exit code {run.returncode}: {run.stderr[-500:]}")
     return f"said: {run.stderr.strip().splitlines()[-1]}"
@@ -143,8 +139,8 @@ def elsewhere(project: Project) -> str:
     """Run all in another folder with one worker, another time zone and locale; return the problem or ""."""
     other = project.folder.with_name("else where")
     toy(other)
-    done = dvc(other, "repro", *project.targets, env=environment(**KIRITIMATI))
-    problem = f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else project.differing(other)
+    run = done(other, "dvc", "repro", *project.targets, **KIRITIMATI)
+    problem = f"dvc repro fails: {run.stderr[-500:]}" if run.returncode else project.differing(other)
     if not problem:
         shutil.rmtree(other)
     return problem
@@ -164,17 +160,15 @@ def plan(stages: Mapping[str, str], kills: int, mounts: bool, short: bool = Fals
         *((killed, stage) for stage in stages for _ in range(kills)),
         *((killed_half_trained, stage) for stage in trained for _ in range(kills)),
     ]
-    return (
-        deadly
-        if short
-        else [
-            *deadly,
-            *((without_a_worker, stage) for stage in parallel),
-            *((raced, stage) for stage in (*parallel[:1], *trained[:1])),
-            *((fault, parallel[0]) for fault in (on_a_full_disk, in_a_locked_folder) if parallel and mounts),
-            *((under_a_jumping_clock, stage) for stage in stages),
-        ]
-    )
+    if short:
+        return deadly
+    return [
+        *deadly,
+        *((without_a_worker, stage) for stage in parallel),
+        *((raced, stage) for stage in (*parallel[:1], *trained[:1])),
+        *((fault, parallel[0]) for fault in (on_a_full_disk, in_a_locked_folder) if parallel and mounts),
+        *((under_a_jumping_clock, stage) for stage in stages),
+    ]
 
 
 def tried(fault: Fault, project: Project, stage: str, rng: np.random.Generator) -> tuple[str, str]:

@@ -4,8 +4,6 @@ They cover everything but training: simulation, tracking, features, forecasts of
 the committed network in the online predictor.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -34,21 +34,13 @@ training:
 
 @dataclass(frozen=True)
 class Project:
-    """A reproduced copy of the project.
-
-    Attributes:
-        folder: where it is.
-        stages: the command of every stage by its name, in the order in which they run.
-        raw: whether the raw recordings are available; without them only a part of dvc.yaml can run.
-        expected: checksum of every file of the results.
-        usual_s: undisturbed duration of the disturbed stages, with DVC, s.
-    """
+    """A reproduced copy of the project."""
 
     folder: Path
-    stages: dict[str, str]
-    raw: bool
-    expected: dict[str, str]
-    usual_s: dict[str, float] = field(default_factory=dict)
+    stages: dict[str, str]  # the command of every stage by its name, in the order in which they run
+    raw: bool  # whether the raw recordings are available; without them only a part of dvc.yaml can run
+    expected: dict[str, str]  # checksum of every file of the results
+    usual_s: dict[str, float] = field(default_factory=dict)  # undisturbed durations of stages, with DVC
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -56,11 +48,7 @@ class Project:
         return () if self.raw else tuple(self.stages)
 
     def timed(self, stages: Iterable[str]) -> Project:
-        """Measure the undisturbed durations of some stages.
-
-        Raises:
-            SystemExit: the second run gives other bytes.
-        """
+        """Measure the undisturbed durations of some stages; exit if this second run gives other bytes."""
         usual_s = {}
         for stage in tqdm(stages, desc="undisturbed", unit="stage"):
             begun = time.monotonic()
@@ -72,10 +60,9 @@ class Project:
 
     def mended(self) -> str:
         """Reproduce all as `make reproduce` does; return the problem or ""."""
-        mend = [sys.executable, "-m", "tools.mend_lock"]
-        subprocess.run(mend, cwd=self.folder, env=environment(), check=True, **SILENT)
-        done = dvc(self.folder, "repro", "--no-run-cache", *self.targets)
-        return f"dvc repro fails: {done.stderr[-500:]}" if done.returncode else self.differing(self.folder)
+        done(self.folder, sys.executable, "-m", "tools.mend_lock").check_returncode()
+        run = done(self.folder, "dvc", "repro", "--no-run-cache", *self.targets)
+        return f"dvc repro fails: {run.stderr[-500:]}" if run.returncode else self.differing(self.folder)
 
     def differing(self, folder: Path) -> str:
         """Name the results in a folder that differ from the expected ones; "" if none."""
@@ -94,17 +81,10 @@ def environment(**more: str) -> dict[str, str]:
     return outer | who | calm | {"PATH": tools, "DVC_ROOT": str(ROOT)} | more
 
 
-def dvc(
-    folder: Path, *arguments: str, env: Mapping[str, str] | None = None
-) -> subprocess.CompletedProcess[str]:
-    """Run DVC and wait for it."""
+def done(folder: Path, *command: str, **more: str) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end; `more` adds to its environment."""
     return subprocess.run(
-        ["dvc", *arguments],
-        cwd=folder,
-        env=env or environment(),
-        capture_output=True,
-        text=True,
-        check=False,
+        command, cwd=folder, env=environment(**more), capture_output=True, text=True, check=False
     )
 
 
@@ -127,28 +107,25 @@ def results(folder: Path) -> dict[str, str]:
 def toy(folder: Path) -> None:
     """Copy the project, without results, at toy size."""
     shutil.rmtree(folder, ignore_errors=True)
-    subprocess.run([".ci/copy", str(folder)], cwd=ROOT, env=environment(), check=True)
+    done(ROOT, ".ci/copy", str(folder)).check_returncode()
     (folder / "dvc.lock").unlink(missing_ok=True)
     text = (folder / "conf/config.yaml").read_text()
     (folder / "conf/config.yaml").write_text(text.replace("- scale: default", "- scale: toy"))
     smoke = (folder / "conf/scale/smoke.yaml").read_text()
     scenes = smoke[: smoke.index("autoencoder:")] + smoke[smoke.index("validation:") :]
     (folder / "conf/scale/toy.yaml").write_text(scenes + TOY)
-    subprocess.run([sys.executable, "-m", "pedpred.config"], cwd=folder, env=environment(), check=True)
+    done(folder, sys.executable, "-m", "pedpred.config").check_returncode()
 
 
 def pipeline(folder: Path, raw: bool) -> dict[str, str]:
     """The command of every stage by name, in order; without raw data only the stages that need none."""
     graph = Repo(str(folder)).index.graph  # from a stage to what it needs
-    names = {stage: stage.name for stage in graph}
-    order = list(reversed(list(nx.lexicographical_topological_sort(graph, key=names.get))))
-    needs = {
-        stage: {names[other] for other in nx.descendants(graph, stage)} | {names[stage]} for stage in order
-    }
+    order = reversed(list(nx.lexicographical_topological_sort(graph, key=lambda stage: stage.name)))
+    fetching = {stage for stage in graph if stage.name.split("@")[0] == RAW}
     return {
-        names[stage]: stage.cmd
+        stage.name: stage.cmd
         for stage in order
-        if raw or not any(name.split("@")[0] == RAW for name in needs[stage])
+        if raw or not fetching & {stage, *nx.descendants(graph, stage)}
     }
 
 
@@ -159,17 +136,13 @@ def kinds(stages: Mapping[str, str]) -> dict[str, str]:
 
 
 def made(folder: Path) -> Project:
-    """Copy the project and reproduce it at toy size.
-
-    Raises:
-        SystemExit: it fails undisturbed.
-    """
+    """Copy the project and reproduce it at toy size; exit if that fails undisturbed."""
     toy(folder)
-    raw = dvc(folder, "repro", RAW).returncode == 0
+    raw = done(folder, "dvc", "repro", RAW).returncode == 0
     project = Project(folder, pipeline(folder, raw), raw, {})
-    done = dvc(folder, "repro", *project.targets)
-    if done.returncode:
-        sys.exit(f"the pipeline fails undisturbed:\n{done.stdout[-2000:]}\n{done.stderr}")
+    run = done(folder, "dvc", "repro", *project.targets)
+    if run.returncode:
+        sys.exit(f"the pipeline fails undisturbed:\n{run.stdout[-2000:]}\n{run.stderr}")
     return replace(project, expected=results(folder))
 
 

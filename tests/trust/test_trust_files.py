@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from pedpred.errors import StorageError
-from pedpred.files import MOST_PIXELS, atomic_write, read_json, write_text
+from pedpred.files import MOST_PIXELS, atomic_write, write_text
 from pedpred.storage.scenes import read_map, read_scene, write_scene
 from tests.trust import trial
 from tests.trust.examples import place
@@ -109,46 +109,45 @@ def test_a_map_far_beyond_the_largest_is_refused_before_its_pixels_are_decoded(f
 # Whole or not at all
 
 
-def test_a_file_appears_when_all_of_it_is_there(tmp_path):
-    path = tmp_path / "new" / "page.md"
-    write_text(path, "old")
-    with atomic_write(path) as new:
+@pytest.fixture
+def page(tmp_path):
+    write_text(tmp_path / "new" / "page.md", "old")
+    return tmp_path / "new" / "page.md"
+
+
+def test_a_file_appears_when_all_of_it_is_there(page):
+    with atomic_write(page) as new:
         new.write_text("half")
-        assert path.read_text() == "old"
+        assert page.read_text() == "old"
         new.write_text("whole")
-    assert path.read_text() == "whole"
-    assert list(path.parent.iterdir()) == [path]
+    assert page.read_text() == "whole"
+    assert list(page.parent.iterdir()) == [page]
 
 
-def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
-    path = tmp_path / "page.md"
-    write_text(path, "old")
-
+def test_a_failure_leaves_the_old_file_and_nothing_else(page):
     def interrupted():
-        with atomic_write(path) as new:
+        with atomic_write(page) as new:
             new.write_text("half")
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
+    assert page.read_text() == "old"
+    assert list(page.parent.iterdir()) == [page]
 
 
-def test_a_writer_killed_in_the_middle_leaves_the_old_file(tmp_path):
-    path = tmp_path / "page.md"
-    write_text(path, "old")
+def test_a_writer_killed_in_the_middle_leaves_the_old_file(page):
     script = (
         "import os, pathlib, signal, sys; from pedpred.files import atomic_write\n"
         "with atomic_write(pathlib.Path(sys.argv[1])) as new:\n"
         "    new.write_text('half')\n"
         "    os.kill(os.getpid(), signal.SIGKILL)"
     )
-    done = subprocess.run([sys.executable, "-c", script, str(path)], cwd=ROOT, check=False)
+    done = subprocess.run([sys.executable, "-c", script, str(page)], cwd=ROOT, check=False)
     assert done.returncode == -signal.SIGKILL
-    assert path.read_text() == "old"
-    write_text(path, "new")
-    assert list(tmp_path.iterdir()) == [path], "the next writer cleans up"
+    assert page.read_text() == "old"
+    write_text(page, "new")
+    assert list(page.parent.iterdir()) == [page], "the next writer cleans up"
 
 
 def test_two_writers_of_one_file_do_not_mix_their_bytes(tmp_path):
@@ -160,9 +159,3 @@ def test_two_writers_of_one_file_do_not_mix_their_bytes(tmp_path):
         assert not path.exists()
     assert path.read_text() == "first", "the block that ends last"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_json_must_be_an_object(tmp_path):
-    write_text(tmp_path / "a.json", "[1]")
-    with pytest.raises(StorageError, match="list, expected an object"):
-        read_json(tmp_path / "a.json", lambda problem: StorageError(tmp_path, "file", problem, "Repair it"))

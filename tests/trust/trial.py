@@ -1,7 +1,5 @@
 """One trial: damage a file, read it, and judge the result."""
 
-from __future__ import annotations
-
 import resource
 import tempfile
 import time
