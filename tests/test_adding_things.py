@@ -11,13 +11,13 @@ import pytest
 import torch
 
 from pedpred.metrics import METRICS
-from pedpred.networks import ARCHITECTURES, GridAutoencoder, load_network
+from pedpred.networks import ARCHITECTURES, load_network
 from pedpred.online import OnlinePredictor
 from pedpred.online.replay import replayed
 from pedpred.sources import SOURCES
-from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.windows import read_windows
+from tests.exported import write_autoencoder
 from tests.toys.architecture import ToySettings
 from tests.toys.metric import METRIC
 from tests.toys.source import read_people
@@ -32,11 +32,8 @@ METHOD = (
     "settings: {architecture: toy, units: 6}}"
 )
 OTHERS = ["methods.networks.lstm.where=[]", "methods.networks.lstm_nogrid.where=[]"]
-FOLD = [
-    "~folds.real.eth",
-    "~folds.real.hotel",
-    "+folds.real.toy={train: [toy], test: [toy], tracker: tuned_on_eth}",
-]
+OTHERS += ["~folds.real.eth", "~folds.real.hotel"]
+FOLD = "+folds.real.toy={train: [toy], test: [toy], tracker: tuned_on_eth}"
 SMALL = [
     f"training.{phase}.{k}" for phase in ("corridor", "finetune") for k in ("steps=8", "validate_every=4")
 ]
@@ -54,20 +51,13 @@ def write_raw(folder):
     np.savetxt(folder / "people.txt", rows)
 
 
-def write_encoders(models):
-    """Untrained ones: the toy network reads no obstacles, but every export has an encoder."""
-    for name in ("autoencoder", "distilled"):
-        network = GridAutoencoder(60, 64)
-        about = {"kind": "autoencoder", "settings": {"latent": 64}, "cells": 60}
-        write_checkpoint(models / name, network.state_dict(), about)
-
-
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
     """A folder in which the stages have run on a toy place, with a toy network and a toy metric."""
     folder = tmp_path_factory.mktemp("toys")
     write_raw(folder / "raw")
-    write_encoders(folder / "models")
+    for name in ("autoencoder", "distilled"):  # the network reads no obstacles, but an export has an encoder
+        write_autoencoder(folder / "models" / name)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setenv("PEDPRED_JOBS", "1")  # other processes would not know the toys
@@ -77,7 +67,7 @@ def project(tmp_path_factory):
         patch.setitem(METRICS, "overshoot_m", METRIC)
 
         def run(stage, *arguments):
-            patch.setattr("sys.argv", [stage, "scale=smoke", PLACE, METHOD, *OTHERS, *FOLD, *arguments])
+            patch.setattr("sys.argv", [stage, "scale=smoke", PLACE, METHOD, *OTHERS, FOLD, *arguments])
             importlib.import_module(f"stages.{stage}").main()
 
         run("ingest", "+name=toy")

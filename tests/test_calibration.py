@@ -15,8 +15,8 @@ from pedpred.metrics.calibration import (
     radius2,
     squared_mahalanobis,
 )
-from pedpred.scenes import Trajectories
 from pedpred.tracking import KalmanSettings, follow
+from tests.test_tracking import model_walks
 
 TRACKER = KalmanSettings(acceleration_noise=0.02, position_noise_m=0.05)
 
@@ -69,29 +69,14 @@ def test_figures_of_calibration_appear_where_a_covariance_is_given():
     assert [found[f"per_step_coverage_{p}"] for p in (50, 90, 95)] == [[0.5], [0.5], [1.0]]
 
 
-def walks(rng, tracks, detections, dt_s, q, r):
-    """People pushed by white noise (the filter's own model), seen with noise. [tracks, detections, 2] m."""
-    noise = q * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
-    pushes = rng.normal(size=(tracks, detections, 2, 2)) @ np.linalg.cholesky(noise).T
-    state = np.zeros((tracks, 2, 2))  # axis, (position, velocity)
-    state[..., 1] = rng.normal(0, 1, (tracks, 2))
-    seen = np.empty((tracks, detections, 2))
-    for k in range(detections):
-        seen[:, k] = state[..., 0] + rng.normal(0, r, (tracks, 2))
-        state = state @ np.array([[1.0, 0.0], [dt_s, 1.0]]) + pushes[:, k]
-    return seen
-
-
 def test_the_trackers_own_covariance_holds_in_the_trackers_own_world():
     rng, dt_s, known, ahead = np.random.default_rng(1), 0.4, 6, 5
     q, r = TRACKER.acceleration_noise, TRACKER.position_noise_m
-    seen = walks(rng, 4000, known + ahead, dt_s, q, r)
-    track_id, step = (axis.ravel() for axis in np.mgrid[:4000, :known])
-    trajectories = Trajectories(step * dt_s, track_id, seen[:, :known].reshape(-1, 2))
-    tracks = follow(trajectories, "kalman", TRACKER, 0.2)
+    walks = model_walks(rng, q, r, np.full((4000, known + ahead), dt_s))
+    tracks = follow(walks.select(walks.time_s < (known + 0.5) * dt_s), "kalman", TRACKER, 0.2)
     last = tracks.age == known - 1
     forecast = tracks.position[last] + ahead * dt_s * tracks.velocity[last]
     covariance = kalman_covariance(TRACKER, dt_s, np.array([ahead * dt_s]))
-    distance2 = squared_mahalanobis((seen[:, -1] - forecast)[:, None], covariance)
+    distance2 = squared_mahalanobis((walks.position[-4000:] - forecast)[:, None], covariance)
     for share in REGIONS:
         assert coverage(distance2, share) == pytest.approx(share, abs=0.03)

@@ -14,11 +14,10 @@ from pedpred.networks.encoding import encode, load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import write_embeddings, write_manifest, write_shard
-from pedpred.tracking import follow
 from pedpred.training.distillation import DistillationLearner, DistillationSettings, crops_at, unexplained
 from pedpred.training.loop import train
-from tests.exported import TRACKER
-from tests.worlds import walled_scene
+from tests.exported import same_weights
+from tests.worlds import squares, tracked, walled_scene
 
 SHORT = DistillationSettings(
     widths=(8, 8), batch=8, steps=40, validate_every=20, lr=1e-2, warmup_steps=5, seed=0
@@ -29,12 +28,7 @@ SHORT = DistillationSettings(
 def taught():
     """A teacher and what it makes of crops with one square each."""
     torch.manual_seed(0)
-    teacher, rng = GridEncoder(60, 16), np.random.default_rng(0)
-    cells = np.zeros((40, 60, 60), np.uint8)
-    for crop in cells:
-        x, y = rng.integers(0, 40, 2)
-        crop[x : x + 20, y : y + 20] = 1
-    packed = np.packbits(cells.reshape(len(cells), -1), axis=-1, bitorder="little")
+    teacher, packed = GridEncoder(60, 16), squares(np.random.default_rng(0), 40)
     return teacher, EmbeddedCrops(packed, encode(teacher, packed, 60).astype(np.float16), 60)
 
 
@@ -47,8 +41,7 @@ def test_a_narrow_encoder_learns_and_repeats(taught):
     assert student.conv1.out_channels == 8
     assert torch.equal(student.fc.weight, teacher.fc.weight)
     train(again, None, "toy")
-    pairs = zip(student.parameters(), again.network.parameters(), strict=True)
-    assert all(torch.equal(a, b) for a, b in pairs)
+    assert same_weights(student, again.network)
 
 
 def test_the_teacher_misses_nothing_and_a_constant_everything(taught):
@@ -88,7 +81,7 @@ def test_crops_and_codes_stay_together_and_rooms_apart(tmp_path):
     settings = FeatureSettings()
     for index, name in enumerate(("a", "b", "c")):
         scene = walled_scene(np.random.default_rng(index))
-        blocks = list(extract_blocks(scene, follow(scene.trajectories, "kalman", TRACKER, 0.2), settings))
+        blocks = list(extract_blocks(scene, tracked(scene), settings))
         write_shard(blocks, tmp_path / "features", name)
         bits = np.concatenate([block.occupancy for block in blocks])
         write_embeddings([_code_of(bits)], tmp_path / "embeddings", name)
@@ -97,9 +90,8 @@ def test_crops_and_codes_stay_together_and_rooms_apart(tmp_path):
     write_manifest(tmp_path / "features", settings, scenes)
 
     def divided(share):
-        return embedded_crops_of(
-            tmp_path / "features", tmp_path / "embeddings", share, 2, np.random.default_rng(0)
-        )
+        folders, rng = (tmp_path / "features", tmp_path / "embeddings"), np.random.default_rng(0)
+        return embedded_crops_of(*folders, share, 2, rng)
 
     training, validation = divided(0.3)
     assert len(training) > len(validation) > 0

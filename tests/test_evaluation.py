@@ -19,19 +19,15 @@ from pedpred.forecasting import Method
 from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.paths import displacement, too_close
 from pedpred.scenes import Predictions, Scene, Trajectories
-from pedpred.tracking import KalmanSettings, follow
+from pedpred.tracking import KalmanSettings
 from tests.forecasts import drawn_predictions, metric_scene, request_about
-from tests.worlds import empty_map, walled_scene
+from tests.worlds import blocked, empty_map, tracked, walled_scene
 
 SETTINGS = EvaluationSettings(bootstrap=10)
 
 
 def table_of(scene):
-    return extract(
-        scene,
-        follow(scene.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2),
-        FeatureSettings(phase_offsets=3),
-    )
+    return extract(scene, tracked(scene), FeatureSettings(phase_offsets=3))
 
 
 def test_displacement_by_hand():
@@ -47,10 +43,7 @@ def test_too_close_by_hand():
 
 
 def test_inside_obstacle_by_hand():
-    room = empty_map()
-    occupied = room.occupied.copy()
-    occupied[room.occupied.shape[0] // 2 :] = True
-    room = dataclasses.replace(room, occupied=occupied)
+    room = blocked(slice(100, None))  # the half at x > 0
     paths = np.array([[[1.0, 0.0], [-1.0, 0.0], [99.0, 0.0]]])
     share = METRICS["obstacle_share"].value(Predictions.single(paths, 0.3), paths, metric_scene(1, room))
     assert share == pytest.approx(1 / 3)

@@ -1,7 +1,6 @@
 """The real recordings, read as configured, are what is known about them."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,13 +14,11 @@ from pedpred.features import FeatureSettings, extract
 from pedpred.geometry import Homography
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import Camera
-from pedpred.sources import SOURCES
 from pedpred.sources.ewap import ALONE, occupancy_from_image, read_sequence
-from pedpred.tracking import KalmanSettings, follow, log_likelihood
-from tests.forecasts import request_about
+from pedpred.tracking import KalmanSettings, log_likelihood
+from tests.forecasts import CONF, request_about
+from tests.worlds import PLACES, recorded, tracked
 
-CONF = Path(__file__).resolve().parents[1] / "conf"
-PLACES = yaml.safe_load((CONF / "places" / "recorded.yaml").read_text())
 FACTS = {
     "eth": {
         "rows": 8908,
@@ -65,13 +62,11 @@ FACTS = {
 @pytest.fixture(scope="module", params=FACTS)
 def real(request, ewap_folder):
     """A real scene, as configured, and what is known about it."""
-    about = PLACES[request.param]
-    folder = ewap_folder / Path(about["folder"]).name
-    return SOURCES[about["source"]](folder, request.param, about["settings"]), FACTS[request.param], folder
+    return recorded(ewap_folder, request.param), FACTS[request.param]
 
 
 def test_real_detections(real):
-    scene, facts, _ = real
+    scene, facts = real
     trajectories = scene.trajectories
     assert len(trajectories) == facts["rows"]
     assert len(np.unique(trajectories.track_id)) == facts["tracks"]
@@ -90,7 +85,7 @@ def test_real_tracks_have_no_holes(real):
 
 
 def test_real_groups(real):
-    scene, facts, _ = real
+    scene, facts = real
     groups = np.unique(scene.trajectories.group_id)
     assert groups.tolist() == [ALONE, *range(facts["groups"])]
     members = [np.unique(scene.trajectories.track_id[scene.trajectories.group_id == g]) for g in groups[1:]]
@@ -98,7 +93,7 @@ def test_real_groups(real):
 
 
 def test_real_obstacles(real):
-    scene, facts, _ = real
+    scene, facts = real
     occupancy, position = scene.occupancy, scene.trajectories.position
     assert occupancy.occupied.sum() == facts["occupied"]
     assert occupancy.is_occupied(position).sum() == facts["points_on_obstacles"]
@@ -110,7 +105,7 @@ def test_real_obstacles(real):
 
 
 def test_real_annotations_are_whole_pixels(real):
-    scene, facts, _ = real
+    scene, facts = real
     assert isinstance(scene.camera, Camera)
     assert scene.camera.picture.shape == facts["picture"]
     pixels = scene.camera.homography.to_image(scene.trajectories.position)
@@ -119,11 +114,11 @@ def test_real_annotations_are_whole_pixels(real):
     assert (pixels < np.array(facts["picture"][:2]) - 0.5).all()
 
 
-def test_wrong_pixel_order_would_be_noticed(real):
+def test_wrong_pixel_order_would_be_noticed(real, ewap_folder):
     """H takes (row, column). Read as (column, row), eth walks through walls and hotel leaves the picture."""
-    scene, facts, folder = real
+    scene, facts = real
     wrong = Homography(scene.camera.homography.matrix[:, [1, 0, 2]], first_pixel=1)
-    with Image.open(folder / "map.png") as image:
+    with Image.open(ewap_folder / f"seq_{scene.name}" / "map.png") as image:
         blocked = np.asarray(image) > 127
     points = scene.trajectories.position
     occupancy = occupancy_from_image(blocked, wrong, points, scene.occupancy.resolution_m, 1.0)
@@ -149,10 +144,9 @@ def tracker_tuned_on(place):
 
 def test_real_windows_and_the_errors_of_constant_velocity(real):
     """The honest protocol's windows, and the tracker tuned on the *other* place."""
-    scene, facts, _ = real
+    scene, facts = real
     (other,) = set(FACTS) - {scene.name}
-    tracks = follow(scene.trajectories, "kalman", tracker_tuned_on(other), 0.2)
-    table = extract(scene, tracks, FeatureSettings(phase_offsets=3))
+    table = extract(scene, tracked(scene, tracker_tuned_on(other)), FeatureSettings(phase_offsets=3))
     windows = table.select(table.window)
     assert len(windows) == facts["windows"]
     assert len(np.unique(windows.track_id)) == facts["window_tracks"]

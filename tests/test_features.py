@@ -2,11 +2,9 @@
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,12 +26,10 @@ from pedpred.features.targets import future_velocities
 from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
-from pedpred.sources import SOURCES as SOURCES_OF_PLACES
 from pedpred.tracking import KalmanSettings, follow, resampled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
-from tests.worlds import empty_map, walled_scene
+from tests.worlds import blocked, empty_map, recorded, tracked, walled_scene
 
-CONF = Path(__file__).resolve().parents[1] / "conf"
 KALMAN = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
 SOURCES = {
     "annotations": dict(kind="kalman", kalman=KALMAN, dt_s=0.4, phase_offsets=3, truth=False),
@@ -125,8 +121,7 @@ def test_the_paper_protocol_does_leak():
 
 def minute_of(ewap_folder, place):
     """The first minute of a real recording."""
-    row = yaml.safe_load((CONF / "places/recorded.yaml").read_text())[place]
-    scene = SOURCES_OF_PLACES[row["source"]](ewap_folder / Path(row["folder"]).name, place, row["settings"])
+    scene = recorded(ewap_folder, place)
     start = scene.trajectories.time_s.min()
     minute = scene.trajectories.select(scene.trajectories.time_s < start + 60.0)
     return dataclasses.replace(scene, trajectories=dataclasses.replace(minute, time_s=minute.time_s - start))
@@ -138,9 +133,8 @@ def test_velocities_targets_and_neighbours_do_not_see_the_world_frame(seed, turn
     rng = np.random.default_rng(seed)
     scene = walled_scene(rng)
     shift = rng.uniform(-50, 50, 2)
-    trajectories = dataclasses.replace(
-        scene.trajectories, position=rotate(scene.trajectories.position, np.float64(turn)) + shift
-    )
+    position = rotate(scene.trajectories.position, np.float64(turn)) + shift
+    trajectories = dataclasses.replace(scene.trajectories, position=position)
     turned = dataclasses.replace(scene, trajectories=trajectories)
     a, b = (table_of(s, SOURCES["annotations"]) for s in (scene, turned))
     walking = np.hypot(*a.velocity.T) > 0.25  # a pedestrian that never moved looks along world x
@@ -203,10 +197,7 @@ def test_crop_equals_a_look_up_of_every_cell_centre(heading, position, size, res
 
 
 def test_an_obstacle_ahead_and_to_the_left_is_there_in_the_crop():
-    room = empty_map()
-    occupied = room.occupied.copy()
-    occupied[tuple(room.cell_of(np.array([-1.0, 2.0])))] = True
-    room = OccupancyMap(occupied, room.origin, 0.1)
+    room = blocked(tuple(empty_map().cell_of(np.array([-1.0, 2.0]))))
     # Looking along world y: the cell is 2 m ahead and 1 m to the left.
     crop = unpack_crops(occupancy_crops(room, np.array([[0.0, 0.0]]), np.array([np.pi / 2]), 60, 0.1), 60)[0]
     (i,), (j,) = np.nonzero(crop)
@@ -226,9 +217,8 @@ def test_apg_shifts_by_k_cells_when_the_crowd_turns_by_k_cones(seed, k):
     angle = (rng.integers(0, 72, 12) + rng.uniform(0.05, 0.95, 12)) * np.deg2rad(5)
     crowd = rng.uniform(0.5, 7.0, 12)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     turned = rotate(crowd, np.deg2rad(5.0 * k))
-    np.testing.assert_allclose(
-        np.roll(apg([0.0, 0.0], 0.0, crowd), k), apg([0.0, 0.0], 0.0, turned), atol=1e-5
-    )
+    before, after = (apg([0.0, 0.0], 0.0, people) for people in (crowd, turned))
+    np.testing.assert_allclose(np.roll(before, k), after, atol=1e-5)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([4, 72, 720]), st.sampled_from([1.0, 50.0]))
@@ -267,13 +257,10 @@ def test_integrated_targets_land_on_the_true_path(seed):
 def test_clocks_cover_every_annotation_once():
     scene = walled_scene(np.random.default_rng(5))
     table = table_of(scene, SOURCES["annotations"])
-    on = np.abs(table.time_s / 0.4 - np.round(table.time_s / 0.4)) < 1e-6
-    annotated, covered = (
-        sorted(zip(track_id.tolist(), np.round(time_s / 0.4).tolist(), strict=True))
-        for track_id, time_s in (
-            (scene.trajectories.track_id, scene.trajectories.time_s),
-            (table.track_id[on], table.time_s[on]),
-        )
+    on = table.select(np.abs(table.time_s / 0.4 - np.round(table.time_s / 0.4)) < 1e-6)
+    covered, annotated = (
+        sorted(zip(rows.track_id.tolist(), np.round(rows.time_s / 0.4).tolist(), strict=True))
+        for rows in (on, scene.trajectories)
     )
     assert covered == annotated
 
@@ -318,8 +305,7 @@ def test_online_equals_offline_bit_by_bit(source):
 
 def test_blocks_hold_whole_tracks_and_together_the_table():
     scene = walled_scene(np.random.default_rng(0), tracks=6)
-    tracks = follow(scene.trajectories, "kalman", KALMAN, 0.2)
-    sizes = FeatureSettings(phase_offsets=3)
+    tracks, sizes = tracked(scene, KALMAN), FeatureSettings(phase_offsets=3)
     whole = extract(scene, tracks, sizes)
     for rows in (1, 350, 10**6):
         blocks = list(extract_blocks(scene, tracks, sizes, rows))
@@ -376,9 +362,8 @@ def test_a_life_ends_with_a_long_silence():
     assert not table.velocity[reborn].any()
     assert not table.last_velocity[reborn].any()
     before = table.time_s < 10.0
-    np.testing.assert_array_equal(
-        table.future_steps[before], np.clip((7.6 + 1e-6 - table.time_s[before]) // 0.3, 0, 10)
-    )
+    known = np.clip((7.6 + 1e-6 - table.time_s[before]) // 0.3, 0, 10)
+    np.testing.assert_array_equal(table.future_steps[before], known)
     assert (table.time_s[table.window & ~before] >= 20.0 + 3 * 0.4 - 1e-3).all()
 
 
@@ -387,11 +372,11 @@ def test_targets_are_the_truth_whatever_the_sensor_says():
     rng = np.random.default_rng(4)
     scene = walled_scene(rng, 0.1, tracks=6, detections=100, noise_m=0.0)
     seen = apply_sensor(scene, SENSOR, rng)
-    tracks = follow(seen.trajectories, "kalman", KALMAN, 0.2)
+    tracks = tracked(seen, KALMAN)
     assert (tracks.person_id != tracks.track_id).any()
     table = extract(seen, tracks, FeatureSettings(), scene.trajectories)
     row = tracks.last_row(table.track_id, table.time_s)
-    own = follow(scene.trajectories, "kalman", KALMAN, 0.2)
+    own = tracked(scene, KALMAN)
     ahead = own.last_row(tracks.person_id[row], table.time_s + 0.3)
     landed = table.position + rotate(table.future[:, 0] * 0.3, table.heading_rad)
     known = table.future_steps > 0

@@ -9,14 +9,14 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.datasets import MotionData, split_sequences, stream_lanes
+from pedpred.datasets import split_sequences, stream_lanes
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.networks import GridAutoencoder, load_network, parse_settings
 from pedpred.networks.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
 from pedpred.networks.contract import detach, mean_over, reset, velocity_distance
 from pedpred.networks.registry import plain_settings
 from pedpred.networks.rolling import roll, rolled
-from pedpred.storage.checkpoints import load_weights, read_checkpoint, write_checkpoint
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.training import (
     AutoencoderLearner,
     AutoencoderSettings,
@@ -26,19 +26,11 @@ from pedpred.training import (
 )
 from pedpred.training.fit import copy_phase
 from pedpred.training.loop import learning_rate
-from tests.exported import write_network
+from tests.exported import lstm, motion_data, same_weights, write_autoencoder, write_network
+from tests.worlds import squares
 
 WIDTHS = {"state": 2, "angular": 72}
-SMALL = parse_settings(
-    {
-        "architecture": "lstm",
-        "channels": {"state": {"projection": 8, "lstm": 8}, "angular": {"projection": 8, "lstm": 8}},
-        "joint": 16,
-        "head": 16,
-        "residual": True,
-        "uncertainty": "gaussian",
-    }
-)
+SMALL = lstm(16, 16, {"state": (8, 8), "angular": (8, 8)}, uncertainty="gaussian")
 QUICK = TrainingSettings(
     steps=6,
     lanes=4,
@@ -55,24 +47,11 @@ QUICK = TrainingSettings(
 
 def toy_data(rng, tracks=6, length=20):
     """Tracks whose speed is told at the first step only: later targets need memory."""
-    rows = tracks * length
-    speed = np.repeat(rng.choice([-1.0, 1.0], tracks), length)
-    velocity = np.zeros((rows, 2))
-    velocity[::length, 0] = speed[::length]
-    future = np.zeros((rows, 4, 2))
-    future[:, :, 0] = speed[:, None]
-    edges = np.arange(0, rows + 1, length)
-    return MotionData(
-        velocity=torch.tensor(velocity, dtype=torch.float32),
-        angular=torch.zeros(rows, 72),
-        future=torch.tensor(future, dtype=torch.float32),
-        future_steps=torch.full((rows,), 4),
-        embedding=None,
-        sequences=np.stack([edges[:-1], edges[1:]], axis=-1),
-        scene=np.arange(tracks) // 2,
-        track=np.arange(tracks),
-        dt_s=0.3,
-    )
+    speed = torch.from_numpy(rng.choice([-1.0, 1.0], tracks)).float()
+    velocity, future = torch.zeros(tracks, length, 2), torch.zeros(tracks, length, 4, 2)
+    velocity[:, 0, 0] = speed
+    future[..., 0] = speed[:, None, None]
+    return motion_data(velocity.flatten(0, 1), future.flatten(0, 1), tracks)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.integers(1, 7))
@@ -193,9 +172,8 @@ def test_carried_memory_solves_what_one_sub_sequence_cannot(tmp_path):
     long = dataclasses.replace(QUICK, steps=250, lanes=12, longest_track=100, validate_every=50)
     train(RecurrentLearner(network, data, data.sequences, data.sequences, long), tmp_path, "memory")
     late = [row for first, last in data.sequences for row in range(first + 10, last)]
-    error = torch.linalg.vector_norm(
-        roll(network.eval(), data, data.sequences)["velocities"][late] - data.future[late], dim=-1
-    )
+    found = roll(network.eval(), data, data.sequences)["velocities"]
+    error = velocity_distance(found[late], data.future[late])
     assert error.mean() < 0.2  # without memory nothing beats an error of 1 m/s
 
 
@@ -244,7 +222,7 @@ def test_a_killed_pre_training_ends_with_the_same_weights(tmp_path, monkeypatch)
         train_autoencoder(packed, packed, short, tmp_path)
     monkeypatch.setattr(AutoencoderLearner, "validate", validate)
     resumed, resumed_curve = train_autoencoder(packed, packed, short, tmp_path)
-    assert all(torch.equal(a, b) for a, b in zip(whole.parameters(), resumed.parameters(), strict=True))
+    assert same_weights(whole, resumed)
     assert resumed_curve[1:] == curve[1:]  # [0] has no loss yet, and nan equals nothing
 
 
@@ -291,8 +269,7 @@ def test_checkpoint_round_trip_and_damage(tmp_path):
     weights, _ = read_checkpoint(tmp_path)
     other = load_network(tmp_path)
     assert other.settings == SMALL
-    for a, b in zip(network.parameters(), other.parameters(), strict=True):
-        assert torch.equal(a, b)
+    assert same_weights(network, other)
     wider = dataclasses.replace(SMALL, joint=17).build(WIDTHS, 4)
     with pytest.raises(StorageError, match="weights"):
         load_weights(wider, weights, tmp_path)
@@ -320,8 +297,7 @@ def test_decoder_uses_the_encoders_weights():
 
 @pytest.mark.parametrize("tied", [True, False])
 def test_an_auto_encoder_on_disk_knows_whether_it_is_tied(tmp_path, tied):
-    network, crops = GridAutoencoder(60, 4, tied), (torch.rand(2, 60, 60) > 0.8).float()
-    write_checkpoint(tmp_path, network.state_dict(), {"settings": {"latent": 4}, "cells": 60})
+    network, crops = write_autoencoder(tmp_path, 4, tied), (torch.rand(2, 60, 60) > 0.8).float()
     other, cells = read_autoencoder(tmp_path)
     assert cells == 60
     assert torch.equal(other(crops), network(crops))
@@ -331,19 +307,14 @@ def test_an_auto_encoder_on_disk_knows_whether_it_is_tied(tmp_path, tied):
 
 
 def test_autoencoder_learns_and_repeats():
-    rng = np.random.default_rng(0)
-    cells = np.zeros((64, 60, 60), np.uint8)
-    for crop in cells:
-        x, y = rng.integers(0, 40, 2)
-        crop[x : x + 20, y : y + 20] = 1
-    packed = np.packbits(cells.reshape(64, -1), axis=-1, bitorder="little")
+    packed = squares(np.random.default_rng(0), 64)
     short = AutoencoderSettings(
         latent=16, batch=8, steps=60, validate_every=20, lr=2e-3, warmup_steps=5, clip_norm=100.0, seed=0
     )
     network, curve = train_autoencoder(packed, packed[:32], short)
     assert curve[-1]["validation_loss"] < 0.8 * curve[0]["validation_loss"]
     again, _ = train_autoencoder(packed, packed[:32], short)
-    assert all(torch.equal(a, b) for a, b in zip(network.parameters(), again.parameters(), strict=True))
+    assert same_weights(network, again)
 
 
 def test_learning_rate_rises_then_falls():

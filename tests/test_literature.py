@@ -1,21 +1,16 @@
 """The literature's protocol: its windows, its errors by hand, and by a few independent lines on real data."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-import yaml
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.literature import literature_figures, request_about, stretches
 from pedpred.scenes import Scene, Trajectories
-from pedpred.sources import SOURCES
 from pedpred.tracking import KalmanSettings
-from tests.worlds import empty_map
+from tests.worlds import empty_map, recorded
 
-CONF = Path(__file__).resolve().parents[1] / "conf"
 SETTINGS = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initial_speed_mps=1.0)
 
 
@@ -32,16 +27,18 @@ def joined(*recordings):
     )
 
 
+def requested(found):
+    return request_about(Scene("walk", walk([[0, 0], [1, 0]]), empty_map(), 0.4), found, SETTINGS)
+
+
 def paths(found, method):
-    scene = Scene("walk", walk([[0, 0], [1, 0]]), empty_map(), 0.4)
-    return PRESENT_MOTION[method]()(request_about(scene, found, SETTINGS)).point
+    return PRESENT_MOTION[method]()(requested(found)).point
 
 
 def measured(found):
-    scene = Scene("walk", walk([[0, 0], [1, 0]]), empty_map(), 0.4)
-    forecasters = {method: make() for method, make in PRESENT_MOTION.items()}
-    request = request_about(scene, found, SETTINGS)
-    return literature_figures(request, found, forecasters, "kalman_cv", EvaluationSettings(bootstrap=10))
+    methods = {method: make() for method, make in PRESENT_MOTION.items()}
+    how = EvaluationSettings(bootstrap=10)
+    return literature_figures(requested(found), found, methods, "kalman_cv", how)
 
 
 def test_errors_by_hand():
@@ -87,9 +84,7 @@ def test_forecasts_see_the_window_alone():
 
 @pytest.mark.parametrize(("place", "ade_m", "fde_m"), [("eth", 0.678, 1.344), ("hotel", 0.344, 0.657)])
 def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_m, fde_m):
-    about = yaml.safe_load((CONF / "places" / "recorded.yaml").read_text())[place]
-    folder = ewap_folder / Path(about["folder"]).name
-    trajectories = SOURCES[about["source"]](folder, place, about["settings"]).trajectories
+    trajectories = recorded(ewap_folder, place).trajectories
     errors = []
     for track in np.unique(trajectories.track_id):
         path = trajectories.position[trajectories.track_id == track]  # in time's order, and without holes

@@ -25,8 +25,7 @@ from pedpred.storage import mapped
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import read_shard, write_embeddings, write_manifest, write_shard
-from pedpred.tracking import KalmanSettings, follow
-from tests.worlds import walled_scene
+from tests.worlds import tracked, walled_scene
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = FeatureSettings()
@@ -56,8 +55,7 @@ def stored(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stored")
     for index, (name, scene_name) in enumerate(SHARDS.items()):
         scene = walled_scene(np.random.default_rng(index))
-        tracks = follow(scene.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2)
-        blocks = list(extract_blocks(scene, tracks, SETTINGS, rows=100))
+        blocks = list(extract_blocks(scene, tracked(scene), SETTINGS, rows=100))
         assert len(blocks) > 1
         write_shard(blocks, folder, name)
         write_embeddings((code_of(block.occupancy) for block in blocks), folder / "embeddings", name)
@@ -121,9 +119,8 @@ def test_a_data_set_is_its_shards_one_behind_the_other(stored):
     for name in NETWORK_COLUMNS:
         expected = np.concatenate([network_columns(table, SETTINGS)[name] for table in tables])
         np.testing.assert_array_equal(getattr(data, name).numpy(), expected)
-    np.testing.assert_array_equal(
-        data.embedding.numpy(), np.concatenate([code_of(table.occupancy) for table in tables])
-    )
+    embedding = np.concatenate([code_of(table.occupancy) for table in tables])
+    np.testing.assert_array_equal(data.embedding.numpy(), embedding)
     starts = np.flatnonzero(np.concatenate([table.step for table in tables]) == 0)
     np.testing.assert_array_equal(data.sequences[:, 0], starts)
     np.testing.assert_array_equal(data.sequences[:, 1], [*starts[1:], len(data.velocity)])
@@ -186,6 +183,7 @@ def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
         owner = dict(zip(data.sequences[:, 0].tolist(), getattr(data, by).tolist(), strict=True))
         training, validation = ({owner[first] for first in half[:, 0].tolist()} for half in halves)
         assert training.isdisjoint(validation)
+        assert min(len(training), len(validation)) > 0
         assert training | validation == set(owner.values())
     assert set(data.scene) == {0, 1, 2}  # not six
 

@@ -1,7 +1,6 @@
 """Every figure of a metric file by hand, honest intervals, a real row computed again from raw files."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +12,8 @@ from pedpred.evaluation.scores import metric_scene as scene_of_windows
 from pedpred.evaluation.summary import TrackBootstrap
 from pedpred.features import FeatureSettings, extract
 from pedpred.scenes import Predictions
-from pedpred.tracking import KalmanSettings, follow
 from tests.forecasts import drawn_predictions, metric_scene
-from tests.worlds import empty_map, walled_scene
+from tests.worlds import blocked, tracked, walled_scene
 
 REPORTED = Path(__file__).resolve().parents[1] / "reports/metrics/real.json"
 
@@ -24,16 +22,10 @@ def scores_of(error_m):
     """Three windows of two tracks, two steps: the second window stands, the first two come too close."""
     truth = np.zeros((3, 2, 2))
     path = truth + np.array(error_m, float)[..., None] * [1.0, 0.0]
-    scene = metric_scene(3, time_s=np.array([0.0, 0.0, 1.0]), speed_mps=np.array([1.0, 0.1, 1.0]))
-    scene = replace(scene, occupancy=walls_beyond(5.5), collision_m=1.5)
+    people = {"time_s": np.array([0.0, 0.0, 1.0]), "speed_mps": np.array([1.0, 0.1, 1.0])}
+    beyond = blocked(slice(155, None))  # x > 5.5 m
+    scene = metric_scene(3, beyond, collision_m=1.5, **people)
     return score(Predictions.single(path, 0.3), truth, np.array([4, 4, 9]), scene)
-
-
-def walls_beyond(x_m):
-    room = empty_map()
-    occupied = room.occupied.copy()
-    occupied[round((x_m - room.origin[0]) / room.resolution_m) :] = True
-    return replace(room, occupied=occupied)
 
 
 def test_every_figure_by_hand():
@@ -68,8 +60,7 @@ def test_every_figure_by_hand():
 def test_scores_depend_on_neither_order_nor_batch():
     """Batches are whole instants: collisions concern all people of an instant."""
     scene = walled_scene(np.random.default_rng(5), detections=40)
-    tracks = follow(scene.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2)
-    table = extract(scene, tracks, FeatureSettings(phase_offsets=3))
+    table = extract(scene, tracked(scene), FeatureSettings(phase_offsets=3))
     windows = table.select(table.window)
     rng = np.random.default_rng(6)
     paths = drawn_predictions(rng, len(windows), steps=10)

@@ -9,16 +9,13 @@ import torch
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureSettings, extract
 from pedpred.networks import ARCHITECTURES, GridEncoder, NetworkForecaster, load_network, parse_settings
-from pedpred.networks.export import export_onnx
 from pedpred.online import OnlinePredictor, OnlineSettings
-from pedpred.online.network import ModelDescription, sensor_shapes, write_description
 from pedpred.online.replay import replayed
-from pedpred.tracking import follow
 from pedpred.training import RecurrentLearner, train
-from tests.exported import TRACKER, write_network
+from tests.exported import TRACKER, write_model, write_network
 from tests.test_learning import QUICK, toy_data
 from tests.toys.architecture import ToySettings
-from tests.worlds import walled_scene
+from tests.worlds import tracked, walled_scene
 
 
 @pytest.fixture
@@ -47,24 +44,21 @@ def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypat
 
     monkeypatch.setattr(type(network), "answer", answer)
     with pytest.raises(ValueRuleError, match="other numbers of people"):
-        export_onnx(network, GridEncoder(60), sensor_shapes(sizes), sizes.dt_s, tmp_path / "network.onnx")
+        write_model(tmp_path, network, GridEncoder(60), sizes)
     assert not (tmp_path / "network.onnx").exists()
 
 
 def test_modes_travel_from_the_network_to_the_robot(network, tmp_path):
     """Offline and online give the same modes, the most likely one first."""
     sizes, scene = FeatureSettings(horizon_steps=4), walled_scene(np.random.default_rng(1), 0.3)
-    table = extract(scene, follow(scene.trajectories, "kalman", TRACKER, 0.2), sizes)
+    table = extract(scene, tracked(scene, TRACKER), sizes)
     offline = NetworkForecaster(network, None).predict(table, sizes, np.arange(len(table)))
     assert offline.modes == 2
     np.testing.assert_allclose(offline.weight, np.tile([2 / 3, 1 / 3], (len(table), 1)))
     np.testing.assert_allclose(offline.most_likely, table.position[:, None].repeat(4, axis=1), atol=1e-9)
     np.testing.assert_allclose(offline.path[:, 1], offline.point, atol=1e-5)
 
-    ends = export_onnx(network, GridEncoder(60), sensor_shapes(sizes), sizes.dt_s, tmp_path / "network.onnx")
-    assert ends["memory"] == {"trace": (1, 6)}
-    about = ModelDescription(**ends, features=sizes, tracker=TRACKER, standstill_mps=0.2)
-    write_description(tmp_path, about, {})
+    assert write_model(tmp_path, network, GridEncoder(60), sizes).memory == {"trace": (1, 6)}
     robot = OnlinePredictor.load(tmp_path, OnlineSettings.as_offline(sizes, scene.detection_dt_s))
     compared = 0
     for forecast in replayed(scene, robot):

@@ -12,10 +12,9 @@ import yaml
 from omegaconf import OmegaConf
 
 from pedpred import config
-from pedpred.networks import GridAutoencoder, parse_settings
-from pedpred.storage.checkpoints import write_checkpoint
+from pedpred.networks import parse_settings
 from tests.conftest import ROOT
-from tests.exported import WIDTHS, write_network
+from tests.exported import WIDTHS, write_autoencoder, write_network
 
 NETWORKS = ("lstm", "lstm_nogrid")
 SMALL = [
@@ -58,8 +57,7 @@ def project(tmp_path, monkeypatch):
     for place in ("eth", "hotel"):  # their raw data are not part of this
         del params["folds"]["real"][place]
     torch.manual_seed(0)
-    settings = {"kind": "autoencoder", "settings": {"latent": 64}, "cells": 60}
-    write_checkpoint(Path("models/autoencoder"), GridAutoencoder(60, 64).state_dict(), settings)
+    write_autoencoder(Path("models/autoencoder"))
     for name, method in params["methods"]["networks"].items():
         network = parse_settings(method["settings"]).build(WIDTHS, params["protocol"]["horizon_steps"])
         write_network(Path("models/main", name), network)

@@ -1,26 +1,21 @@
 """Recorded people, replayed online frame by frame, get the forecasts that the offline pipeline makes."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from pedpred.features import FeatureSettings, extract
 from pedpred.networks import NetworkForecaster
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import predictions_at, replayed
-from pedpred.sources import SOURCES
 from pedpred.tracking import follow
-from tests.conftest import ROOT
 from tests.exported import TRACKER
-from tests.worlds import walled_scene
+from tests.worlds import PLACES, recorded, walled_scene
 
 
 def offline_and_online(scene, kind, phase_offsets, model):
-    """The feature table, (path, covariance) of each row from the whole table, and from a
-    replay (NaN between frames)."""
+    """The feature table; (path, covariance) of each row from it, and from a replay (NaN between frames)."""
     folder, network, encoder = model
     settings = FeatureSettings(phase_offsets=phase_offsets)
     tracks = follow(scene.trajectories, kind, TRACKER if kind == "kalman" else None, 0.2)
@@ -50,13 +45,11 @@ def test_a_replay_gives_the_offline_forecasts(model, kind, dt_s, phase_offsets):
 @pytest.mark.parametrize("place", ["eth", "hotel"])
 def test_real_recordings_give_the_offline_forecasts(place, ewap_folder, model):
     """Every evaluation window of the first 40 seconds, on three clocks that are one detection apart."""
-    about = yaml.safe_load((ROOT / "conf/places/recorded.yaml").read_text())[place]
-    folder = ewap_folder / Path(about["folder"]).name
-    scene = SOURCES[about["source"]](folder, place, about["settings"])
+    scene, phase_offsets = recorded(ewap_folder, place), PLACES[place]["phase_offsets"]
     early = scene.trajectories.time_s < scene.trajectories.time_s[0] + 40.0
     scene = dataclasses.replace(scene, trajectories=scene.trajectories.select(early))
-    table, offline, online = offline_and_online(scene, "kalman", about["phase_offsets"], model)
+    table, offline, online = offline_and_online(scene, "kalman", phase_offsets, model)
     assert table.window.sum() > 100
-    assert set(table.phase[table.window]) == set(range(about["phase_offsets"]))
+    assert set(table.phase[table.window]) == set(range(phase_offsets))
     for replay, whole in zip(online, offline, strict=True):
         np.testing.assert_allclose(replay[table.window], whole[table.window], atol=1e-4, rtol=1e-4)

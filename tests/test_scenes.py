@@ -78,19 +78,15 @@ def test_selected_rows_stay_together():
     assert second.goal.tolist() == [[5, 6], [1, 2]]
 
 
-def test_a_recording_may_be_empty():
-    assert len(Trajectories(np.zeros(0), np.zeros(0), np.zeros((0, 2)))) == 0
-
-
 @pytest.mark.parametrize(
     ("changed", "error", "named"),
     [
         ({"track_id": [1, 2]}, ShapeError, "track_id"),
         ({"position": [[1, 1, 1]] * 3}, ShapeError, "position"),
-        ({"position": [[1, 1], [2, np.nan], [0, 0]]}, ValueRuleError, r"position\[1\]"),
-        ({"time_s": [1.0, np.inf, 0.0]}, ValueRuleError, r"time_s\[1\]"),
+        ({"position": [[1, 1], [2, np.nan], [0, 0]]}, ValueRuleError, r"position\[1\].*finite"),
+        ({"time_s": [1.0, np.inf, 0.0]}, ValueRuleError, r"time_s\[1\].*finite"),
         ({"track_id": [1, 2, 1.5]}, ValueRuleError, r"track_id\[2\] = 1.5"),
-        ({"time_s": [0.0, 0.0, 0.0]}, ValueRuleError, "track 1 at 0.0 s"),
+        ({"time_s": [0.0, 0.0, 0.0]}, ValueRuleError, "track 1 at 0.0 s.*unique"),
         ({"goal": [[1, 1]]}, ShapeError, "goal"),
     ],
 )

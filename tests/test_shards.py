@@ -4,7 +4,6 @@ import dataclasses
 import json
 import re
 import weakref
-from pathlib import Path
 
 import matplotlib
 import matplotlib.pyplot
@@ -15,7 +14,6 @@ import pytest
 from joblib import Parallel, delayed
 from PIL import Image
 
-from pedpred.datasets.lanes import split_sequences
 from pedpred.datasets.motion import load_motion_data
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, extract, extract_blocks, unpack_crops
@@ -32,9 +30,11 @@ from pedpred.storage.shards import (
     write_manifest,
     write_shard,
 )
-from pedpred.tracking import KalmanSettings, follow
+from pedpred.tracking import KalmanSettings
 from stages.features import Processing, features_into
-from tests.worlds import walled_scene
+from tests.conftest import ROOT
+from tests.scenes import assert_same
+from tests.worlds import tracked, walled_scene
 
 SETTINGS = FeatureSettings(phase_offsets=3)
 FAULTS = SensorSettings(position_noise_m=0.05, drop_out_share=0.1, switch_share=0.1)
@@ -45,34 +45,35 @@ HOW = Processing(
 
 def walled(seed=0, **options):
     scene = walled_scene(np.random.default_rng(seed), **options)
-    return scene, follow(scene.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2)
+    return scene, tracked(scene)
+
+
+@pytest.fixture(scope="module")
+def table():
+    return extract(*walled(), SETTINGS)
 
 
 @pytest.fixture
-def shard(tmp_path):
+def folder(tmp_path):
     scene, tracks = walled()
     write_shard(extract_blocks(scene, tracks, SETTINGS, rows=350), tmp_path, "walled")
     write_scene(scene, tmp_path / "scene")
     write_manifest(tmp_path, SETTINGS, {"walled": tmp_path / "scene"})
-    return tmp_path, extract(scene, tracks, SETTINGS)
+    return tmp_path
 
 
-def test_round_trip_changes_nothing(shard):
-    folder, table = shard
+def test_round_trip_changes_nothing(folder, table):
     settings, shards = read_manifest(folder)
     assert settings == SETTINGS
     assert list(shards) == ["walled"]
     back = read_shard(folder, "walled", settings)
-    for field in dataclasses.fields(table):
-        before, after = getattr(table, field.name), getattr(back, field.name)
-        assert before.dtype == after.dtype, field.name
-        np.testing.assert_array_equal(before, after, err_msg=field.name)
+    assert_same(table, back)
+    for name, column in vars(table).items():
+        assert column.dtype == getattr(back, name).dtype, name
 
 
-def test_writing_twice_gives_the_same_bytes(shard, tmp_path):
-    folder, _ = shard
-    scene, tracks = walled()
-    write_shard(extract_blocks(scene, tracks, SETTINGS, rows=350), tmp_path / "again", "walled")
+def test_writing_twice_gives_the_same_bytes(folder, tmp_path):
+    write_shard(extract_blocks(*walled(), SETTINGS, rows=350), tmp_path / "again", "walled")
     assert (tmp_path / "again/walled.parquet").read_bytes() == (folder / "walled.parquet").read_bytes()
 
 
@@ -90,8 +91,7 @@ def test_the_number_of_workers_changes_no_byte(tmp_path):
     assert one == two
 
 
-def test_a_row_group_holds_whole_tracks(shard):
-    folder, table = shard
+def test_a_row_group_holds_whole_tracks(folder, table):
     blocks = list(read_shard_blocks(folder, "walled", SETTINGS))
     assert len(blocks) == pq.ParquetFile(folder / "walled.parquet").num_row_groups > 1
     owners = [set(block.track_id.tolist()) for block in blocks]
@@ -103,14 +103,12 @@ def test_a_row_group_holds_whole_tracks(shard):
 def test_a_scene_of_nobody_survives(tmp_path):
     scene, _ = walled()
     nobody = dataclasses.replace(scene, trajectories=scene.trajectories.select(np.arange(0)))
-    empty = extract(nobody, follow(nobody.trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2), SETTINGS)
-    write_shard([empty], tmp_path, "nobody")
+    write_shard([extract(nobody, tracked(nobody), SETTINGS)], tmp_path, "nobody")
     assert len(read_shard(tmp_path, "nobody", SETTINGS)) == 0
 
 
-def test_a_block_is_let_go_when_the_next_one_comes(tmp_path):
+def test_a_block_is_let_go_when_the_next_one_comes(table, tmp_path):
     """However long a scene is, at most two blocks of it are in memory, written or read."""
-    table = extract(*walled(), SETTINGS)
     alive, most = [], 0
 
     def watched(blocks):
@@ -125,14 +123,12 @@ def test_a_block_is_let_go_when_the_next_one_comes(tmp_path):
     write_shard(watched(copies), tmp_path, "long")
     assert most <= 2
     alive, most = [], 0
-    assert sum(len(block) for block in watched(read_shard_blocks(tmp_path, "long", SETTINGS))) == 8 * len(
-        table
-    )
+    read = watched(read_shard_blocks(tmp_path, "long", SETTINGS))
+    assert sum(len(block) for block in read) == 8 * len(table)
     assert most <= 2
 
 
-def test_pandas_reads_it(shard):
-    folder, table = shard
+def test_pandas_reads_it(folder, table):
     frame = pd.read_parquet(folder / "walled.parquet")
     assert len(frame) == len(table)
     assert len(frame.occupancy[0]) == 450
@@ -142,13 +138,11 @@ def test_pandas_reads_it(shard):
 def test_half_floats_survive(tmp_path):
     embeddings = np.random.default_rng(0).normal(size=(7, 392)).astype(np.float16)
     write_embeddings([embeddings[:3], embeddings[3:]], tmp_path, "a")
-    np.testing.assert_array_equal(
-        read_columns(tmp_path / "a.parquet", {"embedding": (-1,)})["embedding"], embeddings
-    )
+    found = read_columns(tmp_path / "a.parquet", {"embedding": (-1,)})["embedding"]
+    np.testing.assert_array_equal(found, embeddings)
 
 
-def test_damage_is_named(shard):
-    folder, _ = shard
+def test_damage_is_named(folder):
     path = folder / "walled.parquet"
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
@@ -169,16 +163,14 @@ def test_damage_is_named(shard):
         read_manifest(folder)
 
 
-def test_another_size_is_named(shard):
-    folder, _ = shard
+def test_another_size_is_named(folder):
     with pytest.raises(StorageError, match="angular_grid"):
         read_shard(folder, "walled", dataclasses.replace(SETTINGS, angular_cells=36))
 
 
 @pytest.mark.parametrize("wrong", [str, np.float32])
 @pytest.mark.parametrize("column", ["time_s", "angular_grid", "window"])
-def test_another_type_is_named(shard, column, wrong):
-    folder, table = shard
+def test_another_type_is_named(folder, table, column, wrong):
     columns = split_pairs(vars(table))
     columns[column] = columns[column].astype(wrong if column != "angular_grid" else np.float64)
     write_blocks([columns], folder / "walled.parquet", FEATURE_SCHEMA)
@@ -186,16 +178,14 @@ def test_another_type_is_named(shard, column, wrong):
         read_shard(folder, "walled", SETTINGS)
 
 
-def test_another_schema_version_is_named(shard):
-    folder, table = shard
+def test_another_schema_version_is_named(folder, table):
     for write in (write_columns, lambda c, p: write_blocks([c], p, FEATURE_SCHEMA - 1)):
         write(split_pairs(vars(table)), folder / "walled.parquet")
         with pytest.raises(StorageError, match=r"walled\.parquet, schema: version .* expected"):
             read_shard(folder, "walled", SETTINGS)
 
 
-def test_the_manifest_describes_every_column_and_changes_with_the_scene(shard):
-    folder, _ = shard
+def test_the_manifest_describes_every_column_and_changes_with_the_scene(folder):
     about = json.loads((folder / "manifest.json").read_text())
     assert set(about["columns"]) == set(pd.read_parquet(folder / "walled.parquet").columns)
     assert about["settings"]["dt_s"] == SETTINGS.dt_s
@@ -204,8 +194,7 @@ def test_the_manifest_describes_every_column_and_changes_with_the_scene(shard):
     assert json.loads((folder / "manifest.json").read_text())["shards"] != about["shards"]
 
 
-def test_codes_must_belong_to_the_features(shard):
-    folder, table = shard
+def test_codes_must_belong_to_the_features(folder, table):
     write_embeddings([np.zeros((len(table) - 1, 392), np.float16)], folder / "embeddings", "walled")
     with pytest.raises(StorageError, match="rows"):
         load_motion_data([folder], [folder / "embeddings"])
@@ -215,34 +204,15 @@ def test_codes_must_belong_to_the_features(shard):
     assert set(data.track) == set(table.track_id)
 
 
-def test_a_variant_is_validated_with_its_track(tmp_path):
-    scene, tracks = walled()
-    write_scene(scene, tmp_path / "scene")
-    for name in ("walled", "walled_mirrored"):
-        write_shard([extract(scene, tracks, SETTINGS)], tmp_path, name)
-    write_manifest(tmp_path, SETTINGS, dict.fromkeys(("walled", "walled_mirrored"), tmp_path / "scene"))
-    data = load_motion_data([tmp_path])
-    owner = dict(zip(data.sequences[:, 0].tolist(), data.track.tolist(), strict=True))
-    halves = split_sequences(data, "track", 0.5, np.random.default_rng(0))
-    training, validation = ({owner[first] for first in half[:, 0].tolist()} for half in halves)
-    assert training
-    assert validation
-    assert not training & validation
-
-
-def test_the_example_in_the_readme_draws_a_grid_and_an_angular_grid(tmp_path, monkeypatch):
+def test_the_example_in_the_readme_draws_a_grid_and_an_angular_grid(table, tmp_path, monkeypatch):
     matplotlib.use("Agg")
-    scene, tracks = walled()
-    write_shard([extract(scene, tracks, SETTINGS)], tmp_path / "data/features/real/eth", "eth")
+    write_shard([table], tmp_path / "data/features/real/eth", "eth")
     monkeypatch.chdir(tmp_path)
-    readme = (Path(__file__).parents[1] / "README.md").read_text()
-    (example,) = (
-        code for code in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "read_parquet" in code
-    )
+    examples = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    (example,) = (code for code in examples if "read_parquet" in code)
     names: dict = {}
     exec(example, names)
     drawn = names["row"]
-    table = read_shard(tmp_path / "data/features/real/eth", "eth", SETTINGS)
     expected = unpack_crops(table.occupancy[drawn.name : drawn.name + 1], 60)[0]
     np.testing.assert_array_equal(names["grid"], expected)
     with Image.open("inputs.png") as picture:

@@ -8,7 +8,6 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.datasets import MotionData
 from pedpred.errors import ValueRuleError
 from pedpred.networks import parse_settings
 from pedpred.networks.contract import displacements
@@ -17,39 +16,19 @@ from pedpred.networks.registry import plain_settings
 from pedpred.networks.rolling import roll
 from pedpred.training import RecurrentLearner, train
 from tests import test_learning
+from tests.exported import lstm, motion_data
 
-MEAN_ONLY = parse_settings(
-    {
-        "architecture": "lstm",
-        "channels": {"state": {"projection": 8, "lstm": 8}},
-        "joint": 16,
-        "head": 16,
-        "residual": True,
-        "dropout": 0.2,
-    }
-)
+MEAN_ONLY = lstm(16, 16, {"state": (8, 8)}, dropout=0.2)
 WITH_SPREAD = dataclasses.replace(MEAN_ONLY, uncertainty="gaussian")
 QUICK = dataclasses.replace(test_learning.QUICK, longest_track=40, clip_norm=0.1)
 SPREAD = st.tuples(st.floats(0.01, 5.0), st.floats(0.01, 5.0), st.floats(-3.0, 3.0))
 
 
-def noisy_walks(error_m, tracks=12, length=30, dt_s=0.3):
+def noisy_walks(error_m, tracks=12):
     """People at 1 m/s whose next positions are off by `error_m` [rows, 3, 2] from a straight line."""
-    rows = tracks * length
-    edges = np.arange(0, rows + 1, length)
-    straight = torch.tensor([1.0, 0.0]).expand(rows, 3, 2)
-    steps = torch.diff(error_m, dim=1, prepend=torch.zeros(rows, 1, 2)) / dt_s
-    return MotionData(
-        velocity=straight[:, 0].clone(),
-        angular=torch.zeros(rows, 72),
-        future=straight + steps,
-        future_steps=torch.full((rows,), 3),
-        embedding=None,
-        sequences=np.stack([edges[:-1], edges[1:]], axis=-1),
-        scene=np.zeros(tracks, int),
-        track=np.arange(tracks),
-        dt_s=dt_s,
-    )
+    straight = torch.tensor([1.0, 0.0]).expand(error_m.shape)
+    steps = torch.diff(error_m, dim=1, prepend=torch.zeros(len(error_m), 1, 2)) / 0.3
+    return motion_data(straight[:, 0].clone(), straight + steps, tracks)
 
 
 def trained(shape, data, scratch, **changes):

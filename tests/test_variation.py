@@ -1,32 +1,27 @@
 """Variations of the training tracks: each changes what it names and nothing else."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.datasets import LaneBatch, MotionData
+from pedpred.datasets import LaneBatch
 from pedpred.errors import ValueRuleError
 from pedpred.training.variation import Variation, looked_up, varied
+from tests.exported import motion_data
 
 CPU = torch.device("cpu")
 ROWS, LANES, LENGTH, HORIZON = 40, 8, 5, 3
 
 
 def some_data(rng):
-    return MotionData(
-        velocity=torch.from_numpy(rng.random((ROWS, 2), np.float32)),
+    return motion_data(
+        torch.from_numpy(rng.random((ROWS, 2), np.float32)),
+        torch.from_numpy(rng.random((ROWS, HORIZON, 2), np.float32)),
+        tracks=1,
         angular=torch.from_numpy(rng.random((ROWS, 6), np.float32)) + 0.1,
-        future=torch.from_numpy(rng.random((ROWS, HORIZON, 2), np.float32)),
-        future_steps=torch.full((ROWS,), HORIZON),
         embedding=torch.from_numpy(rng.random((ROWS, 7), np.float32)).to(torch.float16),
-        sequences=np.array([[0, ROWS]]),
-        scene=np.zeros(1, int),
-        track=np.zeros(1, int),
-        dt_s=0.3,
         empty_embedding=torch.arange(7, dtype=torch.float32) + 2.0,
     )
 
@@ -137,4 +132,4 @@ def test_lanes_shared_among_processes_vary_as_they_would_together():
 )
 def test_an_impossible_variation_is_named(field, value):
     with pytest.raises(ValueRuleError, match=field):
-        dataclasses.replace(Variation(), **{field: value})
+        Variation(**{field: value})

@@ -1,13 +1,44 @@
 """Small worlds that tests share."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
+import yaml
 
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.sources import SOURCES
+from pedpred.tracking import KalmanSettings, follow
+
+PLACES = yaml.safe_load((Path(__file__).parents[1] / "conf/places/recorded.yaml").read_text())
+
+
+def recorded(ewap_folder, place):
+    """A real scene, as configured."""
+    row = PLACES[place]
+    return SOURCES[row["source"]](ewap_folder / Path(row["folder"]).name, place, row["settings"])
 
 
 def empty_map(size_m=20.0, resolution_m=0.1):
     cells = round(size_m / resolution_m)
     return OccupancyMap(np.zeros((cells, cells), bool), np.array([-size_m / 2, -size_m / 2]), resolution_m)
+
+
+def blocked(where):
+    """The empty map with obstacles at some cells."""
+    room = empty_map()
+    occupied = room.occupied.copy()
+    occupied[where] = True
+    return replace(room, occupied=occupied)
+
+
+def squares(rng, count):
+    """Packed crops of 60 x 60 cells with one square each."""
+    cells = np.zeros((count, 60, 60), np.uint8)
+    for crop in cells:
+        x, y = rng.integers(0, 40, 2)
+        crop[x : x + 20, y : y + 20] = 1
+    return np.packbits(cells.reshape(count, -1), axis=-1, bitorder="little")
 
 
 def wandering(rng, tracks=4, detections=40, dt_s=0.4, noise_m=0.05, truth=False):
@@ -26,6 +57,10 @@ def wandering(rng, tracks=4, detections=40, dt_s=0.4, noise_m=0.05, truth=False)
         velocities.append(velocity)
     velocity = np.concatenate(velocities) if truth else None
     return Trajectories(np.concatenate(times), np.concatenate(ids), np.concatenate(positions), velocity)
+
+
+def tracked(scene, kalman=KalmanSettings(0.1, 0.1)):  # noqa: B008
+    return follow(scene.trajectories, "kalman", kalman, 0.2)
 
 
 def walled_scene(rng, dt_s=0.4, truth=False, **options):

@@ -9,9 +9,9 @@ import yaml
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.literature import literature_figures, request_about, stretches
-from pedpred.sources import SOURCES
 from pedpred.tracking import KalmanSettings
 from tests.trust.figures import COMMITTED, TOLERANCE, measured, published
+from tests.worlds import recorded
 
 PARAMS = yaml.safe_load((Path(__file__).resolve().parents[2] / "params.yaml").read_text())
 
@@ -27,14 +27,10 @@ def test_simulation_and_network_err_as_they_did():
 def test_real_errors_are_the_published_ones(place, ewap_folder):
     """Nothing amplifies a rounding here: what is published has five digits, and all of them hold."""
     options, literature = PARAMS["places"][place], PARAMS["literature"]
-    folder = ewap_folder / Path(options["folder"]).name
-    scene = SOURCES[options["source"]](folder, place, options["settings"])
-    found = stretches(
-        scene.trajectories, *(literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
-    )
-    tracker = KalmanSettings(
-        **{k: v for k, v in PARAMS["trackers"][options["tracker"]].items() if k != "kind"}
-    )
+    scene = recorded(ewap_folder, place)
+    steps = (literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
+    found, tuned = stretches(scene.trajectories, *steps), PARAMS["trackers"][options["tracker"]]
+    tracker = KalmanSettings(**{name: value for name, value in tuned.items() if name != "kind"})
     request, methods = request_about(scene, found, tracker), {m: make() for m, make in PRESENT_MOTION.items()}
     figures = literature_figures(request, found, methods, STRONGEST, EvaluationSettings(bootstrap=1))
     for method, own in figures.items():
