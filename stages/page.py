@@ -33,7 +33,7 @@ def main(cfg: DictConfig) -> None:
         methods,
         Paper.parse(plain(cfg.paper)),
         [Section("Ablations", ablations), flow_section(figures["walking"]["corridor_flow"])],
-        figures.get("literature"),
+        figures.get("literature", {}),
         plain(cfg.literature)["published"],
         figures.get("latency", {}).get("updates", []),
     )

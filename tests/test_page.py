@@ -210,6 +210,10 @@ def test_every_figure_of_the_committed_page_is_in_the_committed_metrics():
     assert len(assert_figures_are_metrics(text, metrics)) > 100
 
 
+def test_the_committed_page_is_light():
+    assert (REPORTS / "index.html").stat().st_size < 1.5e6
+
+
 def test_a_page_is_the_same_twice_and_needs_nothing_else(hall, text):
     assert text == page(contents_of(*hall))
     assert text.startswith("<!doctype html>")

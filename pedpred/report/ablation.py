@@ -27,31 +27,20 @@ _SPREAD = "mean ± standard deviation"
 class Ablation:
     """Experiments that differ in one respect.
 
-    Attributes:
-        title: of picture and table.
-        axis: quantity of the points; empty when their names are no numbers.
-        target: the pipeline's stage that is reproduced.
-        metrics: file that the stage writes.
-        entry: in this file, such as a test set.
-        methods: compared in every point.
-        references: methods that no point changes, shown for scale.
-        always: overrides of every point.
-        points: further overrides by the name of the point.
-        repeated: the points differ in their seeds alone, so their mean and spread are reported.
-        curves: training curves to compare, method -> file that a stage before the target writes.
-        within: factors of the first point's best validation error; the steps to reach them are reported.
+    `curves` are training curves to compare, method -> file that a stage before the target writes; the steps
+    to reach `within` times the first point's best validation error are reported.
     """
 
-    title: str
-    axis: str
-    target: str
-    metrics: str
-    entry: str
-    methods: Sequence[str]
-    references: Sequence[str]
-    always: Sequence[str]
-    points: Mapping[str, Sequence[str]]
-    repeated: bool = False
+    title: str  # of picture and table
+    axis: str  # quantity of the points; empty when their names are no numbers
+    target: str  # the pipeline's stage that is reproduced
+    metrics: str  # file that the stage writes
+    entry: str  # in this file, such as a test set
+    methods: Sequence[str]  # compared in every point
+    references: Sequence[str]  # methods that no point changes, shown for scale
+    always: Sequence[str]  # overrides of every point
+    points: Mapping[str, Sequence[str]]  # further overrides by the name of the point
+    repeated: bool = False  # the points differ in their seeds alone, so their mean and spread are reported
     curves: Mapping[str, str] = field(default_factory=dict)
     within: Sequence[float] = ()
 
@@ -84,20 +73,10 @@ def ablation_sections(asked: Path, found: Path, methods: Methods) -> list[Sectio
 
 
 def point_rows(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """One row per point and method: its error and the interval.
-
-    Args:
-        ablation: what was asked.
-        measured: point -> method -> measures of the ablation's entry.
-    """
+    """One row per point and method, its error and the interval, of {point: {method: figures}}."""
     return [
-        {
-            "point": name,
-            "overrides": [*ablation.always, *ablation.points[name]],
-            "method": method,
-            "ade_m": methods[method]["ade_m"],
-            "ade_m_ci95": methods[method]["ade_m_ci95"],
-        }
+        {"point": name, "overrides": [*ablation.always, *ablation.points[name]], "method": method}
+        | {key: methods[method][key] for key in ("ade_m", "ade_m_ci95")}
         for name, methods in measured.items()
         for method in (*ablation.references, *ablation.methods)
     ]
@@ -113,10 +92,7 @@ def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]], metho
     for method in map(methods.__getitem__, (*ablation.references, *ablation.methods)):
         mine = [row for row in rows if row["method"] == method.key]
         x, y = [places[row["point"]] for row in mine], [row["ade_m"] for row in mine]
-        spread = [
-            [value - row["ade_m_ci95"][0] for value, row in zip(y, mine, strict=True)],
-            [row["ade_m_ci95"][1] - value for value, row in zip(y, mine, strict=True)],
-        ]
+        spread = np.abs(np.array([row["ade_m_ci95"] for row in mine]).T - y)
         axes.errorbar(x, y, yerr=spread, fmt=mark, color=method.colour, label=method.label, capsize=2)
     if ablation.axis:
         axes.set_xscale("log")
@@ -147,20 +123,15 @@ def steps_until(
 ) -> dict[str, dict[float, dict[str, int | None]]]:
     """Find the steps to reach each validation error: method -> level, m -> point -> steps.
 
-    The levels are `within` times the first point's best error; None where a point did not get there.
-
-    Args:
-        ablation: what was asked.
-        curves: point -> method -> curve, see `read_curve`.
+    The levels are `within` times the first point's best error; None where a point did not get there. Curves
+    (see `read_curve`) come as point -> method -> curve.
     """
-    first = curves[next(iter(ablation.points))]
     found: dict[str, dict[float, dict[str, int | None]]] = {}
     for method in ablation.curves:
-        levels_m = [factor * float(first[method]["validation_ade_m"].min()) for factor in ablation.within]
-        found[method] = {
-            level_m: {point: _first_step(curves[point][method], level_m) for point in ablation.points}
-            for level_m in levels_m
-        }
+        own = {point: curves[point][method] for point in ablation.points}
+        best_m = float(next(iter(own.values()))["validation_ade_m"].min())
+        levels_m = [factor * best_m for factor in ablation.within]
+        found[method] = {level: {p: _first_step(c, level) for p, c in own.items()} for level in levels_m}
     return found
 
 

@@ -31,21 +31,13 @@ _LONGEST_GAP = 1.5
 
 @dataclass(frozen=True)
 class Animation:
-    """Settings of an animation.
+    """Settings of an animation."""
 
-    Attributes:
-        method: key of the method whose forecasts are drawn.
-        duration_s: of the stretch, which is shown at its own pace.
-        frame_s: time between two frames.
-        tail_s: time that the past paths span.
-        width_px: of a frame.
-    """
-
-    method: str
-    duration_s: float
-    frame_s: float
-    tail_s: float
-    width_px: int
+    method: str  # key of the method whose forecasts are drawn
+    duration_s: float  # of the stretch, which is shown at its own pace
+    frame_s: float  # time between two frames
+    tail_s: float  # time that the past paths span
+    width_px: int  # of a frame
 
     def __post_init__(self) -> None:
         for field in ("duration_s", "frame_s", "tail_s", "width_px"):
@@ -58,13 +50,6 @@ def write_animation(
 ) -> None:
     """Write the busiest stretch of a scene as a GIF that repeats; the same input gives the same bytes.
 
-    Args:
-        scene: people and obstacles.
-        windows: forecasts in this scene.
-        animation: what is shown.
-        methods: labels and colours.
-        path: the file.
-
     Raises:
         ValueRuleError: there are no forecasts of the method, or none at all.
     """
@@ -72,14 +57,9 @@ def write_animation(
         rule = f"scene {scene.name} has forecasts of {sorted(windows.predictions)}"
         raise ValueRuleError("method", animation.method, rule)
     first, *others = _changes(list(_frames(scene, windows, animation, methods[animation.method])))
-    options: dict[str, Any] = {
-        "duration": round(1000 * animation.frame_s),
-        "loop": 0,
-        "transparency": _SHADES,
-        "disposal": 1,
-    }
+    repeat: dict[str, Any] = {"duration": round(1000 * animation.frame_s), "loop": 0, "disposal": 1}
     with atomic_write(path) as new:
-        first.save(new, save_all=True, append_images=others, optimize=False, **options)
+        first.save(new, save_all=True, append_images=others, optimize=False, transparency=_SHADES, **repeat)
 
 
 def _changes(frames: list[Image.Image]) -> Iterator[Image.Image]:

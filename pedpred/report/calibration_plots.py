@@ -26,13 +26,7 @@ def with_covariances(windows: Sequence[EvaluationWindows], methods: Methods) -> 
 
 @styled
 def calibration_figure(windows: Sequence[EvaluationWindows], title: str, methods: Methods) -> Figure:
-    """Draw expected and observed coverage, a panel per time ahead, a line per method with covariances.
-
-    Args:
-        windows: forecasts of the scenes that are pooled.
-        title: what was evaluated.
-        methods: labels, colours and order.
-    """
+    """Draw expected and observed coverage, a panel per time ahead, a line per method with covariances."""
     figure = blank(9.6, 2.9)
     names, dt_s = with_covariances(windows, methods), windows[0].dt_s
     distance2 = {name: _distances(windows, name) for name in names}
@@ -53,12 +47,9 @@ def calibration_figure(windows: Sequence[EvaluationWindows], title: str, methods
 
 
 def ellipse(centre: np.ndarray, covariance: np.ndarray, share: float) -> np.ndarray:
-    """Closed outline of the region that holds a share of a plane Gaussian. [corners, 2] m.
+    """Closed outline of the region that holds a share of a plane Gaussian: [corners, 2] m.
 
-    Args:
-        centre: m. [2]
-        covariance: same frame, m^2. [2, 2]
-        share: of the probability.
+    Centre [2] in m and covariance [2, 2] in m^2 are in the same frame.
     """
     turn = np.linspace(0.0, 2 * np.pi, _CORNERS)
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)

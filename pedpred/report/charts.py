@@ -143,14 +143,7 @@ def scale_of(ends: Mapping[str, float]) -> tuple[float, str | None]:
 
 
 def box_plot(figures: Figures, title: str, dt_s: float, methods: Methods) -> BoxPlot:
-    """The paper's figure: quartiles, median and mean of the error at every step of the horizon.
-
-    Args:
-        figures: of one test set.
-        title: what was evaluated.
-        dt_s: between two steps, s.
-        methods: labels and order.
-    """
+    """The paper's figure: quartiles, median and mean of the error at every step, `dt_s` apart."""
     names = methods.ordered(figures)
     steps = len(figures[names[0]]["per_step_m"])
     top, cut = scale_of(ends_of(figures))

@@ -46,17 +46,11 @@ class Figure:
 
 @dataclass(frozen=True)
 class Change:
-    """A figure before and after; None where it did not exist.
+    """A figure before and after; None where it did not exist."""
 
-    Attributes:
-        name: (file, scene, method, figure).
-        before: at the revision.
-        after: now.
-    """
-
-    name: tuple[str, ...]
-    before: Figure | None
-    after: Figure | None
+    name: tuple[str, ...]  # (file, scene, method, figure)
+    before: Figure | None  # at the revision
+    after: Figure | None  # now
 
     @property
     def verdict(self) -> str:

@@ -20,23 +20,14 @@ NOTHING = "-"
 
 @dataclass(frozen=True)
 class Cell:
-    """A table cell.
+    """A table cell."""
 
-    Attributes:
-        text: what is shown.
-        place: where the figure is in the metric files, such as `<scene>.<method>.ade_m`.
-        bounds: 95 % interval; in Markdown it follows the text, the page shows it as a tooltip.
-        unit: of the interval.
-        remark: further words of the tooltip.
-        whisker: the interval as a drawing, on the page.
-    """
-
-    text: str
-    place: str = ""
-    bounds: str = ""
-    unit: str = "m"
-    remark: str = ""
-    whisker: Whisker | None = None
+    text: str  # what is shown
+    place: str = ""  # where the figure is in the metric files, such as `<scene>.<method>.ade_m`
+    bounds: str = ""  # 95 % interval; in Markdown it follows the text, the page shows it as a tooltip
+    unit: str = "m"  # of the interval
+    remark: str = ""  # further words of the tooltip
+    whisker: Whisker | None = None  # the interval as a drawing, on the page
 
     @property
     def tip(self) -> str:
@@ -90,17 +81,10 @@ class Text:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure.
+    """A figure, and what the page draws in its place, sharp at any width and with tooltips."""
 
-    Attributes:
-        name: file name without ending.
-        caption: what is seen, and by which rule it was chosen.
-        figure: the figure itself.
-        plots: what the page draws in its place, sharp at any width and with tooltips.
-    """
-
-    name: str
-    caption: str
+    name: str  # file name without ending
+    caption: str  # what is seen, and by which rule it was chosen
     figure: Figure
     plots: Sequence[BoxPlot | LinePlot] = ()
 
@@ -143,12 +127,7 @@ class Section:
                 yield from block.pictures
 
     def markdown(self, folder: str, level: int = 1) -> str:
-        """Write the section with its heading.
-
-        Args:
-            folder: of the pictures, relative to the page.
-            level: of the heading.
-        """
+        """Write the section with a heading of this level; the pictures' folder is relative to the page."""
         deeper = [
             b.markdown(folder, level + 1) if isinstance(b, Section) else b.markdown(folder)
             for b in self.blocks

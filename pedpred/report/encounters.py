@@ -26,12 +26,7 @@ FACING_DEG = 120.0
 def mutual_avoidance(scenes: Mapping[str, EvaluationWindows], reference: Method) -> Instant | None:
     """Find two people who walk towards each other, pass, and make most room compared with the forecast.
 
-    Args:
-        scenes: windows by scene name. The earlier scene name and time wins a tie.
-        reference: the method whose forecast they are compared with.
-
-    Returns:
-        The instant, in focus one of the two; None where there is no such pair.
+    In focus is one of the two; the earlier scene name and time wins a tie. None where there is no such pair.
     """
     found = [found for name in sorted(scenes) for found in _meetings(name, scenes[name], reference)]
     if not found:
@@ -48,16 +43,7 @@ def mutual_avoidance(scenes: Mapping[str, EvaluationWindows], reference: Method)
 def before_obstacle(
     scenes: Mapping[str, EvaluationWindows], places: Mapping[str, Scene], reference: Method
 ) -> Instant | None:
-    """Find the moving person whose forecast goes deepest into an obstacle that the true path avoids.
-
-    Args:
-        scenes: windows by scene name.
-        places: the scenes with their maps, by name.
-        reference: the method whose forecasts are meant.
-
-    Returns:
-        The instant with the person in focus; None where there is none.
-    """
+    """Find the moving person whose forecast goes deepest into an obstacle that the true path avoids."""
     deepest, best = 0.0, None
     for name in sorted(scenes):
         windows, occupancy = scenes[name], places[name].occupancy

@@ -17,14 +17,10 @@ _KINDS = ("below", "gains", "ratio_at_most", "ratio_at_least")
 
 @dataclass(frozen=True)
 class Expectation:
-    """A statement about the ADE of two methods.
+    """A statement about the ADE of two methods, given by their keys.
 
-    Attributes:
-        kind: `below`: the first is below the second; `gains`: the same, reported as a relative gain;
-            `ratio_at_most` and `ratio_at_least`: first / second compared with the bound.
-        first: key of a method.
-        second: key of a method.
-        bound: of a ratio.
+    Kind `below`: the first is below the second; `gains`: the same, reported as a relative gain;
+    `ratio_at_most` and `ratio_at_least`: first / second compared with the bound.
     """
 
     kind: str
@@ -39,15 +35,9 @@ class Expectation:
 
 @dataclass(frozen=True)
 class Paper:
-    """The publication that results are compared with.
+    """The publication that results are compared with, by kind of test set."""
 
-    Attributes:
-        ade_m: its average prediction errors, m. {kind of test set: {method: error}}
-        remarks: about these, by kind of test set.
-        expectations: by kind of test set.
-    """
-
-    ade_m: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    ade_m: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # {kind: {method: error, m}}
     remarks: Mapping[str, str] = field(default_factory=dict)
     expectations: Mapping[str, Sequence[Expectation]] = field(default_factory=dict)
 
@@ -60,17 +50,11 @@ class Paper:
 
 @dataclass(frozen=True)
 class Finding:
-    """One expectation.
+    """One expectation."""
 
-    Attributes:
-        claim: what was expected.
-        measured: the figures that decide.
-        verdict: the decision.
-    """
-
-    claim: str
-    measured: str
-    verdict: Verdict
+    claim: str  # what was expected
+    measured: str  # the figures that decide
+    verdict: Verdict  # the decision
 
 
 def findings(result: Result, paper: Paper, methods: Methods) -> list[tuple[str, Finding]]:
@@ -93,9 +77,10 @@ def judged(expected: Expectation, figures: Figures, methods: Methods) -> Finding
     if expected.kind == "gains":
         measured = percent_better(1.0 - one / two) + noise(figures[first.key])
     elif expected.kind in words:
-        measured = f"{one / two:.3f}"
-        holds = (
-            one / two <= expected.bound if expected.kind == "ratio_at_most" else one / two >= expected.bound
+        ratio, bound = one / two, expected.bound
+        measured, holds = (
+            f"{ratio:.3f}",
+            ratio <= bound if expected.kind == "ratio_at_most" else ratio >= bound,
         )
     return Finding(claim, measured, "met" if holds else "missed")
 

@@ -48,20 +48,12 @@ _STILL = (
 
 @dataclass(frozen=True)
 class Evaluated:
-    """What was measured of one kind of test sets, and what it was measured on.
-
-    Attributes:
-        results: of the test sets.
-        scenes: by data set; those that networks were trained in follow the test sets.
-        windows: forecasts by scene.
-        curves: of trainings, by name.
-        autoencoder: that encodes obstacle grids.
-    """
+    """What was measured of one kind of test sets, and what it was measured on."""
 
     results: Sequence[Result]
-    scenes: Mapping[str, Sequence[Scene]]
-    windows: Mapping[str, EvaluationWindows]
-    curves: Mapping[str, pd.DataFrame]
+    scenes: Mapping[str, Sequence[Scene]]  # by data set; those of trainings follow the test sets
+    windows: Mapping[str, EvaluationWindows]  # by scene
+    curves: Mapping[str, pd.DataFrame]  # of trainings, by name
     autoencoder: GridAutoencoder
 
     @property

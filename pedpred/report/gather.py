@@ -35,12 +35,7 @@ TITLES = {
 
 
 def gather(key: str, folds: Mapping[str, Any], root: Path = Path()) -> Evaluated:
-    """Read metrics, scenes, forecasts and curves of one kind of test sets, and the auto-encoder.
-
-    Args:
-        key: "sim" or "real".
-        folds: rows with `train` and `test`, by kind.
-        root: the project's folder.
+    """Read metrics, scenes, forecasts and curves of one kind of test sets ("sim" or "real").
 
     Raises:
         StorageError: a file is missing or damaged.

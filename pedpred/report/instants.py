@@ -22,23 +22,14 @@ MOVING_MPS = 0.3
 
 @dataclass(frozen=True)
 class Instant:
-    """One instant of a scene.
+    """One instant of a scene."""
 
-    Attributes:
-        scene: its name.
-        time_s: the instant, s.
-        rows: its windows. [n] int
-        focus: the window of the person in focus.
-        who: that person's id.
-        caption: what is shown and why.
-    """
-
-    scene: str
-    time_s: float
-    rows: np.ndarray
-    focus: int
-    who: int
-    caption: str = ""
+    scene: str  # its name
+    time_s: float  # the instant, s
+    rows: np.ndarray  # its windows. [n] int
+    focus: int  # the window of the person in focus
+    who: int  # that person's id
+    caption: str = ""  # what is shown and why
 
     @classmethod
     def of(cls, scene: str, windows: EvaluationWindows, focus: int) -> Instant:
@@ -69,14 +60,9 @@ def walkers_by_instant(windows: EvaluationWindows) -> list[np.ndarray]:
 def choose(
     scenes: Mapping[str, EvaluationWindows], least_moving: int, methods: Methods, least: bool = False
 ) -> Instant:
-    """Choose the instant of all scenes with the largest (or smallest) gain.
+    """Choose the instant of all scenes with the largest (or `least`) gain of the main method.
 
-    Args:
-        scenes: windows by scene name.
-        least_moving: least number of moving people at the instant; where no instant has as many,
-            the largest number that occurs.
-        methods: the main one and the reference are compared.
-        least: ask for the smallest gain.
+    At least `least_moving` people move then; where no instant has as many, the largest number that occurs.
 
     Raises:
         ValueRuleError: no person moves at any time, or one of the two methods has no forecasts.

@@ -20,22 +20,13 @@ _FIELDS = ("ade_m", "ade_m_ci95", "windows", "tracks", "per_step_m", *_QUARTILES
 
 @dataclass(frozen=True)
 class Result:
-    """What was measured in one test set.
-
-    Attributes:
-        name: of the test set.
-        where: kind of test set, "simulation" or "real".
-        place: the test set in words, with what its networks were trained on, as in "at home (...)".
-        figures: of each method.
-        dt_s: between two steps of the forecasts, s.
-        parts: figures of single scenes, by name, where the test set pools several.
-    """
+    """What was measured in one test set; `parts` are its single scenes by name, where it pools several."""
 
     name: str
-    where: str
-    place: str
+    where: str  # kind of test set, "simulation" or "real"
+    place: str  # the test set in words, with what its networks were trained on, as in "at home (...)"
     figures: Figures
-    dt_s: float
+    dt_s: float  # between two steps of the forecasts, s
     parts: Mapping[str, Figures] = field(default_factory=dict)
 
     @property
@@ -69,13 +60,9 @@ def read_metrics(path: Path) -> dict[str, Figures]:
 def results_of(
     metrics: Mapping[str, Figures], folds: Iterable[Mapping[str, Sequence[str]]], where: str, dt_s: float
 ) -> list[Result]:
-    """The test sets of some folds, in their order.
+    """The test sets of some folds (with `train` and `test`), in their order; see `Result` for the arguments.
 
-    Args:
-        metrics: content of a metric file; scenes of a test set are named `<test set>_<scene>`.
-        folds: each with its `train` and `test` sets.
-        where: kind of these test sets.
-        dt_s: between two steps of the forecasts, s.
+    In the metrics, single scenes of a test set are named `<test set>_<scene>`.
 
     Raises:
         ValueRuleError: a test set has no figures.

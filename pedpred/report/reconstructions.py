@@ -29,17 +29,11 @@ MEASURED = 200
 
 @dataclass(frozen=True)
 class Reconstructions:
-    """Crops and their reconstructions. S crops of G x G cells, (forward, left).
+    """Crops and their reconstructions. S crops of G x G cells, (forward, left)."""
 
-    Attributes:
-        truth: occupied cells. [S, G, G] bool
-        image: reconstruction, about 1 where occupied. [S, G, G]
-        agreement: intersection over union of each crop. [S]
-    """
-
-    truth: np.ndarray
-    image: np.ndarray
-    agreement: np.ndarray
+    truth: np.ndarray  # occupied cells. [S, G, G] bool
+    image: np.ndarray  # reconstruction, about 1 where occupied. [S, G, G]
+    agreement: np.ndarray  # intersection over union of each crop. [S]
 
     def few(self, count: int) -> Reconstructions:
         """Select at most `count` of them, evenly spaced."""

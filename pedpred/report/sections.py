@@ -69,11 +69,10 @@ def answer(result: Result, methods: Methods) -> str:
 
 def answer_section(result: Result, methods: Methods, paper: Paper) -> Section:
     """The result of a test set with its metrics."""
-    blocks: list[Block] = [Text(answer(result, methods), "sentence")]
-    blocks.append(metrics_table(result, methods, paper.ade_m.get(result.where, {})))
+    table = metrics_table(result, methods, paper.ade_m.get(result.where, {}))
+    blocks: list[Block] = [Text(answer(result, methods), "sentence"), table]
     if metric_keys(result.figures)[1]:
-        further = Section("Further metrics", [further_table(result, methods)], folded=True)
-        blocks.append(further)
+        blocks.append(Section("Further metrics", [further_table(result, methods)], folded=True))
     return Section(result.title, blocks)
 
 
@@ -144,19 +143,12 @@ def literature_section(
 ) -> list[Section]:
     """The simple methods beside published figures, under the protocol of the literature; nothing without it.
 
-    Args:
-        literature: {place: figures}.
-        published: rows with `name`, `remark` and `errors_m`: {place: [ADE, FDE]}.
-        methods: labels and order.
+    Figures come by place; published rows have `name`, `remark` and `errors_m`: {place: [ADE, FDE]}.
     """
     if not literature:
         return []
     keys = ("ade_m", "fde_m")
-    header = [
-        "method",
-        *(f"{place}, {key[:3].upper()} [m]" for place in literature for key in keys),
-        "remark",
-    ]
+    columns = [f"{place}, {key[:3].upper()} [m]" for place in literature for key in keys]
     rows = []
     for name in methods.ordered({name for figures in literature.values() for name in figures}):
         cells = [
@@ -175,7 +167,8 @@ def literature_section(
         "forecast another horizon in other steps. Published rows are quoted from others and were trained on "
         "the other scenes; people who are not seen for all 20 annotations are left out here."
     )
-    return [Section("Beside the literature", [Text(text), Table(header, rows)], "literature")]
+    table = Table(["method", *columns, "remark"], rows)
+    return [Section("Beside the literature", [Text(text), table], "literature")]
 
 
 def latency_section(updates: Sequence[Mapping[str, float]], methods: Methods) -> list[Section]:
@@ -185,24 +178,13 @@ def latency_section(updates: Sequence[Mapping[str, float]], methods: Methods) ->
     crowd, median = (np.array([row[key] for row in updates], float) for key in ("pedestrians", "median_ms"))
     plot = LinePlot("One update", "pedestrians", "time [ms]", [Line(methods.main.key, "", crowd, median)])
     picture = Picture("latency", "", lines_figure([plot], methods), [plot])
-    rows = [
-        Row(
-            [
-                Cell(str(row["pedestrians"])),
-                *(Cell(f"{row[k]:.2f}", f"latency.updates.{rank}.{k}") for k in ("median_ms", "p99_ms")),
-            ]
-        )
-        for rank, row in enumerate(updates)
-    ]
+    rows = []
+    for rank, row in enumerate(updates):
+        cells = [Cell(f"{row[k]:.2f}", f"latency.updates.{rank}.{k}") for k in ("median_ms", "p99_ms")]
+        rows.append(Row([Cell(str(row["pedestrians"])), *cells]))
     text = (
         "Tracker, both grids, network and bookkeeping for all pedestrians at once, on one thread. "
         "The paper: 51 ms for 20 pedestrians on an i7-4810MQ."
     )
     table = Table(["pedestrians", "median [ms]", "99th percentile [ms]"], rows, texts=0)
-    return [
-        Section(
-            "Time per update",
-            [Text(text), Pictures([picture]), table],
-            "latency",
-        )
-    ]
+    return [Section("Time per update", [Text(text), Pictures([picture]), table], "latency")]

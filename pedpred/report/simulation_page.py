@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -41,11 +40,7 @@ def walking_findings(shares: Mapping[str, Any]) -> list[Finding]:
 
 
 def weidmann_speed_mps(density_per_m2: np.ndarray) -> np.ndarray:
-    """Observed speeds, v = 1.34 (1 - exp(-1.913 (1/rho - 1/5.4))) m/s. Weidmann 1993 (Kladek's form).
-
-    Args:
-        density_per_m2: rho > 0. [...]
-    """
+    """Observed speeds, v = 1.34 (1 - exp(-1.913 (1/rho - 1/5.4))) m/s. Weidmann 1993 (Kladek's form)."""
     return 1.34 * (1.0 - np.exp(-1.913 * (1.0 / np.asarray(density_per_m2) - 1.0 / 5.4)))
 
 
@@ -86,14 +81,10 @@ def lanes_figure(scene: Scene) -> Figure:
         tail = (people.track_id == track) & (people.time_s >= end_s - _TAIL_S)
         axes.plot(*people.position[tail].T, color=colour, linewidth=1, alpha=0.6)
         axes.plot(x, y, "o", color=colour, markersize=5)
-    _name_directions(axes)
-    return figure
-
-
-def _name_directions(axes: Axes) -> None:
     marks = [Line2D([], [], color=c, marker="o", linestyle="") for c in (_FORWARD, _BACKWARD)]
     axes.legend(marks, ["to the right", "to the left"], loc="lower right", ncols=2, bbox_to_anchor=(1, -0.2))
     axes.spines[:].set_color(INK)
+    return figure
 
 
 def crowd_section(
@@ -101,10 +92,7 @@ def crowd_section(
 ) -> Section:
     """Write what was demanded of the walking, the figures, and the two experiments.
 
-    Args:
-        sets: `Walking.shares` of each data set.
-        flow: rows of `corridor_flow`.
-        lanes: the run whose lanes are clearest.
+    `sets` holds `Walking.shares` of each data set; `lanes` is the run whose lanes are clearest.
     """
     findings = [(name, finding) for name, shares in sets.items() for finding in walking_findings(shares)]
     rows = [

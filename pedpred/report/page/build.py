@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any
 
@@ -37,27 +37,16 @@ _SCRIPTS = ("replay.js", "inputs.js", "player.js", "page.js")
 
 @dataclass(frozen=True)
 class Contents:
-    """What the page is made of.
+    """What the page is made of, in the order of the page."""
 
-    Attributes:
-        evaluated: by kind of test sets, in the order of the page.
-        replays: stretches for the player, the first one is shown first.
-        methods: labels, colours and order.
-        paper: the publication that results are compared with.
-        further: sections of pictures beside those of the test sets.
-        literature: figures under the protocol of the literature, {place: {method: figures}}.
-        published: rows of others under that protocol.
-        latency: figures of `benchmarks.online`, one row per crowd.
-    """
-
-    evaluated: Sequence[Evaluated]
-    replays: Sequence[Replay]
+    evaluated: Sequence[Evaluated]  # by kind of test sets
+    replays: Sequence[Replay]  # the first one is shown first
     methods: Methods
     paper: Paper
-    further: Sequence[Section] = ()
-    literature: Mapping[str, Figures] | None = None
-    published: Sequence[Mapping[str, Any]] = ()
-    latency: Sequence[Mapping[str, float]] = ()
+    further: Sequence[Section] = ()  # of pictures beside those of the test sets
+    literature: Mapping[str, Figures] = field(default_factory=dict)  # by place, under its own protocol
+    published: Sequence[Mapping[str, Any]] = ()  # rows of others under that protocol
+    latency: Sequence[Mapping[str, float]] = ()  # of `benchmarks.online`, one row per crowd
 
 
 def page(contents: Contents) -> str:
@@ -96,7 +85,7 @@ def _sections(contents: Contents) -> list[Section]:
     return [
         Section("The answer", answer, "answer"),
         paper_section(results, methods, paper),
-        *literature_section(contents.literature or {}, contents.published, methods),
+        *literature_section(contents.literature, contents.published, methods),
         *_merged("horizon", galleries),
         *_merged("calibration", galleries),
         Section("Pictures", [*unnamed, *contents.further], "pictures"),

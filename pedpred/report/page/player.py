@@ -34,15 +34,10 @@ _LONGEST_GAP = 1.5
 
 @dataclass(frozen=True)
 class Replay:
-    """The player's data.
+    """The player's data."""
 
-    Attributes:
-        header: names, sizes and units; `columns` lists (name, shape) in the order of the data.
-        data: raw deflate of all columns one after the other, see `packed`.
-    """
-
-    header: dict[str, Any]
-    data: bytes
+    header: dict[str, Any]  # names, sizes and units; `columns` lists (name, shape) in the order of the data
+    data: bytes  # raw deflate of all columns one after the other, see `packed`
 
     def text(self) -> str:
         """The data in base 64, which can stand in a page."""
@@ -50,13 +45,7 @@ class Replay:
 
 
 def replay(scene: Scene, windows: EvaluationWindows, duration_s: float, methods: Methods) -> Replay:
-    """Pack the stretch of a scene that holds most forecasts.
-
-    Args:
-        scene: people and obstacles.
-        windows: forecasts in this scene.
-        duration_s: longest duration of the stretch.
-        methods: their order.
+    """Pack the stretch of a scene, at most `duration_s` long, that holds most forecasts.
 
     Raises:
         ValueRuleError: there are no forecasts, or a value has no place in 16 bits.
@@ -142,18 +131,12 @@ class _Stretch:
 
 
 def path_codes(path: np.ndarray, track: np.ndarray) -> np.ndarray:
-    """Differences of paths to what is known of them, in the order of `point_order`.
+    """Differences of paths to what is known of them, in the order of `point_order`: [W, P, 2] int.
 
+    Paths ([W, P, 2], cm) are relative to the present position; rows are sorted by time and belong to `track`.
     The last point is coded as the difference to the last point of the track's previous row, the middle one
     exactly and all others in steps of `COARSE_CM`, both relative to the polynomial through the three nearest
     points that are known by then.
-
-    Args:
-        path: relative to the present position, cm. [W, P, 2] int
-        track: whose; rows sorted by time. [W]
-
-    Returns:
-        [W, P, 2] int
     """
     order = point_order(path.shape[1])
     known = {0: np.zeros_like(path[:, 0])}
