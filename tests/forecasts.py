@@ -1,9 +1,6 @@
 """Requests, predictions and windows that tests share."""
 
-from pathlib import Path
-
 import numpy as np
-import yaml
 
 from pedpred.features import FeatureSettings
 from pedpred.forecasting import ForecastRequest, Methods
@@ -11,17 +8,11 @@ from pedpred.metrics import MetricScene
 from pedpred.report.findings import Paper
 from pedpred.scenes import Predictions
 from pedpred.storage.windows import EvaluationWindows
+from tests.simulated import read
 from tests.worlds import empty_map
 
-CONF = Path(__file__).parents[1] / "conf"
-GROUPS = ("baselines", "networks")
-METHODS = Methods.parse(
-    {
-        group: yaml.safe_load((CONF / f"methods/{group}.yaml").read_text())
-        for group in ("baselines", "networks")
-    }
-)
-PAPER = Paper.parse(yaml.safe_load((CONF / "paper/pfeiffer2018.yaml").read_text()))
+METHODS = Methods.parse({group: read(f"methods/{group}") for group in ("baselines", "networks")})
+PAPER = Paper.parse(read("paper/pfeiffer2018"))
 
 
 def request_about(scene, table, rows=None, **given):
@@ -63,6 +54,5 @@ def windows_with(position, truth, paths, covariances=None, dt_s=0.3, **given):
         "max_range_m": 6.0,
     }
     predictions = {m: Predictions.single(path, dt_s, covariances.get(m)) for m, path in paths.items()}
-    return EvaluationWindows(
-        position=position, truth=truth, predictions=predictions, dt_s=dt_s, **usual | given
-    )
+    usual |= {"position": position, "truth": truth, "predictions": predictions, "dt_s": dt_s}
+    return EvaluationWindows(**usual | given)

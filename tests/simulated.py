@@ -22,7 +22,15 @@ SOCIAL_FORCE = read("social_forces/walking")["helbing1995"]
 SETTINGS = social_force_settings(SOCIAL_FORCE)
 CLUTTER = read("clutter/rooms")
 DRAWN = {path.stem: yaml.safe_load(path.read_text()) for path in sorted((CONF / "layouts").glob("*.yaml"))}
-QUIET = social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "noise_mps2": 0.0}})
+
+
+def with_field(path, value):
+    """The plain settings with one field changed."""
+    group, name = path.split(".")
+    return {**SOCIAL_FORCE, group: {**SOCIAL_FORCE[group], name: value}}
+
+
+QUIET = social_force_settings(with_field("clock.noise_mps2", 0.0))
 
 
 def drawn(name):

@@ -34,9 +34,7 @@ METHOD = (
 OTHERS = ["methods.networks.lstm.where=[]", "methods.networks.lstm_nogrid.where=[]"]
 OTHERS += ["~folds.real.eth", "~folds.real.hotel"]
 FOLD = "+folds.real.toy={train: [toy], test: [toy], tracker: tuned_on_eth}"
-SMALL = [
-    f"training.{phase}.{k}" for phase in ("corridor", "finetune") for k in ("steps=8", "validate_every=4")
-]
+SMALL = [f"training.{p}.{k}" for p in ("corridor", "finetune") for k in ("steps=8", "validate_every=4")]
 
 
 def write_raw(folder):
@@ -127,9 +125,8 @@ def added_files():
     text = (ROOT / "ARCHITECTURE.md").read_text()
     table = text.partition("## Adding things")[2]
     rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \| (\d+) \|", table, re.MULTILINE)
-    return {
-        kind.strip(): (re.findall(r"`((?:pedpred|conf)/[^`]+)`", files), int(n)) for kind, files, n in rows
-    }
+    named = re.compile(r"`((?:pedpred|conf)/[^`]+)`")
+    return {kind.strip(): (named.findall(files), int(n)) for kind, files, n in rows}
 
 
 @pytest.mark.parametrize(

@@ -19,9 +19,8 @@ from pedpred.training.loop import train
 from tests.exported import same_weights
 from tests.worlds import squares, tracked, walled_scene
 
-SHORT = DistillationSettings(
-    widths=(8, 8), batch=8, steps=40, validate_every=20, lr=1e-2, warmup_steps=5, seed=0
-)
+QUICK = {"batch": 8, "steps": 40, "validate_every": 20, "lr": 1e-2, "warmup_steps": 5, "seed": 0}
+SHORT = DistillationSettings(widths=(8, 8), **QUICK)
 
 
 @pytest.fixture(scope="module")

@@ -61,9 +61,7 @@ def test_depth_is_the_way_to_the_nearest_free_cell():
 
 def test_who_turns_before_an_obstacle_is_found_and_who_walks_through_is_not():
     windows = windows_of(
-        [[3, 5.05], [3, 4.25], [3, 8], [2.9, 5.05]],
-        [[1, 0]] * 4,
-        [[-1.0, 2.5], [-1.0, -2.5], [0, 0], [0, 0]],
+        [[3, 5.05], [3, 4.25], [3, 8], [2.9, 5.05]], [[1, 0]] * 4, [[-1.0, 2.5], [-1.0, -2.5], [0, 0], [0, 0]]
     )
     found = before_obstacle({"hall": windows}, {"hall": hall()}, REFERENCE)
     assert (found.scene, found.who) == ("hall", 7)

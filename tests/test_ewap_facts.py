@@ -16,7 +16,8 @@ from pedpred.metrics.paths import displacement
 from pedpred.scenes import Camera
 from pedpred.sources.ewap import ALONE, occupancy_from_image, read_sequence
 from pedpred.tracking import KalmanSettings, log_likelihood
-from tests.forecasts import CONF, request_about
+from tests.forecasts import request_about
+from tests.simulated import CONF
 from tests.worlds import PLACES, recorded, tracked
 
 FACTS = {

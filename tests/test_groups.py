@@ -87,9 +87,8 @@ def test_a_fit_comes_closer_to_what_people_did_and_leaves_the_rest_alone():
     fit = fit_forces(start, np.arange(4), truth, SETTINGS, 0.3, most_trials=60)
     assert fit.reached_m < 0.5 * fit.start_m
     assert tuple(fit.forces) == FITTED
-    assert fit.reached_m == pytest.approx(
-        np.linalg.norm(start.paths(changed(**fit.forces), 10, 0.3) - truth, axis=-1).mean()
-    )
+    off = start.paths(changed(**fit.forces), 10, 0.3) - truth
+    assert fit.reached_m == pytest.approx(np.linalg.norm(off, axis=-1).mean())
 
 
 def test_a_fit_needs_the_truth_of_every_row_asked():

@@ -43,6 +43,9 @@ QUICK = TrainingSettings(
     weight_decay=1e-4,
     seed=0,
 )
+SHORT = AutoencoderSettings(
+    latent=16, batch=8, steps=60, validate_every=20, lr=2e-3, warmup_steps=5, clip_norm=100.0, seed=0
+)
 
 
 def toy_data(rng, tracks=6, length=20):
@@ -211,9 +214,8 @@ def train_autoencoder(training, validation, settings, scratch=None):
 
 def test_a_killed_pre_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     packed = np.random.default_rng(0).integers(0, 255, (8, 450), dtype=np.uint8)
-    short = AutoencoderSettings(
-        latent=4, batch=2, steps=3, validate_every=1, lr=1e-3, warmup_steps=1, clip_norm=1.0, seed=0
-    )
+    changed = {"latent": 4, "batch": 2, "steps": 3, "validate_every": 1, "lr": 1e-3, "warmup_steps": 1}
+    short = dataclasses.replace(SHORT, **changed, clip_norm=1.0)
     whole, curve = train_autoencoder(packed, packed, short)
     validate = AutoencoderLearner.validate
     found = iter([validate] * 3)  # untrained and after two steps
@@ -308,12 +310,9 @@ def test_an_auto_encoder_on_disk_knows_whether_it_is_tied(tmp_path, tied):
 
 def test_autoencoder_learns_and_repeats():
     packed = squares(np.random.default_rng(0), 64)
-    short = AutoencoderSettings(
-        latent=16, batch=8, steps=60, validate_every=20, lr=2e-3, warmup_steps=5, clip_norm=100.0, seed=0
-    )
-    network, curve = train_autoencoder(packed, packed[:32], short)
+    network, curve = train_autoencoder(packed, packed[:32], SHORT)
     assert curve[-1]["validation_loss"] < 0.8 * curve[0]["validation_loss"]
-    again, _ = train_autoencoder(packed, packed[:32], short)
+    again, _ = train_autoencoder(packed, packed[:32], SHORT)
     assert same_weights(network, again)
 
 

@@ -16,15 +16,13 @@ SETTINGS = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initia
 
 def walk(positions, step_s=0.4, track=7, start_s=0.0):
     positions = np.asarray(positions, float)
-    return Trajectories(
-        start_s + step_s * np.arange(len(positions)), np.full(len(positions), track), positions
-    )
+    steps = np.arange(len(positions))
+    return Trajectories(start_s + step_s * steps, np.full(len(steps), track), positions)
 
 
 def joined(*recordings):
-    return Trajectories(
-        *(np.concatenate([vars(r)[n] for r in recordings]) for n in ("time_s", "track_id", "position"))
-    )
+    parts = zip(*((r.time_s, r.track_id, r.position) for r in recordings), strict=True)
+    return Trajectories(*map(np.concatenate, parts))
 
 
 def requested(found):

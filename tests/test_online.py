@@ -1,6 +1,5 @@
 """On the robot: the same forecasts as offline, whatever the stream does."""
 
-import dataclasses
 import json
 import logging
 from pathlib import Path
@@ -131,7 +130,7 @@ def test_an_altered_model_folder_is_refused(model, tmp_path):
 
 
 def test_a_description_comes_back_as_it_was(model):
-    assert OnlinePredictor.load(model[0]).features == dataclasses.replace(FeatureSettings())
+    assert OnlinePredictor.load(model[0]).features == FeatureSettings()
 
 
 def test_eight_bits_are_nearly_as_good(model, tmp_path):

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from playwright.sync_api import sync_playwright
 
 from pedpred.errors import ValueRuleError
@@ -22,21 +21,21 @@ from pedpred.report.inputs import grid_image
 from pedpred.report.measures import results_of
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.player import path_codes, point_order, replay
-from tests.forecasts import CONF, METHODS, PAPER
-from tests.test_report import IN_SIMULATION, MEETING, curve_tables, metrics_of, wall_scene, windows_of
+from tests.forecasts import METHODS, PAPER
+from tests.simulated import read
+from tests.test_report import IN_SIMULATION, MEETING, curve_tables, metrics_of, planned, wall_scene
 
 REPORTS = Path(__file__).resolve().parents[1] / "reports"
 LATENCY = [{"pedestrians": n, "median_ms": 0.5 * n, "p99_ms": 0.7 * n} for n in (1, 20, 200)]
 
 
 @pytest.fixture(scope="module")
-def hall(tmp_path_factory):
+def hall():
     """A scene of walkers beside a block, and forecasts in it."""
-    scene = wall_scene()
-    return scene, windows_of(tmp_path_factory.mktemp("hall"), scene, planted_s=0.6)
+    return wall_scene(), planned(wall_scene(), planted_s=0.6)
 
 
-PUBLISHED = yaml.safe_load((CONF / "literature/eth_ucy.yaml").read_text())["published"]
+PUBLISHED = read("literature/eth_ucy")["published"]
 SIMULATED = {"sim_test": metrics_of(IN_SIMULATION), "sim_test_hall": metrics_of(IN_SIMULATION)}
 REAL = {"eth": metrics_of(MEETING | {"lstm": 0.65, "ca": 9.0}), "hotel": metrics_of(MEETING)}
 FOLDS = [{"train": ["hotel"], "test": ["eth"]}, {"train": ["eth"], "test": ["hotel"]}]

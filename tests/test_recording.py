@@ -67,9 +67,8 @@ def contents(path, wanted=MARKERS):
 def test_a_scene_comes_back_as_it_was(tmp_path_factory, scene):
     """But for the camera's picture and columns without rows, which have no message."""
     path = tmp_path_factory.mktemp("recording") / "scene.mcap"
-    scene = replace(
-        scene, camera=None, trajectories=scene.trajectories if len(scene.trajectories) else NOBODY
-    )
+    people = scene.trajectories if len(scene.trajectories) else NOBODY
+    scene = replace(scene, camera=None, trajectories=people)
     write_recording(scene, path)
     assert_same(scene, read_recording(path))
 

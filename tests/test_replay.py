@@ -27,9 +27,10 @@ def offline_and_online(scene, kind, phase_offsets, model):
     return table, *((own.point, own.covariance[:, 0]) for own in (whole, online))
 
 
-@pytest.mark.parametrize(
-    ("kind", "dt_s", "phase_offsets"), [("kalman", 0.4, 3), ("kalman", 0.1, 1), ("truth", 0.3, 1)]
-)
+SOURCES = [("kalman", 0.4, 3), ("kalman", 0.1, 1), ("truth", 0.3, 1)]
+
+
+@pytest.mark.parametrize(("kind", "dt_s", "phase_offsets"), SOURCES)
 def test_a_replay_gives_the_offline_forecasts(model, kind, dt_s, phase_offsets):
     """At every step that coincides with a detection: annotations, a fast tracker, a simulation."""
     scene = walled_scene(np.random.default_rng(1), dt_s, kind == "truth", detections=int(10 / dt_s))

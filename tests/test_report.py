@@ -32,18 +32,10 @@ from pedpred.report.reconstructions import evenly_chosen, reconstructed
 from pedpred.report.sections import answer
 from pedpred.report.tables import calibration_table, further_table, metrics_table
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
-from pedpred.storage.windows import read_windows, write_windows
 from tests.forecasts import METHODS, PAPER, windows_with
 
 STEPS = 10
-MEETING = {
-    "cv": 0.70,
-    "ca": 0.80,
-    "kalman_cv": 0.60,
-    "social_force": 0.07,
-    "lstm_nogrid": 0.50,
-    "lstm": 0.40,
-}
+MEETING = {"cv": 0.70, "ca": 0.80, "kalman_cv": 0.60, "social_force": 0.07, "lstm_nogrid": 0.50, "lstm": 0.40}
 IN_SIMULATION = MEETING | {"goal_blind": 0.15, "goal_unseen": 0.35}
 
 
@@ -122,11 +114,7 @@ def test_a_missed_expectation_is_named(changed, missed):
 
 @pytest.mark.parametrize(
     ("lstm", "verdict", "words"),
-    [
-        (0.594, "met", "1.0 % better"),
-        (0.610, "missed", "1.7 % worse"),
-        (0.500, "met", "16.7 % better"),
-    ],
+    [(0.594, "met", "1.0 % better"), (0.610, "missed", "1.7 % worse"), (0.500, "met", "16.7 % better")],
 )
 def test_the_gain_on_real_people_is_judged_in_both_directions(lstm, verdict, words):
     metrics = metrics_of(MEETING | {"lstm": lstm}, spread_m=0.001)
@@ -276,18 +264,9 @@ def planned(scene, walkers=5, planted_s=None):
     return windows_with(position, truth, paths, {"lstm": spread}, **own)
 
 
-def windows_of(folder, scene, **kind):
-    path = folder / f"{scene.name}.parquet"
-    write_windows(planned(scene, **kind), path)
-    return read_windows(path)
-
-
-def test_the_rule_picks_the_planted_instant(tmp_path):
+def test_the_rule_picks_the_planted_instant():
     plain, planted = wall_scene("plain"), wall_scene("planted")
-    scenes = {
-        "plain": windows_of(tmp_path, plain),
-        "planted": windows_of(tmp_path, planted, planted_s=1.2),
-    }
+    scenes = {"plain": planned(plain), "planted": planned(planted, planted_s=1.2)}
     found = choose(scenes, 4, METHODS)
     assert found.scene == "planted"
     assert found.time_s == pytest.approx(1.2)
@@ -298,18 +277,18 @@ def test_the_rule_picks_the_planted_instant(tmp_path):
     assert "smallest, +0.000 m" in least.caption
 
 
-def test_few_people_do_not_count_where_more_are_somewhere(tmp_path):
+def test_few_people_do_not_count_where_more_are_somewhere():
     scenes = {
-        "few": windows_of(tmp_path, wall_scene("few"), walkers=2, planted_s=0.3),
-        "many": windows_of(tmp_path, wall_scene("many"), walkers=4),
+        "few": planned(wall_scene("few"), walkers=2, planted_s=0.3),
+        "many": planned(wall_scene("many"), walkers=4),
     }
     assert choose(scenes, 3, METHODS).scene == "many"
     assert choose(scenes, 99, METHODS).scene == "many"
     assert choose(scenes, 2, METHODS).scene == "few"
 
 
-def test_without_a_model_there_is_nothing_to_show(tmp_path):
-    windows = windows_of(tmp_path, wall_scene())
+def test_without_a_model_there_is_nothing_to_show():
+    windows = planned(wall_scene())
     del windows.predictions["lstm"]
     with pytest.raises(ValueRuleError, match="lstm must be among them"):
         choose({"hall": windows}, 1, METHODS)
@@ -396,11 +375,11 @@ def test_curves_are_sorted_into_stages_and_models():
     assert len(lines_figure(plots, METHODS).axes) == 6
 
 
-def galleries(folder):
+def galleries():
     scene = wall_scene()
     simulated = result_of(metrics_of(MEETING))
     real = result_of(metrics_of(MEETING | {"ca": 9.0}), "hall", ["home"])
-    windows = {"hall": windows_of(folder, scene, planted_s=0.9)}
+    windows = {"hall": planned(scene, planted_s=0.9)}
     matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
     picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
     torch.manual_seed(0)
@@ -412,8 +391,8 @@ def galleries(folder):
     return [picture for section in sections for picture in section.pictures]
 
 
-def test_all_pictures_come_out_the_same_twice_and_small(tmp_path):
-    first, second = galleries(tmp_path), galleries(tmp_path)
+def test_all_pictures_come_out_the_same_twice_and_small():
+    first, second = galleries(), galleries()
     assert len(first) == 12
     for one, two in zip(first, second, strict=True):
         file = png_bytes(one.figure)
@@ -451,8 +430,8 @@ def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
         np.testing.assert_allclose([points.min(axis=0) - low, high - points.max(axis=0)], [[2, 3], [11.5, 7]])
 
 
-def test_forecasts_of_an_unknown_scene_are_refused(tmp_path):
-    windows = {"attic": windows_of(tmp_path, wall_scene("attic"))}
+def test_forecasts_of_an_unknown_scene_are_refused():
+    windows = {"attic": planned(wall_scene("attic"))}
     with pytest.raises(ValueRuleError, match="attic"):
         gallery(
             Evaluated([result_of(metrics_of(MEETING))], {"sim_test": [wall_scene()]}, windows, {}, None),

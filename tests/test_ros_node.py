@@ -30,9 +30,8 @@ def people(time_s, **positions):
 def grid(occupancy):
     turn, corner = Message(x=0.0, y=0.0, z=0.0, w=1.0), Message(x=occupancy.origin[0], y=occupancy.origin[1])
     width, height = occupancy.occupied.shape
-    info = Message(
-        resolution=0.1, width=width, height=height, origin=Message(position=corner, orientation=turn)
-    )
+    origin = Message(position=corner, orientation=turn)
+    info = Message(resolution=0.1, width=width, height=height, origin=origin)
     return Message(info=info, data=np.where(occupancy.occupied.T, 100, 0).ravel())
 
 

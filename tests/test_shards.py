@@ -38,9 +38,7 @@ from tests.worlds import tracked, walled_scene
 
 SETTINGS = FeatureSettings(phase_offsets=3)
 FAULTS = SensorSettings(position_noise_m=0.05, drop_out_share=0.1, switch_share=0.1)
-HOW = Processing(
-    FAULTS, "kalman", KalmanSettings(acceleration_noise=0.1, position_noise_m=0.1), 0.2, SETTINGS
-)
+HOW = Processing(FAULTS, "kalman", KalmanSettings(0.1, 0.1), 0.2, SETTINGS)
 
 
 def walled(seed=0, **options):

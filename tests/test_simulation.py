@@ -27,6 +27,7 @@ from tests.simulated import (
     pool,
     scene_of,
     short,
+    with_field,
 )
 
 
@@ -34,12 +35,17 @@ def tables_equal(first, second):
     return tracks_table(first.trajectories).equals(tracks_table(second.trajectories))
 
 
+def ways_in(name, seed):
+    """The ground of a drawn layout, its targets and the routes to them."""
+    ground, rng = ground_of(drawn(name).occupancy()), np.random.default_rng(seed)
+    targets = drawn_targets(drawn(name), ground, SETTINGS.crowd, rng)
+    return ground, targets, routes_to(targets.position, ground, SETTINGS.routing)
+
+
 @pytest.mark.parametrize("name", sorted(DRAWN))
 def test_a_lone_slow_pedestrian_reaches_every_target(name):
-    layout = drawn(name)
-    ground = ground_of(layout.occupancy())
-    targets = drawn_targets(layout, ground, SETTINGS.crowd, np.random.default_rng(0)).position
-    routes = routes_to(targets, ground, SETTINGS.routing)
+    ground, targets, routes = ways_in(name, seed=0)
+    targets = targets.position
     plan = np.arange(len(targets))[None]
     slowest = np.array([SETTINGS.crowd.speed_range_mps[0]])
     crowd = crowd_of(targets[-1:], np.zeros((1, 2)), slowest, plan)
@@ -71,15 +77,12 @@ def test_the_same_seed_gives_the_same_walk_and_another_seed_another():
 
 
 def test_halving_the_step_hardly_changes_a_noise_free_path():
-    layout = drawn("columns")
-    ground = ground_of(layout.occupancy())
-    targets = drawn_targets(layout, ground, SETTINGS.crowd, np.random.default_rng(3))
-    routes = routes_to(targets.position, ground, SETTINGS.routing)
+    ground, targets, routes = ways_in("columns", seed=3)
     rng = np.random.default_rng(4)
     start = targets.position[:12]
     plan = visiting_plans(targets, 12, 3, 8.0, rng)
     crowd = crowd_of(start, np.zeros((12, 2)), desired_speeds(12, SETTINGS.crowd, rng), plan)
-    fine = social_force_settings({**SOCIAL_FORCE, "clock": {**SOCIAL_FORCE["clock"], "step_s": 0.025}})
+    fine = social_force_settings(with_field("clock.step_s", 0.025))
     coarse_path, fine_path = (rollout(crowd, ground, routes, s, 10, 0.3) for s in (SETTINGS, fine))
     assert np.linalg.norm(coarse_path - fine_path, axis=-1).max() < 0.1
 
@@ -118,17 +121,6 @@ def test_plans_go_to_another_region_far_enough():
     plans = visiting_plans(targets, 5, 50, 10.0, np.random.default_rng(0))
     legs = np.linalg.norm(np.diff(targets.position[plans], axis=1), axis=-1)
     assert legs.min() > 10.0
-
-
-def test_too_many_people_are_refused_with_the_numbers():
-    with pytest.raises(ValueRuleError, match=r"pedestrians = 900, but only \d+ fit"):
-        scene_of(short(3.0, pedestrians=900)[0])
-
-
-def with_field(path, value):
-    """The plain settings with one field changed."""
-    group, name = path.split(".")
-    return {**SOCIAL_FORCE, group: {**SOCIAL_FORCE[group], name: value}}
 
 
 @pytest.mark.parametrize(

@@ -50,16 +50,16 @@ def test_pedestrian_repulsion_is_minus_the_gradient_of_its_potential():
     clear = forces.ellipse_axis(offset, stride) > 0.05  # the potential has a ridge between the foci
     offset, stride = offset[clear], stride[clear]
     expected = -numerical_gradient(lambda r: forces.pedestrian_potential(r, stride, FORCES), offset)
-    np.testing.assert_allclose(
-        forces.pedestrian_repulsion(offset, stride, FORCES), expected, atol=1e-5, rtol=1e-5
-    )
+    found = forces.pedestrian_repulsion(offset, stride, FORCES)
+    np.testing.assert_allclose(found, expected, atol=1e-5, rtol=1e-5)
 
 
 def test_border_repulsion_is_minus_the_gradient_of_its_potential():
+    def potential(points):
+        return forces.border_potential(np.linalg.norm(points, axis=-1), FORCES)
+
     points = np.random.default_rng(1).uniform(0.2, 2.0, (50, 2))  # around an obstacle at the origin
-    expected = -numerical_gradient(
-        lambda p: forces.border_potential(np.linalg.norm(p, axis=-1), FORCES), points
-    )
+    expected = -numerical_gradient(potential, points)
     distance = np.linalg.norm(points, axis=-1)
     found = forces.border_repulsion(distance, points / distance[:, None], FORCES)
     np.testing.assert_allclose(found, expected, atol=1e-6, rtol=1e-6)

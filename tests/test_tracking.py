@@ -162,9 +162,8 @@ def test_a_perfect_sensor_changes_no_detection():
 
 def test_a_sensor_is_as_bad_as_it_says():
     scene = walled_scene(np.random.default_rng(0), tracks=30, detections=200)
-    faults = SensorSettings(
-        position_noise_m=0.2, quantum_m=0.01, drop_out_share=0.3, switch_share=0.5, switch_range_m=9.0
-    )
+    shares = {"drop_out_share": 0.3, "switch_share": 0.5, "switch_range_m": 9.0}
+    faults = SensorSettings(position_noise_m=0.2, quantum_m=0.01, **shares)
     seen = apply_sensor(scene, faults, np.random.default_rng(1)).trajectories
     assert len(seen) / len(scene.trajectories) == pytest.approx(0.7, abs=0.02)
     true = follow(scene.trajectories, "kalman", SETTINGS, 0.2)

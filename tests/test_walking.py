@@ -104,9 +104,8 @@ def test_a_small_experiment_becomes_a_page():
     assert rows[1]["speed_mps"] < 1.8
     assert len(np.unique(clearest.trajectories.track_id)) == 50
     assert corridor_flow(small, SETTINGS)[0] == rows or np.isnan(rows[0]["lane_order"])
-    section = crowd_section(
-        {"main": WalkingCounts(10, slow=1, targets=4, reached=4).shares()}, rows, clearest
-    )
+    counts = WalkingCounts(10, slow=1, targets=4, reached=4)
+    section = crowd_section({"main": counts.shares()}, rows, clearest)
     assert [picture.name for picture in section.pictures] == ["flow", "lanes"]
     assert all(png_bytes(picture.figure).startswith(b"\x89PNG") for picture in section.pictures)
     page = section.markdown("simulation")

@@ -79,7 +79,6 @@ def test_an_error_crosses_the_border_of_a_process(kind):
 
 def test_a_backend_that_does_not_exist_is_named(monkeypatch):
     monkeypatch.setenv("PEDPRED_BACKEND", "abacus")
-    with pytest.raises(
-        errors.ValueRuleError, match=r"PEDPRED_BACKEND = 'abacus', but it must be unset or dask"
-    ):
+    named = "PEDPRED_BACKEND = 'abacus', but it must be unset or dask"
+    with pytest.raises(errors.ValueRuleError, match=named):
         in_parallel(print, [()], "nothing", "task")

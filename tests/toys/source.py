@@ -13,6 +13,5 @@ def read_people(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
     """Read the scene; `settings` has the time between two detections, dt_s."""
     time_s, track, x, y = np.loadtxt(folder / "people.txt").T
     position = np.stack([x, y], axis=-1)
-    return Scene(
-        name, Trajectories(time_s, track, position), OccupancyMap.free_around(position), settings["dt_s"]
-    )
+    people, ground = Trajectories(time_s, track, position), OccupancyMap.free_around(position)
+    return Scene(name, people, ground, settings["dt_s"])

@@ -42,9 +42,8 @@ def outcomes(name: str, count: int) -> Iterator[tuple[int, str, str]]:
     seed = 0
     for _ in range(_RESTARTS):
         here, there = multiprocessing.Pipe(duplex=False)
-        child = multiprocessing.get_context("spawn").Process(
-            target=attempt, args=(there, name, seed, count), daemon=True
-        )
+        spawn, given = multiprocessing.get_context("spawn"), (there, name, seed, count)
+        child = spawn.Process(target=attempt, args=given, daemon=True)
         child.start()
         there.close()
         try:

@@ -151,9 +151,7 @@ Fault = Callable[[Project, str, np.random.Generator], str]
 
 def plan(stages: Mapping[str, str], kills: int, mounts: bool, short: bool = False) -> list[tuple[Fault, str]]:
     """List all faults (or only kills) with their stages; `stages` maps names to commands."""
-    scripts = {
-        stage: ROOT / f"{command.split()[2].replace('.', '/')}.py" for stage, command in stages.items()
-    }
+    scripts = {name: ROOT / f"{line.split()[2].replace('.', '/')}.py" for name, line in stages.items()}
     parallel = [stage for stage, script in scripts.items() if "pedpred.workers" in script.read_text()]
     trained = [stage for stage, script in scripts.items() if script.stem == "train"]
     deadly: list[tuple[Fault, str]] = [

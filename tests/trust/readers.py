@@ -26,6 +26,7 @@ from tests.test_sources import SETTINGS as EWAP
 from tests.trust import examples
 
 Step = Callable[[Path], object]
+ROS2 = Stores.ROS2_HUMBLE
 
 
 @dataclass(frozen=True)
@@ -73,11 +74,9 @@ READERS = {
     "recording": Reader(examples.make_recording, ("place.mcap",), at("place.mcap", read_recording)),
     "open recording": Reader(examples.make_open_recording, ("place.mcap",), at("place.mcap", read_recording)),
     "ROS 1 bag": Reader(at("hall.bag", bag(Stores.ROS1_NOETIC)), ("hall.bag",), at("hall.bag", read_bag)),
-    "ROS 2 bag": Reader(
-        at("hall", bag(Stores.ROS2_HUMBLE)), ("hall/metadata.yaml", "hall/hall.db3"), at("hall", read_bag)
-    ),
+    "ROS 2 bag": Reader(at("hall", bag(ROS2)), ("hall/metadata.yaml", "hall/hall.db3"), at("hall", read_bag)),
     "ROS 2 bag (MCAP)": Reader(
-        at("hall", bag(Stores.ROS2_HUMBLE, storage=StoragePlugin.MCAP)),
+        at("hall", bag(ROS2, storage=StoragePlugin.MCAP)),
         ("hall/metadata.yaml", "hall/hall.mcap"),
         at("hall", read_bag),
     ),

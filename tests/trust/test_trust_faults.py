@@ -73,8 +73,7 @@ def test_without_raw_data_no_stage_is_tried_that_needs_them():
 
 def test_the_clock_of_the_campaign_jumps():
     look = "import time; print(*(round(time.time()) for _ in range(9)))"
-    said = subprocess.run(
-        [sys.executable, "-c", look], env=os.environ | CLOCK, capture_output=True, check=True
-    )
+    command = [sys.executable, "-c", look]
+    said = subprocess.run(command, env=os.environ | CLOCK, capture_output=True, check=True)
     seen = [int(word) for word in said.stdout.split()]
     assert seen != sorted(seen), "it never jumped back"

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import networkx as nx
 import numpy as np
 import pytest
 import torch
@@ -33,34 +34,23 @@ SIMULATED = {
 of_dvc = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")
 
 
-@cache
-def outputs():
-    """What every output of the pipeline is made from: (output, dependencies), as paths in the project."""
-
-    def names(parts):
-        return [Path(part.fs_path).relative_to(ROOT).as_posix() for part in parts if not is_params(part)]
-
-    return [(out, names(stage.deps)) for stage in Repo(str(ROOT)).index.stages for out in names(stage.outs)]
-
-
-def is_params(part):
-    return isinstance(part, ParamsDependency)
+def names(parts):
+    """Paths in the project of dependencies or outputs; parameters are none."""
+    files = [part for part in parts if not isinstance(part, ParamsDependency)]
+    return [Path(part.fs_path).relative_to(ROOT).as_posix() for part in files]
 
 
 def within(path, folder):
     return path == folder or path.startswith(f"{folder}/")
 
 
+@cache
 def behind(path):
-    """Every file and folder that a path of the pipeline is made from, and itself."""
-    seen, waiting = set(), [path]
-    while waiting:
-        now = waiting.pop()
-        seen.add(now)
-        for out, dependencies in outputs():
-            if within(out, now) or within(now, out):
-                waiting += [name for name in dependencies if name not in seen]
-    return seen
+    """Every file and folder that a path of the pipeline is made from."""
+    graph = Repo(str(ROOT)).index.graph  # from a stage to what it needs
+    makers = {s for s in graph if any(within(o, path) or within(path, o) for o in names(s.outs))}
+    needed = makers.union(*(nx.descendants(graph, stage) for stage in makers))
+    return {name for stage in needed for name in names(stage.deps)}
 
 
 def simulated_behind(path):
@@ -130,9 +120,8 @@ def test_no_forecast_moves_when_the_future_does():
         return table.time_s, forecaster.predict(table, sizes, np.arange(len(table))).point
 
     later = scene.trajectories.time_s > now
-    moved = scene.trajectories.position + later[:, None] * np.random.default_rng(1).normal(
-        0, 3, (len(later), 2)
-    )
+    noise = np.random.default_rng(1).normal(0, 3, (len(later), 2))
+    moved = scene.trajectories.position + later[:, None] * noise
     time_s, before = forecast(scene.trajectories)
     _, after = forecast(replace(scene.trajectories, position=moved))
     past = time_s <= now
