@@ -30,19 +30,12 @@ Result = TypeVar("Result")
 def in_parallel(
     job: Callable[..., Result], tasks: Sequence[Iterable[Any]], title: str, unit: str
 ) -> list[Result]:
-    """Call `job(*task)` for every task, several at a time, and show a progress bar.
+    """Call `job(*task)` for every task, several at a time; return the results in the order of the tasks.
 
-    Args:
-        job: returns small values; it writes large results to files.
-        tasks: the arguments of each call.
-        title: label of the progress bar.
-        unit: name of one task.
-
-    Returns:
-        The results of the jobs, in the order of the tasks.
+    Jobs return small values and write large results to files. A progress bar of this title counts the units.
 
     Raises:
-        ValueRuleError: there is no such backend.
+        ValueRuleError: there is no such backend, or its package is not installed.
         WorkerError: a worker process was killed.
     """
     with backend(os.environ.get("PEDPRED_BACKEND")):
@@ -56,20 +49,15 @@ def in_parallel(
 
 @contextmanager
 def backend(name: str | None) -> Iterator[None]:
-    """Use this backend of joblib inside; None: as joblib is configured.
-
-    Raises:
-        ValueRuleError: there is no such backend, or its package is not installed.
-    """
+    """Use this backend of joblib inside; None: as joblib is configured."""
     if name is None:
         yield
     elif name == "dask":
         try:
             from distributed import Client
         except ImportError as cause:
-            raise ValueRuleError(
-                "$PEDPRED_BACKEND", name, "dask is not installed: pip install 'dask[distributed]'"
-            ) from cause
+            rule = "dask is not installed: pip install 'dask[distributed]'"
+            raise ValueRuleError("$PEDPRED_BACKEND", name, rule) from cause
         with Client(), parallel_config(backend="dask"):
             yield
     else:

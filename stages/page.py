@@ -8,9 +8,10 @@ from pedpred.config import plain, stage
 from pedpred.files import write_text
 from pedpred.forecasting import Methods
 from pedpred.report.ablation import ablation_sections
+from pedpred.report.comparison import metrics_now
 from pedpred.report.document import Section
 from pedpred.report.findings import Paper
-from pedpred.report.gather import gather, read_figures
+from pedpred.report.gather import gather
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.player import replay
 from pedpred.report.simulation_page import flow_section
@@ -19,7 +20,7 @@ from pedpred.report.simulation_page import flow_section
 @stage
 def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote; write the page to `out`."""
-    methods, figures = Methods.parse(plain(cfg.methods)), read_figures()
+    methods, figures = Methods.parse(plain(cfg.methods)), metrics_now(Path("reports/metrics"))
     evaluated = {key: gather(key, plain(cfg.folds)) for key in ("sim", "real")}
     replays = [
         replay(evaluated[key].scene(name), evaluated[key].windows[name], cfg.page.duration_s, methods)

@@ -8,10 +8,10 @@ from pedpred.config import plain, stage, stage_key
 from pedpred.files import write_json, write_text
 from pedpred.forecasting import Methods
 from pedpred.report.canvas import write_png
+from pedpred.report.error_plots import horizon_table
 from pedpred.report.findings import Paper
 from pedpred.report.gallery import gallery
 from pedpred.report.gather import document, gather
-from pedpred.report.horizon import horizon_table
 
 
 @stage

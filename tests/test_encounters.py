@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pedpred.report.encounters import before_obstacle, depth_m, mutual_avoidance
+from pedpred.report.instants import before_obstacle, depth_m, mutual_avoidance
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from tests.forecasts import METHODS, windows_with
 

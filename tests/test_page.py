@@ -17,10 +17,10 @@ from pedpred.errors import ValueRuleError
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.charts import Line, LinePlot, box_plot, whiskers
 from pedpred.report.gallery import Evaluated
-from pedpred.report.inputs import grid_image
 from pedpred.report.measures import results_of
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.player import path_codes, point_order, replay
+from pedpred.report.snapshots import grid_image
 from tests.forecasts import METHODS, PAPER
 from tests.simulated import read
 from tests.test_report import IN_SIMULATION, MEETING, curve_tables, metrics_of, planned, wall_scene

@@ -16,20 +16,19 @@ from pedpred.geometry import Homography, rotate
 from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.networks.autoencoder import GridAutoencoder
-from pedpred.report.calibration_plots import ellipse
 from pedpred.report.canvas import png_bytes
 from pedpred.report.curves import by_stage, lines_figure, training_plots
 from pedpred.report.document import Picture, Pictures, Section, joined
+from pedpred.report.error_plots import ellipse, horizon_figure, horizon_table
 from pedpred.report.findings import Expectation, findings, summed_up
 from pedpred.report.gallery import Evaluated, gallery
 from pedpred.report.gather import document
-from pedpred.report.horizon import horizon_figure, horizon_table
-from pedpred.report.inputs import angular_cell_edges, draw_angular_grid, grid_image
 from pedpred.report.instants import choose
 from pedpred.report.measures import read_metrics, results_of
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
 from pedpred.report.reconstructions import evenly_chosen, reconstructed
 from pedpred.report.sections import answer
+from pedpred.report.snapshots import angular_cell_edges, draw_angular_grid, grid_image
 from pedpred.report.tables import calibration_table, further_table, metrics_table
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from tests.forecasts import METHODS, PAPER, windows_with

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.command.conversion import convert, info
-from pedpred.command.evaluation import evaluate
-from pedpred.command.prediction import predict
+from pedpred.command.prediction import evaluate, predict
 from pedpred.errors import PedpredError
 from pedpred.evaluation import EvaluationSettings
 

@@ -1,16 +1,24 @@
-"""`pedpred predict`: replay a scene through the online predictor and record the forecasts."""
+"""`pedpred predict` and `pedpred evaluate`: record or measure the forecasts of a network in scenes."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
+from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.conversion import read_any, refuse_overwriting
+from pedpred.errors import ValueRuleError
+from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
+from pedpred.files import write_json
+from pedpred.metrics import METRICS
 from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.assessment import assess
 from pedpred.online.replay import as_windows, replayed
 from pedpred.ros import write_recording
 from pedpred.ros.foxglove import write_layout
@@ -18,6 +26,7 @@ from pedpred.scenes import Forecast, Scene
 
 _METHOD = "pedpred"
 _COLOUR = (0.84, 0.37, 0.0)
+_SHOWN = ("ade_m", "fde_m", "moving_ade_m", "nll", "obstacle_share", "collision_share")
 
 
 def predict(given: argparse.Namespace) -> None:
@@ -39,3 +48,46 @@ def with_progress(scene: Scene, predictor: OnlinePredictor) -> Iterator[Forecast
     """Yield the forecasts of a replay, with a progress bar."""
     frames = len(np.unique(scene.trajectories.time_s))
     yield from tqdm(replayed(scene, predictor), total=frames, desc=f"replay {scene.name}", unit="frame")
+
+
+def evaluate(given: argparse.Namespace) -> None:
+    """Measure a network in scenes, beside forecasts that only continue the present motion."""
+    settings = EvaluationSettings(
+        given.moving_mps, given.collision_m, bootstrap=given.samples, seed=given.seed
+    )
+    scores: dict[str, dict[str, Scores]] = {}
+    for path in given.scene:
+        scene = read_any(path)
+        if scene.name in scores:
+            raise ValueRuleError("name", scene.name, f"{path} is the second scene of that name")
+        predictor = robot_for(scene, given.model)
+        scores[scene.name] = assess(scene, predictor, with_progress(scene, predictor), settings)
+    if len(scores) > 1:
+        methods = next(iter(scores.values()))
+        scores["all"] = {m: pooled([own[m] for own in scores.values()]) for m in methods}
+    figures = {name: summaries(own, STRONGEST, settings) for name, own in scores.items()}
+    for name, rows in figures.items():
+        sys.stdout.write(_table(name, rows))
+    if given.json is not None:
+        write_json(given.json, figures)
+
+
+def _table(name: str, rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """Write the figures of a scene as a table."""
+    some = next(iter(rows.values()))
+    first, *others = _SHOWN
+    titles = [f"{METRICS[key].label} {METRICS[key].unit}" for key in _SHOWN]
+    cells: list[Sequence[str]] = [("method", titles[0], "95 % interval", *titles[1:])]
+    for method, row in rows.items():
+        interval = " - ".join(_cell(first, end) for end in row[f"{first}_ci95"])
+        cells.append((method, _cell(first, row[first]), interval, *(_cell(k, row.get(k)) for k in others)))
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
+    return "\n".join([f"{name}: {some['windows']} windows of {some['tracks']} tracks", *lines, "", ""])
+
+
+def _cell(key: str, value: float | None) -> str:
+    """Write a figure with the digits of its unit."""
+    if value is None:
+        return "-"
+    return f"{100 * value:.1f}" if METRICS[key].unit == "%" else f"{value:.3f}"

@@ -11,22 +11,14 @@ import pandas as pd
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Methods
 from pedpred.networks.autoencoder import GridAutoencoder
-from pedpred.report.calibration_plots import calibration_figure, with_covariances
 from pedpred.report.charts import box_plot
 from pedpred.report.curves import lines_figure, training_plots
 from pedpred.report.document import Picture, Pictures, Section, Text
-from pedpred.report.encounters import before_obstacle, mutual_avoidance
-from pedpred.report.horizon import horizon_figure
-from pedpred.report.instants import Instant, choose
+from pedpred.report.error_plots import calibration_figure, horizon_figure, with_covariances
+from pedpred.report.instants import Instant, before_obstacle, choose, mutual_avoidance
 from pedpred.report.measures import Result
 from pedpred.report.plan import arrangement_figure, contact_sheet
-from pedpred.report.reconstructions import (
-    MEASURED,
-    SHOWN,
-    evenly_chosen,
-    reconstructed,
-    reconstructions_figure,
-)
+from pedpred.report.reconstructions import reconstructions_section
 from pedpred.report.sections import calibration_section
 from pedpred.report.situation import ARROW_S, REGION
 from pedpred.report.snapshots import camera_figure, inputs_figure
@@ -95,7 +87,7 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
         Section("Error over the horizon", [Pictures(horizons)], "horizon"),
         *calibration_section(results, methods, calibrations),
         Section("Instants, chosen by rule", [Text(legend), Pictures(snapshots)]),
-        *_reconstructions(evaluated.autoencoder, windows),
+        *reconstructions_section(evaluated.autoencoder, windows),
         _places(scenes, SHOWN_S[where]),
         *(_trained_in(others) if where == "simulation" else []),
         *_training(evaluated.curves, methods),
@@ -140,22 +132,6 @@ def _snapshot(
     scene, own = scenes[instant.scene], windows[instant.scene]
     kind, draw = ("snapshot", inputs_figure) if scene.camera is None else ("camera", camera_figure)
     return Picture(f"{kind}{ending}", instant.caption, draw(scene, own, instant, methods))
-
-
-def _reconstructions(autoencoder: GridAutoencoder, windows: Mapping[str, EvaluationWindows]) -> list[Section]:
-    """Obstacle grids of places unknown to the auto-encoder; nothing where none has an obstacle."""
-    crops = evenly_chosen(windows, MEASURED)
-    if not len(crops):
-        return []
-    found = reconstructed(autoencoder, crops)
-    few = found.few(SHOWN)
-    caption = (
-        f"Obstacle grids of test places, {len(few.truth)} at evenly spaced ranks of occupied share, and "
-        "their reconstructions. Intersection over union of occupied cells: median "
-        f"{np.median(found.agreement):.2f} over {len(crops)} grids chosen likewise."
-    )
-    picture = Picture("reconstructions", caption, reconstructions_figure(few))
-    return [Section("Reconstructions of the auto-encoder", [Pictures([picture])])]
 
 
 def _places(scenes: Mapping[str, Scene], shown_s: float) -> Section:

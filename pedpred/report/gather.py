@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pedpred.errors import StorageError
-from pedpred.files import read_json
 from pedpred.forecasting import Methods
 from pedpred.networks.autoencoder import read_autoencoder
 from pedpred.report.curves import read_curve
@@ -16,13 +14,7 @@ from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
 from pedpred.report.gallery import Evaluated
 from pedpred.report.measures import read_metrics, results_of
-from pedpred.report.sections import (
-    READING,
-    answer_section,
-    expectations_section,
-    parts_sections,
-    warnings,
-)
+from pedpred.report.sections import READING, answer_section, expectations_section, parts_sections, warnings
 from pedpred.storage.scenes import read_scenes
 from pedpred.storage.windows import read_windows
 
@@ -55,12 +47,6 @@ def gather(key: str, folds: Mapping[str, Any], root: Path = Path()) -> Evaluated
     tables = sorted((root / "reports/curves" / key).glob("*.tsv"))
     curves = {table.stem: curve for table in tables if len(curve := read_curve(table))}  # not of copies
     return Evaluated(results, scenes, windows, curves, read_autoencoder(root / "models/autoencoder")[0])
-
-
-def read_figures(root: Path = Path()) -> dict[str, Any]:
-    """Read all metric files of a project, by name."""
-    found = sorted((root / "reports/metrics").glob("*.json"))
-    return {path.stem: read_json(path, partial(StorageError, path, "file")) for path in found}
 
 
 def document(evaluated: Evaluated, pictures: list[Section], methods: Methods, paper: Paper) -> Section:

@@ -1,8 +1,10 @@
-"""Instants that are shown, chosen by a rule.
+"""Instants that are shown, chosen by rules.
 
 The gain of an instant is the mean, over its moving people, of the ADE of the reference method minus that of
-the main method. Shown are the instants with the largest and the smallest gain. Ties go to the earlier scene
-name and time.
+the main method. Shown are the instants with the largest and the smallest gain, and two encounters: two people
+give way to each other, one turns or stops before an obstacle. For these the rule is: of all windows of moving
+people, those whose straight continuation by the reference method goes most wrong although the true path was
+safe. Ties go to the earlier scene name and time.
 """
 
 from __future__ import annotations
@@ -11,13 +13,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from pedpred.errors import ValueRuleError
-from pedpred.forecasting import Methods
+from pedpred.forecasting import Method, Methods
+from pedpred.scenes import OccupancyMap, Scene
 from pedpred.storage.windows import EvaluationWindows
 
 MOVING_MPS = 0.3
 """People faster than this count as moving."""
+APART_M = (0.6, 1.5)
+"""True minimum distance of two people who avoid each other: passing by, not touching, m."""
+FACING_DEG = 120.0
+"""The least angle between the velocities of two people who walk towards each other, degrees."""
 
 
 @dataclass(frozen=True)
@@ -94,3 +102,81 @@ def _gain_m(scene: str, windows: EvaluationWindows, methods: Methods) -> np.ndar
             rule = f"{method.key} must be among them"
             raise ValueRuleError(f"forecasts of {scene}", sorted(windows.predictions), rule)
     return windows.ade_m(methods.reference.key) - windows.ade_m(methods.main.key)
+
+
+def mutual_avoidance(scenes: Mapping[str, EvaluationWindows], reference: Method) -> Instant | None:
+    """Find two people who walk towards each other, pass, and make most room compared with the forecast.
+
+    In focus is one of the two; the earlier scene name and time wins a tie. None where there is no such pair.
+    """
+    found = [found for name in sorted(scenes) for found in _meetings(name, scenes[name], reference)]
+    if not found:
+        return None
+    straight_m, true_m, other, instant = min(found, key=lambda meeting: meeting[0] - meeting[1])
+    caption = (
+        f"{instant.where}: mutual avoidance. Of all pairs who walk towards each other and pass at "
+        f"{APART_M[0]} to {APART_M[1]} m, the one that makes most room. Agents {instant.who} and {other}: "
+        f"minimum distance forecast by {reference.label} {straight_m:.2f} m, actual {true_m:.2f} m."
+    )
+    return replace(instant, caption=caption)
+
+
+def before_obstacle(
+    scenes: Mapping[str, EvaluationWindows], places: Mapping[str, Scene], reference: Method
+) -> Instant | None:
+    """Find the moving person whose forecast goes deepest into an obstacle that the true path avoids."""
+    deepest, best = 0.0, None
+    for name in sorted(scenes):
+        windows, occupancy = scenes[name], places[name].occupancy
+        ahead_m = depth_m(windows.predictions[reference.key].point, occupancy).max(axis=1, initial=0.0)
+        safe = ~occupancy.is_occupied(windows.truth).any(axis=1) & ~occupancy.is_occupied(windows.position)
+        ahead_m = np.where(safe & moving(windows), ahead_m, 0.0)
+        row = int(np.argmax(ahead_m)) if len(windows) else 0
+        if len(windows) and ahead_m[row] > deepest:
+            deepest, best = ahead_m[row], Instant.of(name, windows, row)
+    if best is None:
+        return None
+    caption = (
+        f"{best.where}: a stop or a turn before an obstacle. Of all people who did not enter an obstacle, "
+        f"the {reference.label} forecast of agent {best.who} goes deepest into one, {deepest:.2f} m."
+    )
+    return replace(best, caption=caption)
+
+
+def depth_m(points: np.ndarray, occupancy: OccupancyMap) -> np.ndarray:
+    """Distance of points (world, m, [..., 2]) in obstacles to the nearest free cell, 0 if free, m. [...]."""
+    depth = distance_transform_edt(occupancy.occupied) * occupancy.resolution_m
+    cells = np.floor((points - occupancy.origin) / occupancy.resolution_m).astype(np.int64)
+    at = np.clip(cells, 0, np.array(depth.shape) - 1)
+    return np.where(occupancy.is_occupied(points), depth[at[..., 0], at[..., 1]], 0.0)
+
+
+def _meetings(
+    scene: str, windows: EvaluationWindows, reference: Method
+) -> list[tuple[float, float, int, Instant]]:
+    """The best meeting of each instant: forecast and actual minimum distance, m; the other's id."""
+    found = []
+    for rows in walkers_by_instant(windows):
+        one, two = (rows[side] for side in np.triu_indices(len(rows), 1))
+        straight_m = _nearest_m(windows.predictions[reference.key].point, one, two)
+        true_m = _nearest_m(windows.truth, one, two)
+        fits = _facing(windows, one, two) & (true_m >= APART_M[0]) & (true_m <= APART_M[1])
+        if fits.any():
+            k = int(np.argmin(np.where(fits, straight_m - true_m, np.inf)))
+            instant = Instant.of(scene, windows, int(one[k]))
+            found.append((float(straight_m[k]), float(true_m[k]), int(windows.track_id[two[k]]), instant))
+    return found
+
+
+def _facing(windows: EvaluationWindows, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Whether people ([Q] rows each) walk in opposite directions and come nearer to each other. [Q] bool."""
+    velocity = windows.world_velocity
+    speeds = np.linalg.norm(velocity[one], axis=-1) * np.linalg.norm(velocity[two], axis=-1)
+    opposite = (velocity[one] * velocity[two]).sum(axis=-1) < np.cos(np.deg2rad(FACING_DEG)) * speeds
+    between = windows.position[two] - windows.position[one]
+    return opposite & (((velocity[two] - velocity[one]) * between).sum(axis=-1) < 0)
+
+
+def _nearest_m(paths: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """The least distance over the steps of pairs of paths, m: [Q]."""
+    return np.linalg.norm(paths[one] - paths[two], axis=-1).min(axis=-1)

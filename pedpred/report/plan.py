@@ -17,12 +17,8 @@ from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 
 _SHEET_IN, _GAP_M = 11.0, 1.0  # width of a contact sheet, ground between its rooms
 _TRACK_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F")
-_OBSTACLES: dict[str, Any] = {
-    "cmap": ListedColormap([(0.0, 0.0, 0.0, 0.0), to_rgba(OBSTACLE)]),
-    "vmin": 0,
-    "vmax": 1,
-    "origin": "lower",
-}
+_BLACK = ListedColormap([(0.0, 0.0, 0.0, 0.0), to_rgba(OBSTACLE)])
+_OBSTACLES: dict[str, Any] = {"cmap": _BLACK, "vmin": 0, "vmax": 1, "origin": "lower"}
 
 
 def turned(points: np.ndarray, quarter_turns: int) -> np.ndarray:
@@ -98,14 +94,11 @@ def contact_sheet(scenes: Sequence[Scene], shown_s: float, columns: int) -> Figu
     axes = figure.subplots()
     for index, scene in enumerate(scenes):
         corner = pitch * [index % columns, rows - 1 - index // columns]
-        left, low = corner
-        right, top = corner + scene.occupancy.extent_m
+        (left, low), (right, top) = corner, corner + scene.occupancy.extent_m
         image = scene.occupancy.occupied.T
         axes.imshow(image, extent=(left, right, low, top), interpolation="antialiased", **_OBSTACLES)
-        paths = first_paths(scene.trajectories, shown_s)
-        draw_tracks(
-            axes, [path - scene.occupancy.origin + corner for path in paths], width=3.0 / max(columns, 3)
-        )
+        shift, paths = corner - scene.occupancy.origin, first_paths(scene.trajectories, shown_s)
+        draw_tracks(axes, [path + shift for path in paths], width=3.0 / max(columns, 3))
     width, height = pitch * [columns, rows] - _GAP_M
     axes.set(xlim=(0.0, width), ylim=(0.0, height), aspect="equal")
     axes.set_axis_off()

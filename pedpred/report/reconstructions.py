@@ -1,8 +1,7 @@
 """Crops of the obstacle grid beside their reconstructions by the auto-encoder.
 
-Chosen by a rule: windows with obstacles on a fiftieth of their cells at least are ranked by the
-share of their cells that is occupied, and taken at evenly spaced ranks. Agreement is intersection over union
-of the occupied cells.
+Windows with obstacles on at least a fiftieth of their cells are ranked by the occupied share of their cells,
+and taken at evenly spaced ranks. Agreement is intersection over union of the occupied cells.
 """
 
 from __future__ import annotations
@@ -16,7 +15,8 @@ from matplotlib.figure import Figure
 
 from pedpred.networks.autoencoder import GridAutoencoder, intersection_over_union
 from pedpred.report.canvas import FAINT, blank, styled
-from pedpred.report.inputs import grid_image
+from pedpred.report.document import Picture, Pictures, Section
+from pedpred.report.snapshots import grid_image
 from pedpred.storage.windows import EvaluationWindows
 
 SHOWN = 8
@@ -39,6 +39,24 @@ class Reconstructions:
         """Select at most `count` of them, evenly spaced."""
         at = np.unique(np.linspace(0, len(self.truth) - 1, count).round().astype(int))
         return Reconstructions(self.truth[at], self.image[at], self.agreement[at])
+
+
+def reconstructions_section(
+    autoencoder: GridAutoencoder, windows: Mapping[str, EvaluationWindows]
+) -> list[Section]:
+    """Draw obstacle grids of places unknown to the auto-encoder; nothing where none has an obstacle."""
+    crops = evenly_chosen(windows, MEASURED)
+    if not len(crops):
+        return []
+    found = reconstructed(autoencoder, crops)
+    few = found.few(SHOWN)
+    caption = (
+        f"Obstacle grids of test places, {len(few.truth)} at evenly spaced ranks of occupied share, and "
+        "their reconstructions. Intersection over union of occupied cells: median "
+        f"{np.median(found.agreement):.2f} over {len(crops)} grids chosen likewise."
+    )
+    picture = Picture("reconstructions", caption, reconstructions_figure(few))
+    return [Section("Reconstructions of the auto-encoder", [Pictures([picture])])]
 
 
 def evenly_chosen(scenes: Mapping[str, EvaluationWindows], count: int) -> np.ndarray:

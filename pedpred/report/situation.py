@@ -14,8 +14,8 @@ from matplotlib.patches import FancyArrowPatch
 
 from pedpred.forecasting import Method
 from pedpred.metrics.calibration import shown_steps
-from pedpred.report.calibration_plots import ellipse
 from pedpred.report.canvas import INK
+from pedpred.report.error_plots import ellipse
 from pedpred.report.instants import Instant
 from pedpred.scenes import Trajectories
 from pedpred.storage.windows import EvaluationWindows
@@ -47,8 +47,8 @@ def draw_people(
         for path in _with_present(windows, windows.predictions[method.key].point, instant.rows):
             at = place(path)
             axes.plot(*at.T, color=method.colour, linewidth=width, zorder=4 + (rank == 0))
-            style: dict[str, Any] = {"color": method.colour, "marker": "o", "markeredgewidth": 0}
-            axes.plot(*at[1:].T, linestyle="", markersize=size, zorder=5 + (rank == 0), **style)
+            dots = axes.plot(*at[1:].T, "o", color=method.colour, markersize=size, zorder=5 + (rank == 0))
+            dots[0].set_markeredgewidth(0)
     if windows.predictions[methods[0].key].covariance is not None:
         _draw_regions(axes, windows, instant.rows, methods[0], place)
     for row in instant.rows:
@@ -65,9 +65,8 @@ def _draw_regions(
     style: dict[str, Any] = {"facecolor": to_rgba(colour, 0.1), "edgecolor": to_rgba(colour, 0.5)}
     for row in rows:
         for step in shown_steps(windows.truth.shape[1])[1:]:
-            outline = place(
-                ellipse(own.most_likely[row, step], windows.covariances[method.key][row, step], REGION)
-            )
+            covariance = windows.covariances[method.key][row, step]
+            outline = place(ellipse(own.most_likely[row, step], covariance, REGION))
             axes.fill(*outline.T, linewidth=0.6, zorder=2, **style)
 
 
@@ -79,18 +78,15 @@ def draw_bystanders(
     nearest = stamps[np.argmin(np.abs(stamps - instant.time_s))]
     here = (trajectories.time_s == nearest) & ~np.isin(trajectories.track_id, windows.track_id[instant.rows])
     if here.any():
-        at = place(trajectories.position[here])
-        axes.scatter(
-            at[:, 0], at[:, 1], s=70, facecolors="white", edgecolors=_BYSTANDER, linewidths=1.2, zorder=2
-        )
+        x, y = place(trajectories.position[here]).T
+        axes.scatter(x, y, s=70, facecolors="white", edgecolors=_BYSTANDER, linewidths=1.2, zorder=2)
 
 
 def legend_handles(methods: Sequence[Method]) -> list[Artist]:
     """Legend entries of the lines and dots."""
-    sizes = [4.2 if rank == 0 else 2.2 for rank in range(len(methods))]
     forecasts = [
-        Line2D([], [], color=method.colour, marker="o", markersize=size, label=method.label)
-        for method, size in zip(methods, sizes, strict=True)
+        Line2D([], [], color=m.colour, marker="o", markersize=2.2 if rank else 4.2, label=m.label)
+        for rank, m in enumerate(methods)
     ]
     return [*forecasts, Line2D([], [], color=INK, linewidth=1.1, dashes=(4, 2), label="truth")]
 
@@ -102,15 +98,9 @@ def _with_present(windows: EvaluationWindows, paths: np.ndarray, rows: np.ndarra
 
 def _draw_person(axes: Axes, ends: np.ndarray, name: str, focus: bool) -> None:
     """A circle at the start of the arrow `ends` ([2, 2], in the axes' coordinates)."""
-    style: dict[str, Any] = {
-        "arrowstyle": "-|>",
-        "mutation_scale": 9,
-        "color": INK,
-        "shrinkA": 0,
-        "shrinkB": 0,
-    }
+    style: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 9, "shrinkA": 0, "shrinkB": 0}
     if np.abs(ends[1] - ends[0]).max() > 0:
-        axes.add_patch(FancyArrowPatch(*ends, linewidth=1.2, zorder=7, **style))
+        axes.add_patch(FancyArrowPatch(*ends, color=INK, linewidth=1.2, zorder=7, **style))
     face = INK if focus else "white"
     axes.scatter(ends[0, 0], ends[0, 1], s=150, facecolors=face, edgecolors=INK, linewidths=1.0, zorder=8)
     text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.2, "clip_on": True}

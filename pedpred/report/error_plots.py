@@ -1,22 +1,77 @@
-"""Calibration of forecasts: expected and observed coverage of their error ellipses."""
+"""Errors over the prediction horizon, as the paper's figure, and coverage of the error ellipses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from pedpred.forecasting import Methods
 from pedpred.metrics.calibration import REGIONS, coverage, radius2, shown_steps, squared_mahalanobis
 from pedpred.report.canvas import FAINT, blank, styled
+from pedpred.report.charts import ends_of, scale_of
+from pedpred.report.measures import Result
 from pedpred.storage.windows import EvaluationWindows
 
 _READING = "below the dashed line: overconfident,\nabove it: underconfident"
 _SHARES = np.linspace(0.0, 0.99, 100)
 _CORNERS = 40
+
+
+def horizon_table(result: Result, methods: Methods) -> pd.DataFrame:
+    """Mean error over the horizon, m: a row per step, a column per method, and `horizon_s`."""
+    columns = {name: result.figures[name]["per_step_m"] for name in methods.ordered(result.figures)}
+    steps = len(next(iter(columns.values()), []))
+    return pd.DataFrame({"horizon_s": [f"{result.dt_s * (k + 1):.1f}" for k in range(steps)], **columns})
+
+
+@styled
+def horizon_figure(result: Result, methods: Methods) -> Figure:
+    """Draw boxes from the lower to the upper quartile with the median, and a line through the means."""
+    figure = blank(11.0, 4.0)
+    axes = figure.subplots()
+    figures, step_s, names = result.figures, result.dt_s, methods.ordered(result.figures)
+    width = 0.8 * step_s / len(names)
+    for rank, name in enumerate(names):
+        shift = (rank - (len(names) - 1) / 2) * width
+        _draw_method(axes, figures[name], shift, width, step_s, methods[name].colour)
+    steps = len(figures[names[0]]["per_step_m"])
+    top, cut = scale_of(ends_of(figures))
+    axes.set(
+        xticks=np.arange(1, steps + 1) * step_s,
+        xlabel="prediction horizon [s]",
+        ylabel="position error [m]",
+        ylim=(0.0, top),
+        title=result.title,
+    )
+    handles = [
+        Patch(color=methods[name].colour, label=_entry(methods[name].label, figures[name], name == cut))
+        for name in names
+    ]
+    title = "box: quartiles, median\nline: mean\nfigures: ADE"
+    figure.legend(handles=handles, loc="outside right upper", title=title, alignment="left")
+    return figure
+
+
+def _draw_method(
+    axes: Axes, found: Mapping[str, Any], shift: float, width: float, step_s: float, colour: str
+) -> None:
+    middle = np.arange(1, len(found["per_step_m"]) + 1) * step_s + shift
+    low, median, high = (np.array(found[f"per_step_q{q}_m"]) for q in (25, 50, 75))
+    axes.bar(middle, high - low, 0.88 * width, low, color=colour, alpha=0.35, linewidth=0)
+    axes.hlines(median, middle - 0.44 * width, middle + 0.44 * width, color=colour, linewidth=1.6)
+    axes.plot(middle, found["per_step_m"], color=colour, linewidth=1.0, marker="o", markersize=2.2)
+
+
+def _entry(label: str, found: Mapping[str, Any], cut: bool) -> str:
+    beyond = f"\n(beyond: {found['per_step_m'][-1]:.2f} m at the end)" if cut else ""
+    return f"{label}, {found['ade_m']:.3f} m{beyond}"
 
 
 def with_covariances(windows: Sequence[EvaluationWindows], methods: Methods) -> list[str]:
