@@ -64,13 +64,8 @@ def same_weights(one, other):
 def motion_data(velocity, future, tracks, **given):
     """Tracks of equal length, one behind the other, with nobody near."""
     edges = np.linspace(0, len(velocity), tracks + 1, dtype=int)
-    usual = {
-        "angular": torch.zeros(len(velocity), 72),
-        "future_steps": torch.full((len(velocity),), future.shape[1]),
-        "embedding": None,
-        "sequences": np.stack([edges[:-1], edges[1:]], axis=-1),
-        "scene": np.arange(tracks) // 2,
-        "track": np.arange(tracks),
-        "dt_s": 0.3,
-    }
+    sequences, track = np.stack([edges[:-1], edges[1:]], axis=-1), np.arange(tracks)
+    usual = {"sequences": sequences, "scene": track // 2, "track": track, "embedding": None, "dt_s": 0.3}
+    usual |= {"angular": torch.zeros(len(velocity), 72)}
+    usual |= {"future_steps": torch.full((len(velocity),), future.shape[1])}
     return MotionData(velocity=velocity, future=future, **usual | given)

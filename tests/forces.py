@@ -2,25 +2,15 @@
 
 import numpy as np
 
-from pedpred.simulation.forces import ForceSettings, border_repulsion, pedestrian_repulsion, sight_weight
+from pedpred.simulation.forces import border_repulsion, pedestrian_repulsion, sight_weight
 
 
-def driving_acceleration(
-    velocity: np.ndarray, direction: np.ndarray, desired_speed: np.ndarray, relaxation_time_s: float
-) -> np.ndarray:
+def driving_acceleration(velocity, direction, desired_speed, relaxation_time_s):
     """Pull towards the goal, (v0 e - v) / tau. Helbing & Molnar 1995, eq. 2. [N, 2]."""
     return (desired_speed[:, None] * direction - velocity) / relaxation_time_s
 
 
-def social_acceleration(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    direction: np.ndarray,
-    desired_speed: np.ndarray,
-    distance: np.ndarray,
-    away: np.ndarray,
-    settings: ForceSettings,
-) -> np.ndarray:
+def social_acceleration(position, velocity, direction, desired_speed, distance, away, settings):
     """Sum of all forces but the noise on each pedestrian of a crowd. Helbing & Molnar 1995, eq. 9. [N, 2].
 
     `direction` is e, the unit vector of the way to the goal, `away` the gradient of the `distance` to the

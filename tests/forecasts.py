@@ -42,17 +42,10 @@ def drawn_predictions(rng, rows=5, modes=3, steps=4, covariance=True, frame="wor
 def windows_with(position, truth, paths, covariances=None, dt_s=0.3, **given):
     """Windows of people at `position` [W, 2] who head along x; single-mode predictions of each method."""
     rows, covariances = len(position), covariances or {}
-    usual = {
-        "track_id": np.arange(rows),
-        "time_s": np.zeros(rows),
-        "heading_rad": np.zeros(rows),
-        "velocity": np.tile([1.0, 0.0], (rows, 1)),
-        "packed_grid": np.zeros((rows, 450), np.uint8),
-        "angular_grid_m": np.full((rows, 72), 6.0, np.float32),
-        "grid_cells": 60,
-        "grid_resolution_m": 0.1,
-        "max_range_m": 6.0,
-    }
+    usual = {"track_id": np.arange(rows), "time_s": np.zeros(rows), "heading_rad": np.zeros(rows)}
+    usual |= {"velocity": np.tile([1.0, 0.0], (rows, 1)), "packed_grid": np.zeros((rows, 450), np.uint8)}
+    usual |= {"angular_grid_m": np.full((rows, 72), 6.0, np.float32), "grid_cells": 60}
+    usual |= {"grid_resolution_m": 0.1, "max_range_m": 6.0}
     predictions = {m: Predictions.single(path, dt_s, covariances.get(m)) for m, path in paths.items()}
     usual |= {"position": position, "truth": truth, "predictions": predictions, "dt_s": dt_s}
     return EvaluationWindows(**usual | given)

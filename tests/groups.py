@@ -6,15 +6,11 @@ formulas compiled; a test compares the two.
 
 import numpy as np
 
-from pedpred.simulation.forces import ForceSettings
-
 HALF_VIEW_RAD = 0.5 * np.pi  # phi, angle of sight to either side without turning the head
 _SMALLEST_M = 1e-9
 
 
-def gaze(
-    velocity: np.ndarray, direction: np.ndarray, to_others: np.ndarray, settings: ForceSettings
-) -> np.ndarray:
+def gaze(velocity, direction, to_others, settings):
     """Deceleration to see the others, f = -beta_1 alpha v; alpha = angle to the others' centre beyond phi.
 
     `direction` is e, the direction of gaze, `to_others` leads to the centre of the other members. [N, 2]
@@ -24,7 +20,7 @@ def gaze(
     return -settings.group_gaze * turn[:, None] * velocity
 
 
-def cohesion(to_centre: np.ndarray, size: np.ndarray, settings: ForceSettings) -> np.ndarray:
+def cohesion(to_centre, size, settings):
     """Attraction to the centre of the group, f = beta_2 U, when it is farther than (size - 1) / 2 metres.
 
     U is the unit vector of `to_centre`, which leads to the centre of all members, m. [N, 2]
@@ -33,19 +29,13 @@ def cohesion(to_centre: np.ndarray, size: np.ndarray, settings: ForceSettings) -
     return settings.group_attraction * apart[:, None] * _unit(to_centre)
 
 
-def elbow_room(offset: np.ndarray, settings: ForceSettings) -> np.ndarray:
+def elbow_room(offset, settings):
     """Repulsion by another member closer than d0, f = beta_3 W; W: unit vector of `offset`. [..., 2]."""
     near = np.linalg.norm(offset, axis=-1) < settings.group_distance_m
     return settings.group_repulsion * near[..., None] * _unit(offset)
 
 
-def group_acceleration(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    direction: np.ndarray,
-    group: np.ndarray,
-    settings: ForceSettings,
-) -> np.ndarray:
+def group_acceleration(position, velocity, direction, group, settings):
     """Sum of the group terms; zero for people without others of their group (-1: alone). [N, 2]."""
     together = (group[:, None] == group) & (group[:, None] >= 0) & ~np.eye(len(group), dtype=bool)
     others = together.sum(axis=1)
@@ -57,5 +47,5 @@ def group_acceleration(
     return total * (others > 0)[:, None]
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
+def _unit(vectors):
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), _SMALLEST_M)

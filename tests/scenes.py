@@ -15,6 +15,12 @@ number = st.floats(-1e6, 1e6)
 
 
 @st.composite
+def maps(draw, coordinate=number):
+    occupied = draw(arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))))
+    return OccupancyMap(occupied, draw(arrays(float, 2, elements=coordinate)), draw(st.floats(1e-3, 10.0)))
+
+
+@st.composite
 def scenes(draw, time_s=number, track_id=st.integers(0, 99)):  # noqa: B008
     """Any few people on any small map, with or without a camera and what only simulation knows."""
     rows = draw(st.integers(0, 6))
@@ -22,20 +28,13 @@ def scenes(draw, time_s=number, track_id=st.integers(0, 99)):  # noqa: B008
     times = draw(arrays(float, rows, elements=time_s))
     tracks = draw(arrays(np.int64, rows, elements=track_id))
     assume(len(set(zip(times.tolist(), tracks.tolist(), strict=True))) == rows)
-    trajectories = Trajectories(
-        times,
-        tracks,
-        draw(pairs),
-        velocity=draw(st.none() | pairs),
-        goal=draw(st.none() | pairs),
-        desired_speed_mps=draw(st.none() | column),
-        group_id=draw(st.none() | arrays(np.int64, rows, elements=st.integers(-1, 2**31))),
-    )
-    occupied = draw(arrays(bool, st.tuples(st.integers(1, 5), st.integers(1, 5))))
-    place = OccupancyMap(occupied, draw(arrays(float, 2, elements=number)), draw(st.floats(1e-3, 10.0)))
+    groups = arrays(np.int64, rows, elements=st.integers(-1, 2**31))
+    known = [draw(st.none() | values) for values in (pairs, pairs, column, groups)]
+    names = ("velocity", "goal", "desired_speed_mps", "group_id")
+    trajectories = Trajectories(times, tracks, draw(pairs), **dict(zip(names, known, strict=True)))
     picture = draw(st.none() | arrays(np.uint8, (2, 3, 3)))
     camera = None if picture is None else Camera(Homography(np.diag([0.1, 0.3, 1.0]), 1), picture)
-    return Scene("place", trajectories, place, draw(st.floats(1e-3, 10.0)), camera)
+    return Scene("place", trajectories, draw(maps()), draw(st.floats(1e-3, 10.0)), camera)
 
 
 def assert_same(left, right):

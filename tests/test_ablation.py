@@ -38,13 +38,9 @@ def test_every_point_composes_and_differs(path):
 
 
 def measured(ablation):
-    return {
-        point: {
-            m: {"ade_m": 0.5 - 0.01 * k, "ade_m_ci95": [0.4, 0.6]}
-            for m in ("kalman_cv", "lstm_nogrid", "lstm")
-        }
-        for k, point in enumerate(ablation.points)
-    }
+    methods = ("kalman_cv", "lstm_nogrid", "lstm")
+    figures = ({"ade_m": 0.5 - 0.01 * k, "ade_m_ci95": [0.4, 0.6]} for k in range(len(ablation.points)))
+    return {point: dict.fromkeys(methods, own) for point, own in zip(ablation.points, figures, strict=True)}
 
 
 @pytest.mark.parametrize("path", [ABLATIONS[0], ABLATIONS[1]], ids=["numbered", "named"])

@@ -4,7 +4,6 @@ import importlib
 import json
 import re
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,12 +16,12 @@ from pedpred.online.replay import replayed
 from pedpred.sources import SOURCES
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.windows import read_windows
+from tests.conftest import ROOT
 from tests.exported import write_autoencoder
 from tests.toys.architecture import ToySettings
 from tests.toys.metric import METRIC
 from tests.toys.source import read_people
 
-ROOT = Path(__file__).resolve().parents[1]
 PLACE = (
     "+places.toy={source: toy, folder: raw, settings: {dt_s: 0.4}, tracker: tuned_on_eth, sensor: perfect, "
     "social_force: fitted_on_eth, phase_offsets: 1, variants: []}"

@@ -36,13 +36,11 @@ def test_there_and_back_changes_nothing(scene, tmp_path):
 
 def test_predictions_in_a_recording_are_those_of_the_predictor(scene, tmp_path, model):
     main(["predict", str(scene), "--model", str(model[0]), "-o", str(tmp_path / "hall.mcap")])
-    lines = {
-        (message.log_time, marker.id): np.array([(point.x, point.y) for point in marker.points])
-        for _, channel, message, content in decoded(tmp_path / "hall.mcap")[1]
-        if channel.topic == "/markers"
-        for marker in content.markers
-        if marker.ns == "pedpred"
-    }
+    lines = {}
+    for _, channel, message, content in decoded(tmp_path / "hall.mcap")[1]:
+        for marker in content.markers if channel.topic == "/markers" else ():
+            if marker.ns == "pedpred":
+                lines[message.log_time, marker.id] = np.array([(p.x, p.y) for p in marker.points])
     world = read_scene(scene)
     robot = OnlinePredictor.load(model[0], OnlineSettings(max_age_s=0.5))
     robot.set_map(world.occupancy)

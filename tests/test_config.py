@@ -4,15 +4,13 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from omegaconf import OmegaConf
 
 from pedpred import config
 from pedpred.errors import ConfigError, ValueRuleError
-
-ROOT = Path(__file__).resolve().parents[1]
+from tests.conftest import ROOT
 
 DVC_YAML = """
 vars:
@@ -49,6 +47,7 @@ trackers: {quick: {q: 1}, slow: {q: 2}}
 models: {lstm: {units: 4}, lstm_nogrid: {units: 2}}
 """
 TRAINING = {"rate": 0.1, "phases": {"first": {"steps": 1}, "second": {"steps": 2}}}
+UNKNOWN = ("nothing", "listed@zara", "listed", "plain@eth")
 STAGE = """
 from pathlib import Path
 from pedpred.config import stage
@@ -86,14 +85,8 @@ def project(tmp_path):
 
 def python(project, *arguments, **environment):
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("DVC_")}
-    return subprocess.run(
-        [sys.executable, "-m", *arguments],
-        cwd=project,
-        env=inherited | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command, said = [sys.executable, "-m", *arguments], {"capture_output": True, "text": True}
+    return subprocess.run(command, cwd=project, env=inherited | environment, check=False, **said)
 
 
 @pytest.mark.parametrize(
@@ -116,11 +109,6 @@ def test_a_stage_sees_the_declared_keys_of_every_kind_of_stage_and_nothing_else(
 def test_the_arguments_of_the_command_are_added(project):
     seen = config.declared(project, "bare", ["+name=eth", "--flag", "out=a"])
     assert seen == {"name": "eth", "out": "a"}
-
-
-def test_a_declared_key_that_is_not_in_params_is_named(project):
-    with pytest.raises(ConfigError, match=r"'scenes\.zara' = None: dvc\.yaml declares it"):
-        config.declared(project, "missing", [])
 
 
 def test_a_row_is_merged_over_its_base():
@@ -150,15 +138,17 @@ def test_a_stage_is_told_its_name_by_its_command():
         config.stage_key(OmegaConf.create({}))
 
 
-@pytest.mark.parametrize("address", ["nothing", "listed@zara", "listed", "plain@eth"])
-def test_an_unknown_stage_is_refused(project, address):
-    with pytest.raises(ConfigError, match=f"'DVC_STAGE' = '{address}': DVC cannot load this stage"):
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        *((name, f"'DVC_STAGE' = '{name}': DVC cannot load this stage") for name in UNKNOWN),
+        ("missing", r"'scenes\.zara' = None: dvc\.yaml declares it"),
+        ("wrong@eth", r"item\.name"),
+    ],
+)
+def test_an_unknown_stage_declared_key_or_template_value_is_named(project, address, message):
+    with pytest.raises(ConfigError, match=message):
         config.declared(project, address, [])
-
-
-def test_a_template_value_that_does_not_exist_is_named(project):
-    with pytest.raises(ConfigError, match=r"item\.name"):
-        config.declared(project, "wrong@eth", [])
 
 
 def test_a_stage_under_dvc_sees_declared_keys_and_its_own_arguments(project):

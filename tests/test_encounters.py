@@ -15,12 +15,10 @@ AHEAD_S = (np.arange(10) + 1)[:, None] * 0.3
 def windows_of(starts, velocities, aside_m):
     """People at one instant; the truth gives way by `aside_m` ([n, 2], m) over the 3 s."""
     starts, velocities, aside_m = (np.array(part, float) for part in (starts, velocities, aside_m))
-    count = len(starts)
     straight = starts[:, None] + velocities[:, None] * AHEAD_S
     truth = straight + aside_m[:, None] * np.minimum(AHEAD_S, 1.0)
-    return windows_with(
-        starts, truth, {"kalman_cv": straight}, track_id=np.arange(count) + 7, velocity=velocities
-    )
+    seen = {"track_id": np.arange(len(starts)) + 7, "velocity": velocities}
+    return windows_with(starts, truth, {"kalman_cv": straight}, **seen)
 
 
 FACING = windows_of([[2, 5], [6, 5], [2, 9]], [[1, 0], [-1, 0], [1, 0]], [[0, 0.5], [0, -0.5], [0, 0]])

@@ -63,13 +63,9 @@ def test_summary_of_parts_pools_to_the_whole(seed):
     rng = np.random.default_rng(seed)
 
     def part(windows):
-        return Scores(
-            rng.integers(0, 5, windows),
-            {"moving_ade_m": np.where(rng.random(windows) < 0.5, rng.random(windows), np.nan)},
-            rng.random((windows, 10)),
-            rng.exponential(2.0, (windows, 10)),
-            rng.normal(size=(windows, 10)),
-        )
+        moving_m = np.where(rng.random(windows) < 0.5, rng.random(windows), np.nan)
+        steps = rng.random((windows, 10)), rng.exponential(2.0, (windows, 10)), rng.normal(size=(windows, 10))
+        return Scores(rng.integers(0, 5, windows), {"moving_ade_m": moving_m}, *steps)
 
     a, b = part(30), part(20)
     whole = pooled([a, b])

@@ -20,44 +20,25 @@ from tests.forecasts import request_about
 from tests.simulated import CONF
 from tests.worlds import PLACES, recorded, tracked
 
-FACTS = {
-    "eth": {
-        "rows": 8908,
-        "tracks": 360,
-        "instants": 1448,
-        "duration_s": 773.4,
-        "extent": [[-7.45, -3.27], [13.87, 13.29]],
-        "groups": 58,
-        "occupied": 923,
-        "points_on_obstacles": 0,
-        "wrong_order_on_obstacles": 126,
-        "wrong_order_outside": 0.0,
-        "obstacles": [[-1.02, -0.83], [14.58, 13.07]],
-        "picture": (480, 640, 3),
-        "windows": 5074,
-        "window_tracks": 330,
-        "cv_ade": 0.419,
-        "kalman_ade": 0.345,
-    },
-    "hotel": {
-        "rows": 6544,
-        "tracks": 390,
-        "instants": 1168,
-        "duration_s": 722.4,
-        "extent": [[-3.29, -10.25], [4.38, 4.32]],
-        "groups": 41,
-        "occupied": 213,
-        "points_on_obstacles": 9,
-        "wrong_order_on_obstacles": 6,
-        "wrong_order_outside": 0.17,
-        "obstacles": [[-1.42, -10.13], [-0.58, 2.01]],
-        "picture": (576, 720, 3),
-        "windows": 2819,
-        "window_tracks": 259,
-        "cv_ade": 0.270,
-        "kalman_ade": 0.220,
-    },
+PAIRS = {  # eth, hotel
+    "rows": (8908, 6544),
+    "tracks": (360, 390),
+    "instants": (1448, 1168),
+    "duration_s": (773.4, 722.4),
+    "extent": ([[-7.45, -3.27], [13.87, 13.29]], [[-3.29, -10.25], [4.38, 4.32]]),
+    "groups": (58, 41),
+    "occupied": (923, 213),
+    "points_on_obstacles": (0, 9),
+    "wrong_order_on_obstacles": (126, 6),
+    "wrong_order_outside": (0.0, 0.17),
+    "obstacles": ([[-1.02, -0.83], [14.58, 13.07]], [[-1.42, -10.13], [-0.58, 2.01]]),
+    "picture": ((480, 640, 3), (576, 720, 3)),
+    "windows": (5074, 2819),
+    "window_tracks": (330, 259),
+    "cv_ade": (0.419, 0.27),
+    "kalman_ade": (0.345, 0.22),
 }
+FACTS = {p: {name: pair[k] for name, pair in PAIRS.items()} for k, p in enumerate(("eth", "hotel"))}
 
 
 @pytest.fixture(scope="module", params=FACTS)

@@ -148,13 +148,9 @@ def test_no_place_and_no_method_is_named_outside_its_own_file():
     methods = {key for group in PARAMS["methods"].values() for key in group} - NAMED_FOR_ANOTHER_REASON
     names = re.compile(rf"\b({'|'.join([*PARAMS['places'], *methods])})\b")
     searched = ("dvc.yaml", "Makefile", "stages/", "tools/", "pedpred/")
-    texts = {named(path): path for path in shipped_files() if named(path).startswith(searched)}
-    guilty = {
-        (name, found[0])
-        for name, path in texts.items()
-        if not OWN_FILES.match(name)
-        for found in names.finditer(path.read_text())
-    }
+    files = {named(path): path for path in shipped_files() if named(path).startswith(searched)}
+    texts = {name: path.read_text() for name, path in files.items() if not OWN_FILES.match(name)}
+    guilty = {(name, found[0]) for name, text in texts.items() for found in names.finditer(text)}
     assert guilty <= {("pedpred/report/comparison.py", "ca")}  # reads metric files with the former key
 
 
@@ -183,12 +179,8 @@ def test_params_yaml_is_what_conf_composes_to():
 
 def options():
     """Every choice under conf/ that is not made by default (those compose into params.yaml)."""
-    usual = {
-        (key.partition("@")[0], choice)
-        for entry in DEFAULTS
-        if isinstance(entry, dict)
-        for key, choice in entry.items()
-    }
+    chosen = [pair for entry in DEFAULTS if isinstance(entry, dict) for pair in entry.items()]
+    usual = {(key.partition("@")[0], choice) for key, choice in chosen}
     for folder in sorted({group for group, _ in usual}):
         keyed = f"{folder}@{folder}." in str(DEFAULTS)
         prefix = f"+{folder}@{folder}.another=" if keyed else f"{folder}="

@@ -32,16 +32,8 @@ from tests.worlds import squares
 WIDTHS = {"state": 2, "angular": 72}
 SMALL = lstm(16, 16, {"state": (8, 8), "angular": (8, 8)}, uncertainty="gaussian")
 QUICK = TrainingSettings(
-    steps=6,
-    lanes=4,
-    sub_sequence=5,
-    longest_track=15,
-    validate_every=3,
-    lr=1e-2,
-    warmup_steps=2,
-    clip_norm=1.0,
-    weight_decay=1e-4,
-    seed=0,
+    **{"steps": 6, "lanes": 4, "sub_sequence": 5, "longest_track": 15, "validate_every": 3},
+    **{"lr": 1e-2, "warmup_steps": 2, "clip_norm": 1.0, "weight_decay": 1e-4, "seed": 0},
 )
 SHORT = AutoencoderSettings(
     latent=16, batch=8, steps=60, validate_every=20, lr=2e-3, warmup_steps=5, clip_norm=100.0, seed=0

@@ -33,25 +33,16 @@ def test_every_figure_by_hand():
     scores = {"mine": scores_of([[1, 2], [0, 2], [4, 6]]), "usual": scores_of([[1, 1], [1, 1], [1, 1]])}
     found = summaries(scores, "usual", EvaluationSettings(bootstrap=400, seed=0))["mine"]
     expected = {
-        "ade_m": 2.5,
-        "ade_m_ci95": [1.25, 5.0],
-        "ade_m_minus_reference": 1.5,
-        "ade_m_minus_reference_ci95": [0.25, 4.0],
-        "fde_m": pytest.approx(10 / 3, abs=1e-5),
-        "fde_m_ci95": [2.0, 6.0],
-        "moving_ade_m": 3.25,
-        "standing_ade_m": 1.0,
-        "miss_rate_k1": pytest.approx(1 / 3, abs=1e-5),
-        "obstacle_share": pytest.approx(1 / 6, abs=1e-5),
-        "collision_share": pytest.approx(2 / 3, abs=1e-5),
-        "windows": 3,
-        "tracks": 2,
-        "per_step_m": pytest.approx([5 / 3, 10 / 3], abs=1e-5),
-        "per_step_q25_m": [0.5, 2.0],
-        "per_step_q50_m": [1.0, 2.0],
-        "per_step_q75_m": [2.5, 4.0],
+        **{"ade_m": 2.5, "fde_m": 10 / 3, "moving_ade_m": 3.25, "standing_ade_m": 1.0},
+        **{"ade_m_ci95": [1.25, 5.0], "fde_m_ci95": [2.0, 6.0], "ade_m_minus_reference": 1.5},
+        **{"ade_m_minus_reference_ci95": [0.25, 4.0], "windows": 3, "tracks": 2},
+        **{"miss_rate_k1": 1 / 3, "obstacle_share": 1 / 6, "collision_share": 2 / 3},
+        **{"per_step_m": [5 / 3, 10 / 3], "per_step_q25_m": [0.5, 2.0]},
+        **{"per_step_q50_m": [1.0, 2.0], "per_step_q75_m": [2.5, 4.0]},
     }
-    assert {key: found[key] for key in expected} == expected
+    for key, value in expected.items():
+        rounded = np.round(value, 5).tolist()  # as the files are
+        assert found[key] == rounded, key
     same = ("most_likely_ade_m", "energy_score_m", *(f"min_ade_m_k{k}" for k in (1, 3, 6)))
     assert {found[key] for key in same} == {2.5}
     assert not {"nll", "per_step_nll", "mode_collision_share"} & found.keys()

@@ -105,25 +105,19 @@ def test_people_may_come_and_go_in_any_order_of_ids(model):
 
 
 def test_an_altered_model_folder_is_refused(model, tmp_path):
-    def copy():
-        for name in ("network.onnx", "model.json"):
-            (tmp_path / name).write_bytes((model[0] / name).read_bytes())
-        return json.loads((tmp_path / "model.json").read_text())
-
-    about = copy()
-    (tmp_path / "network.onnx").write_bytes((model[0] / "network.onnx").read_bytes()[:-7])
-    with pytest.raises(StorageError, match=r"network\.onnx, checksum"):
-        OnlinePredictor.load(tmp_path)
-    copy()
-    (tmp_path / "model.json").write_text(json.dumps(about | {"schema": 99}))
-    with pytest.raises(StorageError, match="schema: 99"):
-        OnlinePredictor.load(tmp_path)
+    whole = {name: (model[0] / name).read_bytes() for name in ("network.onnx", "model.json")}
+    about = json.loads(whole["model.json"])
+    altered = {"schema: 99": about | {"schema": 99}}
     for field in ("tracker", "memory", "network_sha256"):
-        copy()
-        (tmp_path / "model.json").write_text(json.dumps({k: v for k, v in about.items() if k != field}))
-        with pytest.raises(StorageError, match=field):
+        altered[field] = {name: value for name, value in about.items() if name != field}
+    changes = {named: {"model.json": json.dumps(plain).encode()} for named, plain in altered.items()}
+    changes[r"network\.onnx, checksum"] = {"network.onnx": whole["network.onnx"][:-7]}
+    for named, changed in changes.items():
+        for name, raw in (whole | changed).items():
+            (tmp_path / name).write_bytes(raw)
+        with pytest.raises(StorageError, match=named):
             OnlinePredictor.load(tmp_path)
-    copy()
+    (tmp_path / "model.json").write_bytes(whole["model.json"])
     (tmp_path / "network.onnx").unlink()
     with pytest.raises(StorageError, match=r"network\.onnx"):
         OnlinePredictor.load(tmp_path)

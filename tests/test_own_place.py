@@ -17,12 +17,10 @@ from tests.conftest import ROOT
 from tests.exported import WIDTHS, write_autoencoder, write_network
 
 NETWORKS = ("lstm", "lstm_nogrid")
+WIDTHS_OF = ("joint", "head", "channels.state.lstm", "channels.angular.lstm")
 SMALL = [
-    "scale=smoke",
-    *(f"methods.networks.{n}.settings.channels.{c}.lstm=8" for n in NETWORKS for c in ("state", "angular")),
-    *(f"methods.networks.{n}.settings.{width}=8" for n in NETWORKS for width in ("joint", "head")),
-    "methods.networks.lstm.settings.channels.grid.lstm=8",
-    "training.finetune.lanes=8",
+    *("scale=smoke", "training.finetune.lanes=8", "methods.networks.lstm.settings.channels.grid.lstm=8"),
+    *(f"methods.networks.{n}.settings.{width}=8" for n in NETWORKS for width in WIDTHS_OF),
     *(f"methods.baselines.{m}.where=[]" for m in ("ca", "social_force")),
 ]
 ADDED = "+folds.real.trained={train: [crossing], test: [], tracker: kalman}"

@@ -162,9 +162,7 @@ class Figures(HTMLParser):
     def handle_starttag(self, tag, attrs):
         attrs = dict(attrs)
         self._place = attrs.get("data-metric")
-        self.addresses += [
-            value for name, value in attrs.items() if name in ("src", "href", "srcset", "action")
-        ]
+        self.addresses += [attrs[name] for name in ("src", "href", "srcset", "action") if name in attrs]
 
     def handle_data(self, data):
         if self._place:
@@ -192,12 +190,8 @@ def test_every_figure_of_the_page_is_in_the_metrics(contents, text):
     metrics = {**SIMULATED, **REAL, "literature": contents.literature}
     metrics["latency"] = {"updates": LATENCY}
     figures = assert_figures_are_metrics(text, metrics)
-    assert {
-        "sim_test.lstm.ade_m",
-        "eth.cv.fde_m",
-        "literature.eth.cv.fde_m",
-        "latency.updates.1.median_ms",
-    } <= {p for p, _ in figures}
+    some = {"sim_test.lstm.ade_m", "eth.cv.fde_m", "literature.eth.cv.fde_m", "latency.updates.1.median_ms"}
+    assert some <= {p for p, _ in figures}
 
 
 def test_every_figure_of_the_committed_page_is_in_the_committed_metrics():
@@ -258,23 +252,20 @@ class Visit:
         self.page, self.problems = self.context.new_page(), []
         self.page.on("console", lambda said: self.problems.append(said.text))
         self.page.on("pageerror", lambda error: self.problems.append(str(error)))
-        self.page.on(
-            "request", lambda asked: self.problems.append(asked.url) if self.strange(asked.url) else None
-        )
+        self.page.on("request", self.requested)
         self.page.goto(file.as_uri())
         self.page.wait_for_selector("#player[data-time]")
 
-    @staticmethod
-    def strange(url):
-        return not url.startswith(("file:", "data:", "blob:"))
+    def requested(self, asked):
+        if not asked.url.startswith(("file:", "data:", "blob:")):
+            self.problems.append(asked.url)
 
     def state(self, name):
         return self.page.locator("#player").get_attribute(f"data-{name}")
 
     def scrub(self, time_s):
-        self.page.locator(".scrub").evaluate(
-            "(bar, t) => { bar.value = t; bar.dispatchEvent(new Event('input')); }", time_s
-        )
+        move = "(bar, t) => { bar.value = t; bar.dispatchEvent(new Event('input')); }"
+        self.page.locator(".scrub").evaluate(move, time_s)
 
     def place_of(self, position):
         """Where a point (m) of the hall of 20 m x 20 m lies in the plan, px."""
@@ -336,17 +327,13 @@ def test_the_player_shows_what_was_forecast_and_seen(visit_at, hall):
         return rows.map((row) => name === "cones" ? replay.cones(row) : replay.path(name, row)); }"""
     rows = np.flatnonzero(windows.time_s < 2.05)
     order = rows[np.lexsort((windows.track_id[rows], windows.time_s[rows].round(3)))]
-    for name, path, off_m in (
-        ("truth", windows.truth, 0.00501),
-        ("lstm", windows.predictions["lstm"].point, 0.0151),
-    ):
+    lstm = windows.predictions["lstm"].point
+    for name, path, off_m in (("truth", windows.truth, 0.00501), ("lstm", lstm, 0.0151)):
         points = np.array(visit.page.evaluate(read, {"name": name, "rows": list(range(len(rows)))}))
         np.testing.assert_allclose(points[:, 0], windows.position[order], atol=0.00501)
         np.testing.assert_allclose(points[:, 1:], path[order], atol=off_m)
     cones = np.array(visit.page.evaluate(read, {"name": "cones", "rows": [0]}))[0]
-    assert cones[17] == pytest.approx(
-        np.hypot(0.1, 2.0), abs=0.01
-    )  # the next person: to the left, just ahead
+    assert cones[17] == pytest.approx(np.hypot(0.1, 2.0), abs=0.01)  # the next one: to the left, just ahead
     assert (cones == 6.0).sum() == 71  # all others are further away in the same cone
     cells = """() => { const { replay } = document.getElementById("player").player;
         const brush = replay.gridPicture(2, "#000").getContext("2d"), found = [];

@@ -1,7 +1,4 @@
-"""The pipeline does what its users count on: sweeps differ, a remote shares results, nothing goes stale.
-
-Everything happens in a copy of the working tree, with one tiny simulated scene.
-"""
+"""The pipeline in a copy of the project: sweeps differ, a remote shares results, nothing goes stale."""
 
 import hashlib
 import json
@@ -20,11 +17,9 @@ TARGET = "simulate@corridor"
 TRACKS = Path("data/scenes/simulated/corridor/corridor/tracks.parquet")
 ROWS = Path("conf/simulations/rooms.yaml")
 CORRIDOR = "simulations.corridor."
-
 SWEPT = f"{CORRIDOR}pedestrians"
 
 pytestmark = [pytest.mark.pipeline, pytest.mark.usefixtures("sweep")]
-
 
 # a second of simulation is not worth a compilation
 QUICK = {"NUMBA_DISABLE_JIT": "1", "PEDPRED_JOBS": "1"}

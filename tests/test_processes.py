@@ -33,13 +33,8 @@ def train(here, folder):
 
 def one_of_two(rank, port, folder):
     torch.set_num_threads(1)
-    place = {
-        "RANK": rank,
-        "WORLD_SIZE": 2,
-        "LOCAL_RANK": rank,
-        "MASTER_ADDR": "127.0.0.1",
-        "MASTER_PORT": port,
-    }
+    place = {"RANK": rank, "WORLD_SIZE": 2, "LOCAL_RANK": rank}
+    place |= {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port}
     os.environ.update({name: str(value) for name, value in place.items()})
     with distributed_context("cpu", False) as here:
         curve = train(here, folder)

@@ -36,19 +36,12 @@ def small_scene(tracks=3, detections=12):
 
 def walking_on(scene):
     """One window per detection, forecast and truth straight ahead along the true velocity."""
-    trajectories = scene.trajectories
-    heading = np.arctan2(trajectories.velocity[:, 1], trajectories.velocity[:, 0])
-    ahead_s = 0.3 * np.arange(1, STEPS + 1)[:, None]
-    path = trajectories.position[:, None] + ahead_s * trajectories.velocity[:, None]
-    return windows_with(
-        trajectories.position,
-        path,
-        {"lstm": path},
-        track_id=trajectories.track_id,
-        time_s=trajectories.time_s,
-        heading_rad=heading,
-        velocity=rotate(trajectories.velocity, -heading),
-    )
+    people = scene.trajectories
+    heading = np.arctan2(people.velocity[:, 1], people.velocity[:, 0])
+    path = people.position[:, None] + 0.3 * np.arange(1, STEPS + 1)[:, None] * people.velocity[:, None]
+    seen = {"track_id": people.track_id, "time_s": people.time_s, "heading_rad": heading}
+    local = rotate(people.velocity, -heading)
+    return windows_with(people.position, path, {"lstm": path}, velocity=local, **seen)
 
 
 def decoded(path):

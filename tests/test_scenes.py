@@ -4,23 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
+from tests.scenes import maps
 
 
-@st.composite
-def occupancy_maps(draw):
-    shape = draw(st.tuples(st.integers(1, 9), st.integers(1, 9)))
-    return OccupancyMap(
-        draw(arrays(bool, shape)),
-        draw(arrays(np.float64, 2, elements=st.floats(-100.0, 100.0))),
-        draw(st.floats(0.01, 2.0)),
-    )
-
-
-@given(occupancy_maps())
+@given(maps(st.floats(-100.0, 100.0)))
 def test_cell_centre_cell_centre(occupancy):
     cells = np.argwhere(np.ones_like(occupancy.occupied))
     centers = occupancy.center_of(cells)
@@ -28,7 +18,7 @@ def test_cell_centre_cell_centre(occupancy):
     assert (occupancy.is_occupied(centers) == occupancy.occupied.reshape(-1)).all()
 
 
-@given(occupancy_maps(), st.integers(1, 50))
+@given(maps(st.floats(-100.0, 100.0)), st.integers(1, 50))
 def test_outside_is_free(occupancy, steps):
     full = OccupancyMap(np.ones_like(occupancy.occupied), occupancy.origin, occupancy.resolution_m)
     below = full.origin - steps * full.resolution_m * np.array([[1, 0], [0, 1], [1, 1]])

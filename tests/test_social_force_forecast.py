@@ -96,13 +96,8 @@ def test_a_goal_inside_an_obstacle_is_approached():
 
 def test_the_plan_is_the_recorded_sequence_of_goals():
     goal = np.array([[1.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 0.0]])
-    trajectories = Trajectories(
-        0.3 * np.arange(4),
-        np.zeros(4, dtype=int),
-        np.zeros((4, 2)),
-        goal=goal,
-        desired_speed_mps=np.full(4, 1.2),
-    )
+    known = {"goal": goal, "desired_speed_mps": np.full(4, 1.2)}
+    trajectories = Trajectories(0.3 * np.arange(4), np.zeros(4, dtype=int), np.zeros((4, 2)), **known)
     wanted = intentions(trajectories, np.array([0, 0]), np.array([0.3, 0.9]), np.zeros((2, 2)))
     assert wanted.goals[wanted.plan[0, :3]].tolist() == [[1.0, 0.0], [2.0, 0.0], [1.0, 0.0]]
     assert wanted.plan[:, -1].tolist() == [-1, -1]

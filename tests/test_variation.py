@@ -16,14 +16,11 @@ ROWS, LANES, LENGTH, HORIZON = 40, 8, 5, 3
 
 
 def some_data(rng):
-    return motion_data(
-        torch.from_numpy(rng.random((ROWS, 2), np.float32)),
-        torch.from_numpy(rng.random((ROWS, HORIZON, 2), np.float32)),
-        tracks=1,
-        angular=torch.from_numpy(rng.random((ROWS, 6), np.float32)) + 0.1,
-        embedding=torch.from_numpy(rng.random((ROWS, 7), np.float32)).to(torch.float16),
-        empty_embedding=torch.arange(7, dtype=torch.float32) + 2.0,
-    )
+    shapes = ((2,), (6,), (HORIZON, 2), (7,))
+    parts = (torch.from_numpy(rng.random((ROWS, *shape), np.float32)) for shape in shapes)
+    velocity, angular, future, embedding = parts
+    codes = {"embedding": embedding.to(torch.float16), "empty_embedding": torch.arange(7).float() + 2.0}
+    return motion_data(velocity, future, tracks=1, angular=angular + 0.1, **codes)
 
 
 def some_batch(rng):

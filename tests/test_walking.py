@@ -23,14 +23,9 @@ def walked(paths, goals, dt_s=0.3):
     position, goal = (np.swapaxes(np.array(a, dtype=float), 0, 1) for a in (paths, goals))
     velocity = np.diff(position, axis=0, prepend=2 * position[:1] - position[1:2]) / dt_s
     instants, people, _ = position.shape
-    trajectories = Trajectories(
-        np.repeat(np.arange(instants) * dt_s, people),
-        np.tile(np.arange(people), instants),
-        position.reshape(-1, 2),
-        velocity.reshape(-1, 2),
-        goal=goal.reshape(-1, 2),
-        desired_speed_mps=np.ones(instants * people),
-    )
+    time_s, track = np.repeat(np.arange(instants) * dt_s, people), np.tile(np.arange(people), instants)
+    states = (part.reshape(-1, 2) for part in (position, velocity, goal))
+    trajectories = Trajectories(time_s, track, *states, desired_speed_mps=np.ones(instants * people))
     return Scene("walked", trajectories, EMPTY_ROOM.occupancy(), dt_s)
 
 

@@ -49,15 +49,9 @@ def place() -> Scene:
     """Two people in a room with a block, with a camera, and all that simulation knows."""
     rng = np.random.default_rng(0)
     position = rng.normal(size=(20, 2))
-    trajectories = Trajectories(
-        time_s=np.repeat(np.arange(10) * 0.4, 2),
-        track_id=np.tile([1, 2], 10),
-        position=position,
-        velocity=0.1 * position,
-        goal=position + 5,
-        desired_speed_mps=np.ones(20),
-        group_id=np.tile([-1, 3], 10),
-    )
+    time_s, track_id = np.repeat(np.arange(10) * 0.4, 2), np.tile([1, 2], 10)
+    wishes = {"goal": position + 5, "desired_speed_mps": np.ones(20), "group_id": np.tile([-1, 3], 10)}
+    trajectories = Trajectories(time_s, track_id, position, 0.1 * position, **wishes)
     occupied = np.zeros((12, 9), bool)
     occupied[3:6, 2:4] = True
     camera = Camera(Homography(np.diag([0.1, 0.2, 1.0])), rng.integers(0, 255, (6, 8, 3), dtype=np.uint8))

@@ -98,10 +98,8 @@ def started(folder: Path, stage: str, **options: Any) -> subprocess.Popen:
 def results(folder: Path) -> dict[str, str]:
     """Compute the checksum of every file that the pipeline has written, by path."""
     files = [p for top in ("data", "models", "reports") for p in (folder / top).rglob("*") if p.is_file()]
-    return {
-        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest()
-        for p in [*files, folder / "dvc.lock"]
-    }
+    files.append(folder / "dvc.lock")
+    return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
 def toy(folder: Path) -> None:
@@ -122,11 +120,8 @@ def pipeline(folder: Path, raw: bool) -> dict[str, str]:
     graph = Repo(str(folder)).index.graph  # from a stage to what it needs
     order = reversed(list(nx.lexicographical_topological_sort(graph, key=lambda stage: stage.name)))
     fetching = {stage for stage in graph if stage.name.split("@")[0] == RAW}
-    return {
-        stage.name: stage.cmd
-        for stage in order
-        if raw or not fetching & {stage, *nx.descendants(graph, stage)}
-    }
+    chosen = (stage for stage in order if raw or not fetching & {stage, *nx.descendants(graph, stage)})
+    return {stage.name: stage.cmd for stage in chosen}
 
 
 def kinds(stages: Mapping[str, str]) -> dict[str, str]:

@@ -3,15 +3,14 @@
 import ast
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
 from packaging.version import Version
 
 from benchmarks import dependencies
+from tests.conftest import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 SOURCES = sorted([*(ROOT / "pedpred").rglob("*.py"), *(ROOT / "stages").glob("*.py")])
 RUFF = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]
 FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve", "jsonpickle"}
@@ -65,8 +64,7 @@ def test_every_dependency_has_a_reason_and_a_use():
     page = dependencies.PAGE.read_text()
     assert all(f"| {name} |" in page for name in names)
     used = {module for path in SOURCES for module in imports(ast.parse(path.read_text()))}
-    modules = {"hydra-core": "hydra", "pillow": "PIL", "pyyaml": "yaml"}
-    modules |= {"scikit-fmm": "skfmm"}
+    modules = {"hydra-core": "hydra", "pillow": "PIL", "pyyaml": "yaml", "scikit-fmm": "skfmm"}
     needed = {need.name for group in ("light", "train") for need in groups[group]}
     needed -= {"dvc", "ruamel.yaml.clib"}  # a command, and what it parses with
     assert {name for name in needed if modules.get(name, name) not in used} == set()

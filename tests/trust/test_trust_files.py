@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +12,13 @@ from PIL import Image
 from pedpred.errors import StorageError
 from pedpred.files import MOST_PIXELS, atomic_write, write_text
 from pedpred.storage.scenes import read_map, read_scene, write_scene
+from tests.conftest import ROOT
 from tests.trust import trial
 from tests.trust.examples import place
 from tests.trust.mutations import BYTES, STRUCTURED, mutate
 from tests.trust.readers import READERS, Reader
 from tests.trust.trial import LOST, READ, REFUSED, Bench, judged
 
-ROOT = Path(__file__).resolve().parents[2]
 FEW = {"conf": 6, "archive": 12}
 """Of readers that take long; the others get `USUAL`."""
 USUAL = 25
