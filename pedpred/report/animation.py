@@ -25,8 +25,8 @@ _SMOOTHING = 2
 _SHADES = 31
 """Colours of a frame; the next one stands for what does not change."""
 _FOOT_PX = 20
-_LONGEST_GAP = 1.5
-"""A track with a longer gap than this many detection intervals is not drawn across it."""
+LONGEST_GAP = 1.5
+"""A person is absent within gaps of a track longer than this many detection intervals."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def _frames(
     for time_s in start_s + np.arange(0.0, animation.duration_s, animation.frame_s):
         picture = sheet.ground.copy()
         draw = ImageDraw.Draw(picture)
-        here = positions_at(trajectories, time_s, _LONGEST_GAP * scene.detection_dt_s)
+        here = positions_at(trajectories, time_s, LONGEST_GAP * scene.detection_dt_s)
         behind = (trajectories.time_s <= time_s) & (trajectories.time_s >= time_s - animation.tail_s)
         for track, position in here.items():
             tail = trajectories.position[behind & (trajectories.track_id == track)]

@@ -17,7 +17,7 @@ from typing import Any
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.files import read_json, translate_errors
-from pedpred.metrics import METRICS, Metric
+from pedpred.metrics import METRICS
 from pedpred.report.document import NOTHING, markdown_table
 from pedpred.report.tables import interval
 
@@ -59,8 +59,8 @@ class Change:
             return "new" if self.before is None else "vanished"
         low, high = self.before.bounds
         if not low <= self.after.value <= high:
-            rose = self.after.value > high
-            return "better" if rose == (_metric(self.name[-1]).better == "higher") else "worse"
+            better = METRICS[self.name[-1].removesuffix(_GAP)].better
+            return "better" if (self.after.value > high) == (better == "higher") else "worse"
         return "same" if self.after.value == self.before.value else "within"
 
 
@@ -85,11 +85,9 @@ def metrics_at(revision: str, folder: Path) -> dict[str, Any]:
     """
     found = {}
     for name in filter(lambda name: name.endswith(".json"), _git("ls-tree", folder, revision).splitlines()):
-        address = f"{revision}:./{name}"
-        with translate_errors(
-            partial(StorageError, folder / name, revision, remedy="Compare with another revision")
-        ):
-            found[Path(name).stem] = json.loads(_git("show", folder, address))
+        remedy = "Compare with another revision"
+        with translate_errors(partial(StorageError, folder / name, revision, remedy=remedy)):
+            found[Path(name).stem] = json.loads(_git("show", folder, f"{revision}:./{name}"))
     return found
 
 
@@ -107,7 +105,8 @@ def changes_table(found: list[Change]) -> str:
     counted = [change for change in found if change.verdict not in ("same", "within")]
     known = {change.name[:3] for change in found if change.before is not None}
     shown = [c for c in counted if c.verdict != "new" or c.name[:3] not in known]
-    rows = [[*c.name, _worded(c.before), _worded(c.after), c.verdict] for c in sorted(shown, key=_rank)]
+    shown.sort(key=lambda change: ("worse", "vanished", "better", "new").index(change.verdict))
+    rows = [[*c.name, _worded(c.before), _worded(c.after), c.verdict] for c in shown]
     header = ["file", "scene", "method", "figure", "before (95 % interval)", "now (95 % interval)", "verdict"]
     count = {v: sum(c.verdict == v for c in found) for v in ("worse", "better", "within", "same")}
     count_line = (
@@ -130,10 +129,6 @@ def _figures(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str,
             yield (*path, key), Figure(value, bounds, entry["windows"])
 
 
-def _metric(figure: str) -> Metric:
-    return METRICS[figure.removesuffix(_GAP)]
-
-
 def _bounds(entry: Mapping[str, Any], key: str) -> tuple[float, float] | None:
     """The interval of a figure of an entry."""
     own = entry.get(f"{key}_ci95")
@@ -146,10 +141,6 @@ def _worded(figure: Figure | None) -> str:
     if figure is None:
         return NOTHING
     return f"{figure.value:.3f} ({interval(figure.bounds)}), {figure.windows} windows"
-
-
-def _rank(change: Change) -> int:
-    return ("worse", "vanished", "better", "new").index(change.verdict)
 
 
 def _git(command: str, folder: Path, revision: str) -> str:

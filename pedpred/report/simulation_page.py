@@ -22,21 +22,16 @@ _FORWARD, _BACKWARD, _TAIL_S = "#0072B2", "#D55E00", 2.4
 
 def walking_findings(shares: Mapping[str, Any]) -> list[Finding]:
     """Judge the requirements on a data set."""
+    blocked, fast = shares["in_obstacle_share"], shares["above_cap_share"]
+    reached, slow = shares["targets_reached_share"], shares["slow_outside_queues_share"]
+    in_time = f"at least {LEAST_REACHED:.1%} of targets within 3 x the free-walk time"
     rules = [
-        ("no state in an obstacle", "in_obstacle_share", shares["in_obstacle_share"] == 0),
-        ("no state above the speed cap", "above_cap_share", shares["above_cap_share"] == 0),
-        (
-            f"at least {LEAST_REACHED:.1%} of targets within 3 x the free-walk time",
-            "targets_reached_share",
-            shares["targets_reached_share"] >= LEAST_REACHED,
-        ),
-        (
-            f"under {MOST_SLOW:.0%} of states slower than 0.2 m/s outside queues",
-            "slow_outside_queues_share",
-            shares["slow_outside_queues_share"] < MOST_SLOW,
-        ),
+        ("no state in an obstacle", blocked, blocked == 0),
+        ("no state above the speed cap", fast, fast == 0),
+        (in_time, reached, reached >= LEAST_REACHED),
+        (f"under {MOST_SLOW:.0%} of states slower than 0.2 m/s outside queues", slow, slow < MOST_SLOW),
     ]
-    return [Finding(claim, f"{shares[key]:.2%}", "met" if holds else "missed") for claim, key, holds in rules]
+    return [Finding(claim, f"{share:.2%}", "met" if holds else "missed") for claim, share, holds in rules]
 
 
 def weidmann_speed_mps(density_per_m2: np.ndarray) -> np.ndarray:

@@ -37,14 +37,18 @@ def draw_people(
     """Draw circles with ids, velocity arrows, the true paths dashed, a dot per predicted step.
 
     The first method gets large dots and its regions of `REGION` at half the horizon and at its end; others
-    get thin lines with small dots.
+    get thin lines with small dots. Less likely modes are faint lines.
     """
     truth = _with_present(windows, windows.truth, instant.rows)
     for path in truth:
         axes.plot(*place(path).T, color=INK, linewidth=1.1, dashes=(4, 2), zorder=3)
     for rank, method in reversed(list(enumerate(methods))):
         size, width = (4.2, 0.9) if rank == 0 else (2.2, 0.8)
-        for path in _with_present(windows, windows.predictions[method.key].point, instant.rows):
+        own = windows.predictions[method.key]
+        for further in own.path.swapaxes(0, 1)[1:]:
+            for path in _with_present(windows, further, instant.rows):
+                axes.plot(*place(path).T, color=method.colour, linewidth=0.6, alpha=0.35, zorder=3)
+        for path in _with_present(windows, own.point, instant.rows):
             at = place(path)
             axes.plot(*at.T, color=method.colour, linewidth=width, zorder=4 + (rank == 0))
             dots = axes.plot(*at[1:].T, "o", color=method.colour, markersize=size, zorder=5 + (rank == 0))

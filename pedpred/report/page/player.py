@@ -19,7 +19,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Methods
-from pedpred.report.animation import busiest_start
+from pedpred.report.animation import LONGEST_GAP, busiest_start
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.scenes import Scene
 from pedpred.storage.windows import EvaluationWindows
@@ -28,8 +28,6 @@ TAIL_S = 2.0
 """Time before the stretch for which detections are kept, s."""
 COARSE_CM = 3
 """Step of the differences between a path and its interpolation, cm: points are exact to a third of it."""
-_LONGEST_GAP = 1.5
-"""A person is absent within gaps longer than this many detection intervals."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ def replay(scene: Scene, windows: EvaluationWindows, duration_s: float, methods:
         "duration_s": duration_s,
         "step_s": windows.dt_s,
         "steps": windows.truth.shape[1],
-        "gap_s": round(_LONGEST_GAP * scene.detection_dt_s, 3),
+        "gap_s": round(LONGEST_GAP * scene.detection_dt_s, 3),
         "tail_s": TAIL_S,
         "size_m": [round(right - left, 3), round(top - bottom, 3)],
         "map_columns": image.shape[1],
@@ -188,9 +186,8 @@ def _previous(track: np.ndarray) -> np.ndarray:
 
 def _lagrange(nodes: list[int], at: int) -> list[float]:
     """Weights of the values at the nodes in the value of the polynomial through them at another point."""
-    return [
-        float(np.prod([(at - other) / (node - other) for other in nodes if other != node])) for node in nodes
-    ]
+    factors = [[(at - other) / (node - other) for other in nodes if other != node] for node in nodes]
+    return [float(np.prod(own)) for own in factors]
 
 
 def _between(
