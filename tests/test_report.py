@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -23,14 +24,15 @@ from pedpred.report.error_plots import ellipse, horizon_figure, horizon_table
 from pedpred.report.findings import Expectation, findings, summed_up
 from pedpred.report.gallery import Evaluated, gallery
 from pedpred.report.gather import document
-from pedpred.report.instants import choose
+from pedpred.report.instants import Instant, choose
 from pedpred.report.measures import read_metrics, results_of
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
 from pedpred.report.reconstructions import evenly_chosen, reconstructed
 from pedpred.report.sections import answer
+from pedpred.report.situation import draw_people
 from pedpred.report.snapshots import angular_cell_edges, draw_angular_grid, grid_image
 from pedpred.report.tables import calibration_table, further_table, metrics_table
-from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
+from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
 from tests.forecasts import METHODS, PAPER, windows_with
 
 STEPS = 10
@@ -295,6 +297,17 @@ def test_an_obstacle_ahead_is_drawn_above_and_one_to_the_left_is_drawn_left(head
     windows = windows_with(agent[None], np.zeros((1, 0, 2)), {}, packed_grid=crop)
     drawn = np.argwhere(grid_image(windows.grid(0))).mean(axis=0) + 0.5
     np.testing.assert_allclose(drawn, (row, column), atol=1.5)
+
+
+def test_less_likely_modes_are_faint_lines():
+    paths = np.array([[[[1.0, 0.0]] * STEPS, [[0.0, 1.0]] * STEPS]])
+    two = Predictions(paths[:, 0], paths, np.array([[0.7, 0.3]]), 0.3)
+    windows = windows_with(np.zeros((1, 2)), paths[:, 0], {"lstm": paths[:, 0]})
+    windows = replace(windows, predictions={"lstm": two})
+    axes = Figure().add_subplot()
+    draw_people(axes, windows, Instant.of("hall", windows, 0), [METHODS["lstm"]], lambda points: points)
+    faint = [line for line in axes.lines if line.get_alpha()]
+    assert [line.get_xydata()[-1].tolist() for line in faint] == [[0.0, 1.0]]
 
 
 @pytest.mark.parametrize(("cell", "direction"), [(0, (0, 1)), (18, (-1, 0)), (36, (0, -1)), (54, (1, 0))])
