@@ -83,9 +83,8 @@ def environment(**more: str) -> dict[str, str]:
 
 def done(folder: Path, *command: str, **more: str) -> subprocess.CompletedProcess[str]:
     """Run a command to its end; `more` adds to its environment."""
-    return subprocess.run(
-        command, cwd=folder, env=environment(**more), capture_output=True, text=True, check=False
-    )
+    env = environment(**more)
+    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
 
 
 def started(folder: Path, stage: str, **options: Any) -> subprocess.Popen:

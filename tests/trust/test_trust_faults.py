@@ -29,21 +29,14 @@ def test_a_killed_worker_is_said_in_words(monkeypatch):
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES])
 def test_a_full_or_locked_disk_is_said_in_words(number):
-    def write():
-        with config._explained(None):
-            raise OSError(number, os.strerror(number), "data/scenes/main")
-
-    with pytest.raises(SystemExit, match=r"data/scenes/main.*run dvc repro again"):
-        write()
+    said = r"data/scenes/main.*run dvc repro again"
+    with pytest.raises(SystemExit, match=said), config._explained(None):
+        raise OSError(number, os.strerror(number), "data/scenes/main")
 
 
 def test_another_fault_of_the_system_keeps_its_traceback():
-    def read():
-        with config._explained(None):
-            raise OSError(errno.EIO, "broken")
-
-    with pytest.raises(OSError, match="broken"):
-        read()
+    with pytest.raises(OSError, match="broken"), config._explained(None):
+        raise OSError(errno.EIO, "broken")
 
 
 of_dvc = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")
