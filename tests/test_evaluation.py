@@ -30,6 +30,11 @@ def table_of(scene):
     return extract(scene, tracked(scene), FeatureSettings(phase_offsets=3))
 
 
+def walled_request(**given):
+    scene = walled_scene(np.random.default_rng(1), detections=60)
+    return request_about(scene, table_of(scene), **given)
+
+
 def test_displacement_by_hand():
     paths, truth = np.zeros((1, 2, 2)), np.array([[[3.0, 4.0], [0.0, 1.0]]])
     np.testing.assert_allclose(displacement(paths, truth), [[5.0, 1.0]])
@@ -105,8 +110,7 @@ def test_baselines_are_exact_on_what_they_assume():
 
 
 def test_zero_residual_is_kalman_constant_velocity():
-    scene = walled_scene(np.random.default_rng(1), detections=60)
-    request = request_about(scene, table_of(scene))
+    request = walled_request()
     windows = request.asked
     walked = np.cumsum(np.repeat(windows.velocity[:, None] * 0.3, 10, axis=1), axis=1)
     still = Predictions.single(walked, 0.3, frame="agent").in_world(windows.position, windows.heading_rad)
@@ -114,8 +118,7 @@ def test_zero_residual_is_kalman_constant_velocity():
 
 
 def test_a_perfect_forecast_scores_zero():
-    scene = walled_scene(np.random.default_rng(1), detections=60)
-    request = request_about(scene, table_of(scene))
+    request = walled_request()
     truth = true_paths(request.asked, 0.3)
     _, scores = compare(request, {"oracle": lambda asked: Predictions.single(truth, 0.3)}, SETTINGS)
     assert summaries(scores, "oracle", SETTINGS)["oracle"]["ade_m"] == 0
@@ -128,8 +131,7 @@ def test_several_modes_and_a_new_metric_go_through_the_same_code(monkeypatch):
     def last_spread(predictions, truth, scene):
         return np.sqrt(predictions.covariance[:, 0, -1].trace(axis1=-2, axis2=-1))
 
-    scene = walled_scene(np.random.default_rng(1), detections=60)
-    request = request_about(scene, table_of(scene), tracker=KalmanSettings(0.1, 0.1))
+    request = walled_request(tracker=KalmanSettings(0.1, 0.1))
     drawn = drawn_predictions(np.random.default_rng(0), len(request.rows), modes=7, steps=10)
     methods = {"kalman": BASELINES["kalman_cv"](), "modes": lambda asked: drawn}
     monkeypatch.setitem(METRICS, "spread_m", Metric("spread", "m", "lower", last_spread))
@@ -168,9 +170,8 @@ def test_unknown_baselines_and_settings_are_named():
 
 
 def test_a_method_that_needs_a_model_of_walking_says_so():
-    scene = walled_scene(np.random.default_rng(1))
     with pytest.raises(ValueRuleError, match="social_force"):
-        BASELINES["social_force"]()(request_about(scene, table_of(scene)))
+        BASELINES["social_force"]()(walled_request())
 
 
 def test_a_scene_without_windows_says_so():

@@ -29,8 +29,8 @@ from tests.worlds import tracked, walled_scene
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = FeatureSettings()
+# every shard and the scene that it shows
 SHARDS = {"a": "a", "a_mirrored": "a", "b": "b", "b_mirrored": "b", "c": "c", "c_mirrored": "c"}
-"""Every shard and the scene that it shows."""
 ON_DISK = """
 import sys, time
 import numpy as np

@@ -21,8 +21,7 @@ SWEPT = f"{CORRIDOR}pedestrians"
 
 pytestmark = [pytest.mark.pipeline, pytest.mark.usefixtures("sweep")]
 
-# a second of simulation is not worth a compilation
-QUICK = {"NUMBA_DISABLE_JIT": "1", "PEDPRED_JOBS": "1"}
+QUICK = {"NUMBA_DISABLE_JIT": "1", "PEDPRED_JOBS": "1"}  # a second of simulation: no compilation
 
 
 def run(folder, *command, succeeds=True):

@@ -29,8 +29,7 @@ MODEL = ROOT / "models" / "online" / "simulation_distilled"
 TOLERANCE = 0.02
 """Relative. Processors round differently, which a simulation amplifies with time, and multiply integer
 networks with other instructions."""
-SECONDS = 20.0
-"""Simulated time, short enough that differences in rounding stay small."""
+SECONDS = 20.0  # simulated time, short enough that differences in rounding stay small
 
 
 def as_on_a_robot(scene: Scene) -> dict[str, float]:

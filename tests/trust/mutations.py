@@ -20,6 +20,7 @@ VALUES: tuple[Any, ...] = (
     *("", "a", "../../secret", "/dev/zero", "\0", "9" * 10_000),
     *([], [[]], {}, [1] * 1000, {"a": {"b": [None]}}),
 )
+Mutation = Callable[[bytes, np.random.Generator], bytes]
 _EDGES = (0x00, 0x01, 0x7F, 0x80, 0xFE, 0xFF)
 _NUMBER = re.compile(rb"-?\d[\d.eE+-]*")
 _LONGEST = 64
@@ -77,10 +78,7 @@ def number(raw: bytes, rng: np.random.Generator) -> bytes:
     return raw[: at.start()] + NUMBERS[int(rng.integers(len(NUMBERS)))] + raw[at.end() :]
 
 
-BYTES: tuple[Callable[[bytes, np.random.Generator], bytes], ...] = (
-    *(flip, overwrite, truncate, cut, insert, repeat, swap, number),
-)
-"""Mutations of any file."""
+BYTES: tuple[Mutation, ...] = (flip, overwrite, truncate, cut, insert, repeat, swap, number)  # of any file
 
 
 def _places(node: Any) -> list[tuple[Any, Any]]:
@@ -111,12 +109,10 @@ def field(content: Any, rng: np.random.Generator) -> Any:
 
 
 def json_field(raw: bytes, rng: np.random.Generator) -> bytes:
-    """Apply `field` to a JSON file."""
     return json.dumps(field(json.loads(raw), rng)).encode()
 
 
 def yaml_field(raw: bytes, rng: np.random.Generator) -> bytes:
-    """Apply `field` to a YAML file."""
     return yaml.safe_dump(field(yaml.safe_load(raw), rng)).encode()
 
 
@@ -160,13 +156,13 @@ def parquet_column(raw: bytes, rng: np.random.Generator) -> bytes:
     return out.getvalue()
 
 
-STRUCTURED: dict[str, Callable[[bytes, np.random.Generator], bytes]] = {
+# Mutations that keep a file well-formed, by its extension
+STRUCTURED: dict[str, Mutation] = {
     "json": json_field,
     "yaml": yaml_field,
     "safetensors": safetensors_field,
     "parquet": parquet_column,
 }
-"""Mutations that keep a file well-formed, by its extension."""
 
 
 def mutate(raw: bytes, name: str, rng: np.random.Generator) -> bytes:

@@ -19,8 +19,8 @@ from tqdm import tqdm
 
 ROOT = Path(__file__).resolve().parents[2]
 SILENT = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-RAW = "fetch"
-"""The kind of stage that every real place depends on."""
+RAW = "fetch"  # the kind of stage that every real place depends on
+# short trainings that save their state often
 TOY = """\
 autoencoder: {steps: 24, validate_every: 6, validation_crops: 100}
 distilled: {steps: 20, validate_every: 10}
@@ -29,7 +29,6 @@ training:
   main: {steps: 40, validate_every: 5, lanes: 8}
   finetune: {steps: 24, validate_every: 3}
 """
-"""Short trainings that save their state often."""
 
 
 @dataclass(frozen=True)

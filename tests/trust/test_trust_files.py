@@ -19,9 +19,7 @@ from tests.trust.mutations import BYTES, STRUCTURED, mutate
 from tests.trust.readers import READERS, Reader
 from tests.trust.trial import LOST, READ, REFUSED, Bench, judged
 
-FEW = {"conf": 6, "archive": 12}
-"""Of readers that take long; the others get `USUAL`."""
-USUAL = 25
+USUAL, FEW = 25, {"conf": 6, "archive": 12}  # trials: the readers of `FEW` take long
 
 
 @pytest.mark.parametrize("name", READERS)

@@ -16,10 +16,8 @@ from tests.trust.mutations import mutate
 from tests.trust.readers import Reader
 
 READ, REFUSED, LOST = "read", "refused", "lost"
-SLOWEST_S = 5.0
-"""Limit of CPU time for a damaged file of some kB."""
-MOST_MEMORY_BYTES = 2**30
-"""Limit of additional memory."""
+SLOWEST_S = 5.0  # limit of CPU time for a damaged file of some kB
+MOST_MEMORY_BYTES = 2**30  # limit of additional memory
 
 
 class Bench:
