@@ -64,7 +64,7 @@ def test_a_network_saw_the_scenes_that_it_may_see(models):
 
 
 @of_dvc
-@pytest.mark.parametrize("models", set(SIMULATED) - {f"folds/{fold}" for fold in FOLDS["real"]})
+@pytest.mark.parametrize("models", sorted(set(SIMULATED) - {f"folds/{fold}" for fold in FOLDS["real"]}))
 def test_before_fine_tuning_no_network_saw_a_real_place(models):
     assert not [name for name in behind(f"models/{models}") if within(name, "data/scenes/real")]
 
