@@ -50,6 +50,15 @@ def test_every_package_stands_on_a_layer():
     assert {f"pedpred.{room.stem}" for room in rooms} - {"pedpred.__init__"} == listed - {"stages", "tools"}
 
 
+def test_the_architecture_page_lists_the_layers_as_they_are_checked():
+    page = (ROOT / "ARCHITECTURE.md").read_text().partition("```")[2].partition("```")[0]
+    shown = [
+        name for line in page.splitlines() for name in re.findall(r"pedpred\.\w+|^(?:tools|stages)", line)
+    ]
+    layers = next(contract["layers"] for contract in CONTRACTS if contract["type"] == "layers")
+    assert shown == [name.strip() for line in layers for name in line.split("|")]
+
+
 def test_what_may_run_on_the_robot_imports_without_torch():
     packages = next(contract["source_modules"] for contract in CONTRACTS if contract["type"] == "forbidden")
     files = [path for name in packages for path in ROOT.joinpath(*name.split(".")).glob("[a-z]*.py")]
