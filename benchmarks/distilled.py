@@ -48,7 +48,7 @@ def errors_m(model: Path, data: str, room: str) -> tuple[np.ndarray, np.ndarray]
 
 
 def compared(full: Path, data: str, rooms: list[str]) -> dict[str, Any]:
-    """Errors of the full and of the lean folder over some rooms."""
+    """Errors of the full and of the distilled folder over some rooms."""
     distilled = full.with_name(f"{full.name}_distilled")
     before, after, track = [], [], []
     for index, room in enumerate(rooms):

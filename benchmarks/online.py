@@ -148,7 +148,7 @@ def main() -> None:
                 "median_ms": float(np.median(times)),
                 "p99_ms": float(np.percentile(times, 99)),
                 "p99/median": float(np.percentile(times, 99) / np.median(times)),
-                "lean_ms": float(np.median(update_times_ms(distilled, count, 110))),
+                "distilled_ms": float(np.median(update_times_ms(distilled, count, 110))),
                 "bound_ms": bound,
                 "median/bound": float(np.median(times)) / bound,
                 "torch_eager_ms": median_ms(partial(step, count)),
