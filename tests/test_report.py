@@ -173,6 +173,12 @@ def test_an_ellipse_is_drawn_where_its_share_ends(share):
     np.testing.assert_allclose(squared_mahalanobis(outline - centre, covariance), radius2(share))
 
 
+def test_methods_keep_order_and_colour_whoever_else_is_there():
+    assert METHODS.ordered(["zebra", "lstm", "cv", "aaa"]) == ["cv", "lstm", "aaa", "zebra"]
+    for shown in ("colour", "label"):
+        assert len({getattr(method, shown) for method in METHODS}) == len(METHODS.rows)
+
+
 @pytest.mark.parametrize(("key", "train"), [("sim", []), ("real", ["home"])])
 def test_a_page_of_noncausal_figures_says_so_first(key, train):
     metrics = metrics_of(MEETING)

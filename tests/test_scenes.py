@@ -68,6 +68,10 @@ def test_selected_rows_stay_together():
     assert second.goal.tolist() == [[5, 6], [1, 2]]
 
 
+def test_trajectories_may_be_empty():
+    assert len(Trajectories(np.zeros(0), np.zeros(0), np.zeros((0, 2)))) == 0
+
+
 @pytest.mark.parametrize(
     ("changed", "error", "named"),
     [

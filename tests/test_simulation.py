@@ -13,7 +13,7 @@ from pedpred.simulation.kernel import advance
 from pedpred.simulation.layouts import drawn_targets
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
-from pedpred.simulation.simulator import desired_speeds, rollout, visiting_plans
+from pedpred.simulation.simulator import desired_speeds, rollout, simulate, visiting_plans
 from pedpred.simulation.walking import count_walking
 from pedpred.storage.scenes import tracks_table
 from tests.simulated import (
@@ -121,6 +121,19 @@ def test_plans_go_to_another_region_far_enough():
     plans = visiting_plans(targets, 5, 50, 10.0, np.random.default_rng(0))
     legs = np.linalg.norm(np.diff(targets.position[plans], axis=1), axis=-1)
     assert legs.min() > 10.0
+
+
+def test_too_many_people_are_refused_with_the_numbers():
+    with pytest.raises(ValueRuleError, match=r"pedestrians = 900, but only \d+ fit on this map"):
+        simulate(
+            "room",
+            EMPTY_ROOM.occupancy(),
+            pool([1.0, 4.0], [11.0, 4.0]),
+            SETTINGS,
+            900,
+            3.0,
+            np.random.default_rng(0),
+        )
 
 
 @pytest.mark.parametrize(

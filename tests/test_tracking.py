@@ -149,6 +149,11 @@ def test_detections_in_any_order_give_the_same_tracks():
     np.testing.assert_array_equal(a.position, b.position)
 
 
+def test_without_detections_there_are_no_tracks():
+    nobody = Trajectories(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
+    assert len(follow(nobody, "kalman", SETTINGS, 0.2).age) == 0
+
+
 # Sensors and protocols
 
 

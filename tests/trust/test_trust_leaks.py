@@ -45,11 +45,20 @@ def within(path, folder):
 
 
 @cache
+def graph():
+    """The pipeline, from a stage to what it needs."""
+    return Repo(str(ROOT)).index.graph
+
+
+def makers(path):
+    """The stages that write a path, something in it or a folder around it."""
+    return {s for s in graph() if any(within(o, path) or within(path, o) for o in names(s.outs))}
+
+
+@cache
 def behind(path):
     """Every file and folder that a path of the pipeline is made from."""
-    graph = Repo(str(ROOT)).index.graph  # from a stage to what it needs
-    makers = {s for s in graph if any(within(o, path) or within(path, o) for o in names(s.outs))}
-    needed = makers.union(*(nx.descendants(graph, stage) for stage in makers))
+    needed = makers(path).union(*(nx.descendants(graph(), stage) for stage in makers(path)))
     return {name for stage in needed for name in names(stage.deps)}
 
 
@@ -89,6 +98,23 @@ def test_fine_tuning_reads_the_places_of_its_fold_alone(fold, monkeypatch):
     with pytest.raises(InterruptedError):
         train.main.__wrapped__(OmegaConf.create(PARAMS | given))
     assert read == set(FOLDS["real"][fold]["train"])
+
+
+@of_dvc
+@pytest.mark.parametrize("fold", FOLDS["real"])
+def test_a_fold_is_tested_with_its_own_networks(fold):
+    """Of other folds' networks, some have been trained on its test places."""
+    own, others = f"models/folds/{fold}", "models/folds/"
+    tested = behind(f"data/metrics/real/{fold}.json")
+    assert {name for name in tested if name.startswith(others)} == {own}
+    (command,) = {stage.cmd for stage in makers(f"data/metrics/real/{fold}.json")}
+    assert f"+fold={fold} +networks={own}" in command
+
+
+def test_no_two_places_are_one_recording():
+    rows = PARAMS["places"].values()
+    named = [(row["folder"], *(v for v in row["settings"].values() if isinstance(v, str))) for row in rows]
+    assert len(set(named)) == len(named)
 
 
 @pytest.mark.parametrize("place", PARAMS["places"])
