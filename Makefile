@@ -36,7 +36,9 @@ tune: setup ## fit tracker and social forces to each real place again (writes co
 reproduce: setup ## raw data -> networks -> reports/; does only what is out of date
 	@python -m tools.mend_lock
 	@python -m pedpred.config --check
-	@dvc repro --keep-going || { dvc repro --quiet --single-item fetch; exit 1; }
+	@for note in data/raw/*/UNAVAILABLE.txt; do test ! -e "$$note" || rm -r "$${note%/*}"; done
+	@failed=0; dvc repro --keep-going || { failed=1; dvc repro --quiet --single-item fetch; }; \
+	cat data/raw/*/UNAVAILABLE.txt 2> /dev/null; exit $$failed
 
 compare: setup ## which metrics moved beyond their intervals since REV=<revision>; fails when some got worse
 	@python -m tools.compare $(REV)

@@ -82,12 +82,13 @@ class WorkerError(PedpredError):
 
 
 class FetchError(PedpredError):
-    """No configured mirror has the raw data."""
+    """No configured mirror has the raw data; `damaged` if one has files that are not what they must be."""
 
-    def __init__(self, data_set: str, files: Sequence[str], tried: Mapping[str, str]):
+    def __init__(self, data_set: str, files: Sequence[str], tried: Mapping[str, str], damaged: bool = False):
         attempts = "; ".join(f"{place}: {lack}" for place, lack in tried.items()) or "no mirrors"
         super().__init__(
             f"no mirror has unaltered files of {data_set}. Download its archive by other means and put "
             f"{' '.join(files)} into the folder mirror/{data_set}, or name the folder that holds them: "
             f"PEDPRED_MIRROR=/my/folder. Tried were {attempts}."
         )
+        self.damaged = damaged

@@ -1,11 +1,11 @@
-"""fetch@source: the raw files of a data set, from the first mirror that has them unaltered."""
+"""fetch@source: the raw files of a data set, unaltered, or a note that no mirror has them."""
 
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage, stage_key
-from pedpred.sources.mirrors import Mirrors, fetch
+from pedpred.sources.mirrors import Mirrors, provide
 
 
 @stage
@@ -13,7 +13,7 @@ def main(cfg: DictConfig) -> None:
     """Write data/raw/<name>."""
     name = stage_key(cfg)
     with configured(f"mirrors.{name}"):
-        fetch(Mirrors.parse(name, plain(cfg.mirrors[name])), Path(cfg.get("out") or f"data/raw/{name}"))
+        provide(Mirrors.parse(name, plain(cfg.mirrors[name])), Path(cfg.get("out") or f"data/raw/{name}"))
 
 
 if __name__ == "__main__":

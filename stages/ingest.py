@@ -1,4 +1,4 @@
-"""ingest@place: a raw recording becomes a scene folder."""
+"""ingest@place: a raw recording becomes a scene folder; one that is not available, a scene without people."""
 
 from pathlib import Path
 
@@ -6,7 +6,9 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage, stage_key
 from pedpred.errors import ConfigError
+from pedpred.scenes import Scene
 from pedpred.sources import SOURCES
+from pedpred.sources.mirrors import NOTE
 from pedpred.storage.scenes import write_scene
 
 
@@ -17,8 +19,12 @@ def main(cfg: DictConfig) -> None:
     place = cfg.places[name]
     if place.source not in SOURCES:
         raise ConfigError(f"places.{name}.source", place.source, f"choose one of {', '.join(SOURCES)}")
-    with configured(f"places.{name}.settings"):
-        scene = SOURCES[place.source](Path(place.folder), name, plain(place.settings))
+    note = Path(place.folder, NOTE)
+    if note.exists():
+        scene = Scene.without_people(name, f"{note} says why")
+    else:
+        with configured(f"places.{name}.settings"):
+            scene = SOURCES[place.source](Path(place.folder), name, plain(place.settings))
     write_scene(scene, Path(cfg.get("out") or f"data/scenes/real/{name}"))
 
 

@@ -57,11 +57,15 @@ def write_archive(path, members=(), content=CONTENT):
     return path
 
 
-def fetch(target, folders=(), archives=()):
+def listed(folders=(), archives=(), **more):
     sums = [f"{hashlib.sha256(content).hexdigest()}  {name}" for name, content in CONTENT.items()]
-    listed = {"folders": [str(f) for f in folders], "archives": [str(a) for a in archives]}
     about = {"timeout_s": 2.0, "sha256sums": sums, "optional": ["reference.png"]}
-    mirrors.fetch(mirrors.Mirrors.parse("ewap", listed | about), target)
+    about |= {"folders": [str(f) for f in folders], "archives": [str(a) for a in archives]}
+    return mirrors.Mirrors.parse("ewap", about | more)
+
+
+def fetch(target, folders=(), archives=(), **more):
+    mirrors.fetch(listed(folders, archives, **more), target)
 
 
 def assert_fetched(target, names=tuple(CONTENT)):
@@ -147,6 +151,60 @@ def test_no_mirror_is_one_clear_error(target, mirror, tmp_path):
     assert "\n" not in message
     assert not target.exists()
     assert list(target.parent.iterdir()) == []
+
+
+def part(archive, place):
+    """An archive with the files of one place alone."""
+    content = {name: raw for name, raw in CONTENT.items() if name.startswith(f"seq_{place}/")}
+    return write_archive(archive, content=content)
+
+
+def test_mirrors_that_have_a_part_each_complete_each_other(target, tmp_path):
+    fetch(target, archives=[part(tmp_path / f"{place}.tgz", place) for place in ("hotel", "eth")])
+    assert_fetched(target)
+
+
+def test_an_altered_file_does_not_spoil_the_others(target, tmp_path, mirror):
+    (mirror / "seq_eth/H.txt").write_text("1")
+    fetch(target, [mirror], [part(tmp_path / "eth.tgz", "eth")])
+    assert_fetched(target)
+
+
+def test_files_may_have_other_names_in_an_archive(target, tmp_path):
+    renamed = {f"demo/{name.upper()}": raw for name, raw in CONTENT.items()}
+    decoy = {f"old/{name}": b"another" for name in renamed}
+    archive = write_archive(tmp_path / "a.tgz", content=decoy | renamed)
+    inside = {name: f"ewap_dataset/demo/{name.upper()}" for name in CONTENT}
+    fetch(target, archives=[archive], inside=inside)
+    assert_fetched(target)
+    with pytest.raises(ValueRuleError, match=r"inside = \['b.txt'\], but these files have no line"):
+        listed(inside={"b.txt": "c.txt"})
+
+
+def test_a_note_takes_the_place_of_files_that_nobody_has(target, tmp_path, caplog):
+    elsewhere = [tmp_path / "none"], [part(tmp_path / "eth.tgz", "eth")]
+    mirrors.provide(listed(*elsewhere), target)
+    notes = sorted(path.relative_to(target).as_posix() for path in target.rglob("*") if path.is_file())
+    assert notes == [f"{folder}{mirrors.NOTE}" for folder in ("", "seq_eth/", "seq_hotel/")]
+    (said,) = {path.read_text() for path in target.rglob(mirrors.NOTE)}
+    assert said.count("\n") == 1, "one paragraph"
+    lacks = (f"{tmp_path / 'none'}: it does not exist", "seq_hotel/H.txt is missing")
+    for words in ("mirror/ewap", *lacks, "`make reproduce` tries again"):
+        assert words in said
+    assert said.strip() in caplog.text
+    mirrors.provide(listed(*elsewhere), target)
+    assert {path.read_text() for path in target.rglob(mirrors.NOTE)} == {said}, "the same bytes each time"
+    mirrors.provide(listed([write_mirror(tmp_path / "found")]), target)
+    assert_fetched(target)
+
+
+@pytest.mark.parametrize("where", ["mirror", "data/raw/ewap"])
+def test_altered_files_are_an_error_and_never_taken_for_missing(target, tmp_path, where):
+    folder = write_mirror(tmp_path / where)
+    (folder / "seq_eth/H.txt").write_text("1")
+    with pytest.raises(FetchError, match=r"seq_eth/H\.txt has SHA-256"):
+        mirrors.provide(listed([tmp_path / "mirror"]), target)
+    assert not list(target.rglob(mirrors.NOTE))
 
 
 @pytest.mark.parametrize("address", ["http://example.org/a.tgz", "ftp://example.org/a.tgz"])

@@ -13,6 +13,7 @@ from omegaconf import OmegaConf
 
 from pedpred import config
 from pedpred.networks import parse_settings
+from pedpred.storage.scenes import read_scene
 from tests.conftest import ROOT
 from tests.exported import WIDTHS, write_autoencoder, write_network
 
@@ -68,6 +69,17 @@ def test_it_has_stages_of_its_own():
     for stage in stages:
         address = f"{stage}{'-' if '@' in stage else '@'}crossing"
         assert config.declared(Path.cwd(), address, []) is not None
+
+
+def test_a_place_whose_files_nobody_has_is_a_scene_without_people(project):
+    place = project["places"]["eth"]
+    note = Path(place["folder"], "UNAVAILABLE.txt")
+    note.parent.mkdir(parents=True)
+    note.write_text("the archive is down\n")
+    run("ingest", project, name="eth")
+    scene = read_scene(Path("data/scenes/real/eth"))
+    assert scene.unavailable == f"{note} says why"
+    assert not len(scene.trajectories)
 
 
 def test_it_flows_from_tracks_to_the_page(project, monkeypatch):

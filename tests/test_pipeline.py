@@ -130,3 +130,18 @@ def test_the_points_of_a_queued_sweep_differ_and_each_is_right(sweep, tmp_path):
         plain[pedestrians] = hashlib.md5(written).hexdigest()
     assert swept == plain
     assert len(set(swept.values())) == 2
+
+
+def test_raw_files_that_are_nowhere_are_looked_for_again_and_not_taken_from_the_cache(project, tmp_path):
+    """`make reproduce` removes the notes; the run cache would bring them back."""
+    mirrors, raw = project / "conf/mirrors/ewap.yaml", project / "data/raw/ewap"
+    about = yaml.safe_load(mirrors.read_text()) | {"folders": [str(tmp_path)], "archives": []}
+    mirrors.write_text(yaml.safe_dump(about))
+    run(project, sys.executable, "-m", "pedpred.config")
+    assert f"Tried were {tmp_path}: seq_eth/H.txt is missing" in run(project, "dvc", "repro", "ingest@eth")
+    assert "UNAVAILABLE.txt" in (project / "data/scenes/real/eth/scene.json").read_text()
+    shutil.rmtree(raw)
+    (tmp_path / "seq_eth").mkdir()
+    (tmp_path / "seq_eth/H.txt").write_text("altered")
+    assert "H.txt has SHA-256" in run(project, "dvc", "repro", "ingest@eth", succeeds=False)
+    assert not raw.exists()

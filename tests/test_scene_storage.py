@@ -1,13 +1,14 @@
 """A disk round trip changes nothing, and foreign or damaged scene folders are understood or refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from pedpred.errors import StorageError
+from pedpred.errors import StorageError, ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import (
     read_map,
@@ -26,6 +27,16 @@ from tests.scenes import assert_same, scenes, write_as_table
 def test_disk_round_trip_changes_nothing(tmp_path, scene):
     write_scene(scene, tmp_path / "place")
     assert_same(read_scene(tmp_path / "place"), scene)
+
+
+def test_a_scene_without_people_says_why_on_disk(tmp_path):
+    scene = Scene.without_people("place", "the archive is down")
+    write_scene(scene, tmp_path / "place")
+    assert_same(read_scene(tmp_path / "place"), scene)
+    assert not len(scene.trajectories)
+    assert not scene.occupancy.occupied.any()
+    with pytest.raises(ValueRuleError, match=r"unavailable = 'the archive is down', but"):
+        replace(scene, trajectories=Trajectories([0.0], [1], [[0.0, 0.0]]))
 
 
 @pytest.fixture

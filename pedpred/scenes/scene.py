@@ -191,6 +191,7 @@ class Scene:
         occupancy: the static obstacles.
         detection_dt_s: usual time between two detections of a track, s.
         camera: optional view of the place.
+        unavailable: where the recording could not be had: who says why. Such a scene has no detections.
     """
 
     name: str
@@ -198,9 +199,20 @@ class Scene:
     occupancy: OccupancyMap
     detection_dt_s: float
     camera: Camera | None = None
+    unavailable: str | None = None
 
     def __post_init__(self) -> None:
         if not self.name.isprintable() or self.name in ("", ".", "..") or "/" in self.name:
             raise ValueRuleError("name", self.name, "it must be a valid folder name")
         if not 0 < self.detection_dt_s < np.inf:
             raise ValueRuleError("detection_dt_s", self.detection_dt_s, "it must be positive")
+        if self.unavailable is not None and len(self.trajectories):
+            rule = "it belongs to a scene without detections"
+            raise ValueRuleError("unavailable", self.unavailable, rule)
+
+    @classmethod
+    def without_people(cls, name: str, unavailable: str) -> Scene:
+        """Stand in for a place whose recording is not available: nobody, on one free square metre."""
+        nobody = Trajectories(np.empty(0), np.empty(0), np.empty((0, 2)))
+        ground = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
+        return cls(name, nobody, ground, 1.0, unavailable=unavailable)

@@ -1,7 +1,10 @@
-"""Raw files from the first mirror that has all of them, unaltered.
+"""Raw files, each from the first mirror that has it unaltered.
 
 A mirror is a folder or a tar archive, on this machine or at an https address. Its files are copied beside the
-target, compared with the SHA-256 sums of the data set, and only then moved into place.
+target, compared with the SHA-256 sums of the data set, and moved into place when all are there.
+
+Files that nobody has are no failure: a note takes their place, and the places that need them become scenes
+without people. Files that are not what they must be are one.
 """
 
 from __future__ import annotations
@@ -15,8 +18,8 @@ import tarfile
 import tempfile
 import urllib.request
 import zlib
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from http.client import HTTPException
 from pathlib import Path, PurePosixPath
 from typing import IO, Any, cast
@@ -28,6 +31,9 @@ from pedpred.errors import FetchError, ValueRuleError
 _LARGEST_FILE_BYTES = 2**24
 _SCHEMES = ("https://", "file://")
 _log = logging.getLogger(__name__)
+
+NOTE = "UNAVAILABLE.txt"
+"""In place of raw files that no mirror has: what is missing and what to do."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,7 @@ class Mirrors:
         timeout_s: longest silence of a server, s.
         sums: SHA-256 sum of each file by its path inside the data set.
         optional: file names that a mirror may lack.
+        inside: where a file is in archives, if that is not its path inside the data set.
     """
 
     data_set: str
@@ -49,8 +56,11 @@ class Mirrors:
     timeout_s: float
     sums: Mapping[str, str]
     optional: frozenset[str] = frozenset()
+    inside: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if strangers := sorted(set(self.inside) - set(self.sums)):
+            raise ValueRuleError("inside", strangers, "these files have no line in sha256sums")
         for name, digest in self.sums.items():
             if not re.fullmatch("[0-9a-f]{64}", digest):
                 raise ValueRuleError("sha256sums", f"{digest}  {name}", "a sum has 64 hexadecimal digits")
@@ -61,7 +71,13 @@ class Mirrors:
         lines = (line.split(maxsplit=1) for line in plain["sha256sums"])
         sums = {name: digest for digest, name in lines}
         folders, archives = tuple(plain["folders"]), tuple(plain["archives"])
-        return cls(data_set, folders, archives, plain["timeout_s"], sums, frozenset(plain["optional"]))
+        optional, inside = frozenset(plain["optional"]), plain.get("inside", {})
+        return cls(data_set, folders, archives, plain["timeout_s"], sums, optional, inside)
+
+    @property
+    def members(self) -> dict[str, str]:
+        """Where each file is in archives, at the end of its path there."""
+        return {name: self.inside.get(name, name) for name in self.sums}
 
     @property
     def required(self) -> list[str]:
@@ -69,31 +85,67 @@ class Mirrors:
         return sorted(name for name in self.sums if PurePosixPath(name).name not in self.optional)
 
 
+def provide(mirrors: Mirrors, target: Path) -> None:
+    """Do as `fetch`, but if nobody has all files, leave a note in each of their folders in `target` instead.
+
+    Raises:
+        FetchError: somebody has a file that is not what it must be.
+    """
+    try:
+        fetch(mirrors, target)
+    except FetchError as error:
+        if error.damaged:
+            raise
+        note = (
+            f"{error} Until then its places are empty: they are in no table and no picture. "
+            "`make reproduce` tries again."
+        )
+        with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as scratch:
+            for folder in {PurePosixPath(name).parent for name in (NOTE, *mirrors.sums)}:
+                Path(scratch, "new", folder).mkdir(parents=True, exist_ok=True)
+                Path(scratch, "new", folder, NOTE).write_text(f"{note}\n")
+            _put(Path(scratch, "new"), target)
+        _log.warning("%s", note)
+
+
 def fetch(mirrors: Mirrors, target: Path) -> None:
     """Make the folder `target` hold the raw files of a data set; do nothing if it does already.
 
     Raises:
         ValueRuleError: the address of a mirror is not https.
-        FetchError: no mirror has all files; the message names what each one lacks.
+        FetchError: some file is nowhere; the message names what each mirror lacks.
     """
     if lack(target, mirrors) is None:
         _log.info("%s is complete", target)
         return
     target.parent.mkdir(parents=True, exist_ok=True)
     tried: dict[str, str] = {}
-    for place in places(mirrors.folders, mirrors.archives):
-        with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as scratch:
-            copy = Path(scratch, "new")
-            problem = _collect(place, mirrors.sums, copy, mirrors.timeout_s) or lack(copy, mirrors)
+    damaged = False
+    with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as scratch:
+        copy = Path(scratch, "new")
+        own = [str(target)] if target.exists() and not (target / NOTE).exists() else []
+        for place in [*own, *places(mirrors.folders, mirrors.archives)]:
+            missing = {name: inside for name, inside in mirrors.members.items() if not (copy / name).exists()}
+            problem = _collect(place, missing, copy, mirrors.timeout_s)
+            altered = _altered(copy, mirrors.sums)
+            damaged = damaged or bool(altered)
+            problem = problem or lack(copy, mirrors)
+            for name in altered:
+                (copy / name).unlink()
             if problem is None:
-                if target.exists():
-                    target.rename(Path(scratch, "old"))
-                copy.rename(target)
+                _put(copy, target)
                 _log.info("%s comes from %s", target, place)
                 return
-        _log.warning("%s skipped: %s", place, problem)
-        tried[place] = problem
-    raise FetchError(mirrors.data_set, mirrors.required, tried)
+            _log.warning("%s skipped: %s", place, problem)
+            tried[place] = problem
+    raise FetchError(mirrors.data_set, mirrors.required, tried, damaged)
+
+
+def _put(new: Path, target: Path) -> None:
+    """Move a folder into the place of another one, which goes to the scratch folder that `new` is in."""
+    if target.exists():
+        target.rename(new.with_name("old"))
+    new.rename(target)
 
 
 def places(folders: Iterable[str], archives: Iterable[str]) -> list[str]:
@@ -119,21 +171,31 @@ def places(folders: Iterable[str], archives: Iterable[str]) -> list[str]:
 
 def lack(folder: Path, mirrors: Mirrors) -> str | None:
     """Describe the first thing that is wrong with the files in a folder; None if nothing is."""
-    problems = []
-    for name, expected in mirrors.sums.items():
-        path = folder / name
-        if path.is_file():
-            actual = hashlib.sha256(path.read_bytes()).hexdigest()
-            if actual != expected:
-                problems.append(f"{name} has SHA-256 {actual}, expected {expected}")
-        elif name in mirrors.required:
-            problems.append(f"{name} is missing")
+    missing = [f"{name} is missing" for name in mirrors.required if not (folder / name).is_file()]
+    problems = [*_altered(folder, mirrors.sums).values(), *missing]
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return problems[0] + more if problems else None
 
 
-def _collect(place: str, names: Collection[str], copy: Path, timeout_s: float) -> str | None:
-    """Copy the named files that a mirror has; return what prevented it, None if nothing did."""
+def _altered(folder: Path, sums: Mapping[str, str]) -> dict[str, str]:
+    """Name the files in a folder whose sum is another one, and describe each."""
+    problems = {}
+    for name, expected in sums.items():
+        path = folder / name
+        if path.is_file() and (actual := hashlib.sha256(path.read_bytes()).hexdigest()) != expected:
+            problems[name] = f"{name} has SHA-256 {actual}, expected {expected}"
+    return problems
+
+
+def _collect(place: str, names: Mapping[str, str], copy: Path, timeout_s: float) -> str | None:
+    """Copy the named files that a mirror has; return what prevented it, None if nothing did.
+
+    Args:
+        place: folder, archive or address of an archive.
+        names: of the files, each with the end of its path in archives.
+        copy: folder to copy to.
+        timeout_s: longest silence of a server, s.
+    """
     try:
         if place.startswith(_SCHEMES):
             with urllib.request.urlopen(place, timeout=timeout_s) as response:
@@ -155,8 +217,8 @@ def _collect(place: str, names: Collection[str], copy: Path, timeout_s: float) -
     return None
 
 
-def _unpack(stream: IO[bytes], size_bytes: int, names: Collection[str], copy: Path) -> None:
-    """Copy the named files out of a tar stream, whatever folder they are in.
+def _unpack(stream: IO[bytes], size_bytes: int, names: Mapping[str, str], copy: Path) -> None:
+    """Copy the named files out of a tar stream, whatever folder their paths begin in.
 
     A member is written under the requested name or not at all; paths in the archive are not used.
 
@@ -169,8 +231,8 @@ def _unpack(stream: IO[bytes], size_bytes: int, names: Collection[str], copy: Pa
     ):
         for member in archive:
             path = PurePosixPath(member.name)
-            name = "/".join(path.parts[-2:])
-            if name not in names:
+            name = next((name for name, inside in names.items() if f"/{path}".endswith(f"/{inside}")), None)
+            if name is None:
                 continue
             if not member.isreg() or path.is_absolute() or ".." in path.parts:
                 raise tarfile.ExtractError(f"member {member.name} is no plain file inside the archive")

@@ -49,6 +49,8 @@ def write_scene(scene: Scene, folder: Path) -> None:
         "name": scene.name,
         "detection_dt_s": scene.detection_dt_s,
     }
+    if scene.unavailable is not None:
+        about["unavailable"] = scene.unavailable
     if scene.camera is not None:
         about["homography"] = scene.camera.homography.matrix.tolist()
         about["first_pixel"] = scene.camera.homography.first_pixel
@@ -74,7 +76,8 @@ def read_scene(folder: Path) -> Scene:
         if "homography" in about and view.exists():
             picture = read_picture(view, "RGB", _wording(view, "file"))
             camera = Camera(Homography(np.array(about["homography"]), about["first_pixel"]), picture)
-        return Scene(about["name"], trajectories, occupancy, about["detection_dt_s"], camera)
+        unavailable = about.get("unavailable")
+        return Scene(about["name"], trajectories, occupancy, about["detection_dt_s"], camera, unavailable)
 
 
 def scene_folders(folder: Path) -> list[Path]:

@@ -19,7 +19,6 @@ from tqdm import tqdm
 
 ROOT = Path(__file__).resolve().parents[2]
 SILENT = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-RAW = "fetch"  # the kind of stage that every real place depends on
 # short trainings that save their state often
 TOY = """\
 autoencoder: {steps: 24, validate_every: 6, validation_crops: 100}
@@ -37,14 +36,8 @@ class Project:
 
     folder: Path
     stages: dict[str, str]  # the command of every stage by its name, in the order in which they run
-    raw: bool  # whether the raw recordings are available; without them only a part of dvc.yaml can run
     expected: dict[str, str]  # checksum of every file of the results
     usual_s: dict[str, float] = field(default_factory=dict)  # undisturbed durations of stages, with DVC
-
-    @property
-    def targets(self) -> tuple[str, ...]:
-        """The targets of `dvc repro`; none means all, which is faster (DVC parses dvc.lock per target)."""
-        return () if self.raw else tuple(self.stages)
 
     def timed(self, stages: Iterable[str]) -> Project:
         """Measure the undisturbed durations of some stages; exit if this second run gives other bytes."""
@@ -60,7 +53,7 @@ class Project:
     def mended(self) -> str:
         """Reproduce all as `make reproduce` does; return the problem or ""."""
         done(self.folder, sys.executable, "-m", "tools.mend_lock").check_returncode()
-        run = done(self.folder, "dvc", "repro", "--no-run-cache", *self.targets)
+        run = done(self.folder, "dvc", "repro", "--no-run-cache")
         return f"dvc repro fails: {run.stderr[-500:]}" if run.returncode else self.differing(self.folder)
 
     def differing(self, folder: Path) -> str:
@@ -113,13 +106,11 @@ def toy(folder: Path) -> None:
     done(folder, sys.executable, "-m", "pedpred.config").check_returncode()
 
 
-def pipeline(folder: Path, raw: bool) -> dict[str, str]:
-    """The command of every stage by name, in order; without raw data only the stages that need none."""
+def pipeline(folder: Path) -> dict[str, str]:
+    """The command of every stage by name, in the order in which they run."""
     graph = Repo(str(folder)).index.graph  # from a stage to what it needs
     order = reversed(list(nx.lexicographical_topological_sort(graph, key=lambda stage: stage.name)))
-    fetching = {stage for stage in graph if stage.name.split("@")[0] == RAW}
-    chosen = (stage for stage in order if raw or not fetching & {stage, *nx.descendants(graph, stage)})
-    return {stage.name: stage.cmd for stage in chosen}
+    return {stage.name: stage.cmd for stage in order}
 
 
 def kinds(stages: Mapping[str, str]) -> dict[str, str]:
@@ -131,9 +122,8 @@ def kinds(stages: Mapping[str, str]) -> dict[str, str]:
 def made(folder: Path) -> Project:
     """Copy the project and reproduce it at toy size; exit if that fails undisturbed."""
     toy(folder)
-    raw = done(folder, "dvc", "repro", RAW).returncode == 0
-    project = Project(folder, pipeline(folder, raw), raw, {})
-    run = done(folder, "dvc", "repro", *project.targets)
+    project = Project(folder, pipeline(folder), {})
+    run = done(folder, "dvc", "repro")
     if run.returncode:
         sys.exit(f"the pipeline fails undisturbed:\n{run.stdout[-2000:]}\n{run.stderr}")
     return replace(project, expected=results(folder))
@@ -141,5 +131,4 @@ def made(folder: Path) -> Project:
 
 def found(folder: Path) -> Project:
     """Load a copy that has been reproduced before."""
-    raw = any((folder / "data/raw").glob("*"))
-    return Project(folder, pipeline(folder, raw), raw, results(folder))
+    return Project(folder, pipeline(folder), results(folder))
