@@ -1,140 +1,213 @@
-"""An architecture, a data source and a metric, each one file and one registration, through the pipeline."""
+"""A network, a metric, a data source, a place, a method and a fold, added to a copy of the project."""
 
-import importlib
+import hashlib
+import inspect
 import json
 import re
-import shutil
+import sys
 
 import numpy as np
 import pytest
-import torch
+import yaml
 
-from pedpred.metrics import METRICS
-from pedpred.networks import ARCHITECTURES, load_network
+from pedpred import config
 from pedpred.online import OnlinePredictor
 from pedpred.online.replay import replayed
-from pedpred.sources import SOURCES
+from pedpred.storage.checkpoints import read_checkpoint
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.windows import read_windows
 from tests.conftest import ROOT
 from tests.exported import write_autoencoder
-from tests.toys.architecture import ToySettings
-from tests.toys.metric import METRIC
-from tests.toys.source import read_people
+from tests.toys import architecture, metric, source
+from tests.trust.project import done
 
-PLACE = (
-    "+places.toy={source: toy, folder: raw, settings: {dt_s: 0.4}, tracker: tuned_on_eth, sensor: perfect, "
-    "social_force: fitted_on_eth, phase_offsets: 1, variants: []}"
-)
-METHOD = (
-    '+methods.networks.toy={label: Toy network, colour: "#123456", role: network, where: [real], '
-    "settings: {architecture: toy, units: 6}}"
-)
-OTHERS = ["methods.networks.lstm.where=[]", "methods.networks.lstm_nogrid.where=[]"]
-OTHERS += ["~folds.real.eth", "~folds.real.hotel"]
-FOLD = "+folds.real.toy={train: [toy], test: [toy], tracker: tuned_on_eth}"
+PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
+PLACE = {"source": "toy", "folder": "data/raw/toy", "settings": {"dt_s": 0.4}, "variants": []}
+PLACE = next(iter(PARAMS["places"].values())) | PLACE
+FOLD = {"train": ["toy"], "test": ["toy"], "tracker": PLACE["tracker"]}
+NETWORK = {"label": "Toy network", "colour": "#123456", "role": "network", "where": ["real"]}
+NETWORK |= {"settings": {"architecture": "toy", "units": 6}}
+METHOD = {"label": "Kalman again", "colour": "#654321", "role": "baseline", "where": ["real"]}
+METHOD |= {"settings": {"baseline": "kalman_cv"}}
 SMALL = [f"training.{p}.{k}" for p in ("corridor", "finetune") for k in ("steps=8", "validate_every=4")]
+OTHERS = [f"~folds.real.{fold}" for fold in PARAMS["folds"]["real"]]
+OTHERS += [f"methods.networks.{name}.where=[]" for name in PARAMS["methods"]["networks"]]
+OTHERS += ["methods.baselines.social_force.where=[]"]  # takes long to compile
+TUNED = ["+fold=toy", "+networks=models/folds/toy"]
+RUNS = [
+    ["fetch", "+name=toy"],
+    ["ingest", "+name=toy"],
+    ["features", "+kind=real", "+name=toy"],
+    ["train", "+phase=corridor", "+data=real/toy", "+name=toy", "+out=models/main/toy", *SMALL],
+    ["train", "+phase=finetune", "+fold=toy", "+name=toy", *SMALL],
+    ["evaluate", "+kind=real", *TUNED],
+    ["gather", "+kind=real", "+out=reports/metrics/real.json"],
+    ["report", "+name=real", "+kind=real"],
+    ["export", "+kind=real", *TUNED, "online.network=toy"],
+]
+STAGES = """
+import importlib, json, sys
+for stage, *arguments in json.loads(sys.argv[1]):
+    sys.argv = [stage, "scale=smoke", *arguments]
+    importlib.import_module(f"stages.{stage}").main()
+"""
 
 
-def write_raw(folder):
-    """Twelve people who walk straight across, at their own speeds."""
-    folder.mkdir()
-    rng = np.random.default_rng(0)
-    rows = []
+def people():
+    """Lines `time id x y` of twelve people who walk straight across at their own speeds."""
+    rng, lines = np.random.default_rng(0), []
     for track in range(12):
         velocity, start = rng.normal(0, 0.9, 2), rng.uniform(-4, 4, 2)
         for step in range(24):
-            rows.append([0.4 * (step + track), track, *(start + 0.4 * step * velocity)])
-    np.savetxt(folder / "people.txt", rows)
+            lines.append(
+                "{} {} {} {}\n".format(0.4 * (step + track), track, *(start + 0.4 * step * velocity))
+            )
+    return "".join(lines)
+
+
+def additions():
+    """What to add -> file -> the texts to insert, each behind the line with a beginning ("": at the end)."""
+    sums = [f"{hashlib.sha256(people().encode()).hexdigest()} people.txt"]
+    mirror = {"folders": ["mirror"], "archives": [], "timeout_s": 1, "optional": [], "sha256sums": sums}
+    entry = '    "overshoot_m": Metric("overshoot", "m", "lower", overshoot),'
+    return {
+        "network": {
+            "pedpred/networks/toy.py": {"": inspect.getsource(architecture)},
+            "conf/methods/networks.yaml": {"": f"toy: {json.dumps(NETWORK)}"},
+            "pedpred/networks/registry.py": {
+                "from pedpred.networks.lstm": "from pedpred.networks.toy import ToySettings",
+                "ARCHITECTURES:": '    "toy": ToySettings,',
+            },
+        },
+        "metric": {
+            "pedpred/metrics/table.py": {"_DRAWS": inspect.getsource(metric.overshoot), "METRICS:": entry}
+        },
+        "source": {
+            "pedpred/sources/toy.py": {"": inspect.getsource(source)},
+            "conf/mirrors/toy.yaml": {"": json.dumps(mirror)},
+            "pedpred/sources/__init__.py": {
+                "from pedpred.scenes": "from pedpred.sources import toy",
+                "SOURCES:": '    "toy": toy.read_people,',
+            },
+            "conf/config.yaml": {"  - _self_": "  - mirrors@mirrors.toy: toy"},
+        },
+        "place": {"conf/places/recorded.yaml": {"": f"toy: {json.dumps(PLACE)}"}},
+        "method row": {"conf/methods/baselines.yaml": {"": f"again: {json.dumps(METHOD)}"}},
+        "fold": {"conf/folds/leave_one_out.yaml": {"real:": f"  toy: {json.dumps(FOLD)}"}},
+    }
+
+
+def add(file, texts):
+    lines = file.read_text().splitlines() if file.exists() else []
+    for beginning, text in texts.items():
+        behind = [number for number, line in enumerate(lines, 1) if line.startswith(beginning)]
+        lines.insert(behind[0] if beginning else len(lines), text)
+    file.write_text("\n".join(lines) + "\n")
+
+
+def run(folder, *command):
+    ended = done(folder, *command, PEDPRED_JOBS="1")
+    assert ended.returncode == 0, f"{command}\n{ended.stdout}\n{ended.stderr}"
+    return ended.stdout
 
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A folder in which the stages have run on a toy place, with a toy network and a toy metric."""
-    folder = tmp_path_factory.mktemp("toys")
-    write_raw(folder / "raw")
+    """A copy of the project with all additions; what git says that each of them touched."""
+    folder, touched = tmp_path_factory.mktemp("toys") / "project", {}
+    run(ROOT, ".ci/copy", str(folder))
+    for kind, files in {"": {}, **additions()}.items():
+        for name, texts in files.items():
+            add(folder / name, texts)
+        run(folder, "git", "add", "--all")
+        touched[kind] = set(run(folder, "git", "diff", "--staged", "--name-only").split())
+        run(folder, "git", "commit", "--quiet", "--message", f"added: {kind}")
+    run(folder, sys.executable, "-m", "pedpred.config")
+    return folder, touched
+
+
+@pytest.fixture(scope="module")
+def reproduced(project):
+    """The copy after its stages have run on the toy place."""
+    folder, _ = project
+    (folder / "mirror").mkdir()
+    (folder / "mirror/people.txt").write_text(people())
     for name in ("autoencoder", "distilled"):  # the network reads no obstacles, but an export has an encoder
         write_autoencoder(folder / "models" / name)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setenv("PEDPRED_JOBS", "1")  # other processes would not know the toys
-        patch.delenv("DVC_STAGE", raising=False)
-        patch.setitem(ARCHITECTURES, "toy", ToySettings)
-        patch.setitem(SOURCES, "toy", read_people)
-        patch.setitem(METRICS, "overshoot_m", METRIC)
-
-        def run(stage, *arguments):
-            patch.setattr("sys.argv", [stage, "scale=smoke", PLACE, METHOD, *OTHERS, FOLD, *arguments])
-            importlib.import_module(f"stages.{stage}").main()
-
-        run("ingest", "+name=toy")
-        run("features", "+kind=real", "+name=toy")
-        run("train", "+phase=corridor", "+data=real/toy", "+name=toy", "+out=models/main/toy", *SMALL)
-        run("train", "+phase=finetune", "+fold=toy", "+name=toy", *SMALL)
-        networks = "+networks=models/folds/toy"
-        run("evaluate", "+kind=real", "+fold=toy", networks)
-        run("gather", "+kind=real", "+out=reports/metrics/real.json")
-        run("report", "+name=real", "+kind=real")
-        shutil.copytree("data/features/real/toy", "data/features/simulated/main")  # sizes of the features
-        run("export", "+kind=real", "+fold=toy", networks, "online.network=toy")
-        yield folder
+    (folder / "data/features/simulated").mkdir(parents=True)
+    (folder / "data/features/simulated/main").symlink_to("../real/toy")  # an export reads their sizes
+    run(folder, sys.executable, "-c", STAGES, json.dumps([[*own, *OTHERS] for own in RUNS]))
+    return folder
 
 
-def test_a_new_source_becomes_a_scene(project):
-    scene = read_scene(project / "data/scenes/real/toy")
+def table_of_additions():
+    """Rows of ARCHITECTURE's table: what to add -> (files to write, how many, files of entries)."""
+    table = (ROOT / "ARCHITECTURE.md").read_text().partition("## Adding things")[2]
+    rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \| (\d+) \|([^|]*)\|", table, re.MULTILINE)
+    named = re.compile(r"`((?:pedpred|conf|tests)/[^`]+)`")
+    return {kind: (named.findall(files), int(n), named.findall(entries)) for kind, files, n, entries in rows}
+
+
+@pytest.mark.parametrize("kind", additions())
+def test_the_table_of_what_to_add_counts_right(project, kind):
+    files, stated, entries = table_of_additions()[kind]
+    named = {file.replace("<name>", "toy") for file in (*files, *entries)}
+    assert (project[1][kind], stated) == (named, len(files))
+
+
+@pytest.mark.parametrize("kind", table_of_additions())
+def test_the_table_of_what_to_add_names_files_that_exist(kind):
+    files, stated, entries = table_of_additions()[kind]
+    assert stated == len(files)
+    for file in (*files, *entries):
+        assert list(ROOT.glob(file.replace("<name>", "*"))), file
+
+
+@pytest.mark.parametrize(
+    "kind", ["fetch", "ingest", "features_real", "encode_real", "train_main", "evaluate_real"]
+)
+def test_an_addition_has_its_stages(project, kind):
+    assert config.declared(project[0], f"{kind}@toy", []) is not None
+
+
+def test_a_new_source_becomes_a_scene(reproduced):
+    scene = read_scene(reproduced / "data/scenes/real/toy")
     assert len(np.unique(scene.trajectories.track_id)) == 12
 
 
-def test_a_new_network_is_trained(project):
-    before, after = (load_network(project / "models" / name / "toy") for name in ("main", "folds/toy"))
-    assert not torch.equal(before.out.weight, after.out.weight)
+def test_a_new_network_is_trained(reproduced):
+    before, after = (read_checkpoint(reproduced / "models" / name / "toy") for name in ("main", "folds/toy"))
+    assert not np.array_equal(before[0]["out.weight"], after[0]["out.weight"])
 
 
-def test_a_new_network_is_evaluated_with_all_its_modes(project):
-    windows = read_windows(project / "data/forecasts/real/toy/toy.parquet")
+def test_a_new_network_is_evaluated_with_all_its_modes(reproduced):
+    windows = read_windows(reproduced / "data/forecasts/real/toy/toy.parquet")
     assert windows.predictions["toy"].modes == 2
     np.testing.assert_allclose(windows.predictions["toy"].weight[:, 1], 1 / 3)
 
 
-def test_a_new_metric_stands_beside_the_others_for_every_method(project):
-    measured = json.loads((project / "reports/metrics/real.json").read_text())["toy"]
-    assert "toy" in measured
+def test_a_new_metric_stands_beside_the_others_for_every_method(reproduced):
+    measured = json.loads((reproduced / "reports/metrics/real.json").read_text())["toy"]
+    assert {"toy", "again"} < measured.keys()
     for method in measured.values():
         low, high = method["overshoot_m_ci95"]
         assert low <= method["overshoot_m"] <= high
 
 
-def test_a_new_method_and_metric_are_reported_by_their_labels(project):
-    page = (project / "reports/real.md").read_text()
-    assert "Toy network" in page
-    assert "overshoot" in page
+def test_a_new_method_row_has_the_baseline_that_it_names(reproduced):
+    measured = json.loads((reproduced / "reports/metrics/real.json").read_text())["toy"]
+    assert measured["again"] == measured["kalman_cv"] != measured["cv"]
+
+
+def test_new_methods_and_metrics_are_reported_by_their_labels(reproduced):
+    page = (reproduced / "reports/real.md").read_text()
+    assert all(label in page for label in ("Toy network", "Kalman again", "overshoot"))
 
 
 @pytest.mark.parametrize("export", ["toy", "toy_distilled"])
-def test_a_new_network_runs_on_the_robot(project, export):
-    scene = read_scene(project / "data/scenes/real/toy")
-    predictor = OnlinePredictor.load(project / "models/online" / export)
+def test_a_new_network_runs_on_the_robot(reproduced, export):
+    scene = read_scene(reproduced / "data/scenes/real/toy")
+    predictor = OnlinePredictor.load(reproduced / "models/online" / export)
     forecast = list(replayed(scene, predictor))[-1]
     assert forecast.predictions.modes == 2
     np.testing.assert_allclose(forecast.predictions.weight[:, 1], 1 / 3, atol=0.01)
-
-
-def added_files():
-    """Rows of ARCHITECTURE's table of what to add: kind -> (files to write, stated number of files)."""
-    text = (ROOT / "ARCHITECTURE.md").read_text()
-    table = text.partition("## Adding things")[2]
-    rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \| (\d+) \|", table, re.MULTILINE)
-    named = re.compile(r"`((?:pedpred|conf)/[^`]+)`")
-    return {kind.strip(): (named.findall(files), int(n)) for kind, files, n in rows}
-
-
-@pytest.mark.parametrize(
-    ("kind", "count"),
-    [("network", 2), ("metric", 1), ("source", 2), ("place", 1), ("method row", 1), ("fold", 1)],
-)
-def test_the_table_of_what_to_add_counts_right(kind, count):
-    files, stated = added_files()[kind]
-    assert len(files) == stated == count
-    for file in files:
-        example = file.replace("<name>", {"network": "lstm", "source": "ewap"}.get(kind, "<name>"))
-        assert (ROOT / example).is_file()

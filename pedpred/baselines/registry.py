@@ -16,22 +16,24 @@ BASELINES: dict[str, Callable[..., Forecaster]] = {
     "goal_blind": goal_blind,
     "goal_unseen": goal_unseen,
 }
-"""Key -> factory, called with the settings of the method's row."""
+"""Name -> factory, called with the settings of a row. The row names it by its key or as `baseline`."""
 
 
 def baselines(rows: Iterable[Method]) -> dict[str, Forecaster]:
     """Make the forecasters of some rows, in their order.
 
     Raises:
-        ValueRuleError: a row's key or one of its settings is unknown.
+        ValueRuleError: a row's baseline or one of its settings is unknown.
     """
     return {row.key: _made(row) for row in rows}
 
 
 def _made(row: Method) -> Forecaster:
-    if row.key not in BASELINES:
-        raise ValueRuleError("methods", row.key, f"known baselines are {sorted(BASELINES)}")
+    settings = dict(row.settings)
+    name = settings.pop("baseline", row.key)
+    if name not in BASELINES:
+        raise ValueRuleError("methods", name, f"known baselines are {sorted(BASELINES)}")
     try:
-        return BASELINES[row.key](**row.settings)
+        return BASELINES[name](**settings)
     except TypeError as cause:
         raise ValueRuleError(f"{row.key}.settings", dict(row.settings), str(cause)) from cause
