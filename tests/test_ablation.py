@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from pedpred import config
-from pedpred.errors import ConfigError
+from pedpred.errors import FileError, ValueRuleError
 from pedpred.report.ablation import (
     ablation_figure,
     ablation_table,
@@ -84,12 +84,12 @@ def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
 
 def test_an_ablation_that_does_not_exist_is_named_beside_those_that_do():
     known = r"\['layouts', 'pretraining', 'reach', 'seeds'\]"
-    with pytest.raises(ConfigError, match=f"'ablation' = 'magic': there are {known}"):
+    with pytest.raises(ValueRuleError, match=f"ablation = 'magic', but known ablations are {known}"):
         read_ablation(ABLATIONS[0].with_stem("magic"))
 
 
 def test_a_misspelt_key_is_refused(tmp_path):
     path = tmp_path / "odd.yaml"
     path.write_text(ABLATIONS[0].read_text().replace("entry:", "entyr:"))
-    with pytest.raises(ConfigError, match="entyr"):
+    with pytest.raises(FileError, match=r"odd\.yaml.*entyr"):
         read_ablation(path)

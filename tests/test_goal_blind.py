@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.spatial.distance import pdist
 
-from pedpred.baselines.beliefs import Belief, apply_bayes, arrival, replace_reached, unexplained
+from pedpred.baselines.beliefs import GoalBelief, apply_bayes, arrival, process_variance, replace_reached
 from pedpred.baselines.candidates import draw_candidates, room_goals
 from pedpred.baselines.goal_inference import draw_plans, geometric_median, goal_unseen, infer_paths
 from pedpred.baselines.influences import Influences, Observations, between, others_push
@@ -115,11 +115,11 @@ def test_no_candidate_at_all_is_refused():
 
 
 def test_a_goal_beside_its_candidate_surprises_less_the_farther_away_it_is():
-    prior = Belief(np.full((1, 3), 1 / 3), np.full((1, 3), 1.3), np.full((1, 3), 0.05))
+    prior = GoalBelief(np.full((1, 3), 1 / 3), np.full((1, 3), 1.3), np.full((1, 3), 0.05))
     places = np.array([[1.0, 0.0], [4.0, 0.0], [16.0, 0.0]])
     known, vague = MOVING, dataclasses.replace(MOVING, spread_m=0.4)
     here, push = np.zeros((1, 2)), np.zeros((1, 3))
-    extra = [unexplained(prior, here, places, push, model)[0] for model in (known, vague)]
+    extra = [process_variance(prior, here, places, push, model)[0] for model in (known, vague)]
     np.testing.assert_array_equal(extra[0], MOVING.noise_mps**2)
     misled = (1 - MOVING.keep) * 1.3 * 0.2 / places[:, 0]
     np.testing.assert_allclose(extra[1] - extra[0], misled**2)
@@ -145,7 +145,7 @@ def test_a_scene_without_goals_is_refused(walked):
 def test_weighing_is_bayes_rule_for_a_linear_gaussian_model():
     rng = np.random.default_rng(1)
     speed_mps, variance = rng.uniform(1.15, 1.25, (1, 3)), rng.uniform(0.01, 0.1, (1, 3))
-    prior = Belief(np.array([[0.2, 0.5, 0.3]]), speed_mps, variance)
+    prior = GoalBelief(np.array([[0.2, 0.5, 0.3]]), speed_mps, variance)
     direction = np.stack([np.cos([0.0, 0.06, -0.04]), np.sin([0.0, 0.06, -0.04])], axis=-1)[None]
     acting = Influences(direction, rng.normal(0, 0.02, (1, 3, 2)))
     start = Observations(np.zeros((1, 2)), np.array([[1.2, 0.0]]))
@@ -168,7 +168,7 @@ def test_weighing_is_bayes_rule_for_a_linear_gaussian_model():
 def test_going_on_keeps_probability_and_the_moments_of_the_speed(seed):
     rng = np.random.default_rng(seed)
     speed_mps, variance = rng.uniform(0.8, 2.0, (5, 3)), rng.uniform(0.01, 0.1, (5, 3))
-    belief = Belief(rng.dirichlet(np.ones(3), 5), speed_mps, variance)
+    belief = GoalBelief(rng.dirichlet(np.ones(3), 5), speed_mps, variance)
     after = replace_reached(belief, rng.random((5, 3)), MOVING.following)
     for power in (0, 1, 2):
         before_and_after = [
@@ -179,7 +179,7 @@ def test_going_on_keeps_probability_and_the_moments_of_the_speed(seed):
 
 
 def test_a_goal_that_is_reached_is_left_for_one_that_may_follow():
-    belief = Belief(np.array([[1.0, 0.0, 0.0]]), np.full((1, 3), 1.3), np.full((1, 3), 0.01))
+    belief = GoalBelief(np.array([[1.0, 0.0, 0.0]]), np.full((1, 3), 1.3), np.full((1, 3), 0.01))
     goals = np.array([[1.0, 0.4], [5.0, 0.0], [9.0, 0.0]])
     passed = arrival(np.zeros((1, 2)), np.array([[2.0, 0.0]]), goals, MOVING)
     after = replace_reached(belief, passed, MOVING.following)

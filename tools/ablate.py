@@ -20,6 +20,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from pedpred.config import plain, read_params
+from pedpred.errors import PedpredError
 from pedpred.files import write_json, write_text
 from pedpred.forecasting import Methods
 from pedpred.report.ablation import (
@@ -99,7 +100,10 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="points at a time")
     parser.add_argument("--out", type=Path, default=Path("reports/ablations"))
     options = parser.parse_args()
-    ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
+    try:
+        ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
+    except PedpredError as error:
+        raise SystemExit(f"{type(error).__name__}: {error}") from error
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
     references = reproduced(ablation, experiments, options.jobs)
     rows = point_rows(ablation, measures(ablation, references))

@@ -32,7 +32,7 @@ _LEAST_VARIANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class Belief:
+class GoalBelief:
     """Posterior over goals and, under each goal, over the desired speed.
 
     Attributes:
@@ -50,14 +50,14 @@ class Belief:
             if getattr(self, name).shape != self.probability.shape:
                 raise ShapeError(name, getattr(self, name).shape, str(self.probability.shape))
 
-    def at(self, rows: np.ndarray) -> Belief:
+    def at(self, rows: np.ndarray) -> GoalBelief:
         """The belief of some rows."""
-        return Belief(self.probability[rows], self.speed_mps[rows], self.variance[rows])
+        return GoalBelief(self.probability[rows], self.speed_mps[rows], self.variance[rows])
 
 
 def beliefs(
     seen: Observations, step: np.ndarray, time_s: np.ndarray, ground: Ground, routes: Routes, walking: Walking
-) -> Belief:
+) -> GoalBelief:
     """Filter all pedestrians together, instant by instant.
 
     Args:
@@ -72,7 +72,7 @@ def beliefs(
         Row n knows the observations up to its instant. [M, G]
     """
     shape, crowd = (len(step), len(routes.target)), walking.model.crowd
-    belief = Belief(
+    belief = GoalBelief(
         np.full(shape, 1.0 / shape[1]),
         np.full(shape, crowd.mean_speed_mps),
         np.full(shape, crowd.speed_deviation_mps**2),
@@ -85,7 +85,7 @@ def beliefs(
                 start, end, walking.dt_s, prior.probability, ground, routes, walking.model.forces
             )
             arrived = arrival(start.position, end.position, routes.target, walking)
-            noise = unexplained(prior, start.position, routes.target, arrived, walking)
+            noise = process_variance(prior, start.position, routes.target, arrived, walking)
             posterior = replace_reached(
                 apply_bayes(prior, start, end, acting, noise, walking), arrived, walking.following
             )
@@ -94,8 +94,8 @@ def beliefs(
     return belief
 
 
-def unexplained(
-    prior: Belief, position: np.ndarray, places: np.ndarray, arrived: np.ndarray, walking: Walking
+def process_variance(
+    prior: GoalBelief, position: np.ndarray, places: np.ndarray, arrived: np.ndarray, walking: Walking
 ) -> np.ndarray:
     """Compute the variance of each velocity component about its prediction under each goal.
 
@@ -119,13 +119,13 @@ def unexplained(
 
 
 def apply_bayes(
-    prior: Belief,
+    prior: GoalBelief,
     start: Observations,
     end: Observations,
     acting: Influences,
     noise: np.ndarray,
     walking: Walking,
-) -> Belief:
+) -> GoalBelief:
     """Apply Bayes' rule to goals and desired speeds, given the velocity at the end of an interval.
 
     With the gain k = (1 - a) e, the velocity is Gaussian about its prediction with the covariance
@@ -150,7 +150,7 @@ def apply_bayes(
     surprise = _SURPRISE * np.exp(-0.5 * squared / _SURPRISE_MPS**2) / _SURPRISE_MPS**2
     weight = prior.probability * (explained + surprise)
     trust = explained / (explained + surprise) * prior.variance / spread
-    return Belief(
+    return GoalBelief(
         weight / weight.sum(axis=1, keepdims=True),
         prior.speed_mps + trust * along,
         prior.variance * (1.0 - trust * (gain**2).sum(axis=-1)),
@@ -179,7 +179,7 @@ def arrival(start: np.ndarray, end: np.ndarray, places: np.ndarray, walking: Wal
     return np.clip((walking.model.crowd.reach_m - nearest) / blur_m + 0.5, 0.0, 1.0)
 
 
-def replace_reached(belief: Belief, arrived: np.ndarray, following: np.ndarray) -> Belief:
+def replace_reached(belief: GoalBelief, arrived: np.ndarray, following: np.ndarray) -> GoalBelief:
     """Replace reached goals by those that may follow; mixed Gaussians keep their moments.
 
     Args:
@@ -197,7 +197,7 @@ def replace_reached(belief: Belief, arrived: np.ndarray, following: np.ndarray) 
     share = np.where(known, mass, 1.0)
     mean = mixed(belief.speed_mps) / share
     variance = mixed(belief.variance + belief.speed_mps**2) / share - mean**2
-    return Belief(
+    return GoalBelief(
         mass,
         np.where(known, mean, belief.speed_mps),
         np.where(known, np.maximum(variance, _LEAST_VARIANCE), belief.variance),

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pedpred.errors import ConfigError
+from pedpred.errors import FileError, ValueRuleError
 from pedpred.files import read_yaml, translate_errors
 from pedpred.forecasting import Methods
 from pedpred.report.canvas import blank, styled
@@ -49,12 +49,13 @@ def read_ablation(path: Path) -> Ablation:
     """Read `conf/ablations/<name>.yaml`.
 
     Raises:
-        ConfigError: there is no such file, or a key is missing or unknown.
+        ValueRuleError: there is no such file.
+        FileError: it is damaged, or a key is missing or unknown.
     """
     if not path.is_file():
         known = sorted(other.stem for other in path.parent.glob("*.yaml"))
-        raise ConfigError("ablation", path.stem, f"there are {known}")
-    wording = partial(ConfigError, "ablation", str(path))
+        raise ValueRuleError("ablation", path.stem, f"known ablations are {known}")
+    wording = partial(FileError, path, "", remedy="Correct it")
     plain = read_yaml(path, wording)
     with translate_errors(wording):
         points = {str(name): overrides for name, overrides in plain.pop("points").items()}
