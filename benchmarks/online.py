@@ -1,6 +1,6 @@
 """Milliseconds per update of the online predictor: tracker, both grids, network and bookkeeping.
 
-`python -m benchmarks.online [--model models/online/eth] [--json FILE]`. One thread, every frame a
+`python -m benchmarks.online [--model models/online/simulation] [--json FILE]`. One thread, every frame a
 new detection of everybody, 0.3 s apart, so that each frame takes a remembered step. The bound is the
 network's multiply-adds at the matrix rate that numpy reaches here; the convolutions are two thirds of them.
 Beside it: the distilled export (<model>_distilled), the full network in torch, eager, without features,
@@ -124,7 +124,7 @@ def traffic_rows(folder: Path, minutes: int = 60, dt_s: float = 0.3) -> Iterator
 def main() -> None:
     """Measure, print, and keep the figures when asked to."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--model", type=Path, default=Path("models/online/eth"))
+    parser.add_argument("--model", type=Path, default=Path("models/online/simulation"))
     parser.add_argument("--json", type=Path, help="write the figures there")
     parser.add_argument("--hour", action="store_true", help="also the memory during an hour (a minute)")
     parser.add_argument("--replay", action="store_true", help="online beside offline forecasts, no times")

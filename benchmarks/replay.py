@@ -1,7 +1,7 @@
 """Compare online forecasts of recorded scenes with those of the pipeline.
 
-The scenes are those of `recording.scenes` in params.yaml; both forecasts come from the networks of the same
-fold, the pipeline's from data/forecasts (float32). A scene is replayed frame by frame with as many phase
+The scenes are those of `recording.scenes` in params.yaml whose fold's network is exported; the pipeline's
+forecasts come from data/forecasts (float32). A scene is replayed frame by frame with as many phase
 offsets as its features have, simulated ones with true velocities. The inputs are equal bit by bit; torch
 and onnxruntime differ in the last digits of a float.
 """
@@ -27,12 +27,14 @@ def differences(models: Path) -> Iterator[dict[str, Any]]:
     """Yield the largest distance between both forecasts of a window, per scene.
 
     Args:
-        models: model folders, by fold.
+        models: model folders, by fold; recordings of other folds are left out.
     """
     params = yaml.safe_load(Path("params.yaml").read_text())
     network = params["online"]["network"]
     for name, row in params["recording"]["scenes"].items():
         fold, (kind, data) = Path(row["fold"]).name, Path(row["scene"]).parts[:2]
+        if not (models / fold).exists():
+            continue
         scene = read_scene(Path("data/scenes", row["scene"]))
         windows = read_windows(Path("data/forecasts", row["fold"], f"{name}.parquet"))
         features, _ = read_manifest(Path("data/features", kind, data))

@@ -1,4 +1,4 @@
-"""evaluate_simulated, evaluate_real: every forecaster in every window of the test scenes."""
+"""evaluate_<study>: every forecaster in every window of the test scenes of a fold."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -74,23 +74,28 @@ def tracker_of(plain_tracker: dict[str, Any], noncausal: bool) -> KalmanSettings
     return KalmanSettings(**plain_tracker) if kind == "kalman" and not noncausal else None
 
 
+def forecasters_of(cfg: DictConfig, methods: Methods, kind: str) -> dict[str, Forecaster]:
+    """The methods that are applied to sets of a kind; those with weights come from the folder `networks`."""
+    applied = methods.applied_to(kind)
+    learned = [method.key for method in applied if method.key in cfg.methods.networks]
+    simple = baselines(method for method in applied if method.key not in learned)
+    return simple | {m: forecaster(Path(cfg.networks, m), Path("models/autoencoder")) for m in learned}
+
+
 @stage
 def main(cfg: DictConfig) -> None:
-    """Test the networks in the folder `networks` on the sets of `fold`; write metrics and forecasts.
+    """Test the networks in the folder `networks` on the sets of `fold` of `study`; write metrics, forecasts.
 
     Several scenes at once (see `pedpred.workers`).
     """
-    kind, methods = cfg.kind, Methods.parse(plain(cfg.methods))
-    applied = methods.applied_to({"simulated": "simulation"}.get(kind, kind))
-    learned = [method.key for method in applied if method.key in cfg.methods.networks]
-    forecasters: dict[str, Forecaster] = dict(baselines(m for m in applied if m.key not in learned))
-    forecasters |= {m: forecaster(Path(cfg.networks, m), Path("models/autoencoder")) for m in learned}
-    out = Path(cfg.get("out", f"data/forecasts/{kind}/{cfg.fold}"))
+    methods, fold = Methods.parse(plain(cfg.methods)), f"{cfg.study}/{cfg.fold}"
+    out = Path(cfg.get("out", f"data/forecasts/{fold}"))
     metrics: dict = {}
     with configured("evaluation"):
         settings = EvaluationSettings.parse(plain(cfg.evaluation))
-    for key in cfg.folds[kind][cfg.fold].test:
-        features, source = Path("data/features", kind, key), cfg[SETS[kind]][key]
+    for tested in cfg.folds[cfg.study][cfg.fold].test:
+        kind, key = tested.split("/")
+        features, source = Path("data/features", tested), cfg[SETS[kind]][key]
         sizes, _ = read_manifest(features)
         given = Comparison(
             features,
@@ -98,14 +103,14 @@ def main(cfg: DictConfig) -> None:
             tracker_of(row(cfg, "trackers", source.tracker), sizes.noncausal),
             row(cfg, "sensors", source.sensor)["every"],
             social_force_settings(row(cfg, "social_forces", source.social_force)),
-            forecasters,
+            forecasters_of(cfg, methods, kind),
             settings,
             out,
         )
-        folders = scene_folders(Path("data/scenes", kind, key))
+        folders = scene_folders(Path("data/scenes", tested))
         scores = dict(in_parallel(compare_in, [(f, given) for f in folders], f"evaluate {key}", "scene"))
         metrics |= figures(key, scores, methods.reference.key, settings, sizes.noncausal)
-    write_json(Path(cfg.get("metrics", f"data/metrics/{kind}/{cfg.fold}.json")), metrics)
+    write_json(Path(cfg.get("metrics", f"data/metrics/{fold}.json")), metrics)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from pedpred.report.simulation_page import flow_section
 def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote; write the page to `out`."""
     methods, figures = Methods.parse(plain(cfg.methods)), metrics_now(Path("reports/metrics"))
-    evaluated = {key: gather(key, plain(cfg.folds)) for key in ("sim", "real")}
+    evaluated = {key: gather(key, plain(cfg.folds[key])) for key in ("sim", "real")}
     replays = [
         replay(evaluated[key].scene(name), evaluated[key].windows[name], cfg.page.duration_s, methods)
         for key, names in cfg.page.replays.items()

@@ -1,11 +1,11 @@
-"""report@{sim,real}: the Markdown page on one kind of test sets, `reports/<key>.md`, and its pictures."""
+"""report@study: the Markdown page on a study, `reports/<study>.md`, and its pictures."""
 
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from pedpred.config import plain, stage, stage_key
-from pedpred.files import write_json, write_text
+from pedpred.files import write_text
 from pedpred.forecasting import Methods
 from pedpred.report.canvas import write_png
 from pedpred.report.error_plots import horizon_table
@@ -16,21 +16,17 @@ from pedpred.report.gather import document, gather
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write the page, its pictures, and the few figures that `dvc metrics` and `dvc plots` compare."""
+    """Write the page, its pictures, and the figures that `dvc plots` compares."""
     key, out = stage_key(cfg), Path(cfg.get("out", "reports"))
     methods, paper = Methods.parse(plain(cfg.methods)), Paper.parse(plain(cfg.paper))
-    evaluated = gather(key, plain(cfg.folds))
+    evaluated = gather(key, plain(cfg.folds[key]))
     page = document(evaluated, gallery(evaluated, methods), methods, paper)
     for picture in page.pictures:
         write_png(picture.figure, out / key / f"{picture.name}.png")
     write_text(out / f"{key}.md", page.markdown(key) + "\n")
-    errors_m = {}
     for result in evaluated.results:
-        ordered = methods.ordered(result.figures)
-        errors_m[result.name] = {name: result.figures[name]["ade_m"] for name in ordered}
         table = horizon_table(result, methods).to_csv(sep="\t", index=False, float_format="%.4f")
         write_text(out / "horizon" / key / f"{result.name}.tsv", table)
-    write_json(out / "ade" / f"{key}.json", errors_m)
 
 
 if __name__ == "__main__":

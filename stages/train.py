@@ -22,7 +22,7 @@ PREVIOUS = {
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Train network `name` in `phase` on `data` or on the places of `fold`; without places, copy it.
+    """Train network `name` in `phase` on the set `data` or on those of `fold`; without sets, copy it.
 
     Several processes: `torchrun -m stages.train`.
     """
@@ -30,7 +30,7 @@ def main(cfg: DictConfig) -> None:
     torch.set_num_threads(cfg.training.threads)
     phase = plain(cfg.training[cfg.phase])
     folded = "fold" in cfg
-    sets = [f"real/{place}" for place in cfg.folds.real[cfg.fold].train] if folded else [cfg.data]
+    sets = list(cfg.folds.real[cfg.fold].train) if folded else [cfg.data]
     data = PhaseData(
         [Path("data/features", part) for part in sets],
         [Path("data/embeddings", part) for part in sets],

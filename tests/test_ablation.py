@@ -34,7 +34,7 @@ def test_every_point_composes_and_differs(path):
     assert len(set(composed)) == len(ablation.points)
     name, _, key = ablation.target.partition("@")
     written = PIPELINE[name]["do"]["outs"]
-    assert ablation.metrics in [next(iter(entry)).replace("${key}", key) for entry in written]
+    assert ablation.metrics in [next(iter(entry)).replace("${item}", key) for entry in written]
 
 
 def measured(ablation):

@@ -24,7 +24,7 @@ from tests.trust.project import done
 PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
 PLACE = {"source": "toy", "folder": "data/raw/toy", "settings": {"dt_s": 0.4}, "variants": []}
 PLACE = next(iter(PARAMS["places"].values())) | PLACE
-FOLD = {"train": ["toy"], "test": ["toy"], "tracker": PLACE["tracker"]}
+FOLD = {"train": ["real/toy"], "test": ["real/toy"]}
 NETWORK = {"label": "Toy network", "colour": "#123456", "role": "network", "where": ["real"]}
 NETWORK |= {"settings": {"architecture": "toy", "units": 6}}
 METHOD = {"label": "Kalman again", "colour": "#654321", "role": "baseline", "where": ["real"]}
@@ -33,17 +33,17 @@ SMALL = [f"training.{p}.{k}" for p in ("corridor", "finetune") for k in ("steps=
 OTHERS = [f"~folds.real.{fold}" for fold in PARAMS["folds"]["real"]]
 OTHERS += [f"methods.networks.{name}.where=[]" for name in PARAMS["methods"]["networks"]]
 OTHERS += ["methods.baselines.social_force.where=[]"]  # takes long to compile
-TUNED = ["+fold=toy", "+networks=models/folds/toy"]
+OTHERS += [f"+online.exports.toy={{networks: models/folds/toy, tracker: {PLACE['tracker']}}}"]
 RUNS = [
     ["fetch", "+name=toy"],
     ["ingest", "+name=toy"],
     ["features", "+kind=real", "+name=toy"],
     ["train", "+phase=corridor", "+data=real/toy", "+name=toy", "+out=models/main/toy", *SMALL],
     ["train", "+phase=finetune", "+fold=toy", "+name=toy", *SMALL],
-    ["evaluate", "+kind=real", *TUNED],
-    ["gather", "+kind=real", "+out=reports/metrics/real.json"],
-    ["report", "+name=real", "+kind=real"],
-    ["export", "+kind=real", *TUNED, "online.network=toy"],
+    ["evaluate", "+study=real", "+fold=toy", "+networks=models/folds/toy"],
+    ["gather", "+name=real"],
+    ["report", "+name=real"],
+    ["export", "+name=toy", "online.network=toy"],
 ]
 STAGES = """
 import importlib, json, sys

@@ -147,7 +147,7 @@ def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
     page = (Path(__file__).parents[1] / "README.md").read_text().partition("## On the robot")[2]
     embedding = page.partition("```python\n")[2].partition("```")[0]
     (tmp_path / "models/online").mkdir(parents=True)
-    (tmp_path / "models/online/eth").symlink_to(model[0])
+    (tmp_path / "models/online/simulation").symlink_to(model[0])
     monkeypatch.chdir(tmp_path)
     names: dict = {}
     exec(embedding, names)

@@ -24,7 +24,7 @@ SMALL = [
     *(f"methods.networks.{n}.settings.{width}=8" for n in NETWORKS for width in WIDTHS_OF),
     *(f"methods.baselines.{m}.where=[]" for m in ("ca", "social_force")),
 ]
-ADDED = "+folds.real.trained={train: [crossing], test: [], tracker: kalman}"
+ADDED = "+folds.real.trained={train: [real/crossing], test: []}"
 
 
 def run(script, cfg, **given):
@@ -53,8 +53,8 @@ def project(tmp_path, monkeypatch):
     text = config.composed(Path("conf"), [*SMALL, ADDED])
     Path("params.yaml").write_text(text)
     params = yaml.safe_load(text)
-    for place in ("eth", "hotel"):  # their raw data are not part of this
-        del params["folds"]["real"][place]
+    own = {"crossing", "trained"}  # the raw data of other places are not part of this
+    params["folds"]["real"] = {k: fold for k, fold in params["folds"]["real"].items() if k in own}
     torch.manual_seed(0)
     write_autoencoder(Path("models/autoencoder"))
     for name, method in params["methods"]["networks"].items():
@@ -65,7 +65,7 @@ def project(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("project")
 def test_it_has_stages_of_its_own():
-    stages = ("ingest", "features_real", "encode_real", "finetune@lstm", "evaluate_real", "export_real")
+    stages = ("ingest", "features_real", "encode_real", "finetune@lstm", "evaluate_real")
     for stage in stages:
         address = f"{stage}{'-' if '@' in stage else '@'}crossing"
         assert config.declared(Path.cwd(), address, []) is not None
@@ -94,14 +94,13 @@ def test_it_flows_from_tracks_to_the_page(project, monkeypatch):
     assert curve["validation_ade_m"].notna().all()
     for name in NETWORKS:
         run("train", project, name=name, phase="finetune", fold="crossing")
-    networks = {"networks": "models/folds/crossing"}
-    run("evaluate", project, kind="real", fold="crossing", **networks)
+    run("evaluate", project, study="real", fold="crossing", networks="models/folds/crossing")
     del project["folds"]["real"]["trained"]
-    run("gather", project, kind="real", out="reports/metrics/real.json")
+    run("gather", project, name="real")
     figures = json.loads(Path("reports/metrics/real.json").read_text())
     assert set(figures) == {"crossing"}
     assert set(figures["crossing"]) == {"cv", "kalman_cv", "lstm", "lstm_nogrid"}
     assert 0.1 < figures["crossing"]["kalman_cv"]["ade_m"] < 2.0
-    run("report", project, name="real", kind="real")
+    run("report", project, name="real")
     assert "crossing" in Path("reports/real.md").read_text().lower()
     assert json.loads(Path("reports/ade/real.json").read_text())["crossing"]

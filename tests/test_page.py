@@ -38,17 +38,20 @@ def hall():
 PUBLISHED = read("literature/eth_ucy")["published"]
 SIMULATED = {"sim_test": metrics_of(IN_SIMULATION), "sim_test_hall": metrics_of(IN_SIMULATION)}
 REAL = {"eth": metrics_of(MEETING | {"lstm": 0.65, "ca": 9.0}), "hotel": metrics_of(MEETING)}
-FOLDS = [{"train": ["hotel"], "test": ["eth"]}, {"train": ["eth"], "test": ["hotel"]}]
+FOLDS = [
+    {"train": ["real/hotel"], "test": ["real/eth"]},
+    {"train": ["real/eth"], "test": ["real/hotel"]},
+]
 
 
 def contents_of(scene, windows):
     network, curves = GridAutoencoder(60, 8), curve_tables()
-    simulated = results_of(SIMULATED, [{"train": [], "test": ["sim_test"]}], "simulation", 0.3)
+    simulated = results_of(SIMULATED, [{"test": ["simulated/sim_test"]}], "sim", 0.3)
     real = results_of(REAL, FOLDS, "real", 0.3)
     places = {name: [dataclasses.replace(scene, name=name)] for name in REAL}
     evaluated = [
-        Evaluated(simulated, {"sim_test": [scene]}, {"hall": windows}, curves, network),
-        Evaluated(real, places, dict.fromkeys(REAL, windows), {}, network),
+        Evaluated("sim", "simulated", simulated, {"sim_test": [scene]}, {"hall": windows}, curves, network),
+        Evaluated("real", "real", real, places, dict.fromkeys(REAL, windows), {}, network),
     ]
     few = {name: REAL["eth"][name] | {"fde_m_ci95": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
     shown = [replay(scene, windows, 2.1, METHODS), replay(wall_scene("attic"), windows, 1.2, METHODS)]

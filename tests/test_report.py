@@ -37,6 +37,7 @@ from tests.forecasts import METHODS, PAPER, windows_with
 
 STEPS = 10
 MEETING = {"cv": 0.70, "ca": 0.80, "kalman_cv": 0.60, "social_force": 0.07, "lstm_nogrid": 0.50, "lstm": 0.40}
+SIMULATED = [{"test": ["simulated/sim_test"]}]
 IN_SIMULATION = MEETING | {"goal_blind": 0.15, "goal_unseen": 0.35}
 
 
@@ -61,10 +62,11 @@ def metrics_of(errors_m, spread_m=0.01):
     return found
 
 
-def result_of(metrics, name="sim_test", train=(), where=None):
+def result_of(metrics, name=None, train=()):
     """The result of one test set: a simulated one when nothing was trained for it."""
-    where = where or ("real" if train else "simulation")
-    return results_of({name: metrics}, [{"train": train, "test": [name]}], where, 0.3)[0]
+    study, kind, usual = ("real", "real", "eth") if train else ("sim", "simulated", "sim_test")
+    name = name or usual
+    return results_of({name: metrics}, [{"train": train, "test": [f"{kind}/{name}"]}], study, 0.3)[0]
 
 
 def judged(metrics, train=()):
@@ -73,7 +75,8 @@ def judged(metrics, train=()):
 
 def document_of(key, results, pictures=()):
     """A page with other pictures than those of the gallery."""
-    return document(Evaluated(results, {}, {}, {}, None), pictures, METHODS, PAPER).markdown(key)
+    kind = {"sim": "simulated", "real": "real"}[key]
+    return document(Evaluated(key, kind, results, {}, {}, {}, None), pictures, METHODS, PAPER).markdown(key)
 
 
 # Words
@@ -117,7 +120,7 @@ def test_a_missed_expectation_is_named(changed, missed):
 )
 def test_the_gain_on_real_people_is_judged_in_both_directions(lstm, verdict, words):
     metrics = metrics_of(MEETING | {"lstm": lstm}, spread_m=0.001)
-    below_cv, gain = judged(metrics, train=["home"])
+    below_cv, gain = judged(metrics, train=["real/home"])
     assert (below_cv.verdict, gain.verdict) == ("met", verdict)
     assert gain.measured == words
     assert f"{words} than the Kalman CV's 0.600 m" in answer(result_of(metrics), METHODS)
@@ -126,7 +129,7 @@ def test_the_gain_on_real_people_is_judged_in_both_directions(lstm, verdict, wor
 def test_a_difference_within_the_noise_is_said_to_be():
     metrics = metrics_of(MEETING | {"lstm": 0.595}, spread_m=0.02)
     assert "not distinguishable from the Kalman CV's" in answer(result_of(metrics), METHODS)
-    assert "includes 0" in judged(metrics, train=["home"])[1].measured
+    assert "includes 0" in judged(metrics, train=["real/home"])[1].measured
     assert "not distinguishable" not in answer(result_of(metrics_of(MEETING)), METHODS)
 
 
@@ -179,7 +182,7 @@ def test_methods_keep_order_and_colour_whoever_else_is_there():
         assert len({getattr(method, shown) for method in METHODS}) == len(METHODS.rows)
 
 
-@pytest.mark.parametrize(("key", "train"), [("sim", []), ("real", ["home"])])
+@pytest.mark.parametrize(("key", "train"), [("sim", []), ("real", ["real/home"])])
 def test_a_page_of_noncausal_figures_says_so_first(key, train):
     metrics = metrics_of(MEETING)
     causal = document_of(key, [result_of(metrics, train=train)])
@@ -192,7 +195,7 @@ def test_a_page_of_noncausal_figures_says_so_first(key, train):
 def test_the_page_on_simulation_lists_single_scenes_and_pictures():
     metrics, worse = metrics_of(MEETING), metrics_of(MEETING | {"lstm": 0.65})
     sets = {"sim_test": metrics, "sim_test_office": metrics, "sim_test_g0": worse}
-    results = results_of(sets, [{"train": [], "test": ["sim_test"]}], "simulation", 0.3)
+    results = results_of(sets, SIMULATED, "sim", 0.3)
     pictures = [Picture(f"p{k}", f"caption {k}", Figure()) for k in range(3)]
     page = document_of("sim", results, [Section("Look", [Pictures(pictures, columns=2)])])
     assert page.startswith("# Simulation")
@@ -200,15 +203,16 @@ def test_the_page_on_simulation_lists_single_scenes_and_pictures():
     assert "below the LSTM-noGrid in 1 of 2 and below the Kalman CV in 1 of 2" in page
     assert "![p2](sim/p2.png)<br>caption 2" in page
     with pytest.raises(ValueRuleError, match="sim_test"):
-        results_of({"eth": metrics}, [{"train": [], "test": ["sim_test"]}], "simulation", 0.3)
+        results_of({"eth": metrics}, SIMULATED, "sim", 0.3)
 
 
 def test_the_page_on_real_people_names_all_folds_and_what_cannot_be_reproduced():
-    folds = [{"train": ["hotel", "zara"], "test": ["eth"]}, {"train": ["eth"], "test": ["hotel"]}]
+    folds = [{"train": ["real/hotel", "real/zara"], "test": ["real/eth"]}]
+    folds += [{"train": ["real/eth", "real/zara", "simulated/main"], "test": ["real/hotel"]}]
     sets = {"eth": metrics_of(MEETING), "hotel": metrics_of(MEETING)}
     page = document_of("real", results_of(sets, folds, "real", 0.3))
     assert "At eth (fine-tuned on hotel and zara)" in page
-    assert "At hotel (fine-tuned on eth)" in page
+    assert "At hotel (fine-tuned on 3 others)" in page
     assert "could not be reproduced" in page
 
 
@@ -376,7 +380,7 @@ def test_curves_are_sorted_into_stages_and_models():
 def galleries():
     scene = wall_scene()
     simulated = result_of(metrics_of(MEETING))
-    real = result_of(metrics_of(MEETING | {"ca": 9.0}), "hall", ["home"])
+    real = result_of(metrics_of(MEETING | {"ca": 9.0}), "hall", ["real/home"])
     windows = {"hall": planned(scene, planted_s=0.9)}
     matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
     picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
@@ -384,8 +388,8 @@ def galleries():
     network = GridAutoencoder(60, 8)
     seen = wall_scene(camera=Camera(Homography(matrix), picture))
     sets, curves = {"sim_test": [scene], "main": [scene] * 3}, curve_tables()
-    sections = gallery(Evaluated([simulated], sets, windows, curves, network), METHODS)
-    sections += gallery(Evaluated([real], {"hall": [seen]}, windows, {}, network), METHODS)
+    sections = gallery(Evaluated("sim", "simulated", [simulated], sets, windows, curves, network), METHODS)
+    sections += gallery(Evaluated("real", "real", [real], {"hall": [seen]}, windows, {}, network), METHODS)
     return [picture for section in sections for picture in section.pictures]
 
 
@@ -432,7 +436,9 @@ def test_forecasts_of_an_unknown_scene_are_refused():
     windows = {"attic": planned(wall_scene("attic"))}
     results = [result_of(metrics_of(MEETING))]
     with pytest.raises(ValueRuleError, match="attic"):
-        gallery(Evaluated(results, {"sim_test": [wall_scene()]}, windows, {}, None), METHODS)
+        gallery(
+            Evaluated("sim", "simulated", results, {"sim_test": [wall_scene()]}, windows, {}, None), METHODS
+        )
 
 
 def test_a_method_far_beyond_the_others_does_not_set_the_scale():

@@ -23,7 +23,7 @@ class Method:
         label: name in reports.
         colour: of its lines, #RRGGBB.
         role: one of `ROLES`.
-        where: kinds of test sets that it is applied to: "simulation", "real", "literature".
+        where: kinds of test sets that it is applied to: "simulated", "real", "literature".
         settings: arguments of its factory: options of a baseline, or architecture and sizes of a network.
     """
 

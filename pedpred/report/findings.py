@@ -35,17 +35,26 @@ class Expectation:
 
 @dataclass(frozen=True)
 class Paper:
-    """The publication that results are compared with, by kind of test set."""
+    """The publication that results are compared with, by study."""
 
-    ade_m: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # {kind: {method: error, m}}
+    ade_m: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # {study: {method: error, m}}
     remarks: Mapping[str, str] = field(default_factory=dict)
     expectations: Mapping[str, Sequence[Expectation]] = field(default_factory=dict)
+    at: Mapping[str, Sequence[str]] = field(default_factory=dict)  # test sets it is about; all by default
 
     @classmethod
     def parse(cls, plain: Mapping[str, Any]) -> Paper:
         """Build from plain dictionaries."""
         expected = {w: [Expectation(**row) for row in rows] for w, rows in plain["expectations"].items()}
-        return cls(plain["ade_m"], plain["remarks"], expected)
+        return cls(plain["ade_m"], plain["remarks"], expected, plain["at"])
+
+    def about(self, result: Result) -> bool:
+        """Whether the publication says something about a test set."""
+        return result.name in self.at.get(result.study, [result.name])
+
+    def errors_m(self, result: Result) -> Mapping[str, float]:
+        """The published errors of a test set's study by method, m; none if they are about other sets."""
+        return self.ade_m.get(result.study, {}) if self.about(result) else {}
 
 
 @dataclass(frozen=True)
@@ -58,8 +67,8 @@ class Finding:
 
 
 def findings(result: Result, paper: Paper, methods: Methods) -> list[tuple[str, Finding]]:
-    """Judge all expectations of the test set's kind; each comes with the name of the test set."""
-    expected = paper.expectations.get(result.where, ())
+    """Judge all expectations of the test set's study; each comes with the name of the test set."""
+    expected = paper.expectations.get(result.study, ()) if paper.about(result) else ()
     return [(result.name, judged(expectation, result.figures, methods)) for expectation in expected]
 
 

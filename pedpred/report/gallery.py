@@ -25,9 +25,9 @@ from pedpred.report.snapshots import camera_figure, inputs_figure
 from pedpred.scenes import Scene
 from pedpred.storage.windows import EvaluationWindows
 
-CROWD = {"simulation": 8, "real": 4}
+CROWD = {"simulated": 8, "real": 4}
 """Least number of moving people at an instant that is shown."""
-SHOWN_S = {"simulation": 60.0, "real": float("inf")}
+SHOWN_S = {"simulated": 60.0, "real": float("inf")}
 """Length of the tracks in the pictures of places, s."""
 SHEET_S, SHEET_COLUMNS, SHEET_ROWS = 30.0, 10, 4
 """Length of the tracks of rooms that share a picture, s, and how the rooms are arranged."""
@@ -40,18 +40,16 @@ _STILL = (
 
 @dataclass(frozen=True)
 class Evaluated:
-    """What was measured of one kind of test sets, and what it was measured on."""
+    """What was measured in a study, and what it was measured on."""
 
+    study: str
+    kind: str  # of its test sets, "simulated" or "real"
     results: Sequence[Result]
     scenes: Mapping[str, Sequence[Scene]]  # by data set; those of trainings follow the test sets
     windows: Mapping[str, EvaluationWindows]  # by scene
     curves: Mapping[str, pd.DataFrame]  # of trainings, by name
     autoencoder: GridAutoencoder
-
-    @property
-    def where(self) -> str:
-        """Kind of the test sets."""
-        return self.results[0].where
+    missing: Sequence[str] = ()  # sets whose recordings were not available
 
     def scene(self, name: str) -> Scene:
         """Find a scene by its name."""
@@ -59,12 +57,12 @@ class Evaluated:
 
 
 def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
-    """Draw all pictures of the page on one kind of test sets.
+    """Draw all pictures of the page on a study.
 
     Raises:
         ValueRuleError: forecasts of a scene that is in no test set.
     """
-    results, windows, where = evaluated.results, evaluated.windows, evaluated.where
+    results, windows, kind = evaluated.results, evaluated.windows, evaluated.kind
     tested = {result.name: {s.name: s for s in evaluated.scenes[result.name]} for result in results}
     scenes = {name: scene for own in tested.values() for name, scene in own.items()}
     unknown = sorted(windows.keys() - scenes.keys())
@@ -79,7 +77,7 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
             figure = calibration_figure(list(own.values()), result.place, methods)
             caption = f"Expected and observed coverage of error ellipses, {result.place}."
             calibrations.append(Picture(f"calibration{suffix}", caption, figure))
-        for name, found in _instants(own, scenes, CROWD[where], methods).items():
+        for name, found in _instants(own, scenes, CROWD[kind], methods).items():
             snapshots.append(_snapshot(f"{suffix}_{name}", scenes, own, found, methods))
     legend = f"{_legend(methods)} {_STILL}" if any(s.camera for s in scenes.values()) else _legend(methods)
     others = {name: rooms for name, rooms in evaluated.scenes.items() if name not in tested}
@@ -88,8 +86,8 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
         *calibration_section(results, methods, calibrations),
         Section("Instants, chosen by rule", [Text(legend), Pictures(snapshots)]),
         *reconstructions_section(evaluated.autoencoder, windows),
-        _places(scenes, SHOWN_S[where]),
-        *(_trained_in(others) if where == "simulation" else []),
+        _places(scenes, SHOWN_S[kind]),
+        *(_trained_in(others) if kind == "simulated" else []),
         *_training(evaluated.curves, methods),
     ]
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import StorageError
+from pedpred.errors import StorageError, ValueRuleError
 from pedpred.forecasting import Methods
 from pedpred.networks.autoencoder import read_autoencoder
 from pedpred.report.curves import read_curve
@@ -18,42 +18,56 @@ from pedpred.report.sections import READING, answer_section, expectations_sectio
 from pedpred.storage.scenes import read_scenes
 from pedpred.storage.windows import read_windows
 
-KINDS = {"sim": ("simulated", "simulation"), "real": ("real", "real")}
-"""Kinds of test sets by the names of their pages: their folder, and the value of a method's `where`."""
 TITLES = {
-    "simulation": "Simulation: rooms that no network was trained in",
+    "sim": "Simulation: rooms that no network was trained in",
+    "transfer": "Real pedestrians: networks trained in simulation only",
     "real": "Real pedestrians: places that no network was trained on",
 }
+"""Of studies; another one's name is its title."""
 
 
-def gather(key: str, folds: Mapping[str, Any], root: Path = Path()) -> Evaluated:
-    """Read metrics, scenes, forecasts and curves of one kind of test sets ("sim" or "real").
+def title_of(study: str) -> str:
+    """Return the heading of the page on a study."""
+    return TITLES.get(study, study)
+
+
+def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path()) -> Evaluated:
+    """Read metrics, scenes, forecasts and curves of a study.
+
+    Args:
+        study: its name.
+        folds: of the study: sets that train and test.
+        root: the project's folder.
 
     Raises:
         StorageError: a file is missing or damaged.
-        ValueRuleError: a test set has no metrics.
+        ValueRuleError: a test set has no metrics, or the study tests sets of several kinds.
     """
-    kind, where = KINDS[key]
-    forecasts = sorted((root / "data/forecasts" / kind).glob("*/*.parquet"), key=lambda path: path.stem)
+    kinds = {entry.split("/")[0] for fold in folds.values() for entry in fold["test"]}
+    if len(kinds) != 1:
+        raise ValueRuleError(f"folds.{study}", sorted(kinds), "a study tests sets of one kind")
+    (kind,) = kinds
+    forecasts = sorted((root / "data/forecasts" / study).glob("*/*.parquet"), key=lambda path: path.stem)
     if not forecasts:
-        raise StorageError(root / "data/forecasts" / kind, "forecasts", "there are none")
+        raise StorageError(root / "data/forecasts" / study, "forecasts", "there are none")
     windows = {path.stem: read_windows(path) for path in forecasts}
-    metrics = read_metrics(root / f"reports/metrics/{key}.json")
+    metrics = read_metrics(root / f"reports/metrics/{study}.json")
     dt_s = next(iter(windows.values())).dt_s
-    results = results_of(metrics, folds[kind].values(), where, dt_s)
+    results = results_of(metrics, folds.values(), study, dt_s)
     tested, folder = [result.name for result in results], root / "data/scenes" / kind
     others = sorted({path.name for path in folder.iterdir() if path.is_dir()} - set(tested))
     scenes = {name: list(read_scenes(folder / name)) for name in [*tested, *others]}
-    tables = sorted((root / "reports/curves" / key).glob("*.tsv"))
+    tables = sorted((root / "reports/curves" / study).glob("*.tsv"))
     curves = {table.stem: curve for table in tables if len(curve := read_curve(table))}  # not of copies
-    return Evaluated(results, scenes, windows, curves, read_autoencoder(root / "models/autoencoder")[0])
+    autoencoder = read_autoencoder(root / "models/autoencoder")[0]
+    return Evaluated(study, kind, results, scenes, windows, curves, autoencoder)
 
 
-def document(evaluated: Evaluated, pictures: list[Section], methods: Methods, paper: Paper) -> Section:
-    """The page on one kind of test sets: answers, metrics, expectations and pictures."""
-    results, where = evaluated.results, evaluated.where
+def document(evaluated: Evaluated, pictures: Sequence[Section], methods: Methods, paper: Paper) -> Section:
+    """The page on a study: answers, metrics, expectations and pictures."""
+    results, study = evaluated.results, evaluated.study
     blocks: list[Block] = [*warnings(results)]
     blocks += [answer_section(result, methods, paper) for result in results]
-    blocks += [Text(text) for text in (READING, paper.remarks.get(where, "")) if text]
+    blocks += [Text(text) for text in (READING, paper.remarks.get(study, "")) if text]
     blocks += [expectations_section(results, methods, paper), *parts_sections(results, methods)]
-    return Section(TITLES[where], [*blocks, *pictures])
+    return Section(title_of(study), [*blocks, *pictures])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ Figures = Mapping[str, Mapping[str, Any]]
 """The figures of each method in one test set, by the method's key."""
 
 _QUARTILES = tuple(f"per_step_q{q}_m" for q in (25, 50, 75))
+_MANY = 3
 _FIELDS = ("ade_m", "ade_m_ci95", "windows", "tracks", "per_step_m", *_QUARTILES)
 
 
@@ -23,7 +24,8 @@ class Result:
     """What was measured in one test set; `parts` are its single scenes by name, where it pools several."""
 
     name: str
-    where: str  # kind of test set, "simulation" or "real"
+    study: str  # that it belongs to: the name of its metric file
+    kind: str  # of test set, "simulated" or "real"
     place: str  # the test set in words, with what its networks were trained on, as in "at home (...)"
     figures: Figures
     dt_s: float  # between two steps of the forecasts, s
@@ -58,22 +60,38 @@ def read_metrics(path: Path) -> dict[str, Figures]:
 
 
 def results_of(
-    metrics: Mapping[str, Figures], folds: Iterable[Mapping[str, Sequence[str]]], where: str, dt_s: float
+    metrics: Mapping[str, Figures],
+    folds: Iterable[Mapping[str, Sequence[str]]],
+    study: str,
+    dt_s: float,
+    missing: Collection[str] = (),
 ) -> list[Result]:
-    """The test sets of some folds (with `train` and `test`), in their order; see `Result` for the arguments.
+    """The test sets of the folds of a study, in their order; see `Result` for the arguments.
 
-    In the metrics, single scenes of a test set are named `<test set>_<scene>`.
+    A fold has `test` and, where networks were fine-tuned for it, `train`: sets named <kind>/<name>. In the
+    metrics, single scenes of a test set are named `<test set>_<scene>`. Sets without recording, `missing`,
+    are left out.
 
     Raises:
         ValueRuleError: a test set has no figures.
     """
     found = []
     for fold in folds:
-        tuned = f" (fine-tuned on {' and '.join(fold['train'])})" if fold["train"] else ""
-        for name in fold["test"]:
+        trained = [entry for entry in fold.get("train", ()) if entry not in missing]
+        for entry in fold["test"]:
+            kind, name = entry.split("/")
+            if entry in missing:
+                continue
             if name not in metrics:
                 raise ValueRuleError("metrics", sorted(metrics), f"the test set {name!r} must be among them")
-            place = "in simulated rooms that no training saw" if where == "simulation" else f"at {name}"
+            place = "in simulated rooms that no training saw" if kind == "simulated" else f"at {name}"
             parts = {k.removeprefix(f"{name}_"): v for k, v in metrics.items() if k.startswith(f"{name}_")}
-            found.append(Result(name, where, place + tuned, metrics[name], dt_s, parts))
+            found.append(Result(name, study, kind, place + _tuned(trained), metrics[name], dt_s, parts))
     return found
+
+
+def _tuned(sets: Sequence[str]) -> str:
+    """What networks were fine-tuned on, in brackets; more than two sets are counted."""
+    names = [entry.split("/")[1] for entry in sets]
+    words = " and ".join(names) if len(names) < _MANY else f"{len(names)} others"
+    return f" (fine-tuned on {words})" if names else ""

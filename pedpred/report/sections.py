@@ -69,7 +69,7 @@ def answer(result: Result, methods: Methods) -> str:
 
 def answer_section(result: Result, methods: Methods, paper: Paper) -> Section:
     """The result of a test set with its metrics."""
-    table = metrics_table(result, methods, paper.ade_m.get(result.where, {}))
+    table = metrics_table(result, methods, paper.errors_m(result))
     blocks: list[Block] = [Text(answer(result, methods), "sentence"), table]
     if metric_keys(result.figures)[1]:
         blocks.append(Section("Further metrics", [further_table(result, methods)], folded=True))
@@ -119,23 +119,27 @@ def calibration_section(
     return [Section("Calibration", [Text(CALIBRATION), *blocks, Pictures(pictures)], "calibration")]
 
 
-def paper_section(results: Sequence[Result], methods: Methods, paper: Paper) -> Section:
-    """ADE of every method beside the paper's, test set by test set."""
-    kinds = dict.fromkeys(result.where for result in results)
-    columns = [(where, [result for result in results if result.where == where]) for where in kinds]
+def paper_section(results: Sequence[Result], methods: Methods, paper: Paper) -> list[Section]:
+    """ADE of every method beside the paper's, test set by test set; nothing where it has no figures."""
+    shown = [result for result in results if paper.errors_m(result)]
     header = ["ADE [m]"]
-    for where, own in columns:
-        header += [f"paper, {where}", *(f"here, {result.name}" for result in own)]
+    for study, own in _by_study(shown).items():
+        header += [f"paper, {study}", *(f"here, {result.name}" for result in own)]
     rows = []
-    for name in methods.ordered({name for result in results for name in result.figures}):
+    for name in methods.ordered({name for result in shown for name in result.figures}):
         cells = [Cell(methods[name].label)]
-        for where, own in columns:
-            theirs = paper.ade_m.get(where, {}).get(name)
+        for study, own in _by_study(shown).items():
+            theirs = paper.ade_m[study].get(name)
             cells.append(Cell(NOTHING if theirs is None else f"{theirs:.3f}"))
             cells += [metric_cell(r.name, name, "ade_m", r.figures.get(name, {})) for r in own]
         rows.append(Row(cells, name, name == methods.main.key))
-    remarks = [Text(paper.remarks[where], "note") for where in kinds if where in paper.remarks]
-    return Section("Beside the paper's table", [*remarks, Table(header, rows)], "paper")
+    remarks = [Text(paper.remarks[study], "note") for study in _by_study(shown) if study in paper.remarks]
+    return [Section("Beside the paper's table", [*remarks, Table(header, rows)], "paper")] if shown else []
+
+
+def _by_study(results: Sequence[Result]) -> dict[str, list[Result]]:
+    studies = dict.fromkeys(result.study for result in results)
+    return {study: [result for result in results if result.study == study] for study in studies}
 
 
 def literature_section(

@@ -33,9 +33,10 @@ def metric_keys(figures: Figures) -> tuple[list[str], list[str]]:
 
 
 def metrics_table(result: Result, methods: Methods, paper_ade_m: Mapping[str, float]) -> Table:
-    """The first metrics of a test set, a row per method, with the paper's error beside ours."""
+    """The first metrics of a test set, a row per method, with the paper's error beside ours if it has one."""
     keys, marks = metric_keys(result.figures)[0], whiskers(result.figures)
-    header = ["method", *map(_title, keys), f"ADE minus {methods.reference.label} [m]", "paper's ADE [m]"]
+    header = ["method", *map(_title, keys), f"ADE minus {methods.reference.label} [m]"]
+    header += ["paper's ADE [m]"] * bool(paper_ade_m)
     rows = []
     for name in methods.ordered(result.figures):
         own = result.figures[name]
@@ -43,8 +44,10 @@ def metrics_table(result: Result, methods: Methods, paper_ade_m: Mapping[str, fl
         cells = [metric_cell(result.name, name, key, own) for key in keys]
         bounds = interval(own["ade_m_ci95"])
         cells[0] = Cell(cells[0].text, cells[0].place, bounds, remark=size, whisker=marks[name])
-        paper = Cell(f"{paper_ade_m[name]:.3f}" if name in paper_ade_m else NOTHING)
-        rows.append(_row(name, [*cells, gap_cell(result.name, name, own, methods), paper], methods))
+        cells.append(gap_cell(result.name, name, own, methods))
+        if paper_ade_m:
+            cells.append(Cell(f"{paper_ade_m[name]:.3f}" if name in paper_ade_m else NOTHING))
+        rows.append(_row(name, cells, methods))
     return Table(header, rows)
 
 

@@ -18,7 +18,7 @@ from pedpred.report.canvas import avif_bytes
 from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
 from pedpred.report.gallery import Evaluated, gallery
-from pedpred.report.gather import TITLES
+from pedpred.report.gather import title_of
 from pedpred.report.measures import Figures
 from pedpred.report.page.player import Replay
 from pedpred.report.sections import (
@@ -80,11 +80,11 @@ def _sections(contents: Contents) -> list[Section]:
     answer += [answer_section(result, methods, paper) for result in results]
     answer += [Text(READING, "note"), Section("Expectations", [table], folded=True)]
     answer += parts_sections(results, methods)
-    galleries = {TITLES[e.where]: gallery(e, methods) for e in contents.evaluated}
+    galleries = {title_of(e.study): gallery(e, methods) for e in contents.evaluated}
     unnamed = [Section(t, [s for s in own if not s.name]) for t, own in galleries.items()]
     return [
         Section("The answer", answer, "answer"),
-        paper_section(results, methods, paper),
+        *paper_section(results, methods, paper),
         *literature_section(contents.literature, contents.published, methods),
         *_merged("horizon", galleries),
         *_merged("calibration", galleries),

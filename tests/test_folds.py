@@ -1,0 +1,57 @@
+"""Folds are data: any choice of them composes, and nobody is tested where they were trained."""
+
+import re
+import shlex
+from itertools import pairwise
+
+import pytest
+import yaml
+
+from pedpred import config
+from tests.conftest import ROOT
+
+FOLDS = sorted((ROOT / "conf/folds").glob("*.yaml"))
+
+
+def composed(*overrides):
+    return yaml.safe_load(config.composed(ROOT / "conf", list(overrides)))
+
+
+def experiments():
+    """The overrides of every experiment about folds in README."""
+    commands = re.findall(r"^dvc exp run (.*folds.*)$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    words = [shlex.split(command, comments=True) for command in commands]
+    return [[value for key, value in pairwise(own) if key == "-S"] for own in words]
+
+
+@pytest.mark.parametrize("path", FOLDS, ids=lambda path: path.stem)
+def test_each_place_is_left_out_once_and_tested_by_the_simulations_network_too(path):
+    folds = composed(f"folds={path.stem}")["folds"]
+    (transfer,) = folds["transfer"].values()
+    left_out = [place for fold in folds["real"].values() for place in fold["test"]]
+    assert left_out == transfer["test"]
+    for name, fold in folds["real"].items():
+        assert [f"real/{name.removeprefix('without_')}"] == fold["test"]
+        assert sorted(fold["train"] + fold["test"]) == sorted(transfer["test"])
+
+
+def test_by_default_all_places_are_tested():
+    params = composed()
+    tested = {place for fold in params["folds"]["real"].values() for place in fold["test"]}
+    assert tested == {f"real/{name}" for name in params["places"]}
+
+
+@pytest.mark.parametrize("overrides", experiments(), ids=" ".join)
+def test_the_subsets_that_readme_names_compose(overrides):
+    usual, chosen = composed()["folds"], composed(*overrides)["folds"]
+    assert chosen.keys() == usual.keys()
+    for override in overrides:
+        removed = re.match(r"~folds\.(\w+)\.(\w+)", override)
+        added = re.match(r"\+folds\.(\w+)\.(\w+)=", override)
+        if removed:
+            assert set(usual[removed[1]]) - set(chosen[removed[1]]) == {removed[2]}
+        elif added:
+            assert set(chosen[added[1]]) - set(usual[added[1]]) == {added[2]}
+        else:
+            stem = override.removeprefix("folds=")
+            assert chosen == yaml.safe_load((ROOT / f"conf/folds/{stem}.yaml").read_text())
