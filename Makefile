@@ -25,12 +25,12 @@ $(VENV)/.installed: pyproject.toml $(CONSTRAINTS)
 params: setup ## write params.yaml from conf/
 	python -m pedpred.config
 
-tune: setup ## fit tracker and social forces to each real place again (writes conf/, about ten minutes)
+tune: setup ## fit trackers and social forces to real places again (writes conf/, about ten minutes)
 	dvc repro ingest
-	for place in $$(python -m tools.places); do python -m tools.tune_tracker $$place || exit; done
+	for place in $$(python -m tools.places tuned_on); do python -m tools.tune_tracker $$place || exit; done
 	python -m pedpred.config
 	dvc repro features_real
-	for place in $$(python -m tools.places); do python -m tools.fit_social_force $$place || exit; done
+	for place in $$(python -m tools.places fitted_on); do python -m tools.fit_social_force $$place || exit; done
 	python -m pedpred.config
 
 reproduce: setup ## raw data -> networks -> reports/; does only what is out of date

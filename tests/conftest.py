@@ -15,14 +15,27 @@ torch.set_num_threads(1)  # the networks of the tests are too small to share
 ROOT = Path(__file__).resolve().parents[1]
 
 
+def raw_folder(data_set: str) -> Path:
+    """The raw files of a data set, where the project would look for them; skips when they are nowhere."""
+    about = yaml.safe_load((ROOT / f"conf/mirrors/{data_set}.yaml").read_text())
+    names = [line.split()[1] for line in about["sha256sums"]]
+    needed = [name for name in names if Path(name).name not in about["optional"]]
+    for place in (os.environ.get("PEDPRED_MIRROR"), *about["folders"], f"data/raw/{data_set}"):
+        if place and all((ROOT / place / name).exists() for name in needed):
+            return ROOT / place
+    pytest.skip(f"{', '.join(needed)} are not here: put them into mirror/{data_set} or set PEDPRED_MIRROR")
+
+
 @pytest.fixture(scope="session")
 def ewap_folder() -> Path:
-    """The raw EWAP files, where the project would look for them; skips when they are nowhere."""
-    folders = yaml.safe_load((ROOT / "conf/mirrors/ewap.yaml").read_text())["folders"]
-    for place in (os.environ.get("PEDPRED_MIRROR"), *folders, "data/raw/ewap"):
-        if place and (ROOT / place / "seq_hotel" / "obsmat.txt").exists():
-            return ROOT / place
-    pytest.skip("the EWAP recordings are not here: run `dvc repro fetch` or set PEDPRED_MIRROR")
+    """The raw EWAP files."""
+    return raw_folder("ewap")
+
+
+@pytest.fixture(scope="session")
+def laboratory_folder() -> Path:
+    """The raw files of the laboratory recordings."""
+    return raw_folder("juelich")
 
 
 @pytest.fixture(scope="session")

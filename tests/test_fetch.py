@@ -308,8 +308,10 @@ def test_a_damaged_sum_is_named():
         mirrors.Mirrors("ewap", (), (), 1.0, {"a.txt": "abc"})
 
 
-def committed():
-    return mirrors.Mirrors.parse("ewap", yaml.safe_load((ROOT / "conf/mirrors/ewap.yaml").read_text()))
+def committed(data_set="ewap"):
+    return mirrors.Mirrors.parse(
+        data_set, yaml.safe_load((ROOT / f"conf/mirrors/{data_set}.yaml").read_text())
+    )
 
 
 def test_committed_sums_name_both_sequences():
@@ -317,5 +319,14 @@ def test_committed_sums_name_both_sequences():
     assert sorted(committed().sums) == [f"seq_{place}/{name}" for place in ("eth", "hotel") for name in names]
 
 
-def test_committed_sums_are_those_of_the_recordings(ewap_folder):
+def test_committed_sums_name_all_laboratory_recordings():
+    listed = committed("juelich")
+    rows = yaml.safe_load((ROOT / "conf/places/recorded.yaml").read_text()).values()
+    recordings = {row["settings"]["recording"] for row in rows if row["folder"] == "data/raw/juelich"}
+    assert set(listed.sums) == {f"{name}.{kind}" for name in recordings for kind in ("txt", "xml")}
+    assert set(listed.inside) == set(listed.sums)
+
+
+def test_committed_sums_are_those_of_the_recordings(ewap_folder, laboratory_folder):
     assert mirrors.lack(ewap_folder, committed()) is None
+    assert mirrors.lack(laboratory_folder, committed("juelich")) is None

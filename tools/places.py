@@ -1,4 +1,4 @@
-"""Print the names of the configured places, one per line: `python -m tools.places`."""
+"""Print the places that rows were fitted to, one per line: `python -m tools.places tuned_on`."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ from pedpred.config import read_params
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Read params.yaml, write the names to standard output."""
-    argparse.ArgumentParser(prog="python -m tools.places", description=__doc__).parse_args(arguments)
-    sys.stdout.writelines(f"{name}\n" for name in read_params(Path()).places)
+    """Read params.yaml, write to standard output the names of places that some place's settings refer to."""
+    parser = argparse.ArgumentParser(prog="python -m tools.places", description=__doc__)
+    parser.add_argument("prefix", help="of the rows: tuned_on (trackers) or fitted_on (social_forces)")
+    given = parser.parse_args(arguments)
+    places = read_params(Path()).places
+    used = {place[kind] for place in places.values() for kind in ("tracker", "social_force")}
+    sys.stdout.writelines(f"{name}\n" for name in places if f"{given.prefix}_{name}" in used)
 
 
 if __name__ == "__main__":

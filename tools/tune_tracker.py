@@ -1,7 +1,7 @@
 """Tune the tracker on one place by maximum likelihood: `python -m tools.tune_tracker <place>`.
 
-Run it after `dvc repro ingest`. It writes the row tuned_on_<place> of conf/trackers, which the *other* places
-are tracked with. Run `make params` afterwards.
+It sees what the place's sensor lets through, as the tracker will. Run it after `dvc repro ingest`. It writes
+the row tuned_on_<place> of conf/trackers, which *other* places are tracked with. Then run `make params`.
 """
 
 from __future__ import annotations
@@ -10,6 +10,10 @@ import argparse
 import logging
 from pathlib import Path
 
+import numpy as np
+
+from pedpred.config import read_params, row
+from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import log_likelihood, tune_kalman
 from tools.rows import write_row
@@ -36,12 +40,15 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=Path("conf/trackers/kalman.yaml"), help="file of rows")
     given = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    trajectories = read_scene(Path("data/scenes/real", given.place)).trajectories
+    params = read_params(Path())
+    sensor = SensorSettings(**row(params, "sensors", params.places[given.place].sensor))
+    scene = read_scene(Path("data/scenes/real", given.place))
+    trajectories = apply_sensor(scene, sensor, np.random.default_rng(sensor.seed)).trajectories
     best = tune_kalman(trajectories, given.ahead)
     fit = log_likelihood(trajectories, best, given.ahead)
-    row = _ROW.format(place=given.place, ahead=given.ahead, fit=fit, **vars(best))
-    write_row(given.out, f"tuned_on_{given.place}", row)
-    logging.getLogger(__name__).info("%s\n%s", given.out, row)
+    text = _ROW.format(place=given.place, ahead=given.ahead, fit=fit, **vars(best))
+    write_row(given.out, f"tuned_on_{given.place}", text)
+    logging.getLogger(__name__).info("%s\n%s", given.out, text)
 
 
 if __name__ == "__main__":

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.scenes import Scene
-from pedpred.sources import ewap, scene_folder
+from pedpred.sources import ewap, jupedsim, scene_folder
 
 SOURCES: dict[str, Callable[[Path, str, Mapping[str, Any]], Scene]] = {
     "ewap": ewap.read_sequence,
+    "jupedsim": jupedsim.read_recording,
     "scene_folder": scene_folder.read_folder,
 }
 

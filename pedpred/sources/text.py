@@ -12,12 +12,12 @@ from pedpred.files import read_bytes, translate_errors
 _LARGEST_WHOLE = 2**53
 
 
-def text_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
+def text_rows(path: Path, encoding: str = "ascii") -> Iterator[tuple[int, list[str]]]:
     """Line number (from 1) and blank-separated fields of each line that has any."""
     if not path.exists():
         raise SourceError(path, None, "the file is missing")
     with translate_errors(lambda problem: SourceError(path, None, f"not a readable text file ({problem})")):
-        text = read_bytes(path).decode("ascii")
+        text = read_bytes(path).decode(encoding)
     for line, content in enumerate(text.splitlines(), start=1):
         if fields := content.split():
             yield line, fields

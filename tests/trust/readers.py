@@ -16,12 +16,14 @@ from pedpred import config
 from pedpred.networks import load_network
 from pedpred.report import measures
 from pedpred.ros import read_bag, read_recording
-from pedpred.sources import ewap
+from pedpred.sources import ewap, jupedsim
 from pedpred.storage.scenes import read_map, read_scene
 from pedpred.storage.shards import read_embeddings, write_embeddings
 from pedpred.storage.windows import read_windows
 from tests.exported import export
 from tests.test_bags import Store, stream
+from tests.test_jupedsim import SETTINGS as LABORATORY
+from tests.test_jupedsim import write_recording
 from tests.test_sources import SETTINGS as EWAP
 from tests.trust import examples
 
@@ -57,6 +59,11 @@ READERS = {
         examples.make_ewap,
         ("obsmat.txt", "H.txt", "groups.txt", "map.png", "reference.png"),
         lambda folder: ewap.read_sequence(folder, "eth", EWAP),
+    ),
+    "laboratory": Reader(
+        write_recording,
+        ("hall.txt", "hall.xml"),
+        lambda folder: jupedsim.read_recording(folder, "hall", LABORATORY),
     ),
     "map": Reader(examples.make_scene, ("map.yaml", "map.pgm"), read_map),
     "scene": Reader(examples.make_scene, ("scene.json", "tracks.parquet", "reference.png"), read_scene),
