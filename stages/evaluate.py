@@ -55,10 +55,12 @@ def compare_in(folder: Path, given: Comparison) -> tuple[str, dict[str, Scores]]
     """Write the forecasts of one scene, on one thread in every worker.
 
     Returns:
-        Name of the scene, and the scores of each method there.
+        Name of the scene, and the scores of each method there; none if its recording is not available.
     """
     torch.set_num_threads(1)
     scene = read_scene(folder)
+    if scene.unavailable is not None:
+        return scene.name, {}
     table = read_shard(given.features, scene.name, given.sizes)
     interval_s = scene.detection_dt_s * given.every
     rows = np.flatnonzero(table.window)
@@ -90,6 +92,7 @@ def main(cfg: DictConfig) -> None:
     """
     methods, fold = Methods.parse(plain(cfg.methods)), f"{cfg.study}/{cfg.fold}"
     out = Path(cfg.get("out", f"data/forecasts/{fold}"))
+    out.mkdir(parents=True, exist_ok=True)  # also if no place is available
     metrics: dict = {}
     with configured("evaluation"):
         settings = EvaluationSettings.parse(plain(cfg.evaluation))
@@ -108,8 +111,9 @@ def main(cfg: DictConfig) -> None:
             out,
         )
         folders = scene_folders(Path("data/scenes", tested))
-        scores = dict(in_parallel(compare_in, [(f, given) for f in folders], f"evaluate {key}", "scene"))
-        metrics |= figures(key, scores, methods.reference.key, settings, sizes.noncausal)
+        found = in_parallel(compare_in, [(f, given) for f in folders], f"evaluate {key}", "scene")
+        scores = {scene: own for scene, own in found if own}
+        metrics |= figures(key, scores, methods.reference.key, settings, sizes.noncausal) if scores else {}
     write_json(Path(cfg.get("metrics", f"data/metrics/{fold}.json")), metrics)
 
 

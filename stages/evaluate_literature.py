@@ -25,6 +25,8 @@ def main(cfg: DictConfig) -> None:
         tracker = row(cfg, "trackers", cfg.places[place].tracker)
         tracker.pop("kind")
         scene = read_scene(Path("data/scenes/real", place))
+        if scene.unavailable is not None:
+            continue
         found = stretches(scene.trajectories, options.observed_steps, options.predicted_steps, options.step_s)
         request = request_about(scene, found, KalmanSettings(**tracker))
         figures[place] = literature_figures(request, found, forecasters, methods.reference.key, settings)

@@ -26,6 +26,7 @@ def main(cfg: DictConfig) -> None:
         replay(evaluated[key].scene(name), evaluated[key].windows[name], cfg.page.duration_s, methods)
         for key, names in cfg.page.replays.items()
         for name in names
+        if name in evaluated[key].windows
     ]
     ablations = ablation_sections(Path("conf/ablations"), Path("reports/ablations"), methods)
     contents = Contents(

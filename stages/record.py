@@ -19,14 +19,16 @@ def main(cfg: DictConfig) -> None:
     """Write data/recordings/<scene>.mcap, its Foxglove layout and reports/walking/<scene>.gif.
 
     `scene` is a scene's folder, `forecasts` the file of the forecasts in it, `out` another root than here.
+    Without that file, as of a place that is not available, both show the scene alone.
     """
-    scene, windows = read_scene(Path(cfg.scene)), read_windows(Path(cfg.forecasts))
+    scene, forecasts = read_scene(Path(cfg.scene)), Path(cfg.forecasts)
+    windows = read_windows(forecasts) if forecasts.exists() else None
     root, options = Path(cfg.get("out", ".")), cfg.recording
     recording = root / "data/recordings" / scene.name
     methods = Methods.parse(plain(cfg.methods))
     shown = {name: to_rgb(methods[name].colour) for name in methods.ordered(options.methods)}
     animation = Animation(**plain(options.animation))
-    write_recording(scene, recording.with_suffix(".mcap"), windows, shown)
+    write_recording(scene, recording.with_suffix(".mcap"), windows, shown if windows else None)
     write_layout(scene.occupancy, set(shown) - {animation.method}, recording.with_suffix(".foxglove.json"))
     write_animation(scene, windows, animation, methods, root / f"reports/walking/{scene.name}.gif")
 

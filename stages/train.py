@@ -9,6 +9,7 @@ from omegaconf import DictConfig
 from pedpred.config import configured, plain, stage, stage_key
 from pedpred.networks import parse_settings
 from pedpred.storage.checkpoints import write_checkpoint
+from pedpred.storage.shards import has_rows
 from pedpred.training.distributed import distributed_context
 from pedpred.training.fit import PhaseData, copy_phase, fit, write_curve
 from pedpred.training.recurrent import TrainingSettings
@@ -22,7 +23,7 @@ PREVIOUS = {
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Train network `name` in `phase` on the set `data` or on those of `fold`; without sets, copy it.
+    """Train network `name` in `phase` on the set `data` or on those of `fold` that have people; else copy it.
 
     Several processes: `torchrun -m stages.train`.
     """
@@ -30,7 +31,8 @@ def main(cfg: DictConfig) -> None:
     torch.set_num_threads(cfg.training.threads)
     phase = plain(cfg.training[cfg.phase])
     folded = "fold" in cfg
-    sets = list(cfg.folds.real[cfg.fold].train) if folded else [cfg.data]
+    named = cfg.folds.real[cfg.fold].train if folded else []
+    sets = [part for part in named if has_rows(Path("data/features", part))] if folded else [cfg.data]
     data = PhaseData(
         [Path("data/features", part) for part in sets],
         [Path("data/embeddings", part) for part in sets],

@@ -10,9 +10,11 @@ import pytest
 import torch
 import yaml
 from omegaconf import OmegaConf
+from PIL import Image
 
 from pedpred import config
 from pedpred.networks import parse_settings
+from pedpred.ros import read_recording
 from pedpred.storage.scenes import read_scene
 from tests.conftest import ROOT
 from tests.exported import WIDTHS, write_autoencoder, write_network
@@ -72,13 +74,9 @@ def test_it_has_stages_of_its_own():
 
 
 def test_a_place_whose_files_nobody_has_is_a_scene_without_people(project):
-    place = project["places"]["eth"]
-    note = Path(place["folder"], "UNAVAILABLE.txt")
-    note.parent.mkdir(parents=True)
-    note.write_text("the archive is down\n")
-    run("ingest", project, name="eth")
+    missing(project, "eth")
     scene = read_scene(Path("data/scenes/real/eth"))
-    assert scene.unavailable == f"{note} says why"
+    assert scene.unavailable.endswith("UNAVAILABLE.txt says why")
     assert not len(scene.trajectories)
 
 
@@ -104,3 +102,50 @@ def test_it_flows_from_tracks_to_the_page(project, monkeypatch):
     run("report", project, name="real")
     assert "crossing" in Path("reports/real.md").read_text().lower()
     assert json.loads(Path("reports/ade/real.json").read_text())["crossing"]
+
+
+def missing(project, place):
+    """Note that nobody has a place's raw files, and bring the place as far as training."""
+    note = Path(project["places"][place]["folder"], "UNAVAILABLE.txt")
+    note.parent.mkdir(parents=True)
+    note.write_text("the archive is down\n")
+    run("ingest", project, name=place)
+    for stage in ("features", "encode"):
+        run(stage, project, kind="real", name=place)
+
+
+@pytest.mark.parametrize("train", [["real/eth"], ["real/eth", "real/crossing"]])
+def test_training_goes_without_a_missing_place(project, train):
+    missing(project, "eth")
+    run("ingest", project, name="crossing")
+    for stage in ("features", "encode"):
+        run(stage, project, kind="real", name="crossing")
+    project["folds"]["real"] = {"other": {"train": ["real/crossing"]}, "fold": {"train": train}}
+    for fold in project["folds"]["real"]:
+        run("train", project, name="lstm", phase="finetune", fold=fold)
+    same = "main" if train == ["real/eth"] else "folds/other"
+    written = [Path("models", folder, "lstm/weights.safetensors") for folder in ("folds/fold", same)]
+    assert written[0].read_bytes() == written[1].read_bytes()
+
+
+def test_a_missing_place_is_in_no_result(project, monkeypatch):
+    monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
+    missing(project, "eth")
+    project["folds"] = {
+        study: {"fold": {"train": [], "test": ["real/eth"]}} for study in ("transfer", "real")
+    }
+    for name in NETWORKS:
+        run("train", project, name=name, phase="finetune", fold="fold")
+    for study, networks in (("transfer", "main"), ("real", "folds/fold")):
+        run("evaluate", project, study=study, fold="fold", networks=f"models/{networks}")
+        run("gather", project, name=study)
+        assert json.loads(Path(f"reports/metrics/{study}.json").read_text()) == {}
+    run("report", project, name="real")
+    assert "Not available, hence neither trained on nor tested: eth" in Path("reports/real.md").read_text()
+    project["literature"]["places"] = ["eth"]
+    run("evaluate_literature", project)
+    assert json.loads(Path("reports/metrics/literature.json").read_text()) == {}
+    run("record", project, scene="data/scenes/real/eth", forecasts="data/forecasts/real/fold/eth.parquet")
+    assert not len(read_recording(Path("data/recordings/eth.mcap")).trajectories)
+    with Image.open("reports/walking/eth.gif") as picture:
+        assert picture.n_frames == 1

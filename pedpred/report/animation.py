@@ -46,13 +46,19 @@ class Animation:
 
 
 def write_animation(
-    scene: Scene, windows: EvaluationWindows, animation: Animation, methods: Methods, path: Path
+    scene: Scene, windows: EvaluationWindows | None, animation: Animation, methods: Methods, path: Path
 ) -> None:
     """Write the busiest stretch of a scene as a GIF that repeats; the same input gives the same bytes.
+
+    Without windows it is a still of the empty place.
 
     Raises:
         ValueRuleError: there are no forecasts of the method, or none at all.
     """
+    if windows is None:
+        with atomic_write(path) as new:
+            _Sheet(scene, animation.width_px).ground.reduce(_SMOOTHING).save(new, "gif")
+        return
     if animation.method not in windows.predictions:
         rule = f"scene {scene.name} has forecasts of {sorted(windows.predictions)}"
         raise ValueRuleError("method", animation.method, rule)

@@ -63,6 +63,8 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
         ValueRuleError: forecasts of a scene that is in no test set.
     """
     results, windows, kind = evaluated.results, evaluated.windows, evaluated.kind
+    if not results:
+        return _training(evaluated.curves, methods)
     tested = {result.name: {s.name: s for s in evaluated.scenes[result.name]} for result in results}
     scenes = {name: scene for own in tested.values() for name, scene in own.items()}
     unknown = sorted(windows.keys() - scenes.keys())

@@ -47,26 +47,28 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
     if len(kinds) != 1:
         raise ValueRuleError(f"folds.{study}", sorted(kinds), "a study tests sets of one kind")
     (kind,) = kinds
+    folder = root / "data/scenes" / kind
+    sets = {path.name: list(read_scenes(path)) for path in sorted(folder.iterdir()) if path.is_dir()}
+    missing = [name for name, scenes in sets.items() if all(scene.unavailable for scene in scenes)]
     forecasts = sorted((root / "data/forecasts" / study).glob("*/*.parquet"), key=lambda path: path.stem)
-    if not forecasts:
+    if not forecasts and len(missing) < len(sets):
         raise StorageError(root / "data/forecasts" / study, "forecasts", "there are none")
     windows = {path.stem: read_windows(path) for path in forecasts}
+    dt_s = next((own.dt_s for own in windows.values()), 0.0)
     metrics = read_metrics(root / f"reports/metrics/{study}.json")
-    dt_s = next(iter(windows.values())).dt_s
-    results = results_of(metrics, folds.values(), study, dt_s)
-    tested, folder = [result.name for result in results], root / "data/scenes" / kind
-    others = sorted({path.name for path in folder.iterdir() if path.is_dir()} - set(tested))
-    scenes = {name: list(read_scenes(folder / name)) for name in [*tested, *others]}
+    results = results_of(metrics, folds.values(), study, dt_s, [f"{kind}/{name}" for name in missing])
+    tested = [result.name for result in results]
+    scenes = {name: sets[name] for name in [*tested, *sets] if name not in missing}
     tables = sorted((root / "reports/curves" / study).glob("*.tsv"))
     curves = {table.stem: curve for table in tables if len(curve := read_curve(table))}  # not of copies
     autoencoder = read_autoencoder(root / "models/autoencoder")[0]
-    return Evaluated(study, kind, results, scenes, windows, curves, autoencoder)
+    return Evaluated(study, kind, results, scenes, windows, curves, autoencoder, missing)
 
 
 def document(evaluated: Evaluated, pictures: Sequence[Section], methods: Methods, paper: Paper) -> Section:
     """The page on a study: answers, metrics, expectations and pictures."""
     results, study = evaluated.results, evaluated.study
-    blocks: list[Block] = [*warnings(results)]
+    blocks: list[Block] = [*warnings(results, evaluated.missing)]
     blocks += [answer_section(result, methods, paper) for result in results]
     blocks += [Text(text) for text in (READING, paper.remarks.get(study, "")) if text]
     blocks += [expectations_section(results, methods, paper), *parts_sections(results, methods)]

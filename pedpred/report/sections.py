@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,9 +40,13 @@ CALIBRATION = (
 NONCAUSAL = "**Non-causal protocol: the inputs know the future, so nothing on this page is a forecast.**"
 
 
-def warnings(results: Sequence[Result]) -> list[Text]:
-    """What a reader must know first."""
-    return [Text(NONCAUSAL, "warning")] if any(result.noncausal for result in results) else []
+def warnings(results: Sequence[Result], missing: Collection[str] = ()) -> list[Text]:
+    """What a reader must know first; `missing` names the places whose recordings were not available."""
+    found = [Text(NONCAUSAL, "warning")] if any(result.noncausal for result in results) else []
+    if missing:
+        left_out = f"**Not available, hence neither trained on nor tested: {', '.join(missing)}.**"
+        found.append(Text(f"{left_out} `make reproduce` says what is missing.", "warning"))
+    return found
 
 
 def answer(result: Result, methods: Methods) -> str:

@@ -107,6 +107,16 @@ def read_about(path: Path) -> dict[str, Any]:
         return json.loads(pq.read_schema(path).metadata[_ABOUT_KEY])
 
 
+def count_rows(path: Path) -> int:
+    """Number of rows of a file.
+
+    Raises:
+        StorageError: the file is damaged.
+    """
+    with translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)):
+        return pq.read_metadata(path).num_rows
+
+
 def read_columns(
     path: Path, shapes: Mapping[str, tuple[int, ...]], version: int | None = None
 ) -> dict[str, np.ndarray]:

@@ -13,7 +13,7 @@ import numpy as np
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.files import read_json, translate_errors, write_json
-from pedpred.storage.columns import PAIRS, join_pairs, read_blocks, split_pairs, write_blocks
+from pedpred.storage.columns import PAIRS, count_rows, join_pairs, read_blocks, split_pairs, write_blocks
 
 FEATURE_SCHEMA = 2
 _NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
@@ -105,6 +105,16 @@ def read_manifest(folder: Path) -> tuple[FeatureSettings, dict[str, str]]:
             raise StorageError(path, "schema", f"{about['schema']!r}, expected {FEATURE_SCHEMA}", _REMEDY)
         scenes = {name: str(shard["scene_sha256"]) for name, shard in about["shards"].items()}
         return FeatureSettings(**about["settings"]), scenes
+
+
+def has_rows(folder: Path) -> bool:
+    """Return whether a feature folder has any row; places without recording have none.
+
+    Raises:
+        StorageError: the manifest or a shard is damaged.
+    """
+    paths = [folder / f"{name}.parquet" for name in read_manifest(folder)[1]]
+    return any(count_rows(path) for path in paths)
 
 
 def read_shard(folder: Path, name: str, settings: FeatureSettings) -> FeatureTable:

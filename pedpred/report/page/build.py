@@ -76,7 +76,8 @@ def _sections(contents: Contents) -> list[Section]:
     methods, paper = contents.methods, contents.paper
     results = [result for evaluated in contents.evaluated for result in evaluated.results]
     summary, table = expectations_section(results, methods, paper).blocks
-    answer: list[Block] = [*warnings(results), summary]
+    missing = dict.fromkeys(name for evaluated in contents.evaluated for name in evaluated.missing)
+    answer: list[Block] = [*warnings(results, missing), summary]
     answer += [answer_section(result, methods, paper) for result in results]
     answer += [Text(READING, "note"), Section("Expectations", [table], folded=True)]
     answer += parts_sections(results, methods)
