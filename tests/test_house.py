@@ -1,10 +1,12 @@
 """The house rules that a machine can check: layers, dependencies, sizes, documentation, configuration."""
 
 import ast
+import fnmatch
 import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -16,6 +18,9 @@ from pedpred import config
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
 CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+LAYERS = next([line.split(" | ") for line in c["layers"]] for c in CONTRACTS if c["type"] == "layers")
+WITHOUT_TORCH = next(c["source_modules"] for c in CONTRACTS if c["type"] == "forbidden")
+ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text()
 PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
 DEFAULTS = yaml.safe_load((ROOT / "conf" / "config.yaml").read_text())["defaults"]
 SCRIPTS = sorted(path for path in (ROOT / "stages").glob("*.py") if path.name != "__init__.py")
@@ -44,25 +49,14 @@ def test_import_contracts_hold():
 
 
 def test_every_package_stands_on_a_layer():
-    layers = next(contract["layers"] for contract in CONTRACTS if contract["type"] == "layers")
-    listed = {name.strip() for line in layers for name in line.split("|")} | {"pedpred.config"}
+    listed = {name for layer in LAYERS for name in layer} | {"pedpred.config"}
     rooms = {p for p in (ROOT / "pedpred").iterdir() if (p / "__init__.py").exists() or p.suffix == ".py"}
     assert {f"pedpred.{room.stem}" for room in rooms} - {"pedpred.__init__"} == listed - {"stages", "tools"}
 
 
-def test_the_architecture_page_lists_the_layers_as_they_are_checked():
-    page = (ROOT / "ARCHITECTURE.md").read_text().partition("```")[2].partition("```")[0]
-    shown = [
-        name for line in page.splitlines() for name in re.findall(r"pedpred\.\w+|^(?:tools|stages)", line)
-    ]
-    layers = next(contract["layers"] for contract in CONTRACTS if contract["type"] == "layers")
-    assert shown == [name.strip() for line in layers for name in line.split("|")]
-
-
 def test_what_may_run_on_the_robot_imports_without_torch():
-    packages = next(contract["source_modules"] for contract in CONTRACTS if contract["type"] == "forbidden")
-    files = [path for name in packages for path in ROOT.joinpath(*name.split(".")).glob("[a-z]*.py")]
-    modules = [*packages, *(named(path.with_suffix("")).replace("/", ".") for path in files)]
+    files = [path for name in WITHOUT_TORCH for path in ROOT.joinpath(*name.split(".")).glob("[a-z]*.py")]
+    modules = [*WITHOUT_TORCH, *(named(path.with_suffix("")).replace("/", ".") for path in files)]
     script = f"import sys, {', '.join(modules)}; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=False).returncode == 0
 
@@ -161,6 +155,61 @@ def test_no_place_and_no_method_is_named_outside_its_own_file():
     texts = {name: path.read_text() for name, path in files.items() if not OWN_FILES.match(name)}
     guilty = {(name, found[0]) for name, text in texts.items() for found in names.finditer(text)}
     assert guilty <= {("pedpred/report/comparison.py", "ca")}  # reads metric files with the former key
+
+
+# The architecture page
+
+
+def test_the_page_lists_the_layers_as_they_are_checked():
+    rows = re.sub(r"\n +\|", " |", ARCHITECTURE.split("```")[1]).strip().splitlines()
+    assert [re.findall(r"pedpred\.\w+|^(?:tools|stages)", row) for row in rows] == LAYERS
+
+
+def test_the_page_names_what_works_without_torch():
+    (listed,) = re.findall(r"(`.*) and all packages below `storage` work without torch", ARCHITECTURE)
+    below = {name for layer in LAYERS[LAYERS.index(["pedpred.storage"]) + 1 :] for name in layer}
+    light = {f"pedpred.{name}" for name in re.findall(r"`(\w+)`", listed)}
+    assert light | below == set(WITHOUT_TORCH) - {"pedpred.config"}
+
+
+def test_the_page_draws_the_stages_of_the_pipeline():
+    drawn = set()
+    for word, followed in re.findall(r"\b([a-z_]+(?:\{[\w,]+\}|\*)?)(@?)", ARCHITECTURE.split("```")[3]):
+        head, _, choices = word.rstrip("}").partition("{")
+        names = {name for tail in choices.split(",") for name in fnmatch.filter(PIPELINE, head + tail)}
+        assert names or not ("_" in word or followed), word
+        drawn |= names
+    assert drawn == set(PIPELINE)
+
+
+def test_the_page_names_types_and_fields_that_exist():
+    trees = (ast.parse(path.read_text()) for path in (ROOT / "pedpred").rglob("*.py"))
+    classes = {node.name: node for tree in trees for node in tree.body if isinstance(node, ast.ClassDef)}
+    table = ARCHITECTURE.partition("## Data types")[2].partition("## ")[0]
+    for types, contents in re.findall(r"^\| (.+) \| (.+) \|$", table, re.MULTILINE):
+        assert set(re.findall(r"`([A-Z]\w+)", types + contents)) <= classes.keys()
+        own = [node for name in re.findall(r"`([A-Z]\w+)`", types) for node in classes[name].body]
+        fields = {node.target.id for node in own if isinstance(node, ast.AnnAssign)}
+        assert not own or set(re.findall(r"`(\w+) \[", contents)) <= fields, types
+
+
+def test_libraries_know_no_configuration_key():
+    texts = {named(path): path.read_text() for path in (ROOT / "pedpred").rglob("*.py")}
+    users = {name for name, text in texts.items() if "ConfigError" in text}
+    assert users == {"pedpred/config.py", "pedpred/errors.py"}
+
+
+def test_only_trainings_read_the_rounded_embeddings():
+    stages = {name: PIPELINE[name].get("do", PIPELINE[name]) for name in PIPELINE}
+    users = {name for name, entry in stages.items() if "data/embeddings" in str(entry["deps"])}
+    assert users == {"distil_encoder", "train_corridor", "train_main", "finetune"}
+
+
+def test_a_public_name_means_one_thing():
+    trees = [ast.parse(path.read_text()) for path in (ROOT / "pedpred").rglob("*.py")]
+    names = [node.name for tree in trees for node in tree.body if hasattr(node, "name")]
+    counts = Counter(name for name in names if not name.startswith("_"))
+    assert {name for name, count in counts.items() if count > 1} == {"main"}  # of two commands
 
 
 # Readable in one sitting

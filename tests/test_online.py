@@ -2,10 +2,10 @@
 
 import json
 import logging
-from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
@@ -13,6 +13,8 @@ from pedpred.networks.export import export_int8
 from pedpred.online import OnlinePredictor
 from pedpred.online.network import write_description
 from pedpred.scenes import OccupancyMap
+from tests.conftest import ROOT
+from tests.exported import export
 
 
 def test_the_frame_rate_is_free(model):
@@ -127,6 +129,13 @@ def test_a_description_comes_back_as_it_was(model):
     assert OnlinePredictor.load(model[0]).features == FeatureSettings()
 
 
+def test_an_export_is_the_same_bytes_each_time_and_names_no_path(model, tmp_path):
+    export(tmp_path)
+    raw = (tmp_path / "network.onnx").read_bytes()
+    assert raw == (model[0] / "network.onnx").read_bytes()
+    assert not [place for place in (ROOT, tmp_path, torch.__path__[0]) if str(place).encode() in raw]
+
+
 def test_eight_bits_are_nearly_as_good(model, tmp_path):
     """Along a walk, so that errors could build up in the memory; the same bytes each time."""
     for name in ("distilled", "again"):
@@ -144,7 +153,7 @@ def test_eight_bits_are_nearly_as_good(model, tmp_path):
 
 
 def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
-    page = (Path(__file__).parents[1] / "README.md").read_text().partition("## On the robot")[2]
+    page = (ROOT / "README.md").read_text().partition("## On the robot")[2]
     embedding = page.partition("```python\n")[2].partition("```")[0]
     (tmp_path / "models/online").mkdir(parents=True)
     (tmp_path / "models/online/simulation").symlink_to(model[0])

@@ -102,8 +102,9 @@ def provide(mirrors: Mirrors, target: Path) -> None:
         )
         with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as scratch:
             for folder in {PurePosixPath(name).parent for name in (NOTE, *mirrors.sums)}:
-                Path(scratch, "new", folder).mkdir(parents=True, exist_ok=True)
-                Path(scratch, "new", folder, NOTE).write_text(f"{note}\n")
+                new = Path(scratch, "new", folder, NOTE)
+                new.parent.mkdir(parents=True, exist_ok=True)
+                new.write_text(f"{note}\n")
             _put(Path(scratch, "new"), target)
         _log.warning("%s", note)
 

@@ -4,9 +4,10 @@ A reader is added by one line of `READERS`: `make` writes the files into a folde
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin
@@ -16,7 +17,7 @@ from pedpred import config
 from pedpred.networks import load_network
 from pedpred.report import measures
 from pedpred.ros import read_bag, read_recording
-from pedpred.sources import ewap, jupedsim
+from pedpred.sources import SOURCES
 from pedpred.storage.scenes import read_map, read_scene
 from pedpred.storage.shards import read_embeddings, write_embeddings
 from pedpred.storage.windows import read_windows
@@ -44,6 +45,10 @@ def at(name: str, step: Step) -> Step:
     return lambda folder: step(folder / name)
 
 
+def source(name: str, settings: Mapping[str, Any]) -> Step:
+    return lambda folder: SOURCES[name](folder, "place", settings)
+
+
 def bag(version: Stores, **storage: StoragePlugin) -> Step:
     """Write three instants of two people, and a map."""
     store = Store(version)
@@ -58,16 +63,12 @@ READERS = {
     "ewap": Reader(
         examples.make_ewap,
         ("obsmat.txt", "H.txt", "groups.txt", "map.png", "reference.png"),
-        lambda folder: ewap.read_sequence(folder, "eth", EWAP),
+        source("ewap", EWAP),
     ),
-    "laboratory": Reader(
-        write_recording,
-        ("hall.txt", "hall.xml"),
-        lambda folder: jupedsim.read_recording(folder, "hall", LABORATORY),
-    ),
+    "jupedsim": Reader(write_recording, ("hall.txt", "hall.xml"), source("jupedsim", LABORATORY)),
     "map": Reader(examples.make_scene, ("map.yaml", "map.pgm"), read_map),
     "scene": Reader(examples.make_scene, ("scene.json", "tracks.parquet", "reference.png"), read_scene),
-    "table": Reader(examples.make_table, ("tracks.csv", "scene.json"), read_scene),
+    "scene_folder": Reader(examples.make_table, ("tracks.csv", "scene.json"), source("scene_folder", {})),
     "features": Reader(examples.make_features, ("manifest.json", "place.parquet"), examples.read_features),
     "embeddings": Reader(embed, ("place.parquet",), lambda folder: list(read_embeddings(folder, "place"))),
     "forecasts": Reader(examples.make_windows, ("place.parquet",), at("place.parquet", read_windows)),

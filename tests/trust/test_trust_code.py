@@ -18,6 +18,7 @@ FORBIDDEN_CALLS = {
     *("eval", "exec", "compile", "__import__", "os.system", "os.popen", "yaml.load", "yaml.unsafe_load"),
     *("torch.load", "torch.save", "np.load", "joblib.load", "joblib.dump", "pd.read_pickle", "pd.read_hdf"),
 }
+SAVING = re.compile(r"\b(?:save|save_file|savefig|to_parquet|ParquetWriter|quantize_dynamic)\(|open\('[wax]")
 
 
 def calls(tree):
@@ -92,3 +93,8 @@ def test_files_are_written_through_one_door():
         assert ("TemporaryFile" in path.read_text()) == (path == ROOT / "pedpred/files.py")
         found = {match[0] for match in writing.findall(path.read_text())}
         assert found <= {"new"}, f"{path.relative_to(ROOT)} writes {found - {'new'}} at once"
+        tree = ast.parse(path.read_text())
+        functions = [ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        saving = [text for text in functions if SAVING.search(text)]
+        named = ("atomic_write(", "BytesIO(", "tarfile.open(")  # the last fills a temporary folder
+        assert all(any(name in text for name in named) for text in saving), path

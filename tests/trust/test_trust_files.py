@@ -11,6 +11,7 @@ from PIL import Image
 
 from pedpred.errors import StorageError
 from pedpred.files import MOST_PIXELS, atomic_write, write_text
+from pedpred.sources import SOURCES
 from pedpred.storage.scenes import read_map, read_scene, write_scene
 from tests.conftest import ROOT
 from tests.trust import trial
@@ -27,6 +28,10 @@ def test_a_damaged_file_is_read_right_or_refused_by_name(name, tmp_path):
     bench = Bench(name, READERS[name], tmp_path)
     outcomes = {seed: bench.trial(seed) for seed in range(FEW.get(name, USUAL))}
     assert {seed: why for seed, (outcome, why) in outcomes.items() if outcome == LOST} == {}
+
+
+def test_every_source_is_tried():
+    assert set(SOURCES) <= set(READERS)
 
 
 def test_damage_is_reproducible_and_of_every_kind():
