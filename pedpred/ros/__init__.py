@@ -5,13 +5,13 @@ Positions are in the world frame, called `map` (its parent `world` coincides wit
 
 from pedpred.ros.bags import ADAPTERS, TrackNumbers, is_bag, read_bag
 from pedpred.ros.recordings import read_recording, write_recording
-from pedpred.ros.scene_messages import occupancy_of, seconds
+from pedpred.ros.scene_messages import map_of_grid, seconds
 
 __all__ = [
     "ADAPTERS",
     "TrackNumbers",
     "is_bag",
-    "occupancy_of",
+    "map_of_grid",
     "read_bag",
     "read_recording",
     "seconds",

@@ -15,7 +15,7 @@ from pedpred.errors import SourceError
 from pedpred.files import read_yaml, translate_errors
 from pedpred.ros.mcap_reader import McapReader
 from pedpred.ros.message_types import MAP, TYPES, known_types
-from pedpred.ros.scene_messages import occupancy_of, seconds
+from pedpred.ros.scene_messages import map_of_grid, seconds
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 
 Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
@@ -84,7 +84,7 @@ def read_bag(path: Path, topic: str | None = None) -> Scene:
         table = np.array(rows, dtype=np.float64).reshape(-1, 4)
         trajectories = Trajectories(table[:, 0], table[:, 1], table[:, 2:])
         free = OccupancyMap.free_around(trajectories.position)
-        occupancy = free if grid is None else occupancy_of(grid)
+        occupancy = free if grid is None else map_of_grid(grid)
         return Scene(path.stem, trajectories, occupancy, trajectories.usual_interval_s())
 
 

@@ -21,8 +21,8 @@ from pedpred.ros.scene_messages import (
     Content,
     frames_message,
     map_message,
+    map_of_grid,
     nanoseconds,
-    occupancy_of,
     people_message,
     people_rows,
 )
@@ -75,7 +75,7 @@ def read_recording(path: Path) -> Scene:
     about = bag.metadata.get(_SCENE_RECORD, {})
     with translate_errors(problem):
         trajectories = tracks_of(pd.DataFrame(rows or _NOBODY), path)
-        occupancy = occupancy_of(grid, about.get("resolution_m"))
+        occupancy = map_of_grid(grid, about.get("resolution_m"))
         dt_s = float(about.get("detection_dt_s") or trajectories.usual_interval_s())
         return Scene(about.get("name", path.stem), trajectories, occupancy, dt_s)
 

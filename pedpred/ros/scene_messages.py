@@ -75,7 +75,7 @@ def map_message(occupancy: OccupancyMap, time_ns: int) -> Content:
     }
 
 
-def occupancy_of(message: Any, resolution_m: str | None = None) -> OccupancyMap:
+def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
     """The map of a nav_msgs/OccupancyGrid; unknown cells (-1) are free.
 
     Args:
