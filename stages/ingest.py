@@ -1,12 +1,13 @@
 """ingest@place: a raw recording becomes a scene folder; one that is not available, a scene without people."""
 
+import logging
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage, stage_key
 from pedpred.errors import ConfigError
-from pedpred.scenes import Scene
+from pedpred.scenes import Scene, checked_placement
 from pedpred.sources import SOURCES
 from pedpred.sources.mirrors import NOTE
 from pedpred.storage.scenes import write_scene
@@ -25,6 +26,7 @@ def main(cfg: DictConfig) -> None:
     else:
         with configured(f"places.{name}.settings"):
             scene = SOURCES[place.source](Path(place.folder), name, plain(place.settings))
+        logging.getLogger(__name__).info("%s: %s", name, checked_placement(scene))
     write_scene(scene, Path(cfg.get("out") or f"data/scenes/real/{name}"))
 
 

@@ -7,12 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pedpred.command import main
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.sources.jupedsim import read_recording, read_tracks
 from pedpred.sources.walls import Walls, occupancy_of, read_walls
+from pedpred.storage.scenes import read_scene
+from tests.scenes import assert_same
 
 SETTINGS = {"recording": "hall", "resolution_m": 0.25, "thickness_m": 1.0, "open_end_m": 2.0}
 SETTINGS |= {"open_ends": [[[0, 0], [0, 2]]]}
+COMMAND = SETTINGS | {"resolution_m": 0.05, "thickness_m": 3.0, "open_end_m": 6.0}
 TEXT = "# framerate: 16\n# id frame x/m y/m z/m\n1\t0\t0.5\t1\t1.7\n1\t4\t1.0\t1\t1.7\n2\t4\t3.5\t1.5\t1.8\n"
 XML = """<?xml version="1.0" encoding="UTF-8"?>
 <geometry version="0.8" unit="m">
@@ -188,7 +192,7 @@ def test_an_open_end_away_from_the_outline_is_refused(folder, edge):
 
 
 def test_a_huge_map_is_refused(folder):
-    with pytest.raises(ValueRuleError, match=r"map size \[m\].*at most 4000000 cells"):
+    with pytest.raises(ValueRuleError, match=r"map size \[m\].*at most 16777216 cells"):
         read_recording(folder, "mine", SETTINGS | {"resolution_m": 1e-3})
 
 
@@ -208,3 +212,37 @@ def test_the_map_of_any_star_has_its_corners_inside_and_its_area(radii, turn_rad
     area = 0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1))
     perimeter = np.linalg.norm(arms - np.roll(arms, -1, axis=0), axis=1).sum()
     assert (~occupancy.occupied).sum() * 0.02**2 == pytest.approx(area, abs=0.02 * perimeter)
+
+
+def arguments(folder, *more):
+    return [
+        str(folder / "hall.txt"),
+        "--map",
+        str(folder / "hall.xml"),
+        "--open-end",
+        "0",
+        "0",
+        "0",
+        "2",
+        *more,
+    ]
+
+
+def test_the_command_reads_text_and_geometry(folder, tmp_path, capsys):
+    main(["convert", *arguments(folder, "-o", str(tmp_path / "mine"))])
+    scene, expected = read_scene(tmp_path / "mine"), read_recording(folder, "mine", COMMAND)
+    assert_same(scene, expected)
+    main(["info", *arguments(folder)])
+    said = capsys.readouterr().out
+    assert "3 of 2 tracks" in said
+    assert "0.0 % of the detections in obstacles, 0.0 % outside the map" in said
+
+
+def test_the_command_takes_a_frame_rate_and_wants_a_geometry_for_open_ends(folder, tmp_path, capsys):
+    change("hall.txt", "framerate: 16", "nothing")(folder)
+    with pytest.raises(SystemExit, match="no comment says the frame rate"):
+        main(["info", *arguments(folder)])
+    main(["info", *arguments(folder, "--frame-rate", "8")])
+    assert "usually 0.5 s" in capsys.readouterr().out
+    with pytest.raises(SystemExit, match="it needs a geometry file"):
+        main(["info", str(folder / "hall.txt"), "--frame-rate", "8", "--open-end", "0", "0", "0", "2"])

@@ -1,11 +1,12 @@
 """The laboratory recordings, read as configured, are what is known about them."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
 
+from pedpred.scenes import checked_placement
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.sources import SOURCES
 from pedpred.tracking import KalmanSettings, log_likelihood
@@ -43,6 +44,17 @@ def test_nobody_is_in_a_wall_or_off_the_map(place):
     cells = scene.occupancy.cell_of(scene.trajectories.position)
     assert ((cells >= 0) & (cells < scene.occupancy.occupied.shape)).all()
     assert not scene.occupancy.is_occupied(scene.trajectories.position).any()
+
+
+def test_a_map_that_is_drawn_wrongly_is_noticed(place, caplog):
+    """The bottleneck and the crossing are nearly their own mirror images in one direction."""
+    scene, name = place
+    assert checked_placement(scene).worst == 0.0
+    assert not caplog.records
+    for x, y in ((-1, 1), (1, -1)):
+        ground = replace(scene.occupancy, occupied=scene.occupancy.occupied[::x, ::y])
+        checked_placement(replace(scene, occupancy=ground))
+    assert len(caplog.records) == (1 if name in ("lab_bottleneck", "lab_crossing") else 2)
 
 
 def test_passages_keep_their_width(place):
@@ -87,7 +99,7 @@ def test_the_committed_tracker_is_what_its_command_finds(place):
     best = log_likelihood(seen, committed, 8)
     for name, value in vars(committed).items():
         for factor in (0.9, 1.1):
-            other = dataclasses.replace(committed, **{name: value * factor})
+            other = replace(committed, **{name: value * factor})
             assert log_likelihood(seen, other, 8) < best + 1e-7, (name, factor)
 
 

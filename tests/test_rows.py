@@ -29,11 +29,20 @@ def test_a_row_is_replaced_with_its_comment_and_a_new_one_appended(tmp_path):
     assert text.splitlines()[0] == FILE.read_text().splitlines()[0]
 
 
-def test_a_tuned_tracker_becomes_a_row(tmp_path, monkeypatch):
+def tuned(place, sensor, path):
+    """The row that is fitted to a scene with detections at 2.5 Hz, as the sensor lets them through."""
+    params = {"places": {place: {"sensor": sensor}}, "sensors": {"perfect": {}, "thinned": {"every": 2}}}
+    Path("params.yaml").write_text(yaml.safe_dump(params))
+    write_scene(walled_scene(np.random.default_rng(0), noise_m=0.05), Path("data/scenes/real", place))
+    tune_tracker.main([place, "--out", str(path)])
+    return yaml.safe_load(path.read_text())[f"tuned_on_{place}"]
+
+
+def test_a_tuned_tracker_becomes_a_row_and_has_seen_what_the_sensor_sees(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_scene(walled_scene(np.random.default_rng(0), noise_m=0.05), Path("data/scenes/real/crossing"))
     path = Path(shutil.copy(FILE, tmp_path))
-    tune_tracker.main(["crossing", "--out", str(path)])
-    row = yaml.safe_load(path.read_text())["tuned_on_crossing"]
-    assert row["kind"] == "kalman"
-    assert all(row[name] > 0 for name in ("acceleration_noise", "position_noise_m", "initial_speed_mps"))
+    rows = [tuned("hall", sensor, path) for sensor in ("perfect", "thinned")]
+    for row in rows:
+        assert row["kind"] == "kalman"
+        assert all(row[name] > 0 for name in ("acceleration_noise", "position_noise_m", "initial_speed_mps"))
+    assert rows[0] != rows[1]

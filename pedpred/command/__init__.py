@@ -14,18 +14,20 @@ from pedpred.command.prediction import evaluate, predict
 from pedpred.errors import PedpredError
 from pedpred.evaluation import EvaluationSettings
 
-_SCENE = "a scene folder, an MCAP recording, a ROS bag, or a CSV file with time, id, x, y"
+_SCENE = (
+    "a scene folder, an MCAP recording, a ROS bag, a CSV file with time, id, x, y, or a text file with "
+    "id, frame, x, y as PeTrack, JuPedSim and PedPy have it"
+)
 
 
 def parser() -> argparse.ArgumentParser:
     """Make the arguments of all subcommands."""
     top = argparse.ArgumentParser(prog="pedpred", description=__doc__)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
-    _add(commands, info)
+    _reading(_add(commands, info))
     command = _add(commands, convert)
     _output(command, "an MCAP file (.mcap) or a new scene folder")
-    command.add_argument("--topic", help="of a bag's people, if several topics carry people")
-    command.add_argument("--map", type=Path, help="a folder with map.yaml, which replaces the map")
+    _reading(command)
     command = _add(commands, predict)
     _output(command, "an MCAP file")
     _model(command)
@@ -46,6 +48,18 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
 def _output(command: argparse.ArgumentParser, what: str) -> None:
     command.add_argument("-o", "--output", type=Path, required=True, help=what)
     command.add_argument("--force", action="store_true", help="replace an existing file")
+
+
+def _reading(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--topic", help="of a bag's people, if several topics carry people")
+    command.add_argument("--frame-rate", type=float, help="of a text file that does not say it, Hz")
+    replaced = "a folder with map.yaml or a geometry file of JuPedSim (.xml), which replaces the map"
+    command.add_argument("--map", type=Path, help=replaced)
+    end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"
+    ends = ("X1", "Y1", "X2", "Y2")
+    command.add_argument(
+        "--open-end", type=float, nargs=4, metavar=ends, action="append", default=[], help=end
+    )
 
 
 def _model(command: argparse.ArgumentParser) -> None:

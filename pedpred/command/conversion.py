@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -12,15 +13,24 @@ import numpy as np
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.ros import is_bag, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
-from pedpred.scenes import OccupancyMap, Scene
+from pedpred.scenes import OccupancyMap, Scene, checked_placement
+from pedpred.sources.jupedsim import read_tracks
+from pedpred.sources.walls import occupancy_of, read_walls
 from pedpred.storage.scenes import read_map, read_scene, read_tracks_csv, write_scene
 
+_NAMELESS = (".csv", ".txt")
+"""Files of tracks alone, which have neither a name nor a map of their own."""
+
+_CELL_M, _WALL_M, _OPEN_END_M = 0.05, 3.0, 6.0
+"""Of maps made from geometry files, m: side of a cell, thickness of walls, corridors beyond open ends."""
+
+_log = logging.getLogger(__name__)
 _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id")
 
 
 def info(given: argparse.Namespace) -> None:
     """Describe the content of a scene."""
-    scene = read_any(given.scene)
+    scene = _read_given(given)
     trajectories, occupancy = scene.trajectories, scene.occupancy
     tracks, instants = (len(np.unique(values)) for values in (trajectories.track_id, trajectories.time_s))
     span_s = float(np.ptp(trajectories.time_s)) if len(trajectories) else 0.0
@@ -32,6 +42,7 @@ def info(given: argparse.Namespace) -> None:
         "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
         f"{100 * occupancy.occupied.mean():.1f} % occupied",
+        "on the map": str(checked_placement(scene)),
         "also known": ", ".join(known) or "nothing",
         "camera": "yes" if scene.camera else "no",
     }
@@ -41,16 +52,31 @@ def info(given: argparse.Namespace) -> None:
 def convert(given: argparse.Namespace) -> None:
     """Write a scene as MCAP (a name that ends in .mcap) or as a scene folder."""
     refuse_overwriting(given.output, given.force)
-    scene = read_any(given.scene, given.topic)
-    if given.scene.suffix == ".csv":  # a table has no name of its own
+    scene = _read_given(given)
+    if given.scene.suffix in _NAMELESS:
         scene = replace(scene, name=given.output.stem)
-    if given.map is not None:
-        scene = replace(scene, occupancy=read_map(given.map))
+    _log.info("%s: %s", scene.name, checked_placement(scene))
     if given.output.suffix == ".mcap":
         write_recording(scene, given.output)
         write_layout(scene.occupancy, set(), given.output.with_suffix(".foxglove.json"))
     else:
         write_scene(scene, given.output)
+
+
+def _read_given(given: argparse.Namespace) -> Scene:
+    """Read the scene that the arguments name, on the map that they name.
+
+    Raises:
+        ValueRuleError: open ends are given without a geometry file.
+    """
+    scene = read_any(given.scene, given.topic, given.frame_rate)
+    if given.map is not None and given.map.suffix == ".xml":
+        edges = [[end[:2], end[2:]] for end in given.open_end]
+        ground = occupancy_of(read_walls(given.map), _CELL_M, _WALL_M, edges, _OPEN_END_M)
+        return replace(scene, occupancy=ground)
+    if given.open_end:
+        raise ValueRuleError("--open-end", given.open_end[0], "it needs a geometry file: --map walls.xml")
+    return scene if given.map is None else replace(scene, occupancy=read_map(given.map))
 
 
 def refuse_overwriting(path: Path, force: bool) -> None:
@@ -59,12 +85,13 @@ def refuse_overwriting(path: Path, force: bool) -> None:
         sys.exit(f"{path} is there already; --force replaces it")
 
 
-def read_any(path: Path, topic: str | None = None) -> Scene:
-    """Read a scene folder, a CSV file of tracks (on free ground), a recording or a ROS bag.
+def read_any(path: Path, topic: str | None = None, frame_rate_hz: float | None = None) -> Scene:
+    """Read a scene folder, a table or text file of tracks (on free ground), a recording or a ROS bag.
 
     Args:
         path: its name determines the format.
         topic: of a bag's people; an .mcap file is read as a bag if one is given.
+        frame_rate_hz: of a text file, needed if it does not say it.
 
     Raises:
         StorageError, SourceError: the file is missing, damaged or of another format.
@@ -73,9 +100,9 @@ def read_any(path: Path, topic: str | None = None) -> Scene:
         return read_bag(path, topic)
     if path.is_dir():
         return read_scene(path)
-    if path.suffix != ".csv":
+    if path.suffix not in _NAMELESS:
         return read_recording(path)
-    trajectories = read_tracks_csv(path)
+    trajectories = read_tracks_csv(path) if path.suffix == ".csv" else read_tracks(path, frame_rate_hz)
     try:
         dt_s = trajectories.usual_interval_s()
     except ValueRuleError as cause:

@@ -27,7 +27,7 @@ UNITS = {"m": 1.0, "cm": 0.01}
 """Units of length by their names in files, m."""
 
 _LARGEST_BYTES = 2**22
-_MOST_CELLS = 4_000_000
+_MOST_CELLS = 2**24
 _BESIDE_M = 0.001  # how far from an open end it is asked which side of it is inside
 
 
@@ -177,7 +177,8 @@ def _inside(polygon: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """
     crossed = np.zeros((len(x) + 1, len(y)), dtype=bool)
     for (x_1, y_1), (x_2, y_2) in pairwise([*polygon, polygon[0]]):
-        rows = np.flatnonzero((y_1 <= y) != (y_2 <= y))
+        ends = np.searchsorted(y, (y_1, y_2))
+        rows = np.arange(ends.min(), ends.max())
         at = x_1 + (y[rows] - y_1) * (x_2 - x_1) / (y_2 - y_1 or 1.0)
         crossed[np.searchsorted(x, at), rows] ^= True
     return np.logical_xor.accumulate(crossed, axis=0)[:-1]

@@ -1,0 +1,106 @@
+"""A map that does not lie under the people is noticed wherever a recording comes in."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+
+from pedpred.command import main
+from pedpred.scenes import OccupancyMap, Scene, Trajectories, checked_placement
+from pedpred.storage.scenes import write_scene
+from stages import ingest
+
+
+def corner(people=40):
+    """People walk along a corridor in the lower part of the map and up at its right end."""
+    occupied = np.ones((60, 40), bool)
+    occupied[:, 2:10] = occupied[50:58] = False
+    way = np.concatenate([[[0.1 * k, 0.6] for k in range(54)], [[5.4, 0.6 + 0.1 * k] for k in range(34)]])
+    rows = np.arange(people * len(way))
+    trajectories = Trajectories(0.3 * (rows % len(way)), rows // len(way), np.tile(way, (people, 1)) - [2, 1])
+    return Scene("corner", trajectories, OccupancyMap(occupied, np.array([-2.0, -1.0]), 0.1), 0.3)
+
+
+def turned(scene, how):
+    """The same people on a map that was drawn wrongly."""
+    ground = scene.occupancy
+    if how == "with x and y swapped":
+        wrong = replace(ground, occupied=ground.occupied.T, origin=ground.origin[::-1])
+    else:
+        steps = {"in x": (-1, 1), "in y": (1, -1), "180": (-1, -1)}
+        x, y = next(step for word, step in steps.items() if word in how)
+        wrong = replace(ground, occupied=ground.occupied[::x, ::y])
+    return replace(scene, occupancy=wrong)
+
+
+WRONG = ["mirrored in x", "mirrored in y", "turned by 180 degrees", "with x and y swapped"]
+
+
+def test_a_right_map_is_not_warned_about(caplog):
+    assert str(checked_placement(corner())) == "0.0 % of the detections in obstacles, 0.0 % outside the map"
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("how", WRONG)
+def test_the_warning_says_how_much_is_wrong_and_what_would_be_right(how, caplog):
+    found = checked_placement(turned(corner(), how))
+    (record,) = caplog.records
+    assert record.levelno == logging.WARNING
+    assert f"{100 * found.in_obstacles:.1f} % of the detections in obstacles" in caplog.text
+    assert f"With the map {how}: 0.0 % of the detections in obstacles" in caplog.text
+
+
+@pytest.mark.parametrize("shift_m", [0.5, 3.0, 30.0])
+def test_a_shifted_map_is_warned_about(shift_m, caplog):
+    scene = corner()
+    ground = replace(scene.occupancy, origin=scene.occupancy.origin + shift_m)
+    found = checked_placement(replace(scene, occupancy=ground))
+    assert found.worst > 0.01
+    assert (found.outside == 1.0) is (shift_m == 30.0)
+    assert len(caplog.records) == 1
+
+
+def test_a_few_misplaced_detections_are_no_reason_to_warn(caplog):
+    scene = corner()
+    count = len(scene.trajectories)
+    for misplaced, warned in ((count // 100, False), (count // 100 + 1, True)):
+        position = scene.trajectories.position.copy()
+        position[:misplaced] = -1.0, 2.0
+        people = replace(scene.trajectories, position=position)
+        assert checked_placement(replace(scene, trajectories=people)).in_obstacles == misplaced / count
+        assert bool(caplog.records) is warned
+
+
+def test_nobody_is_nowhere(caplog):
+    assert checked_placement(Scene.without_people("hall", "for a test")).worst == 0.0
+    assert not caplog.records
+
+
+@pytest.fixture
+def flipped(tmp_path):
+    write_scene(turned(corner(), "mirrored in y"), tmp_path / "corner")
+    return tmp_path / "corner"
+
+
+def by_ingest(folder):
+    place = {"source": "scene_folder", "folder": str(folder), "settings": {}}
+    out = str(folder.with_name("out"))
+    ingest.main.__wrapped__(OmegaConf.create({"places": {"corner": place}, "name": "corner", "out": out}))
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        by_ingest,
+        lambda folder: main(["info", str(folder)]),
+        lambda folder: main(["convert", str(folder), "-o", str(folder.with_name("out.mcap"))]),
+    ],
+    ids=["ingest", "info", "convert"],
+)
+def test_a_flipped_map_is_warned_about_by(read, flipped, caplog):
+    read(flipped)
+    warnings = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+    assert len(warnings) == 1
+    assert "With the map mirrored in y: 0.0 % of the detections in obstacles" in warnings[0]
