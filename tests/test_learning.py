@@ -199,6 +199,14 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     assert [r["step"] for r in curve] == [r["step"] for r in resumed_curve]
 
 
+def test_validation_data_without_a_whole_horizon_are_refused_at_once(tmp_path):
+    data = toy_data(np.random.default_rng(0))
+    data.future_steps[:] = 3  # of 4
+    learner = RecurrentLearner(SMALL.build(WIDTHS, 4), data, data.sequences, data.sequences, QUICK)
+    with pytest.raises(ValueRuleError, match="validation_ade_m = nan, but the validation data"):
+        train(learner, tmp_path, "toy")
+
+
 def train_autoencoder(training, validation, settings, scratch=None):
     learner = AutoencoderLearner(training, validation, 60, settings)
     return learner.network, train(learner, scratch, "toy")

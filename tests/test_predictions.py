@@ -134,6 +134,16 @@ def test_windows_are_read_as_they_were_written(tmp_path):
     assert [name for name in columns if name.startswith("modes_")] == ["modes_many"]
 
 
+def test_forecasts_that_break_a_rule_are_refused_with_the_name_of_their_file(tmp_path):
+    path = tmp_path / "hall.parquet"
+    write_windows(windows_with(np.zeros((5, 2)), np.zeros((5, 4, 2)), {"cv": np.zeros((5, 4, 2))}), path)
+    table = pq.read_table(path)
+    about = {key: raw.replace(b'"dt_s": 0.3', b'"dt_s": -0.3') for key, raw in table.schema.metadata.items()}
+    pq.write_table(table.replace_schema_metadata(about), path)
+    with pytest.raises(StorageError, match=r"hall\.parquet.*dt_s = -0\.3"):
+        read_windows(path)
+
+
 def test_a_missing_column_is_named(tmp_path):
     path = tmp_path / "hall.parquet"
     write_windows(windows_with(np.zeros((5, 2)), np.zeros((5, 4, 2)), {}), path)

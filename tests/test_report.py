@@ -182,6 +182,13 @@ def test_methods_keep_order_and_colour_whoever_else_is_there():
         assert len({getattr(method, shown) for method in METHODS}) == len(METHODS.rows)
 
 
+def test_where_a_method_is_applied_its_reference_is():
+    rows = [replace(row, where=("real",)) if row.role == "reference" else row for row in METHODS]
+    assert METHODS.reference in METHODS.applied_to("literature")
+    with pytest.raises(ValueRuleError, match=r"methods\.kalman_cv\.where.*literature"):
+        replace(METHODS, rows=tuple(rows)).applied_to("literature")
+
+
 @pytest.mark.parametrize(("key", "train"), [("sim", []), ("real", ["real/home"])])
 def test_a_page_of_noncausal_figures_says_so_first(key, train):
     metrics = metrics_of(MEETING)
@@ -190,6 +197,12 @@ def test_a_page_of_noncausal_figures_says_so_first(key, train):
     marked = document_of(key, [result_of(marked, train=train)])
     assert "nothing on this page is a forecast" not in causal
     assert "nothing on this page is a forecast" in marked.partition("|")[0]
+
+
+def test_a_place_is_no_scene_of_another_whose_name_it_begins_with():
+    sets = dict.fromkeys(("hall", "hall_wide", "hall_wide_a", "hall_b"), metrics_of(MEETING))
+    folds = [{"test": [f"real/{name}"]} for name in ("hall", "hall_wide")]
+    assert [list(result.parts) for result in results_of(sets, folds, "real", 0.3)] == [["b"], ["a"]]
 
 
 def test_the_page_on_simulation_lists_single_scenes_and_pictures():

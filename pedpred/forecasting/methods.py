@@ -82,5 +82,12 @@ class Methods:
         return known + sorted(given - set(known))
 
     def applied_to(self, where: str) -> list[Method]:
-        """The methods for one kind of test set."""
+        """The methods for one kind of test set.
+
+        Raises:
+            ValueRuleError: the reference is not among them.
+        """
+        if where not in self.reference.where:
+            rule = f"differences are taken to this method, so that {where} must be in it"
+            raise ValueRuleError(f"methods.{self.reference.key}.where", self.reference.where, rule)
         return [row for row in self.rows if where in row.where]

@@ -75,7 +75,12 @@ def results_of(
     Raises:
         ValueRuleError: a test set has no figures.
     """
-    found = []
+    found, folds = [], list(folds)
+    tested = {entry.split("/")[1] for fold in folds for entry in fold["test"]}
+    owner = {  # the longest name fits: `hall_wide_a` is a scene of `hall_wide`, neither is one of `hall`
+        key: max((name for name in tested if key.startswith(f"{name}_")), key=len, default="")
+        for key in metrics.keys() - tested
+    }
     for fold in folds:
         trained = [entry for entry in fold.get("train", ()) if entry not in missing]
         for entry in fold["test"]:
@@ -85,7 +90,7 @@ def results_of(
             if name not in metrics:
                 raise ValueRuleError("metrics", sorted(metrics), f"the test set {name!r} must be among them")
             place = "in simulated rooms that no training saw" if kind == "simulated" else f"at {name}"
-            parts = {k.removeprefix(f"{name}_"): v for k, v in metrics.items() if k.startswith(f"{name}_")}
+            parts = {k.removeprefix(f"{name}_"): v for k, v in metrics.items() if owner.get(k) == name}
             found.append(Result(name, study, kind, place + _tuned(trained), metrics[name], dt_s, parts))
     return found
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -126,20 +127,17 @@ def read_windows(path: Path) -> EvaluationWindows:
         shapes |= {"grid": (-1,), "angular_grid": (-1,), "truth": (steps, 2)}
         for method in (name.removeprefix(_POINT) for name in types if name.startswith(_POINT)):
             shapes |= _prediction_shapes(method, modes.get(method, 1), steps, types)
-    columns = join_pairs(read_columns(path, shapes))
-    methods = [name.removeprefix(_POINT) for name in columns if name.startswith(_POINT)]
-    return EvaluationWindows(
-        track_id=columns["track_id"],
-        time_s=columns["time_s"],
-        position=columns["position"],
-        heading_rad=columns["heading_rad"],
-        velocity=columns["velocity"],
-        packed_grid=columns["grid"],
-        angular_grid_m=columns["angular_grid"],
-        truth=columns["truth"].astype(np.float64),
-        predictions={method: _predictions(method, columns, sizes["dt_s"]) for method in methods},
-        **sizes,
-    )
+        columns = join_pairs(read_columns(path, shapes))
+        methods = [name.removeprefix(_POINT) for name in columns if name.startswith(_POINT)]
+        plain: dict[str, Any] = {name: columns[name] for name in _PLAIN}
+        return EvaluationWindows(
+            **plain,
+            packed_grid=columns["grid"],
+            angular_grid_m=columns["angular_grid"],
+            truth=columns["truth"].astype(np.float64),
+            predictions={method: _predictions(method, columns, sizes["dt_s"]) for method in methods},
+            **sizes,
+        )
 
 
 def _prediction_shapes(

@@ -19,6 +19,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 from tqdm import tqdm
 
+from pedpred.errors import ValueRuleError
 from pedpred.files import SCRATCH, atomic_write
 from pedpred.networks.contract import Loss, Tensors
 from pedpred.training.distributed import ALONE, DistributedContext
@@ -108,12 +109,18 @@ def train(learner: Learner, scratch: Path | None, description: str) -> list[dict
 
     Returns:
         The curve, one row per validation: epoch, step, train_loss, and the figures of the validation.
+
+    Raises:
+        ValueRuleError: the figure that chooses the weights cannot be computed.
     """
     schedule = learner.settings
     progress = load_progress(scratch, learner)
     if progress is None:
         progress = Progress()
         _validate(learner, progress, float("nan"))
+        if learner.best_by and not progress.best:
+            rule = "the validation data have no step with a known horizon, or the weights are not finite"
+            raise ValueRuleError(learner.best_by, progress.curve[0][learner.best_by], rule)
     batches = learner.batches(progress.step)
     losses: list[Tensor] = []
     bar = tqdm(
