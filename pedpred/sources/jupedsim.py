@@ -25,6 +25,7 @@ from pedpred.sources.text import numbers, text_rows, whole_number
 from pedpred.sources.walls import UNITS, occupancy_of, read_walls
 
 COLUMNS = ("id", "frame", "x", "y")
+_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
 _RATE = re.compile(r"(?:frame[ _-]?rate|fps)\W*(\d+(?:\.\d+)?)", re.IGNORECASE)
 _UNIT = re.compile(r"(?:\bx */ *|\bin )(c|centi)?m", re.IGNORECASE)
 
@@ -47,9 +48,12 @@ def read_recording(folder: Path, name: str, settings: Mapping[str, Any]) -> Scen
             raise ValueRuleError(key, settings[key], "it must be positive")
     path = folder / f"{settings['recording']}.txt"
     walls = read_walls(path.with_suffix(".xml"))
-    map_settings = (settings[key] for key in ("resolution_m", "thickness_m", "open_ends", "open_end_m"))
+    map_settings = [settings[key] for key in ("resolution_m", "thickness_m", "open_ends", "open_end_m")]
+    with translate_errors(partial(SourceError, path.with_suffix(".xml"), None)):
+        occupancy = occupancy_of(walls, *map_settings)
     trajectories = read_tracks(path, settings.get("frame_rate_hz"))
-    return Scene(name, trajectories, occupancy_of(walls, *map_settings), _interval_s(path, trajectories))
+    with translate_errors(partial(SourceError, path, None)):
+        return Scene(name, trajectories, occupancy, trajectories.usual_interval_s())
 
 
 def read_tracks(path: Path, frame_rate_hz: float | None = None) -> Trajectories:
@@ -88,19 +92,15 @@ def read_tracks(path: Path, frame_rate_hz: float | None = None) -> Trajectories:
         return Trajectories(frame / rate_hz, track, unit_m * np.stack([x, y], axis=-1))
 
 
-def _interval_s(path: Path, trajectories: Trajectories) -> float:
-    with translate_errors(partial(SourceError, path, None)):
-        return trajectories.usual_interval_s()
-
-
 def _frame_rate_hz(path: Path, comments: list[str], given: float | None) -> float:
     found = {float(match[1]) for comment in comments if (match := _RATE.search(comment))}
     rates = found | ({float(given)} if given else set())
     if not rates:
         remedy = "Say frame_rate_hz in the settings, or write a line `# framerate: 16` at the file's begin"
         raise SourceError(path, None, "no comment says the frame rate", remedy)
-    if len(rates) > 1 or min(rates) <= 0:
-        raise SourceError(path, None, f"frame rate {' and '.join(f'{r:g}' for r in sorted(rates))} Hz")
+    if len(rates) > 1 or not _SLOWEST_HZ <= min(rates) <= _FASTEST_HZ:
+        found_hz = " and ".join(f"{rate:g}" for rate in sorted(rates))
+        raise SourceError(path, None, f"frame rate {found_hz} Hz, expected one from 0.001 to 1000000 Hz")
     return rates.pop()
 
 

@@ -28,6 +28,7 @@ UNITS = {"m": 1.0, "cm": 0.01}
 
 _LARGEST_BYTES = 2**22
 _MOST_CELLS = 2**24
+_FARTHEST = 1e8  # surveyors' coordinates stay below
 _BESIDE_M = 0.001  # how far from an open end it is asked which side of it is inside
 
 
@@ -84,6 +85,8 @@ class _Reading:
         elif name == "vertex" and "polygon" in self.within:
             given = [attributes.get(key, "") for key in ("px", "py")]
             point = numbers(self.path, self.parser.CurrentLineNumber, given, ("px", "py"))
+            if max(map(abs, point)) > _FARTHEST:
+                raise self.error(f"vertex {point}, farther than {_FARTHEST:g} from the origin")
             self.polygons[is_obstacle][-1].append([self.unit_m * value for value in point])
         self.within.append(name)
 
