@@ -19,11 +19,13 @@ from benchmarks.timing import keep, tell
 from pedpred.config import read_params
 from pedpred.evaluation.scores import true_paths
 from pedpred.evaluation.summary import TrackBootstrap
+from pedpred.evaluation.windows import window_request
+from pedpred.features.perception import Perception
 from pedpred.metrics.paths import displacement
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import predictions_at, replayed
 from pedpred.storage.scenes import read_scene
-from pedpred.storage.shards import read_manifest, read_shard
+from pedpred.storage.shards import read_manifest
 
 
 def validation_rooms(share: float, seed: int) -> list[str]:
@@ -35,10 +37,9 @@ def validation_rooms(share: float, seed: int) -> list[str]:
 
 def errors_m(model: Path, data: str, room: str) -> tuple[np.ndarray, np.ndarray]:
     """Mean displacement of every evaluation window, m, and whose it is. [W], [W]."""
-    scene, features = read_scene(Path("data/scenes", data, room)), Path("data/features", data)
-    settings, _ = read_manifest(features)
-    table = read_shard(features, room, settings)
-    windows = table.select(table.window)
+    scene = read_scene(Path("data/scenes/simulated", data, room))
+    settings, _ = read_manifest(Path("data/features/simulated", data))
+    windows = window_request(scene, Perception(None, standstill_mps=0.2), settings).asked
     robot = OnlinePredictor.load(model, OnlineSettings.as_offline(settings, scene.detection_dt_s))
     frames = len(np.unique(scene.trajectories.time_s))
     forecasts = tqdm(replayed(scene, robot, True), total=frames, desc=f"{model.name} in {room}", unit="frame")

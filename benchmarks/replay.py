@@ -1,9 +1,8 @@
 """Compare online forecasts of recorded scenes with those of the pipeline.
 
 The scenes are those of `recording.scenes` in params.yaml whose fold's network is exported; the pipeline's
-forecasts come from data/forecasts (float32). A scene is replayed frame by frame with as many phase
-offsets as its features have, simulated ones with true velocities. The inputs are equal bit by bit; torch
-and onnxruntime differ in the last digits of a float.
+forecasts come from data/forecasts (float32). A scene is replayed frame by frame, simulated ones with true
+velocities. The inputs are equal bit by bit; torch and onnxruntime differ in the last digits of a float.
 """
 
 from __future__ import annotations
@@ -49,7 +48,6 @@ def differences(models: Path) -> Iterator[dict[str, Any]]:
         yield {
             "scene": name,
             "fold": fold,
-            "phase_offsets": features.phase_offsets,
             "windows": len(windows),
             "median_m": float(np.median(apart)),
             "largest_m": float(apart.max()),

@@ -8,6 +8,7 @@ from pedpred.features import FeatureSettings
 from pedpred.networks import GridAutoencoder, parse_settings
 from pedpred.networks.export import export_onnx
 from pedpred.networks.registry import describe_network
+from pedpred.networks.rolling import rolled
 from pedpred.online.network import ModelDescription, sensor_shapes, write_description
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.tracking import KalmanSettings
@@ -55,6 +56,15 @@ def write_autoencoder(folder, latent=64, tied=True):
     about = {"kind": "autoencoder", "settings": {"latent": latent}, "cells": 60}
     write_checkpoint(folder, network.state_dict(), about)
     return network
+
+
+def roll(network, data, sequences):
+    """Outputs at every row of some sequences; 0 elsewhere."""
+    whole = {}
+    for rows, outputs in rolled(network, data, sequences):
+        for name, values in outputs.items():
+            whole.setdefault(name, values.new_zeros(len(data.future), *values.shape[1:]))[rows] = values
+    return whole
 
 
 def same_weights(one, other):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from pedpred.evaluation.windows import windows_of
 from pedpred.features import FeatureSettings
 from pedpred.forecasting import ForecastRequest, Methods
 from pedpred.metrics import MetricScene
@@ -16,8 +17,8 @@ PAPER = Paper.parse(read("paper/pfeiffer2018"))
 
 
 def request_about(scene, table, rows=None, **given):
-    """A request for some rows of a table; by default for its windows."""
-    rows = np.flatnonzero(table.window) if rows is None else rows
+    """A request for some rows of a table at detections; by default for its windows."""
+    rows = windows_of(table, FeatureSettings()) if rows is None else rows
     usual = {"sizes": FeatureSettings(), "tracker": None, "detection_interval_s": scene.detection_dt_s}
     return ForecastRequest(scene=scene, table=table, rows=rows, **usual | given)
 

@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.baselines.registry import BASELINES, baselines
-from pedpred.baselines.together import seen_together
+from pedpred.baselines.together import present_at
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, score, summaries
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.scores import true_paths
 from pedpred.evaluation.summary import TrackBootstrap
-from pedpred.features import FeatureSettings, extract
+from pedpred.features import FeatureSettings, extract_at_detections
 from pedpred.forecasting import Method
 from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.paths import displacement, too_close
@@ -27,7 +27,7 @@ SETTINGS = EvaluationSettings(bootstrap=10)
 
 
 def table_of(scene):
-    return extract(scene, tracked(scene), FeatureSettings(phase_offsets=3))
+    return extract_at_detections(scene, tracked(scene), FeatureSettings())
 
 
 def walled_request(**given):
@@ -154,11 +154,14 @@ def test_a_window_without_a_forecast_is_refused():
 
 
 def test_everybody_at_a_window_moves_along_once():
-    table = table_of(walled_scene(np.random.default_rng(2), detections=60))
-    together = table.select(seen_together(table, table.window))
-    keys = list(zip(together.track_id, np.round(together.time_s, 4), strict=True))
+    request = walled_request()
+    people, answers = present_at(request)
+    keys = list(zip(people.track_id, people.time_s, strict=True))
     assert len(keys) == len(set(keys))
-    assert set(np.round(table.time_s[table.window], 4)) == set(np.round(together.time_s, 4))
+    asked = request.asked
+    assert set(asked.time_s) == set(people.time_s)
+    for name in ("track_id", "time_s", "position"):
+        np.testing.assert_array_equal(getattr(people, name)[answers], getattr(asked, name))
 
 
 def test_unknown_baselines_and_settings_are_named():
@@ -177,6 +180,6 @@ def test_a_method_that_needs_a_model_of_walking_says_so():
 def test_a_scene_without_windows_says_so():
     scene = walled_scene(np.random.default_rng(1))
     table = table_of(scene)
-    table = dataclasses.replace(table, window=np.zeros(len(table), bool))
+    table = dataclasses.replace(table, step=0 * table.step)
     with pytest.raises(ValueRuleError, match="nobody in walled is detected 4 times and 3 s longer"):
         compare(request_about(scene, table), {}, SETTINGS)

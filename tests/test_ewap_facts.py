@@ -10,7 +10,7 @@ from PIL import Image
 from pedpred.baselines.registry import BASELINES
 from pedpred.errors import SourceError
 from pedpred.evaluation.scores import true_paths
-from pedpred.features import FeatureSettings, extract
+from pedpred.features import FeatureSettings, extract_at_detections
 from pedpred.geometry import Homography
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import Camera
@@ -128,11 +128,12 @@ def test_real_windows_and_the_errors_of_constant_velocity(real):
     """The honest protocol's windows, and the tracker tuned on the *other* place."""
     scene, facts = real
     (other,) = set(FACTS) - {scene.name}
-    table = extract(scene, tracked(scene, tracker_tuned_on(other)), FeatureSettings(phase_offsets=3))
-    windows = table.select(table.window)
+    table = extract_at_detections(scene, tracked(scene, tracker_tuned_on(other)), FeatureSettings())
+    request = request_about(scene, table)
+    windows = request.asked
     assert len(windows) == facts["windows"]
     assert len(np.unique(windows.track_id)) == facts["window_tracks"]
-    request, truth = request_about(scene, table), true_paths(windows, 0.3)
+    truth = true_paths(windows, 0.3)
     error = {m: displacement(BASELINES[m]()(request).point, truth).mean() for m in ("cv", "kalman_cv")}
     assert error["cv"] == pytest.approx(facts["cv_ade"], rel=0.01)
     assert error["kalman_cv"] <= facts["kalman_ade"]

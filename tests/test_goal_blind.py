@@ -13,6 +13,7 @@ from pedpred.baselines.beliefs import GoalBelief, apply_bayes, arrival, process_
 from pedpred.baselines.candidates import draw_candidates, room_goals
 from pedpred.baselines.goal_inference import draw_plans, geometric_median, goal_unseen, infer_paths
 from pedpred.baselines.influences import Influences, Observations, between, others_push
+from pedpred.baselines.together import forecast_jointly
 from pedpred.baselines.walking import Walking
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.scores import true_paths
@@ -33,15 +34,15 @@ MOVING = Walking(0.3, SETTINGS, (1.0 - np.eye(3)) / 2.0, 0.0)
 
 @pytest.fixture(scope="module")
 def walked():
-    """A simulated scene and its feature table, noise-free states."""
+    """A simulated scene and its feature table, noise-free states; every detection is a step of the clock."""
     scene = scene_of(short(30.0, pedestrians=PEOPLE)[0])
     return scene, extract(scene, follow(scene.trajectories, "truth", None, 0.2), FeatureSettings())
 
 
 def among(candidates, scene, table, rows):
     rng = np.random.default_rng(3)
-    request = request_about(scene, table, rows, social_force=SETTINGS)
-    return infer_paths(request, rows, candidates, rng, draws=4)
+    request = request_about(scene, table, rows, social_force=SETTINGS, clock=table)
+    return forecast_jointly(request, lambda who: infer_paths(request, who, candidates, rng, draws=4)).point
 
 
 def forecast(scene, table, rows):
@@ -49,7 +50,7 @@ def forecast(scene, table, rows):
 
 
 def unseen(scene, table, rows):
-    return goal_unseen(12)(request_about(scene, table, rows, social_force=SETTINGS)).point
+    return goal_unseen(12)(request_about(scene, table, rows, social_force=SETTINGS, clock=table)).point
 
 
 def imagined(count, seed=0):

@@ -15,7 +15,7 @@ from pedpred.networks import GridAutoencoder, load_network, parse_settings
 from pedpred.networks.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
 from pedpred.networks.contract import detach, mean_over, reset, velocity_distance
 from pedpred.networks.registry import plain_settings
-from pedpred.networks.rolling import roll, rolled
+from pedpred.networks.rolling import rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.training import (
     AutoencoderLearner,
@@ -26,7 +26,7 @@ from pedpred.training import (
 )
 from pedpred.training.fit import copy_phase
 from pedpred.training.loop import learning_rate
-from tests.exported import lstm, motion_data, same_weights, write_autoencoder, write_network
+from tests.exported import lstm, motion_data, roll, same_weights, write_autoencoder, write_network
 from tests.worlds import squares
 
 WIDTHS = {"state": 2, "angular": 72}

@@ -7,7 +7,9 @@ import pytest
 import torch
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import FeatureSettings, extract
+from pedpred.evaluation.windows import window_request
+from pedpred.features import FeatureSettings
+from pedpred.features.perception import Perception
 from pedpred.networks import ARCHITECTURES, GridEncoder, NetworkForecaster, load_network, parse_settings
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replayed
@@ -15,7 +17,7 @@ from pedpred.training import RecurrentLearner, train
 from tests.exported import TRACKER, write_model, write_network
 from tests.test_learning import QUICK, toy_data
 from tests.toys.architecture import ToySettings
-from tests.worlds import tracked, walled_scene
+from tests.worlds import walled_scene
 
 
 @pytest.fixture
@@ -51,8 +53,9 @@ def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypat
 def test_modes_travel_from_the_network_to_the_robot(network, tmp_path):
     """Offline and online give the same modes, the most likely one first."""
     sizes, scene = FeatureSettings(horizon_steps=4), walled_scene(np.random.default_rng(1), 0.3)
-    table = extract(scene, tracked(scene, TRACKER), sizes)
-    offline = NetworkForecaster(network, None).predict(table, sizes, np.arange(len(table)))
+    request = window_request(scene, Perception(TRACKER, 0.2), sizes)
+    table = request.table
+    offline = NetworkForecaster(network, None)(dataclasses.replace(request, rows=np.arange(len(table))))
     assert offline.modes == 2
     np.testing.assert_allclose(offline.weight, np.tile([2 / 3, 1 / 3], (len(table), 1)))
     np.testing.assert_allclose(offline.most_likely, table.position[:, None].repeat(4, axis=1), atol=1e-9)

@@ -17,6 +17,7 @@ from PIL import Image
 from pedpred.datasets.motion import load_motion_data
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, extract, extract_blocks, unpack_crops
+from pedpred.features.perception import Perception
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.columns import read_columns, split_pairs, write_blocks, write_columns
 from pedpred.storage.scenes import write_scene
@@ -31,14 +32,14 @@ from pedpred.storage.shards import (
     write_shard,
 )
 from pedpred.tracking import KalmanSettings
-from stages.features import Processing, features_into
+from stages.features import features_into
 from tests.conftest import ROOT
 from tests.scenes import assert_same
 from tests.worlds import tracked, walled_scene
 
 SETTINGS = FeatureSettings(phase_offsets=3)
 FAULTS = SensorSettings(position_noise_m=0.05, drop_out_share=0.1, switch_share=0.1)
-HOW = Processing(FAULTS, "kalman", KalmanSettings(0.1, 0.1), 0.2, SETTINGS)
+HOW = Perception(KalmanSettings(0.1, 0.1), 0.2, FAULTS)
 
 
 def walled(seed=0, **options):
@@ -81,7 +82,7 @@ def test_the_number_of_workers_changes_no_byte(tmp_path):
         write_scene(dataclasses.replace(scene, name=f"room{seed}"), tmp_path / f"scenes/room{seed}")
     for workers in (1, 2):
         Parallel(n_jobs=workers)(
-            delayed(features_into)(tmp_path / str(workers), folder, "", HOW)
+            delayed(features_into)(tmp_path / str(workers), folder, "", HOW, SETTINGS)
             for folder in (tmp_path / "scenes").iterdir()
         )
     one, two = ({p.name: p.read_bytes() for p in (tmp_path / n).iterdir()} for n in ("1", "2"))
@@ -167,7 +168,7 @@ def test_another_size_is_named(folder):
 
 
 @pytest.mark.parametrize("wrong", [str, np.float32])
-@pytest.mark.parametrize("column", ["time_s", "angular_grid", "window"])
+@pytest.mark.parametrize("column", ["time_s", "angular_grid", "future_steps"])
 def test_another_type_is_named(folder, table, column, wrong):
     columns = split_pairs(vars(table))
     columns[column] = columns[column].astype(wrong if column != "angular_grid" else np.float64)

@@ -13,10 +13,9 @@ from pedpred.networks import parse_settings
 from pedpred.networks.contract import displacements
 from pedpred.networks.gaussian import FLOOR_M, GaussianHead, covariance_of, negative_log_density
 from pedpred.networks.registry import plain_settings
-from pedpred.networks.rolling import roll
 from pedpred.training import RecurrentLearner, train
 from tests import test_learning
-from tests.exported import lstm, motion_data
+from tests.exported import lstm, motion_data, roll
 
 MEAN_ONLY = lstm(16, 16, {"state": (8, 8)}, dropout=0.2)
 WITH_SPREAD = dataclasses.replace(MEAN_ONLY, uncertainty="gaussian")

@@ -59,6 +59,15 @@ def wandering(rng, tracks=4, detections=40, dt_s=0.4, noise_m=0.05, truth=False)
     return Trajectories(np.concatenate(times), np.concatenate(ids), np.concatenate(positions), velocity)
 
 
+def jittered(scene, most_s, rng, of_each="frame"):
+    """The scene with its time stamps off by up to `most_s`: those of whole frames, or of every detection."""
+    trajectories = scene.trajectories
+    _, frame = np.unique(trajectories.time_s, return_inverse=True)
+    group = frame if of_each == "frame" else np.arange(len(trajectories))
+    time_s = trajectories.time_s + rng.uniform(-most_s, most_s, len(trajectories))[group]
+    return replace(scene, trajectories=replace(trajectories, time_s=time_s))
+
+
 def tracked(scene, kalman=KalmanSettings(0.1, 0.1)):  # noqa: B008
     return follow(scene.trajectories, "kalman", kalman, 0.2)
 

@@ -1,6 +1,6 @@
 """Fit the social forces to one place: `python -m tools.fit_social_force <place>`.
 
-Run it after `dvc repro features_real`. It writes the row fitted_on_<place> of conf/social_forces, which the
+Run it after `dvc repro ingest`. It writes the row fitted_on_<place> of conf/social_forces, which the
 *other* places are forecast with. Run `make params` afterwards.
 """
 
@@ -14,14 +14,15 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from pedpred.baselines.social_force import InitialState, initial_state_of
-from pedpred.baselines.together import seen_together
+from pedpred.baselines.social_force import InitialState, initial_state
+from pedpred.baselines.together import present_at
 from pedpred.config import read_params, row
 from pedpred.errors import ShapeError
 from pedpred.evaluation.scores import true_paths
+from pedpred.evaluation.windows import window_request
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import read_scene
-from pedpred.storage.shards import read_manifest, read_shard
+from stages.features import perception_of
 from tools.rows import write_row
 
 _ROW = """\
@@ -128,19 +129,17 @@ def fit_place(place: str, model: SocialForceSettings, trials: int) -> Fit:
         model: the parameters that the search starts from.
         trials: parameter sets to try at most.
     """
-    features = Path("data/features/real", place)
-    sizes, _ = read_manifest(features)
-    table = read_shard(features, place, sizes)
-    windows = np.flatnonzero(table.window)
-    together = seen_together(table, windows)
+    params = read_params(Path())
     scene = read_scene(Path("data/scenes/real", place))
-    start = initial_state_of(scene, table.select(together), model.routing)
-    truth = true_paths(table.select(windows), sizes.dt_s)
-    return fit_forces(start, np.searchsorted(together, windows), truth, model, sizes.dt_s, trials)
+    request = window_request(scene, *perception_of(params, params.places[place]))
+    people, asked = present_at(request)
+    start = initial_state(scene, *people, model.routing)
+    dt_s = request.sizes.dt_s
+    return fit_forces(start, asked, true_paths(request.asked, dt_s), model, dt_s, trials)
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Read data/scenes/real/<place> and data/features/real/<place>, write the row."""
+    """Read data/scenes/real/<place>, write the row."""
     parser = argparse.ArgumentParser(prog="python -m tools.fit_social_force", description=__doc__)
     parser.add_argument("place", help="a row of conf/places")
     parser.add_argument("--base", default="helbing1995", help="the row that the search starts from")

@@ -21,7 +21,7 @@ import numpy as np
 from pedpred.baselines.beliefs import beliefs
 from pedpred.baselines.candidates import Candidates, draw_candidates, room_goals
 from pedpred.baselines.influences import Observations
-from pedpred.baselines.together import forecast_jointly, roll_out_all
+from pedpred.baselines.together import Present, forecast_jointly, roll_out_all
 from pedpred.baselines.walking import Walking
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
@@ -30,6 +30,7 @@ from pedpred.simulation.crowd import crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.simulator import successors
+from pedpred.tracking.tracks import last_rows
 
 DRAWS = 8  # twice as many lower the error by 1 to 3 % (two rooms of `main`) and take nearly twice the time
 _AS_NEAR_AS_M = 1e-3
@@ -61,7 +62,7 @@ def goal_unseen(imagined_goals: int) -> Forecaster:
 
 
 def _infer(request: ForecastRequest, candidates: Candidates, rng: np.random.Generator) -> Predictions:
-    return forecast_jointly(request, lambda rows: infer_paths(request, rows, candidates, rng))
+    return forecast_jointly(request, lambda people: infer_paths(request, people, candidates, rng))
 
 
 def _generator(request: ForecastRequest) -> np.random.Generator:
@@ -70,7 +71,7 @@ def _generator(request: ForecastRequest) -> np.random.Generator:
 
 def infer_paths(
     request: ForecastRequest,
-    rows: np.ndarray,
+    people: Present,
     candidates: Candidates,
     rng: np.random.Generator,
     draws: int = DRAWS,
@@ -78,8 +79,8 @@ def infer_paths(
     """Forecast pedestrians of whom only the past is known.
 
     Args:
-        request: what is asked; the tracked past of all people is its table.
-        rows: what to forecast: all people at some instants. [R]
+        request: what is asked; beliefs are formed along its clock, whose steps are of one length.
+        people: whom to forecast: all people at some instants. [R]
         candidates: possible goals.
         rng: combines the draws of different pedestrians.
         draws: joint futures per instant, D.
@@ -87,21 +88,22 @@ def infer_paths(
     Returns:
         World positions, m. [R, P, 2]
     """
-    sizes, table, model = request.sizes, request.table, request.walking_model
+    sizes, steps, model = request.sizes, request.steps, request.walking_model
     ground = ground_of(request.scene.occupancy)
     routes = routes_to(candidates.position, ground, model.routing)
     allowed = successors(routes.target, np.arange(len(routes.target)), model.crowd.least_leg_m)
     following = allowed / allowed.sum(axis=1, keepdims=True)
     walking = Walking(sizes.dt_s, model, following, candidates.spread_m)
-    seen = Observations(table.position, rotate(table.velocity, table.heading_rad).astype(np.float64))
-    belief = beliefs(seen, table.step, table.time_s, ground, routes, walking).at(rows)
-    here, time_s = seen.at(rows), table.time_s[rows]
-    futures = np.empty((draws, len(rows), sizes.horizon_steps, 2))
+    seen = Observations(steps.position, rotate(steps.velocity, steps.heading_rad).astype(np.float64))
+    latest = last_rows(steps.track_id, steps.time_s, people.track_id, people.time_s)
+    belief = beliefs(seen, steps.step, steps.time_s, ground, routes, walking).at(latest)
+    futures = np.empty((draws, len(latest), sizes.horizon_steps, 2))
     for draw, plan in enumerate(draw_plans(belief.probability, following, draws, rng)):
         speed = np.take_along_axis(belief.speed_mps, plan[:, :1], axis=1)[:, 0]
         speed = np.clip(speed, *model.crowd.speed_range_mps)
-        crowd = crowd_of(here.position, here.velocity, speed, plan)
-        futures[draw] = roll_out_all(crowd, time_s, ground, routes, model, sizes.horizon_steps, sizes.dt_s)
+        crowd = crowd_of(people.position, people.velocity, speed, plan)
+        steps_s = sizes.horizon_steps, sizes.dt_s
+        futures[draw] = roll_out_all(crowd, people.time_s, ground, routes, model, *steps_s)
     return geometric_median(futures)
 
 

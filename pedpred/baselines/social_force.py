@@ -11,11 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pedpred.baselines.together import SAME_TIME_S, forecast_jointly, roll_out_all
+from pedpred.baselines.together import SAME_TIME_S, Present, forecast_jointly, roll_out_all
 from pedpred.errors import ValueRuleError
-from pedpred.features import FeatureTable
 from pedpred.forecasting import Forecaster, ForecastRequest
-from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories
 from pedpred.simulation.crowd import Crowd, crowd_of
 from pedpred.simulation.ground import Ground, ground_of
@@ -32,8 +30,8 @@ def social_force() -> Forecaster:
     def forecast(request: ForecastRequest) -> Predictions:
         sizes, model = request.sizes, request.walking_model
 
-        def roll_out(rows: np.ndarray) -> np.ndarray:
-            start = initial_state_of(request.scene, request.table.select(rows), model.routing)
+        def roll_out(people: Present) -> np.ndarray:
+            start = initial_state(request.scene, *people, model.routing)
             return start.paths(model, sizes.horizon_steps, sizes.dt_s)
 
         return forecast_jointly(request, roll_out)
@@ -75,12 +73,6 @@ class InitialState(NamedTuple):
     def paths(self, model: SocialForceSettings, horizon_steps: int, dt_s: float) -> np.ndarray:
         """World positions after 1 ... P steps of `dt_s` seconds, m. [W, P, 2]."""
         return roll_out_all(self.crowd, self.time_s, self.ground, self.routes, model, horizon_steps, dt_s)
-
-
-def initial_state_of(scene: Scene, table: FeatureTable, routing: RoutingSettings) -> InitialState:
-    """`initial_state` of the rows of a feature table."""
-    velocity = rotate(table.velocity, table.heading_rad)
-    return initial_state(scene, table.track_id, table.time_s, table.position, velocity, routing)
 
 
 def initial_state(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from pedpred.features import FeatureTable
+from pedpred.features.extract import present_rows
 from pedpred.forecasting import ForecastRequest
+from pedpred.geometry import rotate
 from pedpred.scenes import Predictions
 from pedpred.simulation.crowd import Crowd
 from pedpred.simulation.ground import Ground
@@ -16,32 +18,54 @@ from pedpred.simulation.settings import SocialForceSettings
 from pedpred.simulation.simulator import rollout
 
 SAME_TIME_S = 1e-6
-_SAME_INSTANT_S = 1e-4
 
 
-def forecast_jointly(request: ForecastRequest, roll_out: Callable[[np.ndarray], np.ndarray]) -> Predictions:
+class Present(NamedTuple):
+    """All people at some instants, by track and instant. World frame.
+
+    Attributes:
+        track_id: [R]
+        time_s: the instant, s. [R]
+        position: tracked; extrapolated from the last detection if that is earlier, m. [R, 2]
+        velocity: tracked, m/s. [R, 2]
+    """
+
+    track_id: np.ndarray
+    time_s: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+
+
+def forecast_jointly(request: ForecastRequest, roll_out: Callable[[Present], np.ndarray]) -> Predictions:
     """Roll out all people who are present at the asked instants, and answer the asked rows.
 
     Args:
         request: what is asked.
-        roll_out: rows of the table [R] -> their paths, world frame, m. [R, P, 2]
+        roll_out: people [R] -> their paths, world frame, m. [R, P, 2]
     """
-    everybody = seen_together(request.table, request.rows)
-    paths = roll_out(everybody)
-    return Predictions.single(paths[np.searchsorted(everybody, request.rows)], request.sizes.dt_s)
+    people, answers = present_at(request)
+    return Predictions.single(roll_out(people)[answers], request.sizes.dt_s)
 
 
-def seen_together(table: FeatureTable, asked: np.ndarray) -> np.ndarray:
-    """Find the rows at the instants of some rows: all people whom a joint forecast moves. [R].
+def present_at(request: ForecastRequest) -> tuple[Present, np.ndarray]:
+    """Collect the people whom a joint forecast moves, and find the asked rows among them.
 
-    At such an instant (an annotation) each track has a row in exactly one of its phases.
+    Present is, as for the network's inputs, whose last detection is at most `max_age_intervals` old.
 
-    Args:
-        table: of a scene.
-        asked: the rows, mask or indices.
+    Returns:
+        People [R], and the index of each asked row. [W]
     """
-    instant = np.round(table.time_s / _SAME_INSTANT_S).astype(np.int64)
-    return np.flatnonzero(np.isin(instant, instant[asked]))
+    table, max_age_s = request.table, request.detection_interval_s * request.sizes.max_age_intervals
+    now_s, instant = np.unique(table.time_s[request.rows], return_inverse=True)
+    row, at = present_rows(table.track_id, table.time_s, now_s, max_age_s)
+    _, track = np.unique(table.track_id, return_inverse=True)
+    key = track[row] * len(now_s) + at
+    order = np.argsort(key)
+    row, time_s = row[order], now_s[at[order]]
+    velocity = rotate(table.velocity[row], table.heading_rad[row]).astype(np.float64)
+    position = table.position[row] + (time_s - table.time_s[row])[:, None] * velocity
+    answers = np.searchsorted(key[order], track[request.rows] * len(now_s) + instant)
+    return Present(table.track_id[row], time_s, position, velocity), answers
 
 
 def roll_out_all(
@@ -77,5 +101,5 @@ def roll_out_all(
 def instants(time_s: np.ndarray) -> list[np.ndarray]:
     """Group the rows by instant, in the order of time. [W] -> indices [N] of each instant."""
     order = np.argsort(time_s, kind="stable")
-    parts = np.split(order, np.flatnonzero(np.diff(time_s[order]) > SAME_TIME_S) + 1)
+    parts = np.split(order, np.flatnonzero(np.diff(time_s[order])) + 1)
     return parts if len(order) else []

@@ -83,7 +83,11 @@ def _table(name: str, rows: Mapping[str, Mapping[str, Any]]) -> str:
         cells.append((method, _cell(first, row[first]), interval, *(_cell(k, row.get(k)) for k in others)))
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
-    return "\n".join([f"{name}: {some['windows']} windows of {some['tracks']} tracks", *lines, "", ""])
+    lost = some["eligible"] - some["windows"]
+    without = f", {lost} more without truth" if lost else ""
+    return "\n".join(
+        [f"{name}: {some['windows']} windows of {some['tracks']} tracks{without}", *lines, "", ""]
+    )
 
 
 def _cell(key: str, value: float | None) -> str:

@@ -101,23 +101,18 @@ def sequences_of(table: FeatureTable) -> np.ndarray:
     )
 
 
-def motion_data(table: FeatureTable, settings: FeatureSettings, embeddings: np.ndarray | None) -> MotionData:
-    """One scene's feature table in memory.
+def network_inputs(
+    table: FeatureTable, settings: FeatureSettings, embeddings: np.ndarray | None
+) -> dict[str, torch.Tensor]:
+    """The network's inputs at every row of a table, channel -> [M, width].
 
     Args:
-        table: the whole table.
+        table: of some instants.
         settings: that it was made with.
         embeddings: the encoder's outputs of its crops, not rounded. [M, C] float32
     """
-    spans = sequences_of(table)
-    return MotionData(
-        **{name: torch.from_numpy(column) for name, column in network_columns(table, settings).items()},
-        embedding=None if embeddings is None else torch.from_numpy(embeddings.copy()),
-        sequences=spans,
-        scene=np.zeros(len(spans), dtype=np.int64),
-        track=table.track_id[spans[:, 0]],
-        dt_s=settings.dt_s,
-    )
+    found = {"state": table.velocity, "angular": _closeness(table, settings), "grid": embeddings}
+    return {name: torch.from_numpy(values.copy()) for name, values in found.items() if values is not None}
 
 
 def load_motion_data(features: Sequence[Path], embeddings: Sequence[Path] | None = None) -> MotionData:
@@ -197,7 +192,12 @@ def network_columns(table: FeatureTable, settings: FeatureSettings) -> dict[str,
     """The columns of `NETWORK_COLUMNS` from a feature table."""
     return {
         "velocity": table.velocity,
-        "angular": 1.0 - table.angular_grid / np.float32(settings.max_range_m),
+        "angular": _closeness(table, settings),
         "future": table.future.copy(),
         "future_steps": table.future_steps.astype(np.int64),
     }
+
+
+def _closeness(table: FeatureTable, settings: FeatureSettings) -> np.ndarray:
+    """1 - r / r_max of the angular pedestrian grid. [M, K] float32."""
+    return 1.0 - table.angular_grid / np.float32(settings.max_range_m)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from pedpred.evaluation.scores import EvaluationSettings, Scores, metric_scene, score, true_paths, windows_of
+from pedpred.evaluation.scores import EvaluationSettings, Scores, metric_scene, score, true_paths
+from pedpred.evaluation.windows import count_without_truth, windows_of
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.storage.windows import SIZES, EvaluationWindows
 
@@ -16,7 +17,7 @@ def compare(
     """Forecast and measure all evaluation windows of a scene.
 
     Args:
-        request: about the scene; its rows are replaced.
+        request: about the scene; its rows become the windows.
         forecasters: by method.
         settings: thresholds of the metrics.
 
@@ -26,12 +27,15 @@ def compare(
     Returns:
         Windows with all predictions, and the scores of each method.
     """
-    rows = windows_of(request.table, request.sizes, request.scene.name)
-    asked = replace(request, rows=rows)
+    without_truth = count_without_truth(request.table, request.sizes, request.scene.name)
+    asked = replace(request, rows=windows_of(request.table, request.sizes))
     predictions = {method: forecast(asked) for method, forecast in forecasters.items()}
     windows, truth = asked.asked, true_paths(asked.asked, asked.sizes.dt_s)
     scene = metric_scene(windows, request.scene.occupancy, settings)
-    scores = {m: score(own, truth, windows.track_id, scene) for m, own in predictions.items()}
+    scores = {
+        method: replace(score(own, truth, windows.track_id, scene), without_truth=without_truth)
+        for method, own in predictions.items()
+    }
     collected = EvaluationWindows(
         windows.track_id,
         windows.time_s,

@@ -96,7 +96,6 @@ def request_about(scene: Scene, found: Stretches, tracker: KalmanSettings) -> Fo
         angular_grid=np.zeros((windows, 0), np.float32),
         future=np.zeros((windows, steps, 2), np.float32),
         future_steps=np.full(windows, steps, np.int8),
-        window=np.ones(windows, bool),
     )
     sizes = FeatureSettings(dt_s=found.step_s, horizon_steps=steps)
     return ForecastRequest(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.features import FeatureTable
 from pedpred.geometry import rotate
 from pedpred.metrics import METRICS, Metric, MetricScene
 from pedpred.metrics.calibration import mixture_nll, squared_mahalanobis
@@ -66,6 +66,7 @@ class Scores:
         distance2: squared Mahalanobis distance of the truth from the most likely mode; no columns from a
             method without covariances. [W, P] or [W, 0]
         nll: negative log likelihood of the truth, nats; no columns likewise. [W, P] or [W, 0]
+        without_truth: number of detections that are no windows because their truth has gaps.
     """
 
     track: np.ndarray
@@ -73,20 +74,7 @@ class Scores:
     error_m: np.ndarray
     distance2: np.ndarray
     nll: np.ndarray
-
-
-def windows_of(table: FeatureTable, settings: FeatureSettings, place: str) -> np.ndarray:
-    """Find the rows of a place's evaluation windows. [W].
-
-    Raises:
-        ValueRuleError: there is none.
-    """
-    rows = np.flatnonzero(table.window)
-    if not len(rows):
-        ahead_s = settings.horizon_steps * settings.dt_s
-        rule = f"nobody in {place} is detected {settings.min_history + 1} times and {ahead_s:g} s longer"
-        raise ValueRuleError("windows", 0, rule)
-    return rows
+    without_truth: int = 0
 
 
 def true_paths(windows: FeatureTable, dt_s: float) -> np.ndarray:
@@ -150,5 +138,6 @@ def pooled(scores: Sequence[Scores]) -> Scores:
         track.append(own + offset)
         offset += own.max(initial=-1) + 1
     values = {key: np.concatenate([part.values[key] for part in scores]) for key in scores[0].values}
-    per_step = (np.concatenate([getattr(part, name) for part in scores]) for name in _PER_STEP)
-    return Scores(np.concatenate(track), values, *per_step)
+    per_step = {name: np.concatenate([getattr(part, name) for part in scores]) for name in _PER_STEP}
+    without_truth = sum(part.without_truth for part in scores)
+    return Scores(np.concatenate(track), values, **per_step, without_truth=without_truth)

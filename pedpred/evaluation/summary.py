@@ -107,7 +107,9 @@ def _summary(scores: Scores, reference: Scores, resampling: TrackBootstrap) -> d
             valid = ~np.isnan(each)
             if valid.any():
                 values |= {name: each[valid].mean(), f"{name}_ci95": resampling.interval(each)}
-    values |= {"windows": len(scores.track), "tracks": resampling.tracks, **_per_step(scores)}
+    eligible = len(scores.track) + scores.without_truth
+    values |= {"windows": len(scores.track), "eligible": eligible, "tracks": resampling.tracks}
+    values |= _per_step(scores)
     return {name: _plain(value) for name, value in values.items()}
 
 

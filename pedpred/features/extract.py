@@ -67,7 +67,7 @@ def extract_blocks(
             gives one empty block.
         truth: true trajectories for the targets; None takes the scene's detections.
     """
-    futures = Futures.of(scene.trajectories if truth is None else truth, settings.lost_after_s)
+    futures = _futures(scene, truth, settings)
     steps = clock_steps(tracks, scene.detection_dt_s, settings)
     around = neighbours_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
     for block in track_blocks(steps.track_id, rows):
@@ -75,17 +75,25 @@ def extract_blocks(
         yield _features(scene, tracks, settings, steps.select(block), neighbours, futures)
 
 
-def extract_at_detections(scene: Scene, tracks: Tracks, settings: FeatureSettings) -> FeatureTable:
+def extract_at_detections(
+    scene: Scene, tracks: Tracks, settings: FeatureSettings, truth: Trajectories | None = None
+) -> FeatureTable:
     """Compute the table with a row per detection instead of per step; `step` counts a life's detections.
 
-    For forecasters that may be asked at any frame and rate; arguments of `extract`.
+    Forecasts are evaluated at these instants, whatever their rate; arguments of `extract`.
     """
     rows = np.arange(len(tracks.time_s))
     phase, step = np.zeros(len(rows), np.int8), tracks.age.astype(np.int32)
     steps = Steps(tracks.track_id, phase, step, tracks.time_s, rows)
     neighbours = neighbours_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
-    futures = Futures.of(scene.trajectories, settings.lost_after_s)
+    futures = _futures(scene, truth, settings)
     return _features(scene, tracks, settings, steps, neighbours, futures)
+
+
+def _futures(scene: Scene, truth: Trajectories | None, settings: FeatureSettings) -> Futures:
+    """The true paths, known between detections that are near enough to interpolate."""
+    longest_s = min(settings.truth_gap_s, settings.lost_after_s)
+    return Futures.of(scene.trajectories if truth is None else truth, longest_s)
 
 
 def track_blocks(track_id: np.ndarray, rows: int) -> Iterator[slice]:
@@ -110,7 +118,6 @@ def _features(
     path, future_steps = futures.after(tracks.person_id[steps.row], steps.time_s, ahead_s)
     future = rotate(future_velocities(walkers.position, path, sizes.dt_s), -walkers.heading_rad[:, None])
     known = np.arange(sizes.horizon_steps) < future_steps[:, None]
-    seen_now = np.abs(tracks.time_s[steps.row] - steps.time_s) <= TIME_TOLERANCE_S
     return FeatureTable(
         track_id=steps.track_id,
         phase=steps.phase,
@@ -126,7 +133,6 @@ def _features(
         angular_grid=seen.angular_grid,
         future=np.where(known[..., None], future, 0.0).astype(np.float32),
         future_steps=future_steps,
-        window=seen_now & (tracks.age[steps.row] >= sizes.min_history) & known.all(axis=1),
     )
 
 
@@ -186,17 +192,34 @@ def neighbours_at(tracks: Tracks, time_s: np.ndarray, max_age_s: float) -> Neigh
         max_age_s: s.
     """
     now, instant = np.unique(time_s, return_inverse=True)
-    order = np.argsort(tracks.time_s, kind="stable")
-    detected = tracks.time_s[order]
-    same_next = np.append(tracks.track_id[1:] == tracks.track_id[:-1], False)
-    replaced = np.where(same_next, np.append(tracks.time_s[1:], np.inf), np.inf)[order]
-    low = np.searchsorted(detected, now - max_age_s, side="left")
-    high = np.searchsorted(detected, now + TIME_TOLERANCE_S, side="right")
-    count = high - low
-    at = np.repeat(np.arange(len(now)), count)
-    candidate = np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count) + low[at]
-    current = replaced[candidate] > now[at] + TIME_TOLERANCE_S
-    row, at = order[candidate[current]], at[current]
+    row, at = present_rows(tracks.track_id, tracks.time_s, now, max_age_s)
     bounds = np.searchsorted(at, np.arange(len(now) + 1))
     span = np.stack([bounds[instant], bounds[instant + 1]], axis=-1)
     return Neighbours(tracks.track_id[row], tracks.position_at(row, now[at]), span)
+
+
+def present_rows(
+    track_id: np.ndarray, time_s: np.ndarray, now_s: np.ndarray, max_age_s: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find each present track's last detection at some instants.
+
+    Args:
+        track_id: rows sorted by (track, time). [M]
+        time_s: of the detections, s. [M]
+        now_s: the instants, rising, s. [I]
+        max_age_s: a track is present while its last detection is at most this old, s.
+
+    Returns:
+        Rows and the indices of their instants, which rise. [C] each
+    """
+    order = np.argsort(time_s, kind="stable")
+    detected = time_s[order]
+    same_next = np.append(track_id[1:] == track_id[:-1], False)
+    replaced = np.where(same_next, np.append(time_s[1:], np.inf), np.inf)[order]
+    low = np.searchsorted(detected, now_s - max_age_s, side="left")
+    high = np.searchsorted(detected, now_s + TIME_TOLERANCE_S, side="right")
+    count = high - low
+    at = np.repeat(np.arange(len(now_s)), count)
+    candidate = np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count) + low[at]
+    current = replaced[candidate] > now_s[at] + TIME_TOLERANCE_S
+    return order[candidate[current]], at[current]

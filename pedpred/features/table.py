@@ -1,4 +1,4 @@
-"""The feature table, one row per (life, phase, step), and the sizes it was made with."""
+"""The feature table, a row per (life, phase, step) or per detection, and the sizes it was made with."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ class FeatureSettings:
         dt_s: time between two steps, s.
         horizon_steps: forecast steps P.
         min_history: detections before the present that an evaluation window needs.
-        phase_offsets: step sequences per track, offset by one detection interval each.
+        phase_offsets: step sequences per track that training reads, offset by one detection interval each.
         grid_cells: cells per side of the occupancy crop.
         grid_resolution_m: side of a crop cell, m.
         angular_cells: cones K of the angular pedestrian grid.
         max_range_m: range of that grid, m.
         max_age_intervals: a neighbour is dropped after this many detection intervals without detection.
         lost_after_s: an id that reappears after more than this counts as a new person, s.
+        truth_gap_s: the true path is interpolated between detections at most this far apart, s.
         noncausal: the inputs use later annotations (protocol `paper`); reports must say so.
     """
 
@@ -40,6 +41,7 @@ class FeatureSettings:
     max_range_m: float = 6.0
     max_age_intervals: float = 1.25
     lost_after_s: float = LOST_AFTER_S
+    truth_gap_s: float = 0.6
     noncausal: bool = False
 
     def __post_init__(self) -> None:
@@ -61,7 +63,8 @@ class FeatureTable:
     Attributes:
         track_id: [M] int64
         phase: index of the offset step sequence. [M] int8
-        step: counted from the first step of (life, phase); a life is one stay of one id. [M] int32
+        step: counted from the first step of (life, phase); a life is one stay of one id. In a table at
+            detections: earlier detections of the life. [M] int32
         time_s: of the step, s. [M] float64
         position: tracked, m. [M, 2] float64
         heading_rad: of the agent frame. [M] float64
@@ -72,8 +75,7 @@ class FeatureTable:
         occupancy: bit-packed crop. [M, cells^2 / 8] uint8
         angular_grid: distances of the nearest pedestrians, m. [M, K] float32
         future: velocities of the next P steps, agent frame, m/s; 0 where unknown. [M, P, 2] float32
-        future_steps: how many of them are known. [M] int8
-        window: whether the row is an evaluation window. [M] bool
+        future_steps: how many of them are known: those before the life or its detections break off. [M] int8
     """
 
     track_id: np.ndarray
@@ -90,7 +92,6 @@ class FeatureTable:
     angular_grid: np.ndarray
     future: np.ndarray
     future_steps: np.ndarray
-    window: np.ndarray
 
     def __post_init__(self) -> None:
         for field in fields(self):

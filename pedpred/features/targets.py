@@ -21,14 +21,14 @@ def _true_path(time_s: np.ndarray, position: np.ndarray, query_s: np.ndarray) ->
 
 @dataclass(frozen=True)
 class Futures:
-    """The true paths of all pedestrians.
+    """The true paths of all pedestrians, in pieces without long gaps.
 
     Attributes:
         person_id: rows sorted by (person, time). [A]
         time_s: s. [A]
         position: world frame, m. [A, 2]
-        first: first row of the life of each row. [A]
-        last: one past the life's last row. [A]
+        first: first row of the piece of each row. [A]
+        last: one past the piece's last row. [A]
     """
 
     person_id: np.ndarray
@@ -38,11 +38,11 @@ class Futures:
     last: np.ndarray
 
     @classmethod
-    def of(cls, truth: Trajectories, lost_after_s: float) -> Futures:
-        """Split trajectories into lives; a gap longer than `lost_after_s` ends one."""
+    def of(cls, truth: Trajectories, longest_gap_s: float) -> Futures:
+        """Split trajectories where the next detection is more than `longest_gap_s` away."""
         order = np.lexsort((truth.time_s, truth.track_id))
         person_id, time_s = truth.track_id[order], truth.time_s[order]
-        begin = np.flatnonzero(births(person_id, time_s, lost_after_s))
+        begin = np.flatnonzero(births(person_id, time_s, longest_gap_s))
         end = np.append(begin, len(order))[1:]
         first, last = np.repeat(begin, end - begin), np.repeat(end, end - begin)
         return cls(person_id, time_s, truth.position[order], first, last)
@@ -58,15 +58,15 @@ class Futures:
             ahead_s: s. [P]
 
         Returns:
-            World frame, m; the last known position beyond the end of the life. [Q, P, 2]
-            Number of steps within the life. [Q] int8
+            World frame, m; the last known position beyond the end of the piece. [Q, P, 2]
+            Number of steps within the piece. [Q] int8
         """
         asked = time_s[:, None] + ahead_s
         row = last_rows(self.person_id, self.time_s, person_id, time_s)
         path = np.empty((*asked.shape, 2))
         order = np.argsort(self.first[row], kind="stable")
-        lives = np.flatnonzero(np.diff(self.first[row[order]])) + 1
-        for steps in np.split(order, lives) if len(order) else []:
+        pieces = np.flatnonzero(np.diff(self.first[row[order]])) + 1
+        for steps in np.split(order, pieces) if len(order) else []:
             a, b = self.first[row[steps[0]]], self.last[row[steps[0]]]
             path[steps] = _true_path(self.time_s[a:b], self.position[a:b], asked[steps])
         ends = self.time_s[self.last[row] - 1]

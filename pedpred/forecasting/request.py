@@ -23,12 +23,14 @@ class ForecastRequest:
 
     Attributes:
         scene: trajectories and obstacles.
-        table: the features of the whole scene, sorted by track, phase and step.
+        table: the features at all detections of the scene, sorted by track and time.
         sizes: what the table was made with: time step, horizon, ranges.
         rows: which rows to forecast. [W]
         tracker: noise of the filter that the tracked states come from; None where states are true.
         detection_interval_s: time between two detections of a track, s.
         social_force: the model of walking at this place; None where there is none.
+        clock: the features every `dt_s` from each life's first detection on, at which recurrent memories
+            advance; sorted by track and step. None where nobody keeps one.
     """
 
     scene: Scene
@@ -38,6 +40,7 @@ class ForecastRequest:
     tracker: KalmanSettings | None
     detection_interval_s: float
     social_force: SocialForceSettings | None = None
+    clock: FeatureTable | None = None
 
     @property
     def ahead_s(self) -> np.ndarray:
@@ -59,6 +62,17 @@ class ForecastRequest:
         if self.social_force is None:
             raise ValueRuleError("social_force", None, "joint rollouts need a model of walking")
         return self.social_force
+
+    @property
+    def steps(self) -> FeatureTable:
+        """The features at which recurrent memories advance.
+
+        Raises:
+            ValueRuleError: there are none.
+        """
+        if self.clock is None:
+            raise ValueRuleError("clock", None, "a recurrent forecaster needs the features of its own steps")
+        return self.clock
 
 
 Forecaster = Callable[[ForecastRequest], Predictions]

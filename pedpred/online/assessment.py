@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-
-import numpy as np
+from dataclasses import replace
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.evaluation import EvaluationSettings, Scores
 from pedpred.evaluation.compare import compare
-from pedpred.features import extract_at_detections
+from pedpred.evaluation.windows import window_request
+from pedpred.features.perception import Perception
 from pedpred.forecasting import ForecastRequest
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.replay import predictions_at
 from pedpred.scenes import Forecast, Predictions, Scene
-from pedpred.tracking import follow
 
 NETWORK = "network"
 """Name of the exported network beside the other methods."""
@@ -25,8 +24,8 @@ def assess(
 ) -> dict[str, Scores]:
     """Measure the network in a scene, beside the baselines that continue the present motion.
 
-    A window is a detection with enough earlier ones (`min_history`) whose person is seen until the end of the
-    horizon; the detections themselves, joined by a spline, are the truth. All methods see the same tracker.
+    The windows are those of the pipeline (`windows_of`); the detections themselves, joined by a spline, are
+    the truth. All methods see the same tracker.
 
     Args:
         scene: detections at any rate, regular or not.
@@ -41,15 +40,13 @@ def assess(
         The scores of each method in the same windows.
     """
     about, sizes = predictor.description, predictor.features
-    tracks = follow(scene.trajectories, "kalman", about.tracker, about.standstill_mps, sizes.lost_after_s)
-    table = extract_at_detections(scene, tracks, sizes)
 
     def replayed_network(request: ForecastRequest) -> Predictions:
         asked = request.asked
         return predictions_at(forecasts, asked.track_id, asked.time_s, sizes.horizon_steps, sizes.dt_s)
 
     methods = {key: make() for key, make in PRESENT_MOTION.items()} | {NETWORK: replayed_network}
+    request = window_request(scene, Perception(about.tracker, about.standstill_mps), sizes)
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.
-    request = ForecastRequest(scene, table, sizes, np.zeros(0, np.int64), None, scene.detection_dt_s)
-    _, scores = compare(request, methods, settings)
+    _, scores = compare(replace(request, tracker=None), methods, settings)
     return scores

@@ -1,4 +1,4 @@
-"""The people that a robot tracks: states, phases and the network's memory, as arrays."""
+"""The people that a robot tracks: states and the network's memory, as arrays."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class People:
         velocity: tracked, m/s. [N, 2]
         covariance: of the tracker's belief. [N, 3]
         heading_rad: held while standing. [N]
-        ticks: steps of the network in each phase. [N, C]
-        memory: the network's state in each phase, name -> [N, C, ...] float32
+        ticks: steps of the network. [N]
+        memory: the network's state after them, name -> [N, ...] float32
     """
 
     track_id: np.ndarray
@@ -42,12 +42,12 @@ class People:
         return len(self.track_id)
 
     @classmethod
-    def nobody(cls, phase_offsets: int, memory: Mapping[str, tuple[int, ...]]) -> People:
+    def nobody(cls, memory: Mapping[str, tuple[int, ...]]) -> People:
         """Nobody yet; memory: name -> shape per person."""
         none, pairs = np.zeros(0), np.zeros((0, 2))
-        empty = {name: np.zeros((0, phase_offsets, *shape), np.float32) for name, shape in memory.items()}
-        ids, ticks = np.zeros(0, np.int64), np.zeros((0, phase_offsets), np.int64)
-        return cls(ids, none, none, pairs, pairs, np.zeros((0, 3)), none, ticks, empty)
+        empty = {name: np.zeros((0, *shape), np.float32) for name, shape in memory.items()}
+        whole = np.zeros(0, np.int64)
+        return cls(whole, none, none, pairs, pairs, np.zeros((0, 3)), none, whole, empty)
 
     def select(self, rows: np.ndarray) -> People:
         """Some of them (mask or indices)."""
@@ -119,11 +119,11 @@ def detected(
 def _newborn(
     people: People, time_s: float, track_id: np.ndarray, belief: Belief, standstill_mps: float
 ) -> People:
-    count, phase_offsets = len(track_id), people.ticks.shape[1]
+    count = len(track_id)
     now = np.full(count, time_s)
     heading = _heading(belief.velocity, np.zeros(count), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
-    ticks = np.zeros((count, phase_offsets), np.int64)
+    ticks = np.zeros(count, np.int64)
     position, velocity, covariance = belief.position, belief.velocity, belief.covariance
     return People(track_id, now, now.copy(), position, velocity, covariance, heading, ticks, memory)
 
@@ -134,8 +134,7 @@ def _heading(velocity: np.ndarray, before: np.ndarray, standstill_mps: float) ->
     return np.where(moving, np.arctan2(velocity[:, 1], velocity[:, 0]), before)
 
 
-def next_ticks_s(people: People, dt_s: float, phase_offset_s: float) -> np.ndarray:
-    """Time of the next step of each person in each phase, on the grid of the offline features, s. [N, C]."""
-    offset = np.arange(people.ticks.shape[1]) * phase_offset_s
-    exact = people.born_s[:, None] + offset + people.ticks * dt_s
+def next_ticks_s(people: People, dt_s: float) -> np.ndarray:
+    """Time of the next step of each person, on the grid of the offline features, s. [N]."""
+    exact = people.born_s + people.ticks * dt_s
     return np.round(exact / TIME_TOLERANCE_S) * TIME_TOLERANCE_S

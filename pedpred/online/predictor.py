@@ -28,20 +28,15 @@ class OnlineSettings:
     Attributes:
         max_age_s: a person is present while the last detection is at most this old, s.
         snap_s: a step that became due at most this long before a frame is taken with the frame, s.
-        phase_offsets: step sequences per person; one is enough on a robot, offline replays may use more.
-        phase_offset_s: between two phases of one person, s.
     """
 
     max_age_s: float = 0.5
     snap_s: float = 0.05
-    phase_offsets: int = 1
-    phase_offset_s: float = 0.0
 
     @classmethod
     def as_offline(cls, features: FeatureSettings, detection_dt_s: float) -> OnlineSettings:
-        """What makes a replay take the steps of a feature table, for detections `detection_dt_s` apart."""
-        age_s = features.max_age_intervals * detection_dt_s
-        return cls(age_s, TIME_TOLERANCE_S, features.phase_offsets, detection_dt_s)
+        """What makes a replay give the pipeline's forecasts, for detections `detection_dt_s` apart."""
+        return cls(features.max_age_intervals * detection_dt_s, TIME_TOLERANCE_S)
 
 
 class OnlinePredictor:
@@ -81,7 +76,7 @@ class OnlinePredictor:
 
     def reset(self) -> None:
         """Forget everybody; the map stays."""
-        self._people = People.nobody(self._settings.phase_offsets, self._about.memory)
+        self._people = People.nobody(self._about.memory)
         self._now = -np.inf
         self._last = self._forecast(np.zeros(0, int), *self._network.nobody(), 0.0)
 
@@ -128,37 +123,26 @@ class OnlinePredictor:
             first = due.min()
             if not first < until_s - TIME_TOLERANCE_S:
                 return
-            person, phase = np.nonzero(due <= first + TIME_TOLERANCE_S)
-            self._step(person, phase, first, np.ones(len(person), bool))
+            person = np.flatnonzero(due <= first + TIME_TOLERANCE_S)
+            self._step(person, first, np.ones(len(person), bool))
 
     def _due(self) -> np.ndarray:
-        """Time of the next step in every phase, s; infinite if the person is forgotten before. [N, C]."""
-        people = self._people
-        due = next_ticks_s(people, self.features.dt_s, self._settings.phase_offset_s)
-        gone = due > (people.seen_s + self.features.lost_after_s)[:, None]
+        """Time of everybody's next step, s; infinite if the person is forgotten before. [N]."""
+        due = next_ticks_s(self._people, self.features.dt_s)
+        gone = due > self._people.seen_s + self.features.lost_after_s
         return np.where(gone, np.inf, due)
 
     def _predict(self, time_s: float) -> Forecast:
-        """Forecast everybody present; phases that are due now take their step."""
-        people = self._people
-        due = np.less_equal(self._due(), time_s + TIME_TOLERANCE_S)
-        there = np.flatnonzero(people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S)
-        ticking = due.any(axis=1)
-        person, phase = np.nonzero(due)
-        waiting = there[~ticking[there]]
-        latest = people.ticks[waiting].argmax(axis=1)
-        rows, lanes = np.concatenate([person, waiting]), np.concatenate([phase, latest])
-        keep = np.arange(len(rows)) < len(person)
-        predictions, velocities = self._step(rows, lanes, time_s, keep)
-        answer = np.full(len(people), -1)
-        answer[rows[::-1]] = np.arange(len(rows))[::-1]  # the first phase with a step now gives the forecast
-        given = answer[there]
-        return self._forecast(there, predictions.select(given), velocities[given], time_s)
+        """Forecast everybody present; those whose step is due now take it."""
+        due = self._due() <= time_s + TIME_TOLERANCE_S
+        there = self._people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S
+        person = np.flatnonzero(due | there)
+        predictions, velocities = self._step(person, time_s, due[person])
+        given = np.flatnonzero(there[person])
+        return self._forecast(person[given], predictions.select(given), velocities[given], time_s)
 
-    def _step(
-        self, person: np.ndarray, phase: np.ndarray, time_s: float, keep: np.ndarray
-    ) -> tuple[Predictions, np.ndarray]:
-        """Run the network for some (person, phase) and store the step where `keep`.
+    def _step(self, person: np.ndarray, time_s: float, keep: np.ndarray) -> tuple[Predictions, np.ndarray]:
+        """Run the network for some people and store the step where `keep`.
 
         Returns:
             Predictions and velocities of `ExportedNetwork.step`, R rows.
@@ -167,12 +151,11 @@ class OnlinePredictor:
         if not len(person):
             return self._network.nobody()
         inputs = self._inputs(people.at(person, time_s), time_s)
-        memory = {name: values[person, phase] for name, values in people.memory.items()}
+        memory = {name: values[person] for name, values in people.memory.items()}
         predictions, velocities, after = self._network.step(inputs, memory)
-        who, which = person[keep], phase[keep]
         for name, values in after.items():
-            people.memory[name][who, which] = values[keep]
-        people.ticks[who, which] += 1
+            people.memory[name][person[keep]] = values[keep]
+        people.ticks[person[keep]] += 1
         return predictions, velocities
 
     def _inputs(self, observers: Pedestrians, time_s: float) -> dict[str, np.ndarray]:

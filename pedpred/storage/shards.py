@@ -15,7 +15,7 @@ from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.files import read_json, translate_errors, write_json
 from pedpred.storage.columns import PAIRS, count_rows, join_pairs, read_blocks, split_pairs, write_blocks
 
-FEATURE_SCHEMA = 2
+FEATURE_SCHEMA = 3
 _NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
 """Byte-stream-split makes these 5-45 % smaller, and those that hold their values up to 3 times larger."""
 _REMEDY = "Write it again"
@@ -49,7 +49,6 @@ def columns_of(settings: FeatureSettings) -> dict[str, Column]:
         "angular_grid": Column("float32", (settings.angular_cells,), cones),
         "future": Column("float32", (settings.horizon_steps, 2), "m/s, agent frame, row-major"),
         "future_steps": Column("int8", unit="steps of future that are known"),
-        "window": Column("bool"),
     }
     return {name: about for field, about in by_field.items() for name in PAIRS.get(field, (field,))}
 

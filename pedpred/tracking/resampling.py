@@ -31,7 +31,7 @@ def resampled(scene: Scene, dt_s: float, lost_after_s: float = LOST_AFTER_S) -> 
     )
     first = np.flatnonzero(births(track_id, time_s, lost_after_s))
     parts: list[tuple[np.ndarray, ...]] = []
-    for a, b in zip(first, np.append(first[1:], len(track_id)), strict=True):
+    for a, b in zip(first, np.append(first, len(track_id))[1:], strict=True):
         ticks = int((time_s[b - 1] - time_s[a] + TIME_TOLERANCE_S) / dt_s) + 1
         if b - a > 1 and ticks > 1:
             now = time_s[a] + np.arange(ticks) * dt_s

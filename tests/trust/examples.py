@@ -88,7 +88,6 @@ def table(rows: int = 12) -> FeatureTable:
         "angular_grid": rng.random((rows, FEATURES.angular_cells), dtype=np.float32),
         "future": rng.random((rows, FEATURES.horizon_steps, 2), dtype=np.float32),
         "future_steps": np.full(rows, 4, np.int8),
-        "window": np.ones(rows, bool),
     }
     return FeatureTable(**{f.name: values.get(f.name, rng.random((rows, 2))) for f in fields(FeatureTable)})
 

@@ -12,15 +12,15 @@ from pedpred.baselines.registry import BASELINES
 from pedpred.command.prediction import robot_for
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import true_paths
-from pedpred.features import FeatureSettings, extract
+from pedpred.evaluation.windows import window_request
+from pedpred.features import FeatureSettings
+from pedpred.features.perception import Perception
 from pedpred.files import write_json
 from pedpred.metrics.paths import displacement
 from pedpred.online.assessment import assess
 from pedpred.online.replay import replayed
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scene
-from pedpred.tracking import follow
-from tests.forecasts import request_about
 from tests.simulated import SETTINGS, scene_of, short
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -42,8 +42,7 @@ def as_on_a_robot(scene: Scene) -> dict[str, float]:
 def by_its_own_forces(scene: Scene) -> float:
     """Mean error of the social force model in its own simulation, m."""
     sizes = FeatureSettings()
-    table = extract(scene, follow(scene.trajectories, "truth", None, 0.2), sizes)
-    request = request_about(scene, table, social_force=SETTINGS)
+    request = window_request(scene, Perception(None, 0.2), sizes, SETTINGS)
     paths = BASELINES["social_force"]()(request).point
     truth = true_paths(request.asked, sizes.dt_s)
     return round(float(displacement(paths, truth).mean()), 5)

@@ -15,9 +15,11 @@ from dvc.repo import Repo
 from omegaconf import OmegaConf
 
 from pedpred.config import SETS
-from pedpred.features import FeatureSettings, extract
+from pedpred.evaluation.windows import window_request
+from pedpred.features import FeatureSettings
+from pedpred.features.perception import Perception
 from pedpred.networks import GridAutoencoder, NetworkForecaster
-from pedpred.tracking import KalmanSettings, follow
+from pedpred.tracking import KalmanSettings
 from stages import train
 from tests.exported import NETWORK, WIDTHS
 from tests.worlds import walled_scene
@@ -143,9 +145,9 @@ def test_no_forecast_moves_when_the_future_does():
 
     def forecast(trajectories):
         seen = replace(scene, trajectories=trajectories)
-        table = extract(seen, follow(trajectories, "kalman", KalmanSettings(0.1, 0.1), 0.2), sizes)
-        forecaster = NetworkForecaster(network, encoder.encoder)
-        return table.time_s, forecaster.predict(table, sizes, np.arange(len(table))).point
+        request = window_request(seen, Perception(KalmanSettings(0.1, 0.1), 0.2), sizes)
+        asked = replace(request, rows=np.arange(len(request.table)))
+        return asked.table.time_s, NetworkForecaster(network, encoder.encoder)(asked).point
 
     later = scene.trajectories.time_s > now
     noise = np.random.default_rng(1).normal(0, 3, (len(later), 2))

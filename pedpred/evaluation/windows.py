@@ -1,0 +1,81 @@
+"""The evaluation windows of a scene: every detection with a past to go by and a known future."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+
+from pedpred.errors import ValueRuleError
+from pedpred.features import FeatureSettings, FeatureTable, extract, extract_at_detections
+from pedpred.features.perception import Perception, perceived
+from pedpred.forecasting import ForecastRequest
+from pedpred.scenes import Scene
+from pedpred.simulation.settings import SocialForceSettings
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
+
+_LOG = logging.getLogger(__name__)
+_WORTH_SAYING = 0.01
+
+
+def window_request(
+    scene: Scene, how: Perception, sizes: FeatureSettings, social_force: SocialForceSettings | None = None
+) -> ForecastRequest:
+    """Ask for a forecast of every evaluation window of a scene.
+
+    Args:
+        scene: a place; detections at any rate, regular or not.
+        how: how its people are perceived.
+        sizes: of the features; the clock of networks has one phase, whatever training uses.
+        social_force: the model of walking there; None where there is none.
+    """
+    seen, tracks = perceived(scene, how, sizes)
+    table = extract_at_detections(seen, tracks, sizes, scene.trajectories)
+    clock = extract(seen, tracks, replace(sizes, phase_offsets=1), scene.trajectories)
+    tracker = None if sizes.noncausal else how.kalman
+    rows = windows_of(table, sizes)
+    return ForecastRequest(scene, table, sizes, rows, tracker, seen.detection_dt_s, social_force, clock)
+
+
+def windows_of(table: FeatureTable, sizes: FeatureSettings) -> np.ndarray:
+    """Find the evaluation windows in a table at detections.
+
+    A window is a detection with at least `min_history` earlier ones of the same life and a true position at
+    every step of the horizon.
+
+    Returns:
+        Rows. [W]
+    """
+    return np.flatnonzero(_with_history(table, sizes) & (table.future_steps == sizes.horizon_steps))
+
+
+def count_without_truth(table: FeatureTable, sizes: FeatureSettings, place: str) -> int:
+    """Count the detections that lack nothing but truth to be windows: their person stays, unseen at times.
+
+    Args:
+        table: at detections.
+        sizes: of the table.
+        place: it is named in a warning if these are many, and in the error.
+
+    Raises:
+        ValueRuleError: the table has no window at all.
+    """
+    windows = windows_of(table, sizes)
+    last = np.append(table.step[1:] == 0, True)[: len(table)]  # of each life
+    end_s = table.time_s[last][np.cumsum(last) - last]
+    ahead_s = sizes.horizon_steps * sizes.dt_s
+    stays = _with_history(table, sizes) & (table.time_s + ahead_s <= end_s + TIME_TOLERANCE_S)
+    lost = len(np.setdiff1d(np.flatnonzero(stays), windows))
+    gap = f"between detections more than {sizes.truth_gap_s:g} s apart (truth_gap_s) there is no truth"
+    if not len(windows):
+        nobody = f"nobody in {place} is detected {sizes.min_history + 1} times and {ahead_s:g} s longer"
+        raise ValueRuleError("windows", 0, f"none of {lost} is left in {place}: {gap}" if lost else nobody)
+    eligible = len(windows) + lost
+    if lost > _WORTH_SAYING * eligible:
+        _LOG.warning("%s: %d of %d windows are lost: %s", place, lost, eligible, gap)
+    return lost
+
+
+def _with_history(table: FeatureTable, sizes: FeatureSettings) -> np.ndarray:
+    return table.step >= sizes.min_history

@@ -1,0 +1,161 @@
+"""Every detection counts: the windows of regular, irregular, sparse and empty recordings."""
+
+import dataclasses
+import logging
+
+import numpy as np
+import pytest
+
+from pedpred.baselines.registry import BASELINES
+from pedpred.baselines.together import present_at
+from pedpred.errors import ValueRuleError
+from pedpred.evaluation import EvaluationSettings, summaries
+from pedpred.evaluation.compare import compare
+from pedpred.evaluation.windows import window_request
+from pedpred.features import FeatureSettings
+from pedpred.features.perception import Perception, parse_tracker
+from pedpred.networks import NetworkForecaster
+from pedpred.online import OnlinePredictor
+from pedpred.online.assessment import assess
+from pedpred.online.replay import replayed
+from pedpred.scenes import Scene, Trajectories
+from pedpred.simulation.sensor import SensorSettings
+from tests.exported import TRACKER
+from tests.simulated import SETTINGS as WALKING
+from tests.worlds import empty_map, jittered, walled_scene
+
+KALMAN = Perception(TRACKER, 0.2)
+SETTINGS = EvaluationSettings(bootstrap=10)
+CAUSAL, NONCAUSAL = FeatureSettings(), FeatureSettings(noncausal=True)
+
+
+def walked(dt_s, seconds=30.0, people=4):
+    """People who walk straight and turn back, seen all the time."""
+    time_s = np.arange(0, seconds, dt_s)
+    there = np.stack([3 * np.sin(time_s / 5), 0.3 * time_s], axis=-1)
+    position = np.concatenate([there + np.array([k, 0.5 * k]) for k in range(people)])
+    track = np.repeat(np.arange(people), len(time_s))
+    return Scene("walk", Trajectories(np.tile(time_s, people), track, position), empty_map(), dt_s)
+
+
+def asked(scene, sizes=CAUSAL, how=KALMAN):
+    return window_request(scene, how, sizes, WALKING)
+
+
+def without(scene, gone):
+    return dataclasses.replace(scene, trajectories=scene.trajectories.select(~gone))
+
+
+@pytest.mark.parametrize("of_each", ["frame", "detection"])
+def test_jittered_detections_keep_as_many_windows_in_the_pipeline_and_in_the_command(model, of_each):
+    folder, network, encoder = model
+    on_clock = walked(0.3)
+    rare = walked(1 / 2.4)
+    noisy = jittered(rare, 0.02, np.random.default_rng(0), of_each)
+    for scene in (on_clock, rare, noisy):
+        request = asked(scene)
+        seconds_of_windows = len(request.rows) * scene.detection_dt_s / 4  # of each person
+        assert seconds_of_windows == pytest.approx(27.0 - 3 * scene.detection_dt_s, abs=scene.detection_dt_s)
+        _, pipeline = compare(request, {"network": NetworkForecaster(network, encoder)}, SETTINGS)
+        robot = OnlinePredictor.load(folder)
+        command = assess(scene, robot, replayed(scene, robot), SETTINGS)
+        assert len(command["network"].track) == len(pipeline["network"].track) == len(request.rows)
+        assert pipeline["network"].without_truth == 0
+    assert len(asked(noisy).rows) == pytest.approx(len(asked(rare).rows), rel=0.01)
+
+
+@pytest.mark.parametrize("offsets", [1, 3])
+def test_what_training_reads_does_not_move_a_window(model, offsets):
+    request = asked(walked(0.4), FeatureSettings(phase_offsets=offsets))
+    plain = asked(walked(0.4))
+    np.testing.assert_array_equal(request.rows, plain.rows)
+    np.testing.assert_array_equal(request.steps.time_s, plain.steps.time_s)
+
+
+def test_there_is_no_truth_across_a_gap(caplog):
+    """Nobody is seen for 1.2 s: horizons that cross it are no windows; people and their memory stay."""
+    scene = walked(0.4)
+    gone = np.abs(scene.trajectories.time_s - 15.0) < 0.5
+    request, whole = asked(without(scene, gone)), asked(scene).asked
+    crossing = (whole.time_s > 14.4 - 3.0 + 1e-6) & (whole.time_s < 15.6 - 1e-6)
+    assert set(request.asked.time_s) == set(whole.time_s[~crossing])
+    lost = int(crossing.sum()) - int(gone.sum())
+    with caplog.at_level(logging.WARNING):
+        _, scores = compare(request, {"cv": BASELINES["cv"]()}, SETTINGS)
+    figures = summaries(scores, "cv", SETTINGS)["cv"]
+    assert figures["eligible"] - figures["windows"] == lost > 0
+    assert f"{lost} of {figures['eligible']} windows are lost" in caplog.text
+
+
+def test_a_few_lost_windows_are_counted_silently(caplog):
+    scene = walked(0.1, seconds=60.0, people=9)
+    gone = (scene.trajectories.track_id == 0) & (np.abs(scene.trajectories.time_s - 20.0) < 0.4)
+    with caplog.at_level(logging.WARNING):
+        _, scores = compare(asked(without(scene, gone)), {"cv": BASELINES["cv"]()}, SETTINGS)
+    assert 0 < scores["cv"].without_truth < 0.01 * len(scores["cv"].track)
+    assert not caplog.text
+
+
+def test_a_recording_that_is_slower_than_truth_allows_says_so():
+    with pytest.raises(ValueRuleError, match=r"none of .* is left in walk: .* more than 0\.6 s apart"):
+        compare(asked(walked(0.8)), {}, SETTINGS)
+    slow = asked(walked(0.8), FeatureSettings(truth_gap_s=1.0))
+    assert len(slow.rows) > 50
+
+
+def test_gaps_of_the_sensor_are_no_gaps_of_the_truth():
+    scene = walled_scene(np.random.default_rng(0), 0.1, detections=120, truth=True)
+    drops = Perception(TRACKER, 0.2, SensorSettings(drop_out_share=0.5))
+    _, scores = compare(asked(scene, how=drops), {"cv": BASELINES["cv"]()}, SETTINGS)
+    assert scores["cv"].without_truth == 0
+    assert len(scores["cv"].track) > 100
+
+
+def test_resampled_tracks_are_seen_on_the_clock():
+    """Protocol `paper`: every window is a step."""
+    request = asked(walked(0.4), NONCAUSAL)
+    assert request.tracker is None
+    np.testing.assert_allclose(request.asked.time_s, 0.3 * np.round(request.asked.time_s / 0.3), atol=1e-9)
+    np.testing.assert_allclose(request.table.time_s, request.steps.time_s, atol=1e-6)
+
+
+@pytest.mark.parametrize("of_each", ["frame", "detection"])
+def test_everybody_moves_along_once_at_every_instant(of_each):
+    """With a time stamp for each detection, all others are extrapolated, not forgotten."""
+    scene = walked(0.4)
+    request = asked(jittered(scene, 0.02, np.random.default_rng(1), of_each))
+    people, answers = present_at(request)
+    seen, own = request.asked, np.unique(request.asked.time_s)
+    for name in ("track_id", "time_s", "position"):
+        np.testing.assert_array_equal(getattr(people, name)[answers], getattr(seen, name))
+    assert len(people.track_id) == len({*zip(people.track_id, people.time_s, strict=True)}) == 4 * len(own)
+    plain = asked(scene)
+    for method in ("social_force", "goal_unseen"):
+        forecast = BASELINES[method](**({"imagined_goals": 5} if method == "goal_unseen" else {}))
+        apart = np.linalg.norm(forecast(request).point[:, 0] - seen.position, axis=-1)
+        usual = np.linalg.norm(forecast(plain).point[:, 0] - plain.asked.position, axis=-1)
+        assert apart.mean() == pytest.approx(usual.mean(), rel=0.2)
+
+
+@pytest.mark.parametrize("sizes", [CAUSAL, NONCAUSAL])
+@pytest.mark.parametrize("sensor", [SensorSettings(), SensorSettings(position_noise_m=0.1, switch_share=0.5)])
+def test_an_empty_recording_is_perceived(sizes, sensor):
+    scene = walked(0.4)
+    nobody = without(scene, np.ones(len(scene.trajectories), bool))
+    request = asked(nobody, sizes, Perception(TRACKER, 0.2, sensor))
+    assert len(request.table) == len(request.steps) == len(request.rows) == 0
+
+
+def test_no_question_has_an_answer(model):
+    request = asked(walked(0.4, seconds=2.0))
+    assert NetworkForecaster(*model[1:])(request).point.shape == (0, 10, 2)
+
+
+def test_a_recurrent_forecaster_without_steps_says_so(model):
+    with pytest.raises(ValueRuleError, match="clock"):
+        NetworkForecaster(*model[1:])(dataclasses.replace(asked(walked(0.4)), clock=None))
+
+
+def test_an_unknown_tracker_is_refused():
+    with pytest.raises(ValueRuleError, match="kind = 'oracle'"):
+        parse_tracker({"kind": "oracle"})
