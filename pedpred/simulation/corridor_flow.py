@@ -81,7 +81,7 @@ def corridor_flow(settings: FlowSettings, model: SocialForceSettings) -> tuple[l
 
     Returns:
         A row per run (people, density, speed, lane order, lane order with shuffled directions), and the
-        run whose lane order exceeds the shuffled one most.
+        run of at least `_CROWD` people whose lane order exceeds the shuffled one most.
     """
     rows, scenes = [], []
     for people in settings.people:
@@ -89,7 +89,8 @@ def corridor_flow(settings: FlowSettings, model: SocialForceSettings) -> tuple[l
         rows.append({"people": people, **_measured(scene.trajectories, people, settings)})
         scenes.append(scene)
     gain = [row["lane_order"] - row["lane_order_shuffled"] for row in rows]
-    clearest = int(np.argmax(np.nan_to_num(gain, nan=-1.0) * (np.array(settings.people) >= _CROWD)))
+    crowded = np.array(settings.people) >= _CROWD
+    clearest = int(np.argmax(np.where(crowded, np.nan_to_num(gain, nan=-1.0), -2.0)))
     return rows, scenes[clearest]
 
 
