@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pedpred.command import main
 from pedpred.errors import SourceError, ValueRuleError
-from pedpred.sources.jupedsim import read_recording, read_tracks
+from pedpred.sources.jupedsim import read_laboratory, read_tracks
 from pedpred.sources.walls import Walls, occupancy_of, read_walls
 from pedpred.storage.scenes import read_scene
 from tests.scenes import assert_same
@@ -55,7 +55,7 @@ def change(name, old, new):
 
 
 def test_tracks_and_their_interval(folder):
-    scene = read_recording(folder, "mine", SETTINGS)
+    scene = read_laboratory(folder, "mine", SETTINGS)
     assert scene.name == "mine"
     assert scene.detection_dt_s == 0.25
     assert scene.trajectories.time_s.tolist() == [0.0, 0.25, 0.25]
@@ -64,7 +64,7 @@ def test_tracks_and_their_interval(folder):
 
 
 def test_walls_the_table_and_the_open_end(folder):
-    occupancy = read_recording(folder, "mine", SETTINGS).occupancy
+    occupancy = read_laboratory(folder, "mine", SETTINGS).occupancy
     assert occupancy.origin.tolist() == [-2.0, -1.0]
     assert occupancy.extent_m.tolist() == [9.0, 4.0]
     free = occupancy.center_of(np.argwhere(~occupancy.occupied))
@@ -104,8 +104,8 @@ def test_ways_to_say_the_unit(folder, comment, unit_m):
 def test_a_missing_frame_rate_may_be_given(folder):
     change("hall.txt", "framerate: 16", "nothing")(folder)
     with pytest.raises(SourceError, match=r"hall\.txt: no comment says the frame rate.*frame_rate_hz"):
-        read_recording(folder, "mine", SETTINGS)
-    scene = read_recording(folder, "mine", SETTINGS | {"frame_rate_hz": 8})
+        read_laboratory(folder, "mine", SETTINGS)
+    scene = read_laboratory(folder, "mine", SETTINGS | {"frame_rate_hz": 8})
     assert scene.detection_dt_s == 0.5
 
 
@@ -154,17 +154,17 @@ def refused(folder, file, line, named):
 def test_bad_input_is_named(folder, file, changed, line, named):
     change(file, *changed)(folder)
     with refused(folder, file, line, named):
-        read_recording(folder, "mine", SETTINGS)
+        read_laboratory(folder, "mine", SETTINGS)
 
 
 @pytest.mark.parametrize("file", ["hall.txt", "hall.xml"])
 def test_missing_and_unreadable_files_are_named(folder, file):
     (folder / file).write_bytes(b"\xff\xfe1 2")
     with refused(folder, file, None, "(not a readable text file|not well-formed)"):
-        read_recording(folder, "mine", SETTINGS)
+        read_laboratory(folder, "mine", SETTINGS)
     (folder / file).unlink()
     with refused(folder, file, None, "the file is missing"):
-        read_recording(folder, "mine", SETTINGS)
+        read_laboratory(folder, "mine", SETTINGS)
 
 
 def test_entities_are_refused_before_they_grow(folder):
@@ -183,18 +183,18 @@ def test_lengths_in_centimetres(folder):
 @pytest.mark.parametrize("key", ["resolution_m", "thickness_m", "open_end_m", "frame_rate_hz"])
 def test_settings_out_of_range(folder, key):
     with pytest.raises(ValueRuleError, match=f"{key} = -1"):
-        read_recording(folder, "mine", SETTINGS | {key: -1})
+        read_laboratory(folder, "mine", SETTINGS | {key: -1})
 
 
 @pytest.mark.parametrize("edge", [[[3, 0.5], [3, 1.5]], [[9, 0], [9, 2]], [[0, 0], [0, 0]]])
 def test_an_open_end_away_from_the_outline_is_refused(folder, edge):
     with refused(folder, "hall.xml", None, "open_ends = .*it must lie on the outline"):
-        read_recording(folder, "mine", SETTINGS | {"open_ends": [edge]})
+        read_laboratory(folder, "mine", SETTINGS | {"open_ends": [edge]})
 
 
 def test_a_huge_map_is_refused(folder):
     with refused(folder, "hall.xml", None, r"map size \[m\].*at most 16777216 cells"):
-        read_recording(folder, "mine", SETTINGS | {"resolution_m": 1e-3})
+        read_laboratory(folder, "mine", SETTINGS | {"resolution_m": 1e-3})
 
 
 @given(
@@ -231,7 +231,7 @@ def arguments(folder, *more):
 
 def test_the_command_reads_text_and_geometry(folder, tmp_path, capsys):
     main(["convert", *arguments(folder, "-o", str(tmp_path / "mine"))])
-    scene, expected = read_scene(tmp_path / "mine"), read_recording(folder, "mine", COMMAND)
+    scene, expected = read_scene(tmp_path / "mine"), read_laboratory(folder, "mine", COMMAND)
     assert_same(scene, expected)
     main(["info", *arguments(folder)])
     said = capsys.readouterr().out

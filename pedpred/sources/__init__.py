@@ -14,7 +14,7 @@ from pedpred.sources import ewap, jupedsim, scene_folder
 
 SOURCES: dict[str, Callable[[Path, str, Mapping[str, Any]], Scene]] = {
     "ewap": ewap.read_sequence,
-    "jupedsim": jupedsim.read_recording,
+    "jupedsim": jupedsim.read_laboratory,
     "scene_folder": scene_folder.read_folder,
 }
 

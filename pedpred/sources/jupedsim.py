@@ -30,7 +30,7 @@ _RATE = re.compile(r"(?:frame[ _-]?rate|fps)\W*(\d+(?:\.\d+)?)", re.IGNORECASE)
 _UNIT = re.compile(r"(?:\bx */ *|\bin )(c|centi)?m", re.IGNORECASE)
 
 
-def read_recording(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
+def read_laboratory(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
     """Read one recording and its geometry.
 
     Args:
