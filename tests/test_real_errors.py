@@ -1,0 +1,78 @@
+"""Errors of constant velocity at the real places: the pipeline's, and a short script's on the raw files.
+
+The script shares no code with the pipeline, only the rows of conf/ on how a place is sensed and tracked.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from pedpred.baselines.registry import BASELINES
+from pedpred.evaluation import EvaluationSettings
+from pedpred.evaluation.compare import compare
+from pedpred.evaluation.windows import window_request
+from pedpred.features import FeatureSettings
+from pedpred.features.perception import Perception, parse_tracker
+from pedpred.simulation.sensor import SensorSettings
+from pedpred.sources import SOURCES
+from tests.conftest import ROOT, raw_folder
+from tests.worlds import PLACES
+
+SENSORS = yaml.safe_load((ROOT / "conf/sensors/detectors.yaml").read_text())
+TRACKERS = yaml.safe_load((ROOT / "conf/trackers/kalman.yaml").read_text())
+AHEAD_S = 0.3 * np.arange(1, 11)
+
+
+def script(rows, rate_hz, every, tracker):
+    """ADE of CV and of Kalman CV from rows (id, frame, x, y): [windows, 2] m."""
+    errors, instants = [], np.unique(rows[:, 1])[::every]
+    r, q = tracker["position_noise_m"], tracker["acceleration_noise"]
+    for person in np.unique(rows[:, 0]):
+        frame, *truth = rows[rows[:, 0] == person][:, 1:].T
+        seen = np.isin(frame, instants)
+        t, p = frame[seen] / rate_hz, np.transpose(truth)[seen]
+        state, variance = np.zeros((2, 2)), np.diag([r**2, tracker["initial_speed_mps"] ** 2])
+        state[:1] = p[:1]
+        for k in range(1, len(t)):
+            dt = t[k] - t[k - 1]
+            step, noise = np.array([[1, dt], [0, 1]]), [[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]
+            state, variance = step @ state, step @ variance @ step.T + q * np.array(noise)
+            gain = variance[:, :1] / (variance[0, 0] + r**2)
+            state, variance = state + gain * (p[k] - state[0]), variance - gain * variance[:1]
+            if k >= 3 and t[k] + 3 <= frame[-1] / rate_hz + 1e-6:
+                future = [np.interp(t[k] + AHEAD_S, frame / rate_hz, axis) for axis in truth]
+                ways = (p[k], (p[k] - p[k - 1]) / dt), state
+                paths = [start + AHEAD_S[:, None] * velocity for start, velocity in ways]
+                errors.append([np.hypot(*(path.T - future)).mean() for path in paths])
+    return np.array(errors)
+
+
+def raw_rows(folder, settings):
+    """Rows (id, frame, x, y) of a recording in time order, and its frame rate."""
+    if "recording" not in settings:
+        return np.loadtxt(folder / "obsmat.txt")[:, [1, 0, 2, 4]], settings["frame_rate_hz"]
+    path = folder / f"{settings['recording']}.txt"
+    (rate_hz,) = [float(line.split(":")[1]) for line in path.read_text().splitlines() if "framerate" in line]
+    return np.loadtxt(path)[:, :4], rate_hz
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_the_pipeline_and_a_script_agree(name):
+    place = PLACES[name]
+    _, _, data_set, *inside = Path(place["folder"]).parts
+    folder = raw_folder(data_set).joinpath(*inside)
+    sensor, tracker = SENSORS[place["sensor"]], TRACKERS[place["tracker"]]
+    rows, rate_hz = raw_rows(folder, place["settings"])
+    expected = script(rows, rate_hz, sensor["every"], tracker)
+
+    scene = SOURCES[place["source"]](folder, name, place["settings"])
+    how = Perception(parse_tracker(tracker), 0.2, SensorSettings(**sensor))
+    request = window_request(scene, how, FeatureSettings())
+    methods = {method: BASELINES[method]() for method in ("cv", "kalman_cv")}
+    _, scores = compare(request, methods, EvaluationSettings())
+    for column, method in enumerate(methods):
+        own = scores[method].values["ade_m"]
+        assert len(own) == pytest.approx(len(expected), rel=0.01)
+        assert own.mean() == pytest.approx(expected[:, column].mean(), rel=0.02)
