@@ -46,6 +46,14 @@ def model(tmp_path_factory):
     return export(tmp_path_factory.mktemp("model"))
 
 
+@pytest.fixture(scope="session")
+def mixture(tmp_path_factory):
+    """The same of a network without memory, which needs no encoder."""
+    from tests.exported import export_mixture
+
+    return export_mixture(tmp_path_factory.mktemp("mixture"))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The pipeline's tests wait a lot: begun first, they wait beside the others."""
     items.sort(key=lambda item: item.get_closest_marker("pipeline") is None)

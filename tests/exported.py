@@ -5,6 +5,7 @@ import torch
 
 from pedpred.datasets import MotionData
 from pedpred.features import FeatureSettings
+from pedpred.features.situation import channel_widths
 from pedpred.networks import GridAutoencoder, parse_settings
 from pedpred.networks.export import export_onnx
 from pedpred.networks.registry import describe_network
@@ -43,6 +44,17 @@ def export(folder):
         torch.nn.init.normal_(weights, std=0.3)
     write_model(folder, network, encoder, FeatureSettings())
     return folder, network, encoder
+
+
+def export_mixture(folder):
+    """Write a network without memory, with large weights; the folder, the network and no encoder."""
+    torch.manual_seed(0)
+    sizes, settings = FeatureSettings(), parse_settings({"architecture": "mixture", "modes": 4, "units": 32})
+    network = settings.build(channel_widths(sizes), 10).eval()
+    for weights in network.parameters():
+        torch.nn.init.normal_(weights, std=0.1)
+    write_model(folder, network, GridAutoencoder(60, 64).encoder, sizes)
+    return folder, network, None
 
 
 def write_network(folder, network, about=()):

@@ -31,22 +31,27 @@ def assert_a_replay_agrees(scene, kind, model):
     online = predictions_at(forecasts, request.table.track_id, request.table.time_s, 10, request.sizes.dt_s)
     assert len(request.table) == len(scene.trajectories)
     np.testing.assert_allclose(online.point, offline.point, atol=1e-4, rtol=1e-4)
+    np.testing.assert_allclose(online.path, offline.path, atol=1e-4, rtol=1e-4)
     np.testing.assert_allclose(online.covariance, offline.covariance, atol=1e-4, rtol=1e-4)
 
 
+@pytest.mark.parametrize("of", ["model", "mixture"])
 @pytest.mark.parametrize(
     ("kind", "dt_s"), [("kalman", 0.4), ("kalman", 0.1), ("kalman", 1 / 2.4), ("kalman", 0.7), ("truth", 0.3)]
 )
-def test_a_replay_gives_the_offline_forecasts(model, kind, dt_s):
+def test_a_replay_gives_the_offline_forecasts(request, of, kind, dt_s):
     """At every detection, on the clock of the network or between its steps, often or rarely."""
     scene = walled_scene(np.random.default_rng(1), dt_s, kind == "truth", detections=int(10 / dt_s) + 9)
-    assert_a_replay_agrees(scene, kind, model)
+    assert_a_replay_agrees(scene, kind, request.getfixturevalue(of))
 
 
+@pytest.mark.parametrize("of", ["model", "mixture"])
 @pytest.mark.parametrize("of_each", ["frame", "detection"])
-def test_a_replay_of_irregular_stamps_gives_the_offline_forecasts(model, of_each):
+def test_a_replay_of_irregular_stamps_gives_the_offline_forecasts(request, of, of_each):
     scene = walled_scene(np.random.default_rng(2), 0.1, detections=60)
-    assert_a_replay_agrees(jittered(scene, 0.02, np.random.default_rng(3), of_each), "kalman", model)
+    assert_a_replay_agrees(
+        jittered(scene, 0.02, np.random.default_rng(3), of_each), "kalman", request.getfixturevalue(of)
+    )
 
 
 @pytest.mark.parametrize("place", ["eth", "hotel"])

@@ -35,7 +35,9 @@ def window_request(
     clock = extract(seen, tracks, replace(sizes, phase_offsets=1), scene.trajectories)
     tracker = None if sizes.noncausal else how.kalman
     rows = windows_of(table, sizes)
-    return ForecastRequest(scene, table, sizes, rows, tracker, seen.detection_dt_s, social_force, clock)
+    return ForecastRequest(
+        scene, table, sizes, rows, tracker, seen.detection_dt_s, social_force, clock, tracks
+    )
 
 
 def windows_of(table: FeatureTable, sizes: FeatureSettings) -> np.ndarray:

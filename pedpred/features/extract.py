@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -71,7 +71,7 @@ def extract_blocks(
     steps = clock_steps(tracks, scene.detection_dt_s, settings)
     around = neighbours_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
     for block in track_blocks(steps.track_id, rows):
-        neighbours = Neighbours(around.track_id, around.position, around.span[block])
+        neighbours = replace(around, span=around.span[block])
         yield _features(scene, tracks, settings, steps.select(block), neighbours, futures)
 
 
@@ -181,7 +181,7 @@ def pedestrians_at(tracks: Tracks, row: np.ndarray, time_s: np.ndarray) -> Pedes
 
 
 def neighbours_at(tracks: Tracks, time_s: np.ndarray, max_age_s: float) -> Neighbours:
-    """Extrapolated positions of all present tracks at each observer's instant.
+    """Extrapolated positions and velocities of all present tracks at each observer's instant.
 
     A track is present while its last detection is at most `max_age_s` old; whether more will follow
     plays no part.
@@ -195,7 +195,7 @@ def neighbours_at(tracks: Tracks, time_s: np.ndarray, max_age_s: float) -> Neigh
     row, at = present_rows(tracks.track_id, tracks.time_s, now, max_age_s)
     bounds = np.searchsorted(at, np.arange(len(now) + 1))
     span = np.stack([bounds[instant], bounds[instant + 1]], axis=-1)
-    return Neighbours(tracks.track_id[row], tracks.position_at(row, now[at]), span)
+    return Neighbours(tracks.track_id[row], tracks.position_at(row, now[at]), tracks.velocity[row], span)
 
 
 def present_rows(

@@ -46,22 +46,25 @@ class Pedestrians:
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Positions of all pedestrians, grouped by instant; each observer uses the rows of its own instant.
+    """All pedestrians, grouped by instant; each observer uses the rows of its own instant.
 
     Attributes:
         track_id: [C]
         position: world frame, m. [C, 2]
+        velocity: world frame, m/s. [C, 2]
         span: rows [first, last) of each observer's instant. [Q, 2]
     """
 
     track_id: np.ndarray
     position: np.ndarray
+    velocity: np.ndarray
     span: np.ndarray
 
     @classmethod
     def together(cls, present: Pedestrians, observers: int) -> Neighbours:
         """Everybody present at one instant, the same for all observers."""
-        return cls(present.track_id, present.position, np.tile([0, len(present)], (observers, 1)))
+        span = np.tile([0, len(present)], (observers, 1))
+        return cls(present.track_id, present.position, present.velocity, span)
 
 
 @dataclass(frozen=True)

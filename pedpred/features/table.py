@@ -25,6 +25,11 @@ class FeatureSettings:
         grid_resolution_m: side of a crop cell, m.
         angular_cells: cones K of the angular pedestrian grid.
         max_range_m: range of that grid, m.
+        history_steps: earlier positions that a network without memory reads, dt_s apart.
+        neighbours: nearest people that it reads.
+        neighbour_range_m: as far as it sees them, m.
+        beams: directions in which it measures the distance to obstacles; a multiple of 4.
+        beam_range_m: as far as it sees them, m.
         max_age_intervals: a neighbour is dropped after this many detection intervals without detection.
         lost_after_s: an id that reappears after more than this counts as a new person, s.
         truth_gap_s: the true path is interpolated between detections at most this far apart, s.
@@ -39,6 +44,11 @@ class FeatureSettings:
     grid_resolution_m: float = 0.1
     angular_cells: int = 72
     max_range_m: float = 6.0
+    history_steps: int = 8
+    neighbours: int = 16
+    neighbour_range_m: float = 8.0
+    beams: int = 96
+    beam_range_m: float = 10.0
     max_age_intervals: float = 1.25
     lost_after_s: float = LOST_AFTER_S
     truth_gap_s: float = 0.6

@@ -9,9 +9,10 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.features.situation import tracked_situations
 from pedpred.scenes import Predictions, Scene
 from pedpred.simulation.settings import SocialForceSettings
-from pedpred.tracking import KalmanSettings
+from pedpred.tracking import KalmanSettings, Tracks
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class ForecastRequest:
         social_force: the model of walking at this place; None where there is none.
         clock: the features every `dt_s` from each life's first detection on, at which recurrent memories
             advance; sorted by track and step. None where nobody keeps one.
+        tracks: the tracker's states, row by row those of `table`; None where nobody reads the past.
     """
 
     scene: Scene
@@ -41,6 +43,7 @@ class ForecastRequest:
     detection_interval_s: float
     social_force: SocialForceSettings | None = None
     clock: FeatureTable | None = None
+    tracks: Tracks | None = None
 
     @property
     def ahead_s(self) -> np.ndarray:
@@ -73,6 +76,19 @@ class ForecastRequest:
         if self.clock is None:
             raise ValueRuleError("clock", None, "a recurrent forecaster needs the features of its own steps")
         return self.clock
+
+    @property
+    def situations(self) -> dict[str, np.ndarray]:
+        """What networks without memory read of the rows to forecast, channel -> [W, width].
+
+        Raises:
+            ValueRuleError: there are no tracks.
+        """
+        if self.tracks is None:
+            raise ValueRuleError("tracks", None, "a network without memory needs the past of the people")
+        max_age_s = self.sizes.max_age_intervals * self.detection_interval_s
+        time_s, occupancy = self.table.time_s[self.rows], self.scene.occupancy
+        return tracked_situations(self.tracks, self.rows, time_s, occupancy, self.sizes, max_age_s)
 
 
 Forecaster = Callable[[ForecastRequest], Predictions]

@@ -13,12 +13,14 @@ from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.forecasting import ForecastRequest
 from pedpred.forecasting.tensors import predictions_of
 from pedpred.networks.autoencoder import GridEncoder
-from pedpred.networks.contract import RecurrentNetwork, Tensors
+from pedpred.networks.contract import RecurrentNetwork, Tensors, select
 from pedpred.networks.encoding import encode, load_encoder
 from pedpred.networks.registry import load_network
 from pedpred.networks.rolling import recall
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
+
+_ROWS_AT_ONCE = 2048
 
 
 @dataclass(frozen=True)
@@ -41,20 +43,33 @@ class NetworkForecaster:
         Raises:
             ValueRuleError: the request has no clock.
         """
-        steps, asked, sizes = request.steps, request.asked, request.sizes
+        asked, sizes = request.asked, request.sizes
         if not len(asked):
             return Predictions.single(np.zeros((0, sizes.horizon_steps, 2)), sizes.dt_s)
-        latest = last_rows(steps.track_id, steps.time_s, asked.track_id, asked.time_s)
-        first = latest - steps.step[latest]
-        on_step = steps.time_s[latest] >= asked.time_s - TIME_TOLERANCE_S
-        before = steps.step[latest] + ~on_step
-        inputs = self._inputs(steps, asked, sizes)
-        outputs = recall(self.network, inputs[0], inputs[1], first, before, on_step)
+        outputs = self._recalled(request) if self.network.state_shapes else self._outright(request)
         with torch.inference_mode():
             answer = {
                 name: values.numpy() for name, values in self.network.answer(outputs, sizes.dt_s).items()
             }
         return predictions_of(answer, sizes.dt_s).in_world(asked.position, asked.heading_rad)
+
+    def _outright(self, request: ForecastRequest) -> Tensors:
+        """Outputs of a network without memory. [W, ...] each."""
+        inputs = {name: torch.from_numpy(values)[:, None] for name, values in request.situations.items()}
+        rows = range(0, len(request.rows), _ROWS_AT_ONCE)
+        with torch.inference_mode():
+            parts = [self.network(select(inputs, slice(at, at + _ROWS_AT_ONCE)), {})[0] for at in rows]
+        return {name: torch.cat([part[name] for part in parts])[:, 0] for name in parts[0]}
+
+    def _recalled(self, request: ForecastRequest) -> Tensors:
+        """Outputs of a recurrent network. [W, ...] each."""
+        steps, asked = request.steps, request.asked
+        latest = last_rows(steps.track_id, steps.time_s, asked.track_id, asked.time_s)
+        first = latest - steps.step[latest]
+        on_step = steps.time_s[latest] >= asked.time_s - TIME_TOLERANCE_S
+        before = steps.step[latest] + ~on_step
+        inputs = self._inputs(steps, asked, request.sizes)
+        return recall(self.network, inputs[0], inputs[1], first, before, on_step)
 
     def _inputs(self, steps: FeatureTable, asked: FeatureTable, sizes: FeatureSettings) -> list[Tensors]:
         """The network's inputs in two tables; equal crops are encoded once."""

@@ -30,14 +30,23 @@ class GaussianHead(nn.Module):
     def __init__(self, units: int, horizon_steps: int):
         super().__init__()
         self.out = nn.Linear(units, 3 * horizon_steps)
-        guess = _INITIAL_M * torch.arange(1.0, horizon_steps + 1)[:, None]
-        with torch.no_grad():  # softplus(ln(e^s - 1)) = s
-            self.out.bias.view(-1, 3)[:] = guess.expm1().log() * torch.tensor([1.0, 1.0, 0.0])
+        with torch.no_grad():
+            self.out.bias.view(-1, 3)[:] = initial_spread(horizon_steps)
 
     def forward(self, hidden: Tensor) -> Tensor:
         """Spread of the position error, agent frame. [..., units] -> [..., P, 3]: a (m), c (m), k."""
-        raw = self.out(hidden.detach()).unflatten(-1, (-1, 3))
-        return torch.cat([FLOOR_M + softplus(raw[..., :2]), raw[..., 2:]], dim=-1)
+        return spread_of(self.out(hidden.detach()).unflatten(-1, (-1, 3)))
+
+
+def initial_spread(horizon_steps: int) -> Tensor:
+    """What `spread_of` turns into a spread that grows with the horizon. [P, 3]."""
+    guess = _INITIAL_M * torch.arange(1.0, horizon_steps + 1)[:, None]
+    return guess.expm1().log() * torch.tensor([1.0, 1.0, 0.0])  # softplus(ln(e^s - 1)) = s
+
+
+def spread_of(raw: Tensor) -> Tensor:
+    """Any numbers as a valid spread. [..., 3] -> [..., 3]: a (m), c (m), k."""
+    return torch.cat([FLOOR_M + softplus(raw[..., :2]), raw[..., 2:]], dim=-1)
 
 
 UNCERTAINTIES = {"gaussian": GaussianHead}

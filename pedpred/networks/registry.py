@@ -13,10 +13,12 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.networks.contract import NetworkSettings, RecurrentNetwork
 from pedpred.networks.lstm import LstmSettings
+from pedpred.networks.mixture import MixtureSettings
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
 ARCHITECTURES: dict[str, type[NetworkSettings]] = {
     "lstm": LstmSettings,
+    "mixture": MixtureSettings,
 }
 """`architecture`, in configuration and checkpoints, -> its settings, which build the network."""
 

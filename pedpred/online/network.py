@@ -13,6 +13,7 @@ import onnxruntime
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
+from pedpred.features.situation import channel_widths
 from pedpred.files import read_bytes, read_json, translate_errors, write_json
 from pedpred.forecasting.tensors import TENSORS, predictions_of
 from pedpred.scenes import Predictions
@@ -27,7 +28,8 @@ Shape = tuple[int, ...]
 
 def sensor_shapes(sizes: FeatureSettings) -> dict[str, Shape]:
     """The inputs that a robot can compute: name -> shape per person."""
-    return {"state": (2,), "crop": (sizes.grid_cells, sizes.grid_cells), "angular": (sizes.angular_cells,)}
+    grids = {"crop": (sizes.grid_cells, sizes.grid_cells), "angular": (sizes.angular_cells,)}
+    return grids | {name: (width,) for name, width in channel_widths(sizes).items()}
 
 
 def output_shapes(steps: int, modes: int) -> dict[str, Shape]:
@@ -73,6 +75,11 @@ class ModelDescription:
         if not 0 <= self.standstill_mps < np.inf:
             raise ValueRuleError("standstill_mps", self.standstill_mps, "it must not be negative")
 
+    @property
+    def reads_situations(self) -> bool:
+        """Whether its inputs are those of a network without memory (`pedpred.features.situation`)."""
+        return set(self.inputs) <= set(channel_widths(self.features))
+
     def ends(self) -> tuple[dict[str, Shape], list[Shape]]:
         """Shapes per person of the graph's inputs, by name, and of its outputs, in order."""
         known = sensor_shapes(self.features)
@@ -88,6 +95,10 @@ def write_description(folder: Path, description: ModelDescription, origin: Mappi
             "state": "m/s, agent frame (forward, left)",
             "crop": "0 free, 1 occupied, cell (i forward, j left)",
             "angular": "1 - distance / max_range_m",
+            "history": "m, agent frame, (forward, left, known), now and every dt_s before",
+            "track": "last velocity (m/s), tracker's P_pp, P_pv, P_vv of each axis, age / 10 detections",
+            "neighbours": "(forward, left) m and m/s, agent frame, and weight, the nearest first",
+            "beams": "m, to the next obstacle, counter-clockwise from the heading",
             "velocities": "m/s, agent frame, of the point forecast, [people, horizon_steps, 2]",
             "path": "m, agent frame, [people, modes, horizon_steps, 2]; absent: one mode, the point forecast",
             "weight": "probability of each mode, [people, modes]",

@@ -1,15 +1,19 @@
-"""The people that a robot tracks: states and the network's memory, as arrays."""
+"""The people that a robot tracks: states, their past and the network's memory, as arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from pedpred.features import Pedestrians
+from pedpred.online.past import Arrays, first_seen, seen_again
 from pedpred.tracking import Belief, KalmanSettings, born, updated
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
+
+_NAMED = ("memory", "past")
 
 
 @dataclass(frozen=True)
@@ -24,8 +28,10 @@ class People:
         velocity: tracked, m/s. [N, 2]
         covariance: of the tracker's belief. [N, 3]
         heading_rad: held while standing. [N]
+        walked: whether they ever moved; until then the heading follows the slightest motion. [N] bool
         ticks: steps of the network. [N]
         memory: the network's state after them, name -> [N, ...] float32
+        past: recent detections, see `pedpred.online.past`; empty for a network that does not read them.
     """
 
     track_id: np.ndarray
@@ -35,24 +41,31 @@ class People:
     velocity: np.ndarray
     covariance: np.ndarray
     heading_rad: np.ndarray
+    walked: np.ndarray
     ticks: np.ndarray
-    memory: dict[str, np.ndarray]
+    memory: Arrays
+    past: Arrays
 
     def __len__(self) -> int:
         return len(self.track_id)
 
     @classmethod
-    def nobody(cls, memory: Mapping[str, tuple[int, ...]]) -> People:
-        """Nobody yet; memory: name -> shape per person."""
-        none, pairs = np.zeros(0), np.zeros((0, 2))
+    def nobody(cls, memory: Mapping[str, tuple[int, ...]], slots: int) -> People:
+        """Nobody yet; memory: name -> shape per person; slots: detections that their past holds, or 0."""
+        none, pairs, whole = np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.int64)
         empty = {name: np.zeros((0, *shape), np.float32) for name, shape in memory.items()}
-        whole = np.zeros(0, np.int64)
-        return cls(whole, none, none, pairs, pairs, np.zeros((0, 3)), none, whole, empty)
+        past, walked = first_seen(pairs, slots) if slots else {}, np.zeros(0, bool)
+        return cls(whole, none, none, pairs, pairs, np.zeros((0, 3)), none, walked, whole, empty, past)
 
     def select(self, rows: np.ndarray) -> People:
         """Some of them (mask or indices)."""
-        kept = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "memory"}
-        return People(**kept, memory={name: values[rows] for name, values in self.memory.items()})
+        kept: dict[str, Any] = {
+            f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in _NAMED
+        }
+        named: dict[str, Any] = {
+            f: {name: values[rows] for name, values in getattr(self, f).items()} for f in _NAMED
+        }
+        return People(**kept, **named)
 
     def at(self, rows: np.ndarray, time_s: float) -> Pedestrians:
         """Estimated positions of some of them at an instant."""
@@ -62,15 +75,16 @@ class People:
     def together(self, others: People) -> People:
         """Both groups, by track."""
         order = np.argsort(np.concatenate([self.track_id, others.track_id]))
-        joined = {
-            f.name: np.concatenate([getattr(self, f.name), getattr(others, f.name)])[order]
-            for f in fields(self)
-            if f.name != "memory"
+
+        def joined(mine: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+            return np.concatenate([mine, theirs])[order]
+
+        plain = [f.name for f in fields(self) if f.name not in _NAMED]
+        values: dict[str, Any] = {name: joined(getattr(self, name), getattr(others, name)) for name in plain}
+        named: dict[str, Any] = {
+            f: {k: joined(v, getattr(others, f)[k]) for k, v in getattr(self, f).items()} for f in _NAMED
         }
-        memory = {
-            name: np.concatenate([values, others.memory[name]])[order] for name, values in self.memory.items()
-        }
-        return People(**joined, memory=memory)
+        return People(**values, **named)
 
 
 def detected(
@@ -105,33 +119,55 @@ def detected(
         velocity = velocity[order]
         first = Belief(position[~known], velocity[~known], np.zeros((int((~known).sum()), 3)))
         again = Belief(position[known], velocity[known], np.zeros((len(rows), 3)))
-    moved = {name: getattr(people, name).copy() for name in ("seen_s", "heading_rad", *vars(again))}
-    moved["seen_s"][rows] = time_s
-    moved["heading_rad"][rows] = _heading(again.velocity, people.heading_rad[rows], standstill_mps)
-    for name, values in vars(again).items():
-        moved[name][rows] = values
-    followed = replace(people, **moved)
+    heading, walked = _heading(again.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
+    moved = {"seen_s": time_s, "heading_rad": heading, "walked": walked, **vars(again)}
+    past = people.past
+    if past:
+        mine = {name: values[rows] for name, values in past.items()}
+        after = seen_again(mine, people.seen_s[rows], time_s, position[known])
+        past = {name: _written(values, rows, after[name]) for name, values in past.items()}
+    changed: dict[str, Any] = {
+        name: _written(getattr(people, name), rows, values) for name, values in moved.items()
+    }
+    followed = replace(people, **changed, past=past)
     if known.all():
         return followed
-    return followed.together(_newborn(people, time_s, track_id[~known], first, standstill_mps))
+    newborn = _newborn(people, time_s, track_id[~known], position[~known], first, standstill_mps)
+    return followed.together(newborn)
+
+
+def _written(values: np.ndarray, rows: np.ndarray, new: np.ndarray | float) -> np.ndarray:
+    """A copy of an array with other values in some rows."""
+    copy = values.copy()
+    copy[rows] = new
+    return copy
 
 
 def _newborn(
-    people: People, time_s: float, track_id: np.ndarray, belief: Belief, standstill_mps: float
+    people: People,
+    time_s: float,
+    track_id: np.ndarray,
+    position: np.ndarray,
+    belief: Belief,
+    standstill_mps: float,
 ) -> People:
+    """People who are detected for the first time, at some positions [N, 2]."""
     count = len(track_id)
     now = np.full(count, time_s)
-    heading = _heading(belief.velocity, np.zeros(count), standstill_mps)
+    heading, walked = _heading(belief.velocity, np.zeros(count), np.zeros(count, bool), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
-    ticks = np.zeros(count, np.int64)
-    position, velocity, covariance = belief.position, belief.velocity, belief.covariance
-    return People(track_id, now, now.copy(), position, velocity, covariance, heading, ticks, memory)
+    past = first_seen(position, people.past["trail_s"].shape[1]) if people.past else {}
+    state = (belief.position, belief.velocity, belief.covariance)
+    return People(track_id, now, now.copy(), *state, heading, walked, np.zeros(count, np.int64), memory, past)
 
 
-def _heading(velocity: np.ndarray, before: np.ndarray, standstill_mps: float) -> np.ndarray:
-    """Direction of motion, or the one before while standing, rad. [N]."""
+def _heading(
+    velocity: np.ndarray, before: np.ndarray, walked: np.ndarray, standstill_mps: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Direction of motion, rad, and whether somebody ever moved; see `pedpred.tracking.follow`. [N] each."""
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) >= standstill_mps
-    return np.where(moving, np.arctan2(velocity[:, 1], velocity[:, 0]), before)
+    stirs = ~walked & velocity.any(axis=1)
+    return np.where(moving | stirs, np.arctan2(velocity[:, 1], velocity[:, 0]), before), walked | moving
 
 
 def next_ticks_s(people: People, dt_s: float) -> np.ndarray:

@@ -11,8 +11,10 @@ import numpy as np
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings, Pedestrians, unpack_crops
 from pedpred.features.observe import Neighbours, observe
+from pedpred.features.situation import situations
 from pedpred.geometry import rotate
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
+from pedpred.online.past import past_of, slots_for
 from pedpred.online.people import People, detected, next_ticks_s
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -76,7 +78,8 @@ class OnlinePredictor:
 
     def reset(self) -> None:
         """Forget everybody; the map stays."""
-        self._people = People.nobody(self._about.memory)
+        slots = slots_for(self.features) if self._about.reads_situations else 0
+        self._people = People.nobody(self._about.memory, slots)
         self._now = -np.inf
         self._last = self._forecast(np.zeros(0, int), *self._network.nobody(), 0.0)
 
@@ -163,12 +166,19 @@ class OnlinePredictor:
         people, sizes = self._people, self.features
         age_s = time_s - people.seen_s
         crowd = people.at(np.flatnonzero(age_s <= self._settings.max_age_s + TIME_TOLERANCE_S), time_s)
-        seen = observe(observers, Neighbours.together(crowd, len(observers)), self._map, sizes)
-        inputs = {
-            "state": seen.velocity,
-            "crop": unpack_crops(seen.occupancy, sizes.grid_cells).astype(np.float32),
-            "angular": 1.0 - seen.angular_grid / np.float32(sizes.max_range_m),
-        }
+        around = Neighbours.together(crowd, len(observers))
+        if self._about.reads_situations:
+            rows = np.searchsorted(people.track_id, observers.track_id)
+            past = past_of(people.past, rows, people.seen_s, people.covariance)
+            now_s = np.full(len(observers), time_s)
+            inputs = situations(observers, past, now_s, around, self._map, sizes)
+        else:
+            seen = observe(observers, around, self._map, sizes)
+            inputs = {
+                "state": seen.velocity,
+                "crop": unpack_crops(seen.occupancy, sizes.grid_cells).astype(np.float32),
+                "angular": 1.0 - seen.angular_grid / np.float32(sizes.max_range_m),
+            }
         return {name: inputs[name] for name in self._about.inputs}
 
     def _forecast(

@@ -204,10 +204,17 @@ def settled(interval_s: float, settings: KalmanSettings) -> Belief:
 
 
 def _held_heading(velocity: np.ndarray, age: np.ndarray, standstill_mps: float) -> np.ndarray:
-    """Direction of motion; while standing, the last one of the same life, or else world x. [M] rad."""
+    """Direction of motion; while standing, the last one of the same life. [M] rad.
+
+    Before the first motion, the direction of the latest velocity, however small, so that the heading turns
+    with the world; world x where there is none yet.
+    """
     rows = np.arange(len(velocity))
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) >= standstill_mps
-    latest = np.maximum.accumulate(np.where(moving, rows, -1))
-    known = latest >= rows - age  # the latest motion belongs to this life
-    source = velocity[np.where(known, latest, 0)]
-    return np.where(known, np.arctan2(source[:, 1], source[:, 0]), 0.0)
+    latest, stirred = (
+        np.maximum.accumulate(np.where(some, rows, -1)) for some in (moving, velocity.any(axis=1))
+    )
+    born = rows - age
+    latest = np.where(latest >= born, latest, stirred)  # a motion before belongs to another life
+    source = velocity[np.maximum(latest, 0)]
+    return np.where(latest >= born, np.arctan2(source[:, 1], source[:, 0]), 0.0)

@@ -1,0 +1,89 @@
+"""Where a pedestrian was before: positions at regular times up to the present, in the agent frame."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
+
+SPACING_S = 0.05
+"""Earlier detections that follow another one faster than this are left out, so that a history is bounded."""
+
+PAST = 3
+"""Numbers per past position: (forward, left), m, and 1 where it is known."""
+
+
+@njit(cache=True)
+def spaced(time_s, age):  # pragma: no cover (compiled)
+    """Which detections a history keeps: a life's first one, and each `SPACING_S` after the last kept one.
+
+    Args:
+        time_s: detections sorted by (life, time), s. [M]
+        age: number of earlier detections of the same life. [M]
+
+    Returns:
+        [M] bool
+    """
+    kept = np.empty(len(time_s), np.bool_)
+    last_s = -np.inf
+    for row in range(len(time_s)):
+        kept[row] = age[row] == 0 or time_s[row] - last_s >= SPACING_S - TIME_TOLERANCE_S
+        if kept[row]:
+            last_s = time_s[row]
+    return kept
+
+
+@njit(cache=True)
+def past_positions(
+    trail_s, trail, first, last, seen_s, seen, now_s, position, velocity, heading_rad, steps, dt_s
+):  # pragma: no cover (compiled)
+    """Positions 0, dt_s, 2 dt_s, ... before the present, interpolated between detections.
+
+    After the last detection the tracked motion stands for it; before the first one nothing is known.
+
+    Args:
+        trail_s: kept detections (`spaced`) of all people, each one's in the order of time, s. [T]
+        trail: their positions, world frame, m. [T, 2]
+        first: row of each person's first detection of the same life in the trail. [Q]
+        last: one past the row of the last one before `seen_s`. [Q]
+        seen_s: time of the last detection, s. [Q]
+        seen: its position, m. [Q, 2]
+        now_s: the present, s. [Q]
+        position: tracked at the present, m. [Q, 2]
+        velocity: tracked, m/s. [Q, 2]
+        heading_rad: of the agent frame. [Q]
+        steps: number of earlier times H.
+        dt_s: time between them, s.
+
+    Returns:
+        (forward, left) m and 1; zeros where unknown. [Q, H + 1, PAST] float32
+    """
+    past = np.zeros((len(now_s), steps + 1, PAST), np.float32)
+    for q in range(len(now_s)):
+        cos, sin = math.cos(heading_rad[q]), math.sin(heading_rad[q])
+        after_s, ahead = seen_s[q], seen[q]
+        row = last[q] - 1
+        for k in range(steps + 1):
+            then_s = now_s[q] - k * dt_s
+            while row >= first[q] and after_s > then_s + TIME_TOLERANCE_S:
+                if trail_s[row] <= then_s + TIME_TOLERANCE_S:
+                    break
+                after_s, ahead = trail_s[row], trail[row]
+                row -= 1
+            if after_s <= then_s + TIME_TOLERANCE_S:  # the last detection is older: extrapolate
+                late_s = then_s - now_s[q]
+                x, y = position[q, 0] + late_s * velocity[q, 0], position[q, 1] + late_s * velocity[q, 1]
+                if after_s >= then_s - TIME_TOLERANCE_S:
+                    x, y = ahead[0], ahead[1]
+            elif row < first[q]:
+                break
+            else:
+                share = (then_s - trail_s[row]) / (after_s - trail_s[row])
+                x = trail[row, 0] + share * (ahead[0] - trail[row, 0])
+                y = trail[row, 1] + share * (ahead[1] - trail[row, 1])
+            x, y = x - position[q, 0], y - position[q, 1]
+            past[q, k] = cos * x + sin * y, cos * y - sin * x, 1.0
+    return past

@@ -1,0 +1,209 @@
+"""A network without memory: several weighted paths from the last seconds, the neighbours and the obstacles.
+
+Everything that it reads is seen from the person, so that nothing depends on where the world's origin and
+axes lie or on how long a track is. It looks at each situation and at its mirror image, and half of the modes
+come from either, so that mirrored worlds have mirrored forecasts. Its paths are corrections of the tracker's
+own forecast, constant velocity, and one mode is that forecast itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import log_softmax
+
+from pedpred.errors import ValueRuleError
+from pedpred.networks.contract import Loss, RecurrentNetwork, Tensors, displacements, mean_over
+from pedpred.networks.gaussian import covariance_of, initial_spread, negative_log_density, spread_of
+from pedpred.networks.surroundings import BeamEncoder, NeighbourEncoder, own_motion
+
+CHANNELS_READ = ("state", "history", "track", "neighbours", "beams")
+_OWN = 128
+"""Units of the person's own motion."""
+
+
+@dataclass(frozen=True)
+class MixtureSettings:
+    """Settings of a `MixtureNetwork`.
+
+    Attributes:
+        modes: K, an even number: half of them come from the mirror image.
+        units: of the fully connected layers behind the encoders.
+        likelihood: weight of the negative log likelihoods beside the error of the point forecast.
+        sharpness: steps of a path that count as independent in its likelihood.
+        balance_m: errors of people are weighed by 1 / (balance_m + error of constant velocity).
+    """
+
+    modes: int = 6
+    units: int = 256
+    likelihood: float = 0.1
+    sharpness: float = 3.0
+    balance_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        if self.modes < 2 or self.modes % 2:
+            raise ValueRuleError("modes", self.modes, "use an even number: half of them are mirror images")
+        for name in ("units", "sharpness", "balance_m"):
+            if not getattr(self, name) > 0:
+                raise ValueRuleError(name, getattr(self, name), "it must be positive")
+
+    @classmethod
+    def parse(cls, plain: Mapping[str, Any]) -> MixtureSettings:
+        """Build from plain dictionaries."""
+        return cls(**plain)
+
+    def plain(self) -> dict[str, Any]:
+        """The inverse of `parse`."""
+        return asdict(self)
+
+    @property
+    def channels_read(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return CHANNELS_READ
+
+    def build(self, widths: Mapping[str, int], horizon_steps: int) -> MixtureNetwork:
+        """A network with random weights."""
+        return MixtureNetwork(self, widths, horizon_steps)
+
+
+class MixtureNetwork(RecurrentNetwork):
+    """An encoder per channel, fully connected layers, and a head per output.
+
+    Its outputs, agent frame: "velocities" of the point forecast [..., P, 2], m/s; "modes", the velocities of
+    each mode [..., K, P, 2]; "weight", their log probabilities [..., K]; "spread" (a, c, k) of the positions
+    in each mode [..., K, P, 3], see `pedpred.networks.gaussian`; "prior", constant velocity.
+    """
+
+    settings: MixtureSettings
+
+    def __init__(self, settings: MixtureSettings, widths: Mapping[str, int], horizon_steps: int):
+        super().__init__(settings, widths, horizon_steps)
+        half, units = settings.modes // 2, settings.units
+        own = 1 + sum(widths[name] for name in ("state", "history", "track"))
+        self.own = nn.Sequential(nn.Linear(own, _OWN), nn.ReLU(), nn.Linear(_OWN, _OWN), nn.ReLU())
+        self.neighbours = NeighbourEncoder(_OWN)
+        self.beams = BeamEncoder(widths["beams"])
+        fused = _OWN + self.neighbours.units + self.beams.units
+        self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise((fused, units, units, units)))
+        steps = (horizon_steps,)
+        self.shapes = {
+            "velocities": (*steps, 2),
+            "modes": (half, *steps, 2),
+            "weight": (half,),
+            "spread": (half, *steps, 3),
+        }
+        self.heads = nn.ModuleDict(
+            {k: nn.Linear(units, torch.Size(s).numel()) for k, s in self.shapes.items()}
+        )
+        with torch.no_grad():
+            for name, weight in self.heads.named_parameters():  # an untrained network continues the motion
+                weight.mul_(0.0 if name.startswith("velocities") else 0.3)
+            spread = self.heads.get_parameter("spread.bias")
+            spread.copy_(initial_spread(horizon_steps).repeat(half, 1).flatten())
+
+    @property
+    def state_shapes(self) -> dict[str, tuple[int, ...]]:
+        """None: the history is an input."""
+        return {}
+
+    def forward(self, inputs: Mapping[str, Tensor], state: Tensors) -> tuple[Tensors, Tensors]:
+        """Forecast after every step; see `RecurrentNetwork.forward`."""
+        axes = inputs["state"].shape[:-1]
+        flat = {name: inputs[name].flatten(0, -2) for name in self.widths}
+        own, other = self._look(flat), _mirrored_outputs(self._look(mirrored_inputs(flat)))
+        outputs = {name: torch.cat([own[name], other[name]], dim=1) for name in ("modes", "weight", "spread")}
+        outputs["weight"] = log_softmax(outputs["weight"], dim=-1)
+        now = flat["state"][:, None].expand(-1, self.horizon_steps, -1)
+        outputs["velocities"] = now + 0.5 * (own["velocities"] + other["velocities"])
+        outputs["modes"] = now[:, None] + outputs["modes"]
+        outputs["prior"] = now
+        return {name: values.unflatten(0, axes) for name, values in outputs.items()}, {}
+
+    def _look(self, inputs: Mapping[str, Tensor]) -> Tensors:
+        """Corrections, modes and their weights in some situations. [N, ...] each."""
+        own = self.own(own_motion(inputs))
+        around = self.neighbours(inputs["neighbours"], inputs["state"], own)
+        first, *others = self.layers
+        fused = torch.relu(first(torch.cat([own, around, self.beams(inputs["beams"])], dim=-1)))
+        for layer in others:
+            fused = fused + torch.relu(layer(fused))
+        return {
+            name: head(fused).float().unflatten(-1, self.shapes[name]) for name, head in self.heads.items()
+        }
+
+    def loss(self, outputs: Tensors, future: Tensor, known: Tensor, dt_s: float) -> Loss:
+        """Mean distance of the point forecast, and two negative log likelihoods of the truth.
+
+        The likelihood of every step by itself is what coverage measures; that of whole paths divides the
+        modes among the ways that people may take.
+        """
+        how, steps = self.settings, known.sum(dim=-1)
+        error = torch.linalg.vector_norm(displacements(outputs["velocities"], future, dt_s), dim=-1)
+        straight = torch.linalg.vector_norm(displacements(outputs["prior"], future, dt_s), dim=-1)
+        usual = (straight * known).sum(dim=-1) / steps.clamp(min=1)
+        weight = known / (how.balance_m + usual)[..., None]
+        distance = (error * weight).sum() / weight.sum().clamp(min=1e-6)
+        density = self._log_density(outputs, future, dt_s)
+        each = -torch.logsumexp(outputs["weight"][..., None] + density, dim=-2)
+        along = (density * known[..., None, :]).sum(dim=-1) / steps.clamp(min=1)[..., None]
+        whole = -torch.logsumexp(outputs["weight"] + how.sharpness * along, dim=-1) / how.sharpness
+        likelihood = mean_over(each.clamp(max=20.0), known) + mean_over(whole.clamp(max=20.0), steps > 0)
+        return Loss(distance + how.likelihood * likelihood, mean_over(error, known), known.sum())
+
+    def _log_density(self, outputs: Tensors, future: Tensor, dt_s: float) -> Tensor:
+        """Of the true positions in each mode, nats. [..., K, P]."""
+        error = displacements(outputs["modes"], future[..., None, :, :], dt_s)
+        return -negative_log_density(error, spread_of(outputs["spread"]))
+
+    @property
+    def score_names(self) -> tuple[str, ...]:
+        """Displacement of the point forecast and of the best mode, and the likelihood."""
+        return ("ade_m", "min_ade_m", "nll")
+
+    def scores(self, outputs: Tensors, future: Tensor, dt_s: float) -> Tensors:
+        """Displacements, m; and the negative log likelihood of the positions, nats. [..., P] each."""
+        point = displacements(outputs["velocities"], future, dt_s)
+        away = torch.linalg.vector_norm(
+            displacements(outputs["modes"], future[..., None, :, :], dt_s), dim=-1
+        )
+        best = away.mean(dim=-1).argmin(dim=-1)[..., None, None]
+        density = self._log_density(outputs, future, dt_s)
+        return {
+            "ade_m": torch.linalg.vector_norm(point, dim=-1),
+            "min_ade_m": torch.take_along_dim(away, best, dim=-2).squeeze(-2),
+            "nll": -torch.logsumexp(outputs["weight"][..., None] + density, dim=-2),
+        }
+
+    def answer(self, outputs: Tensors, dt_s: float) -> Tensors:
+        """The point forecast and the modes."""
+        return {
+            "velocities": outputs["velocities"],
+            "path": torch.cumsum(outputs["modes"] * dt_s, dim=-2),
+            "weight": outputs["weight"].exp(),
+            "covariance": covariance_of(spread_of(outputs["spread"])),
+        }
+
+
+def mirrored_inputs(inputs: Mapping[str, Tensor]) -> Tensors:
+    """The channels of a world whose left and right are exchanged. [N, width] each."""
+    left = {"state": (1.0, -1.0), "history": (1.0, -1.0, 1.0), "track": (1.0, -1.0, 1.0, 1.0, 1.0, 1.0)}
+    left["neighbours"] = (1.0, -1.0, 1.0, -1.0, 1.0)
+    mirrored = {name: _times(inputs[name], sign) for name, sign in left.items()}
+    mirrored["beams"] = inputs["beams"].flip(-1).roll(1, -1)  # beam 0 points along the heading
+    return mirrored
+
+
+def _mirrored_outputs(outputs: Tensors) -> Tensors:
+    """What the outputs in a mirrored world mean in the world."""
+    left = {"velocities": (1.0, -1.0), "modes": (1.0, -1.0), "weight": (1.0,), "spread": (1.0, 1.0, -1.0)}
+    return {name: outputs[name] * outputs[name].new_tensor(sign) for name, sign in left.items()}
+
+
+def _times(values: Tensor, sign: tuple[float, ...]) -> Tensor:
+    """Rows of len(sign) numbers side by side, each number times its sign. [N, width]."""
+    return (values.unflatten(-1, (-1, len(sign))) * values.new_tensor(sign)).flatten(-2)

@@ -1,0 +1,114 @@
+"""Laws of a network without memory, online, whatever its weights are."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.features import FeatureSettings
+from pedpred.features.situation import channel_widths
+from pedpred.geometry import rotate
+from pedpred.networks import parse_settings
+from pedpred.online import OnlinePredictor
+from pedpred.scenes import OccupancyMap
+
+FRAMES, PEOPLE = 8, 5
+
+
+def walkers(rng):
+    """Random walks of some people. [FRAMES, PEOPLE, 2]."""
+    steps = rng.normal(0, 0.2, (FRAMES, PEOPLE, 2)) + rng.normal(0, 0.3, (PEOPLE, 2))
+    return 3 * rng.normal(size=(PEOPLE, 2)) + np.cumsum(steps, axis=0)
+
+
+def last_forecast(folder, paths, ids=None, occupancy=None):
+    """After frames 0.4 s apart."""
+    robot = OnlinePredictor.load(folder)
+    if occupancy is not None:
+        robot.set_map(occupancy)
+    ids = np.arange(paths.shape[1]) if ids is None else ids
+    for k, positions in enumerate(paths):
+        forecast = robot.update(0.4 * k, ids, positions)
+    return forecast
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000), turn=st.floats(-4, 4), shift=st.tuples(*[st.floats(-1e3, 1e3)] * 2))
+def test_forecasts_turn_and_move_with_the_world(mixture, seed, turn, shift):
+    paths = walkers(np.random.default_rng(seed))
+    still = last_forecast(mixture[0], paths)
+    moved = last_forecast(mixture[0], rotate(paths, np.full(paths.shape[:2], turn)) + shift)
+    expected = rotate(still.predictions.path, np.full((PEOPLE, 4, 1), turn)) + shift
+    np.testing.assert_allclose(moved.predictions.path, expected, atol=1e-3)
+    np.testing.assert_allclose(moved.predictions.weight, still.predictions.weight, atol=1e-4)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_a_mirrored_world_has_mirrored_forecasts(mixture, seed):
+    rng = np.random.default_rng(seed)
+    paths = walkers(rng)
+    blocks = rng.random((80, 80)) < 0.02
+    worlds = [(paths, blocks), (paths * [1, -1], blocks[:, ::-1])]
+    one, other = (
+        last_forecast(mixture[0], p, occupancy=OccupancyMap(b, np.full(2, -4.0), 0.1)) for p, b in worlds
+    )
+    np.testing.assert_allclose(other.position, one.position * [1, -1], atol=1e-3)
+    best = (
+        np.argsort(one.predictions.path[..., -1, 0], axis=1),
+        np.argsort(other.predictions.path[..., -1, 0], axis=1),
+    )
+    modes = (
+        np.take_along_axis(f.predictions.path, b[..., None, None], 1)
+        for f, b in zip((one, other), best, strict=True)
+    )
+    first, second = modes
+    np.testing.assert_allclose(second, first * [1, -1], atol=1e-3)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000), ids=st.permutations(range(PEOPLE)))
+def test_names_and_people_far_away_change_nothing(mixture, seed, ids):
+    rng = np.random.default_rng(seed)
+    paths = walkers(rng)
+    alone = last_forecast(mixture[0], paths)
+    far = paths[:, :1] + 60.0 + 5 * rng.normal(size=(FRAMES, 1, 2))
+    named = last_forecast(mixture[0], np.concatenate([paths, far], axis=1), np.array([*ids, 99]))
+    np.testing.assert_allclose(named.position[:-1][list(ids)], alone.position, atol=1e-4)
+
+
+@pytest.mark.parametrize("age", [4, 40, 400])
+def test_an_old_track_is_forecast_as_a_young_one(mixture, age):
+    """Somebody who walks straight, first seen some time ago."""
+    robot = OnlinePredictor.load(mixture[0])
+    for k in range(age + 20):
+        forecast = robot.update(0.4 * k, np.array([7]), np.array([[0.5 * k, 0.0]]))
+        if k == 23:
+            young = forecast.position - [0.5 * k, 0.0]
+    np.testing.assert_allclose(forecast.position - [0.5 * k, 0.0], young, atol=5e-3)
+
+
+def test_an_untrained_network_continues_the_tracked_motion():
+    sizes = FeatureSettings()
+    network = parse_settings({"architecture": "mixture"}).build(channel_widths(sizes), 10)
+    inputs = {name: torch.rand(3, 1, width) for name, width in channel_widths(sizes).items()}
+    outputs, _ = network(inputs, {})
+    expected = inputs["state"][:, :, None].expand(-1, -1, 10, -1)
+    torch.testing.assert_close(outputs["velocities"], expected)
+
+
+def test_gradients_reach_every_weight_and_unknown_steps_give_none():
+    torch.manual_seed(0)
+    sizes = FeatureSettings()
+    network = parse_settings({"architecture": "mixture", "units": 32}).build(channel_widths(sizes), 10)
+    torch.nn.init.normal_(network.heads["velocities"].weight, std=0.1)
+    inputs = {name: torch.rand(6, 2, width) for name, width in channel_widths(sizes).items()}
+    future, known = torch.randn(6, 2, 10, 2), torch.ones(6, 2, 10, dtype=torch.bool)
+    known[0, 0, 4:] = False
+    known[1] = False
+    future.requires_grad_()
+    network.loss(network(inputs, {})[0], future, known, 0.3).total.backward()
+    assert all(weight.grad.abs().sum() > 0 for weight in network.parameters())
+    assert not future.grad[~known].any()
+    assert future.grad[known].abs().sum() > 0
