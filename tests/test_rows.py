@@ -9,7 +9,7 @@ import yaml
 from pedpred.storage.scenes import write_scene
 from tests.conftest import ROOT
 from tests.worlds import walled_scene
-from tools import tune_tracker
+from tools import fit_social_force, tune_tracker
 from tools.rows import write_row
 
 FILE = ROOT / "conf/trackers/kalman.yaml"
@@ -46,3 +46,15 @@ def test_a_tuned_tracker_becomes_a_row_and_has_seen_what_the_sensor_sees(tmp_pat
         assert row["kind"] == "kalman"
         assert all(row[name] > 0 for name in ("acceleration_noise", "position_noise_m", "initial_speed_mps"))
     assert rows[0] != rows[1]
+
+
+def test_fitted_forces_become_a_row(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = Path(shutil.copy(ROOT / "conf/social_forces/walking.yaml", tmp_path))
+    params = yaml.safe_load((ROOT / "params.yaml").read_text())
+    params["places"] = {"hall": {"tracker": "kalman", "sensor": "perfect"}}
+    Path("params.yaml").write_text(yaml.safe_dump(params))
+    write_scene(walled_scene(np.random.default_rng(0)), Path("data/scenes/real/hall"))
+    fit_social_force.main(["hall", "--trials", "2", "--out", str(path)])
+    row = yaml.safe_load(path.read_text())["fitted_on_hall"]
+    assert set(row["forces"]) == set(fit_social_force.FITTED)

@@ -10,10 +10,9 @@ import argparse
 import logging
 from pathlib import Path
 
-import numpy as np
-
 from pedpred.config import read_params, row
-from pedpred.simulation.sensor import SensorSettings, apply_sensor
+from pedpred.features.perception import detected
+from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import log_likelihood, tune_kalman
 from tools.rows import write_row
@@ -43,7 +42,7 @@ def main(arguments: list[str] | None = None) -> None:
     params = read_params(Path())
     sensor = SensorSettings(**row(params, "sensors", params.places[given.place].sensor))
     scene = read_scene(Path("data/scenes/real", given.place))
-    trajectories = apply_sensor(scene, sensor, np.random.default_rng(sensor.seed)).trajectories
+    trajectories = detected(scene, sensor).trajectories
     best = tune_kalman(trajectories, given.ahead)
     fit = log_likelihood(trajectories, best, given.ahead)
     text = _ROW.format(place=given.place, ahead=given.ahead, fit=fit, **vars(best))

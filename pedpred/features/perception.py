@@ -44,6 +44,13 @@ def parse_tracker(row: Mapping[str, Any]) -> KalmanSettings | None:
     return KalmanSettings(**values) if kind == "kalman" else None
 
 
+def detected(scene: Scene, sensor: SensorSettings) -> Scene:
+    """The scene as a sensor detects it; its faults are drawn anew for every name of a scene."""
+    if sensor == SensorSettings():
+        return scene
+    return apply_sensor(scene, sensor, np.random.default_rng([sensor.seed, zlib.crc32(scene.name.encode())]))
+
+
 def perceived(scene: Scene, how: Perception, sizes: FeatureSettings) -> tuple[Scene, Tracks]:
     """Detect and track the people of a scene.
 
@@ -55,11 +62,9 @@ def perceived(scene: Scene, how: Perception, sizes: FeatureSettings) -> tuple[Sc
     Returns:
         The scene as it is detected, and the tracked states after every detection.
     """
-    kalman, seen = how.kalman, scene
     if sizes.noncausal:
         seen, kalman = resampled(scene, sizes.dt_s, sizes.lost_after_s), None
-    elif how.sensor != SensorSettings():
-        rng = np.random.default_rng([how.sensor.seed, zlib.crc32(scene.name.encode())])
-        seen = apply_sensor(scene, how.sensor, rng)
+    else:
+        seen, kalman = detected(scene, how.sensor), how.kalman
     kind = "truth" if kalman is None else "kalman"
     return seen, follow(seen.trajectories, kind, kalman, how.standstill_mps, sizes.lost_after_s)

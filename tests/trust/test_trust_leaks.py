@@ -100,6 +100,7 @@ def test_fine_tuning_reads_the_sets_of_its_fold_alone(fold, monkeypatch):
 
     read = set()
     monkeypatch.setattr(train, "fit", record)
+    monkeypatch.setattr(train, "has_rows", lambda folder: True)
     given = {"phase": "finetune", "name": next(iter(PARAMS["methods"]["networks"])), "fold": fold}
     with pytest.raises(InterruptedError):
         train.main.__wrapped__(OmegaConf.create(PARAMS | given))
