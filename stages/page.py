@@ -14,6 +14,7 @@ from pedpred.report.findings import Paper
 from pedpred.report.gather import gather
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.player import replay
+from pedpred.report.places import places_section
 from pedpred.report.simulation_page import flow_section
 
 
@@ -21,7 +22,7 @@ from pedpred.report.simulation_page import flow_section
 def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote; write the page to `out`."""
     methods, figures = Methods.parse(plain(cfg.methods)), metrics_now(Path("reports/metrics"))
-    evaluated = {key: gather(key, plain(cfg.folds[key])) for key in ("sim", "real")}
+    evaluated = {study: gather(study, plain(folds)) for study, folds in cfg.folds.items()}
     replays = [
         replay(evaluated[key].scene(name), evaluated[key].windows[name], cfg.page.duration_s, methods)
         for key, names in cfg.page.replays.items()
@@ -30,7 +31,7 @@ def main(cfg: DictConfig) -> None:
     ]
     ablations = ablation_sections(Path("conf/ablations"), Path("reports/ablations"), methods)
     contents = Contents(
-        list(evaluated.values()),
+        [evaluated["sim"], evaluated["real"]],
         replays,
         methods,
         Paper.parse(plain(cfg.paper)),
@@ -38,6 +39,7 @@ def main(cfg: DictConfig) -> None:
         figures.get("literature", {}),
         plain(cfg.literature)["published"],
         figures.get("latency", {}).get("updates", []),
+        places_section(list(evaluated.values()), methods).blocks,
     )
     write_text(Path(cfg.get("out", "reports/index.html")), page(contents))
 

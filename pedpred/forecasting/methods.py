@@ -71,6 +71,11 @@ class Methods:
         return next(row for row in self.rows if row.role == "reference")
 
     @property
+    def simple(self) -> list[Method]:
+        """The simple methods, which every other one must beat; the first goes straight on."""
+        return [row for row in self.rows if row.role in ("baseline", "reference")]
+
+    @property
     def main(self) -> Method:
         """The method that reports are about."""
         return [row for row in self.rows if row.role == "network"][-1]

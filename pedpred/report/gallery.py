@@ -71,6 +71,9 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     if unknown:
         raise ValueRuleError("forecasts of scene", unknown[0], f"only {sorted(scenes)} are known")
     horizons, calibrations, snapshots = [], [], []
+    shared: dict[
+        str, dict[str, EvaluationWindows]
+    ] = {}  # places without a camera picture share their instants
     for result in results:
         suffix = f"_{result.name}" if len(results) > 1 else ""
         own = {name: windows[name] for name in tested[result.name] if name in windows}
@@ -79,6 +82,9 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
             figure = calibration_figure(list(own.values()), result.place, methods)
             caption = f"Expected and observed coverage of error ellipses, {result.place}."
             calibrations.append(Picture(f"calibration{suffix}", caption, figure))
+        seen = any(scenes[name].camera for name in own)
+        shared.setdefault(suffix if seen else "", {}).update(own)
+    for suffix, own in shared.items():
         for name, found in _instants(own, scenes, CROWD[kind], methods).items():
             snapshots.append(_snapshot(f"{suffix}_{name}", scenes, own, found, methods))
     legend = f"{_legend(methods)} {_STILL}" if any(s.camera for s in scenes.values()) else _legend(methods)

@@ -46,10 +46,20 @@ def obstacle_image(
     return image, (float(left), float(right), float(bottom), float(top))
 
 
-def draw_ground(axes: Axes, occupancy: OccupancyMap, quarter_turns: int) -> None:
-    """Obstacle cells in black, a frame around the map, and a bar of two metres instead of axes."""
-    image, extent = obstacle_image(occupancy, quarter_turns)
-    axes.imshow(image, extent=extent, interpolation="nearest", **_OBSTACLES)
+def draw_ground(
+    axes: Axes, occupancy: OccupancyMap, quarter_turns: int, shown: Sequence[float] | None = None
+) -> None:
+    """Obstacle cells in black, a frame around the map, and a bar of two metres instead of axes.
+
+    Args:
+        axes: to draw into.
+        occupancy: the map.
+        quarter_turns: by which it is turned, counter-clockwise.
+        shown: left, right, bottom and top of the part to show, m; all by default.
+    """
+    image, whole = obstacle_image(occupancy, quarter_turns)
+    axes.imshow(image, extent=whole, interpolation="nearest", **_OBSTACLES)
+    extent = whole if shown is None else shown
     axes.set(xticks=[], yticks=[], aspect="equal", xlim=extent[:2], ylim=extent[2:])
     axes.spines[:].set(visible=True, color=FAINT)
     below = extent[2] - 0.035 * (extent[3] - extent[2])

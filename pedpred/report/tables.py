@@ -35,7 +35,7 @@ def metric_keys(figures: Figures) -> tuple[list[str], list[str]]:
 def metrics_table(result: Result, methods: Methods, paper_ade_m: Mapping[str, float]) -> Table:
     """The first metrics of a test set, a row per method, with the paper's error beside ours if it has one."""
     keys, marks = metric_keys(result.figures)[0], whiskers(result.figures)
-    header = ["method", *map(_title, keys), f"ADE minus {methods.reference.label} [m]"]
+    header = ["method", *map(metric_title, keys), f"ADE minus {methods.reference.label} [m]"]
     header += ["paper's ADE [m]"] * bool(paper_ade_m)
     rows = []
     for name in methods.ordered(result.figures):
@@ -59,7 +59,7 @@ def further_table(result: Result, methods: Methods) -> Table:
         for name in methods.ordered(result.figures)
         if any(key in result.figures[name] for key in keys)
     ]
-    return Table(["method", *map(_title, keys)], rows)
+    return Table(["method", *map(metric_title, keys)], rows)
 
 
 def scenes_table(scenes: Mapping[str, tuple[str, Figures]], first: str, methods: Methods) -> Table:
@@ -100,15 +100,18 @@ def findings_table(found: Sequence[tuple[str, Finding]]) -> Table:
     return Table(["where", "expected", "measured", "verdict"], rows, texts=4)
 
 
-def metric_cell(place: str, name: str, key: str, own: Mapping[str, Any]) -> Cell:
-    """A metric of a method in a test set; its interval is a tooltip."""
+def metric_cell(place: str, name: str, key: str, own: Mapping[str, Any], shown: bool = False) -> Cell:
+    """A metric of a method in a test set; its interval is a tooltip, or `shown` behind it in Markdown too."""
     value, unit = own.get(key), METRICS[key].unit
     if value is None:
         return Cell(NOTHING)
     text = f"{100.0 * value:.2f} %" if unit == "%" else f"{value:.{2 if unit == 'nats' else 3}f}"
     bounds, scale = own.get(f"{key}_ci95"), 100.0 if unit == "%" else 1.0
-    remark = f"95 % interval {interval([scale * end for end in bounds])} {unit}" if bounds else ""
-    return Cell(text, f"{place}.{name}.{key}", remark=remark)
+    words = interval([scale * end for end in bounds], digits=2 if unit == "%" else 3) if bounds else ""
+    where = f"{place}.{name}.{key}"
+    if shown:
+        return Cell(text, where, words, unit)
+    return Cell(text, where, remark=f"95 % interval {words} {unit}" if words else "")
 
 
 def gap_cell(place: str, name: str, own: Mapping[str, Any], methods: Methods) -> Cell:
@@ -120,15 +123,16 @@ def gap_cell(place: str, name: str, own: Mapping[str, Any], methods: Methods) ->
     return Cell(text, where, interval(bounds, "+"), remark="paired difference")
 
 
-def interval(bounds: Sequence[float], sign: str = "") -> str:
+def interval(bounds: Sequence[float], sign: str = "", digits: int = 3) -> str:
     """Two ends of an interval, e.g. `0.371 to 0.392`."""
-    return f"{bounds[0]:{sign}.3f} to {bounds[1]:{sign}.3f}"
+    return f"{bounds[0]:{sign}.{digits}f} to {bounds[1]:{sign}.{digits}f}"
 
 
 def _row(name: str, cells: Sequence[Cell], methods: Methods) -> Row:
     return Row([Cell(methods[name].label), *cells], name, name == methods.main.key)
 
 
-def _title(key: str) -> str:
+def metric_title(key: str) -> str:
+    """Label and unit of a metric, as in a header."""
     metric = METRICS[key]
     return metric.label if metric.unit == "%" else f"{metric.label} [{metric.unit}]"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from typing import Any
 
@@ -47,6 +47,7 @@ class Contents:
     literature: Mapping[str, Figures] = field(default_factory=dict)  # by place, under its own protocol
     published: Sequence[Mapping[str, Any]] = ()  # rows of others under that protocol
     latency: Sequence[Mapping[str, float]] = ()  # of `benchmarks.online`, one row per crowd
+    places: Sequence[Block] = ()  # the real places side by side
 
 
 def page(contents: Contents) -> str:
@@ -76,11 +77,11 @@ def _sections(contents: Contents) -> list[Section]:
     methods, paper = contents.methods, contents.paper
     results = [result for evaluated in contents.evaluated for result in evaluated.results]
     summary, table = expectations_section(results, methods, paper).blocks
-    missing = dict.fromkeys(name for evaluated in contents.evaluated for name in evaluated.missing)
-    answer: list[Block] = [*warnings(results, missing), summary]
-    answer += [answer_section(result, methods, paper) for result in results]
+    answer: list[Block] = [*warnings(results), *contents.places, summary]
+    for result in results:
+        answer.append(replace(answer_section(result, methods, paper), folded=result.kind == "real"))
     answer += [Text(READING, "note"), Section("Expectations", [table], folded=True)]
-    answer += parts_sections(results, methods)
+    answer += parts_sections([result for result in results if result.parts], methods)
     galleries = {title_of(e.study): gallery(e, methods) for e in contents.evaluated}
     unnamed = [Section(t, [s for s in own if not s.name]) for t, own in galleries.items()]
     return [

@@ -1,0 +1,172 @@
+"""Where straight forecasts meet walls: windows chosen by rule, errors over the share of such forecasts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pedpred.forecasting import Methods
+from pedpred.report.canvas import FAINT, INK, blank, styled
+from pedpred.report.instants import Instant
+from pedpred.report.measures import Figures, Result
+from pedpred.report.plan import draw_ground
+from pedpred.report.situation import REGION, draw_bystanders, draw_people, legend_handles
+from pedpred.scenes import Scene
+from pedpred.storage.windows import EvaluationWindows
+
+RANKS = (0.1, 0.35, 0.65, 0.9)
+"""Quantiles of the main method's error at which windows are shown."""
+LEAST_SHARE = 0.02
+"""Places where at least this share of straight forecasts' points lies in obstacles are shown."""
+_MARGIN_M = 0.6
+"""Ground shown around the paths, m."""
+_NEAR = 1.6
+"""Names of places whose shares differ by a smaller factor are written to either side."""
+_MARKS = "os^Dv"
+
+
+def wall_windows(windows: EvaluationWindows, scene: Scene, methods: Methods) -> np.ndarray:
+    """Choose windows whose straight continuation meets a wall, by people and errors. [<= len(RANKS)] rows.
+
+    Of each person the window of whose straight forecast most points lie in obstacles (the earliest such); of
+    these, the ones at `RANKS` of the main method's ADE, whether it is good there or not.
+    """
+    share = scene.occupancy.is_occupied(windows.predictions[methods.simple[0].key].point).mean(axis=1)
+    order = np.lexsort((windows.time_s, -share, windows.track_id))
+    _, first = np.unique(windows.track_id[order], return_index=True)
+    rows = order[first][share[order[first]] > 0]
+    rows = rows[np.argsort(windows.ade_m(methods.main.key)[rows], kind="stable")]
+    return (
+        rows[np.unique(np.round(np.array(RANKS) * max(len(rows) - 1, 0)).astype(int))] if len(rows) else rows
+    )
+
+
+def wall_caption(scene: Scene, methods: Methods) -> str:
+    """What `wall_figure` shows, and by which rule."""
+    ranks = ", ".join(f"{100 * rank:.0f}" for rank in RANKS)
+    straight, main = methods.simple[0].label, methods.main.label
+    return (
+        f"{scene.name}: of each person the window of whose {straight} forecast most points lie in obstacles; "
+        f"of these, the ones at the {ranks} % quantiles of the {main}'s error. Ellipses: its "
+        f"{100 * REGION:.0f} % region at half the horizon and at its end; grey: other people."
+    )
+
+
+@styled
+def wall_figure(scene: Scene, windows: EvaluationWindows, rows: np.ndarray, methods: Methods) -> Figure:
+    """Draw windows side by side at one scale: the main method's forecast, the straight one and the truth."""
+    shown = (methods.main, methods.simple[0])
+    paths = [windows.truth, *(windows.predictions[method.key].point for method in shown)]
+    points = np.concatenate([windows.position[rows, None], *(path[rows] for path in paths)], axis=1)
+    middle = (points.min(axis=1) + points.max(axis=1)) / 2
+    half_m = np.ptp(points, axis=1).max() / 2 + _MARGIN_M
+    figure = blank(2.7 * len(rows), 3.4)
+    for rank, axes in enumerate(figure.subplots(1, len(rows), squeeze=False)[0]):
+        row, (x, y) = int(rows[rank]), middle[rank]
+        instant = Instant(
+            scene.name, float(windows.time_s[row]), rows[[rank]], row, int(windows.track_id[row])
+        )
+        draw_ground(axes, scene.occupancy, 0, (x - half_m, x + half_m, y - half_m, y + half_m))
+        draw_bystanders(axes, scene.trajectories, windows, instant, lambda points: points)
+        draw_people(axes, windows, instant, shown, lambda points: points)
+        errors = ", ".join(f"{method.label} {windows.ade_m(method.key)[row]:.2f}" for method in shown)
+        axes.set_title(f"ADE [m]: {errors}", fontsize=8.5)
+    figure.legend(handles=legend_handles(shown), loc="outside lower left", ncols=3)
+    return figure
+
+
+@dataclass(frozen=True)
+class Gain:
+    """The main method's error in one place or room.
+
+    Attributes:
+        name: of the place.
+        group: in words, with what its network was trained on.
+        share: of the straight forecast's points that lie in obstacles.
+        ratio: ADE of the main method / of the best simple one.
+        bounds: 95 % interval of the ratio's numerator, on the same scale.
+        named: whether the name is drawn.
+    """
+
+    name: str
+    group: str
+    share: float
+    ratio: float
+    bounds: tuple[float, float]
+    named: bool
+
+
+def best_simple(figures: Figures, methods: Methods) -> float:
+    """The least ADE of the simple methods, m."""
+    return min(figures[method.key]["ade_m"] for method in methods.simple if method.key in figures)
+
+
+def gains(results: Iterable[Result], group: str, methods: Methods) -> list[Gain]:
+    """The gain at each place, and in each single scene of a pooled test set."""
+    found = []
+    for result in results:
+        for name, figures in (result.parts or {result.name: result.figures}).items():
+            if methods.main.key not in figures:
+                continue
+            own, straight = figures[methods.main.key], figures[methods.simple[0].key]
+            base_m = best_simple(figures, methods)
+            low, high = (end / base_m for end in own["ade_m_ci95"])
+            share, ratio = straight["obstacle_share"], own["ade_m"] / base_m
+            found.append(Gain(name, group, share, ratio, (low, high), not result.parts))
+    return found
+
+
+@styled
+def gains_figure(found: Sequence[Gain], methods: Methods) -> Figure:
+    """Draw the relative error over the share of straight forecasts' points in obstacles, a mark per group."""
+    figure = blank(9.0, 4.2)
+    axes = figure.subplots()
+    groups = list(dict.fromkeys(gain.group for gain in found))
+    colours = [INK, *(row.colour for row in methods if row.role in ("oracle", "network"))]
+    axes.axhline(1.0, color=FAINT, linewidth=1.0)
+    for rank, group in enumerate(groups):
+        own = [gain for gain in found if gain.group == group]
+        colour, mark = colours[rank % len(colours)], _MARKS[rank % len(_MARKS)]
+        share = 100 * np.array([gain.share for gain in own])
+        axes.vlines(
+            share, *np.transpose([gain.bounds for gain in own]), color=colour, linewidth=0.8, alpha=0.6
+        )
+        axes.plot(share, [gain.ratio for gain in own], mark, color=colour, markersize=5)
+    _draw_names(axes, found)
+    main, straight = methods.main.label, methods.simple[0].label
+    axes.set_xscale("symlog", linthresh=0.1)
+    axes.set_yscale("log")
+    ticks = [tick for tick in (0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0) if _within(tick, axes.get_ylim())]
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.set_yticks([], minor=True)
+    axes.set(xlabel=f"points of {straight} in obstacles [%]", ylabel=f"ADE {main} / best simple method")
+    axes.set_xticks([0, 0.1, 1, 10], ["0", "0.1", "1", "10"])
+    marks = [
+        Line2D(
+            [], [], linestyle="", marker=_MARKS[k % len(_MARKS)], color=colours[k % len(colours)], label=group
+        )
+        for k, group in enumerate(groups)
+    ]
+    figure.legend(handles=marks, loc="outside upper left", ncols=len(groups))
+    return figure
+
+
+def _draw_names(axes: Axes, found: Sequence[Gain]) -> None:
+    """Write each place's name once, above its highest mark."""
+    top = {gain.name: gain for gain in sorted(found, key=lambda gain: gain.bounds[1]) if gain.named}
+    order = sorted(top.values(), key=lambda gain: gain.share)
+    near = [two.share < _NEAR * one.share for one, two in pairwise(order)]
+    for gain, crowded, follows in zip(order, [*near, False], [False, *near], strict=True):
+        side = "right" if crowded else "left" if follows else "center"
+        at = (100 * gain.share, gain.bounds[1])
+        axes.annotate(gain.name, at, (0, 4), textcoords="offset points", ha=side, fontsize=8)
+
+
+def _within(value: float, bounds: tuple[float, float]) -> bool:
+    return bounds[0] <= value <= bounds[1]
