@@ -11,7 +11,7 @@ import logging
 from pathlib import Path
 
 from pedpred.config import read_params, row
-from pedpred.features.perception import detected
+from pedpred.features.perception import sensed
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import log_likelihood, tune_kalman
@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> None:
     params = read_params(Path())
     sensor = SensorSettings(**row(params, "sensors", params.places[given.place].sensor))
     scene = read_scene(Path("data/scenes/real", given.place))
-    trajectories = detected(scene, sensor).trajectories
+    trajectories = sensed(scene, sensor).trajectories
     best = tune_kalman(trajectories, given.ahead)
     fit = log_likelihood(trajectories, best, given.ahead)
     text = _ROW.format(place=given.place, ahead=given.ahead, fit=fit, **vars(best))

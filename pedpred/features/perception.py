@@ -44,7 +44,7 @@ def parse_tracker(row: Mapping[str, Any]) -> KalmanSettings | None:
     return KalmanSettings(**values) if kind == "kalman" else None
 
 
-def detected(scene: Scene, sensor: SensorSettings) -> Scene:
+def sensed(scene: Scene, sensor: SensorSettings) -> Scene:
     """The scene as a sensor detects it; its faults are drawn anew for every name of a scene."""
     if sensor == SensorSettings():
         return scene
@@ -65,6 +65,6 @@ def perceived(scene: Scene, how: Perception, sizes: FeatureSettings) -> tuple[Sc
     if sizes.noncausal:
         seen, kalman = resampled(scene, sizes.dt_s, sizes.lost_after_s), None
     else:
-        seen, kalman = detected(scene, how.sensor), how.kalman
+        seen, kalman = sensed(scene, how.sensor), how.kalman
     kind = "truth" if kalman is None else "kalman"
     return seen, follow(seen.trajectories, kind, kalman, how.standstill_mps, sizes.lost_after_s)
