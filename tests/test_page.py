@@ -20,6 +20,7 @@ from pedpred.report.gallery import Evaluated
 from pedpred.report.measures import results_of
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.player import path_codes, point_order, replay
+from pedpred.report.places import places_section
 from pedpred.report.snapshots import grid_image
 from tests.forecasts import METHODS, PAPER
 from tests.simulated import read
@@ -55,7 +56,9 @@ def contents_of(scene, windows):
     ]
     few = {name: REAL["eth"][name] | {"fde_m_ci95": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
     shown = [replay(scene, windows, 2.1, METHODS), replay(wall_scene("attic"), windows, 1.2, METHODS)]
-    return Contents(evaluated, shown, METHODS, PAPER, [], dict.fromkeys(REAL, few), PUBLISHED, LATENCY)
+    literature = dict.fromkeys(REAL, few)
+    side = places_section(evaluated, METHODS).blocks
+    return Contents(evaluated, shown, METHODS, PAPER, [], literature, PUBLISHED, LATENCY, side)
 
 
 @pytest.fixture(scope="module")
@@ -190,18 +193,18 @@ def assert_figures_are_metrics(text, metrics):
 
 
 def test_every_figure_of_the_page_is_in_the_metrics(contents, text):
-    metrics = {**SIMULATED, **REAL, "literature": contents.literature}
+    metrics = {**SIMULATED, **REAL, "real": REAL, "literature": contents.literature}
     metrics["latency"] = {"updates": LATENCY}
     figures = assert_figures_are_metrics(text, metrics)
     some = {"sim_test.lstm.ade_m", "eth.cv.fde_m", "literature.eth.cv.fde_m", "latency.updates.1.median_ms"}
-    assert some <= {p for p, _ in figures}
+    assert some | {"real.hotel.lstm.ade_m", "real.eth.cv.obstacle_share"} <= {p for p, _ in figures}
 
 
 def test_every_figure_of_the_committed_page_is_in_the_committed_metrics():
     metrics = {}
     for path in sorted((REPORTS / "metrics").glob("*.json")):
         found = json.loads(path.read_text())
-        metrics |= found if path.stem in ("sim", "real") else {path.stem: found}
+        metrics |= {path.stem: found} | (found if path.stem in ("sim", "real") else {})
     text = (REPORTS / "index.html").read_text()
     assert len(assert_figures_are_metrics(text, metrics)) > 100
 
@@ -368,7 +371,7 @@ def test_a_click_picks_the_person_there_and_tells_its_errors(visit_at, hall):
 
 def test_a_figure_tells_its_interval_and_a_method_can_be_taken_out(visit_at):
     visit = visit_at(390)
-    visit.page.locator('[data-metric="eth.lstm.ade_m"]').first.click()
+    visit.page.locator('[data-metric="real.eth.lstm.ade_m"]').first.click()
     assert "0.630 to 0.680 m" in visit.page.inner_text("#tip")
     shown = visit.page.locator('.boxes [data-method="ca"]').first
     assert shown.is_visible()

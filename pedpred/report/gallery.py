@@ -70,7 +70,7 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     unknown = sorted(windows.keys() - scenes.keys())
     if unknown:
         raise ValueRuleError("forecasts of scene", unknown[0], f"only {sorted(scenes)} are known")
-    horizons, calibrations, snapshots = [], [], []
+    horizons, snapshots = [], []
     shared: dict[
         str, dict[str, EvaluationWindows]
     ] = {}  # places without a camera picture share their instants
@@ -78,10 +78,6 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
         suffix = f"_{result.name}" if len(results) > 1 else ""
         own = {name: windows[name] for name in tested[result.name] if name in windows}
         horizons.append(_horizon(f"horizon{suffix}", result, methods))
-        if with_covariances(list(own.values()), methods):
-            figure = calibration_figure(list(own.values()), result.place, methods)
-            caption = f"Expected and observed coverage of error ellipses, {result.place}."
-            calibrations.append(Picture(f"calibration{suffix}", caption, figure))
         seen = any(scenes[name].camera for name in own)
         shared.setdefault(suffix if seen else "", {}).update(own)
     for suffix, own in shared.items():
@@ -91,7 +87,7 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     others = {name: rooms for name, rooms in evaluated.scenes.items() if name not in tested}
     return [
         Section("Error over the horizon", [Pictures(horizons)], "horizon"),
-        *calibration_section(results, methods, calibrations),
+        *calibration_section(results, methods, _calibration(windows, results, methods)),
         Section("Instants, chosen by rule", [Text(legend), Pictures(snapshots)]),
         *reconstructions_section(evaluated.autoencoder, windows),
         _places(scenes, SHOWN_S[kind]),
@@ -108,6 +104,18 @@ def _legend(methods: Methods) -> str:
         f"{methods.reference.label}; dashed: the true path; empty grey circles: people without an evaluation "
         "window."
     )
+
+
+def _calibration(
+    windows: Mapping[str, EvaluationWindows], results: Sequence[Result], methods: Methods
+) -> list[Picture]:
+    """Coverage over all test sets together; the tables list them one by one."""
+    everywhere = list(windows.values())
+    if not with_covariances(everywhere, methods):
+        return []
+    where = results[0].place if len(results) == 1 else f"{len(results)} places together"
+    caption = f"Expected and observed coverage of error ellipses, {where}."
+    return [Picture("calibration", caption, calibration_figure(everywhere, where, methods))]
 
 
 def _horizon(name: str, result: Result, methods: Methods) -> Picture:

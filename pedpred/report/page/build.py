@@ -79,7 +79,10 @@ def _sections(contents: Contents) -> list[Section]:
     summary, table = expectations_section(results, methods, paper).blocks
     answer: list[Block] = [*warnings(results), *contents.places, summary]
     for result in results:
-        answer.append(replace(answer_section(result, methods, paper), folded=result.kind == "real"))
+        section = answer_section(result, methods, paper)
+        if result.kind == "real":  # further metrics are in the Markdown report
+            section = replace(section, blocks=section.blocks[:2], folded=True)
+        answer.append(section)
     answer += [Text(READING, "note"), Section("Expectations", [table], folded=True)]
     answer += parts_sections([result for result in results if result.parts], methods)
     galleries = {title_of(e.study): gallery(e, methods) for e in contents.evaluated}
