@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import Any
 
 from pedpred.online import OnlinePredictor
-from pedpred.ros import ADAPTERS, TrackNumbers, occupancy_of, seconds
+from pedpred.ros import ADAPTERS, TrackNumbers, map_of_grid, seconds
 from pedpred.scenes import Forecast
 
 
@@ -27,7 +27,7 @@ class Follower:
 
     def map_came(self, message: Any) -> None:
         """Use a nav_msgs/OccupancyGrid from now on; a new map may come at any time."""
-        self._predictor.set_map(occupancy_of(message))
+        self._predictor.set_map(map_of_grid(message))
 
     def people_came(self, message: Any) -> Forecast:
         """Forecast the people of a message. An error leaves the state as it was before the message."""
