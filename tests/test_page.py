@@ -5,7 +5,6 @@ import json
 import os
 import re
 import shutil
-import zlib
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -14,14 +13,17 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 from pedpred.errors import ValueRuleError
+from pedpred.features import occupancy_crops
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.charts import Line, LinePlot, box_plot, whiskers
 from pedpred.report.gallery import Evaluated
 from pedpred.report.measures import results_of
 from pedpred.report.page.build import Contents, page
-from pedpred.report.page.player import path_codes, point_order, replay
+from pedpred.report.page.codec import Coder, PointColumns
+from pedpred.report.page.player import LEVELS, replay
 from pedpred.report.places import places_section
 from pedpred.report.snapshots import grid_image
+from pedpred.scenes import OccupancyMap, Predictions
 from tests.forecasts import METHODS, PAPER
 from tests.simulated import read
 from tests.test_report import IN_SIMULATION, MEETING, curve_tables, metrics_of, planned, wall_scene
@@ -32,8 +34,21 @@ LATENCY = [{"pedestrians": n, "median_ms": 0.5 * n, "p99_ms": 0.7 * n} for n in 
 
 @pytest.fixture(scope="module")
 def hall():
-    """A scene of walkers beside a block, and forecasts in it."""
-    return wall_scene(), planned(wall_scene(), planted_s=0.6)
+    """Boxes, people among them, forecasts (one method's have two modes), and angular grids at random."""
+    rng = np.random.default_rng(5)
+    boxes = np.kron(rng.random((40, 40)) < 0.1, np.ones((5, 5), bool))
+    scene = dataclasses.replace(wall_scene(), occupancy=OccupancyMap(boxes, np.zeros(2), 0.1))
+    windows = planned(scene, planted_s=0.6)
+    position = windows.position + rng.normal(0, 0.03, windows.position.shape)
+    heading_rad, rows = rng.uniform(-np.pi, np.pi, len(windows)), len(windows)
+    near = np.where(rng.random((rows, 72)) < 0.1, rng.uniform(0.1, 6.0, (rows, 72)), 6.0)
+    point = windows.predictions["kalman_cv"].point
+    modes = np.stack([point + np.array([0.0, 0.5]), point - np.array([0.3, 0.5])], axis=1)
+    several = Predictions(point, modes, np.tile([0.7, 0.3], (rows, 1)), windows.dt_s)
+    own = {"position": position, "heading_rad": heading_rad, "angular_grid_m": near.astype(np.float32)}
+    own["packed_grid"] = occupancy_crops(scene.occupancy, position, heading_rad, 60, 0.1)
+    own["predictions"] = windows.predictions | {"kalman_cv": several}
+    return scene, dataclasses.replace(windows, **own)
 
 
 PUBLISHED = read("literature/eth_ucy")["published"]
@@ -74,49 +89,51 @@ def text(contents):
 # What the player gets
 
 
-def unpacked(found):
-    """The columns as they are packed, read as documented: zigzag, seven bits per byte."""
-    values, value, shift = [], 0, 0
-    for byte in zlib.decompress(found.data, -15):
-        value, shift = value | (byte & 127) << shift, shift + 7
-        if byte < 128:
-            values.append(-(value + 1) // 2 if value & 1 else value // 2)
-            value = shift = 0
-    columns = {}
-    for name, shape in found.header["columns"]:
-        columns[name] = np.array(values[: np.prod(shape)]).reshape(shape)
-        del values[: np.prod(shape)]
-    assert values == []
-    return columns
+def test_numbers_take_about_their_entropy():
+    values = np.random.default_rng(1).geometric(0.7, 20_000) - 1
+    chances = np.bincount(values) / len(values)
+    coder = Coder()
+    coder.numbers(values)
+    bits = 13 / 2 * len(coder.text())
+    assert bits == pytest.approx(-len(values) * np.sum(chances * np.log2(chances)), rel=0.03)
 
 
-def test_a_replay_keeps_its_stretch_and_the_seconds_that_forecasts_are_about(hall):
-    scene, windows = hall
-    found = replay(scene, windows, 0.9, METHODS)
-    columns = unpacked(found)
-    assert np.unique(np.cumsum(columns["time"])).tolist() == [0, 30, 60, 90]
-    assert np.cumsum(columns["seen_time"]).max() == 390
-    assert replay(scene, windows, 60.0, METHODS).header["duration_s"] == pytest.approx(np.ptp(windows.time_s))
-    assert found.data == replay(scene, windows, 0.9, METHODS).data
-    obstacles = np.unpackbits(columns["obstacles"].astype(np.uint8), axis=1, bitorder="little")[:, :200]
-    np.testing.assert_array_equal(obstacles, scene.occupancy.occupied.T)
+def walks(rows=400):
+    """The last and the middle point of straight paths of people who turn slowly, mm. [rows, 2] each."""
+    course = np.cumsum(np.random.default_rng(2).normal(0, 0.05, rows))
+    last = 4000.0 * np.stack([np.cos(course), np.sin(course)], axis=1)
+    return last, last / 2
 
 
-def test_straight_and_steadily_curved_paths_are_coded_by_two_points():
-    along = np.arange(1, 11)[:, None]
-    path = np.array([along * [30, -20], along * [30, 0] + along**2 * [0, 2]])
-    codes = path_codes(path, np.array([1, 2]))
-    assert point_order(10) == [10, 5, 2, 7, 3, 8, 1, 4, 6, 9]
-    assert codes[:, 0].tolist() == path[:, -1].tolist()
-    assert (codes[:, 2:] == 0).all()
-    assert path_codes(path[[0, 0]], np.array([1, 1]))[1, 0].tolist() == [0, 0]
+def test_columns_are_exact_to_half_a_step():
+    last, middle = walks()
+    table = PointColumns(Coder(), np.repeat([1, 2], 200))
+    for values, step in ((last, 10), (middle, 10), (last + middle, 7), (np.rint(last), 1)):
+        assert np.abs(table.add(values, step) - values).max() <= step / 2
+
+
+def test_the_middle_of_a_straight_path_takes_next_to_nothing():
+    last, middle = walks()
+    sizes = []
+    for columns in ([last], [last, middle]):
+        coder = Coder()
+        table = PointColumns(coder, np.repeat([1, 2], 200))
+        for column in columns:
+            table.add(column, 10)
+        sizes.append(len(coder.text()))
+    assert sizes[1] < 1.1 * sizes[0]
+
+
+def test_the_same_replay_has_the_same_data(hall):
+    assert replay(*hall, 0.9, METHODS).data == replay(*hall, 0.9, METHODS).data
+    assert replay(*hall, 60.0, METHODS).header["duration_s"] == pytest.approx(np.ptp(hall[1].time_s))
 
 
 def test_what_does_not_fit_a_replay_is_refused(hall):
     scene, windows = hall
-    slow = dataclasses.replace(windows, time_s=windows.time_s * 400.0)
-    with pytest.raises(ValueRuleError, match="time_s"):
-        replay(scene, slow, 1e6, METHODS)
+    slow = dataclasses.replace(windows, time_s=windows.time_s * 1e6)
+    with pytest.raises(ValueRuleError, match=r"below 2\^22"):
+        replay(scene, slow, 1e9, METHODS)
 
 
 # Where the marks lie
@@ -326,28 +343,75 @@ def test_the_player_plays_scrubs_and_changes_scene(visit_at):
     assert visit.problems == []
 
 
-def test_the_player_shows_what_was_forecast_and_seen(visit_at, hall):
-    _, windows = hall
+def decoded(visit, found, expression):
+    """What an expression about `replay` gives in the browser, for a replay or the one that is shown."""
+    script = """([data, header]) => { const shown = document.getElementById("player").player.replay;
+        const replay = data ? new shown.constructor({ data, header }) : shown; return EXPRESSION; }"""
+    payload = [found.data, found.header] if found else [None, None]
+    return visit.page.evaluate(script.replace("EXPRESSION", expression), payload)
+
+
+def test_a_replay_keeps_its_stretch_and_the_seconds_that_its_forecasts_are_about(visit_at, hall):
+    scene, windows = hall
+    found = replay(scene, windows, 0.9, METHODS)
     visit = visit_at()
-    read = """({name, rows}) => { const { replay } = document.getElementById("player").player;
-        return rows.map((row) => name === "cones" ? replay.cones(row) : replay.path(name, row)); }"""
-    rows = np.flatnonzero(windows.time_s < 2.05)
-    order = rows[np.lexsort((windows.track_id[rows], windows.time_s[rows].round(3)))]
-    lstm = windows.predictions["lstm"].point
-    for name, path, off_m in (("truth", windows.truth, 0.00501), ("lstm", lstm, 0.0151)):
-        points = np.array(visit.page.evaluate(read, {"name": name, "rows": list(range(len(rows)))}))
-        np.testing.assert_allclose(points[:, 0], windows.position[order], atol=0.00501)
-        np.testing.assert_allclose(points[:, 1:], path[order], atol=off_m)
-    cones = np.array(visit.page.evaluate(read, {"name": "cones", "rows": [0]}))[0]
-    assert cones[17] == pytest.approx(np.hypot(0.1, 2.0), abs=0.01)  # the next one: to the left, just ahead
-    assert (cones == 6.0).sum() == 71  # all others are further away in the same cone
-    cells = """() => { const { replay } = document.getElementById("player").player;
-        const brush = replay.gridPicture(2, "#000").getContext("2d"), found = [];
-        const { data, width } = brush.getImageData(0, 0, 60, 60);
-        for (let k = 3; k < data.length; k += 4) found.push(data[k] ? 1 : 0);
+    assert found.header["duration_s"] == 0.9
+    assert decoded(visit, found, "replay.frames.map((frame) => frame.value)") == [0, 30, 60, 90]
+    times = np.array(decoded(visit, found, "replay.seen.clock"))
+    assert (times.min(), times.max()) == (0, 390)
+    shown = np.array(decoded(visit, found, "replay.map")).reshape(200, 200)
+    np.testing.assert_array_equal(shown, scene.occupancy.occupied.T)
+
+
+def test_the_player_holds_the_forecasts_to_half_a_centimetre(visit_at, hall):
+    _, windows = hall
+    visit, order = visit_at(), np.lexsort((windows.time_s, windows.track_id))
+    assert decoded(visit, None, "replay.rows.track") == windows.track_id[order].tolist()
+    for name, path in {
+        "truth": windows.truth,
+        **{m: p.point for m, p in windows.predictions.items()},
+    }.items():
+        points = np.array(
+            decoded(visit, None, f"replay.rows.track.map((_, row) => replay.path('{name}', row))")
+        )
+        np.testing.assert_allclose(points[:, 0], windows.position[order], atol=0.00051)
+        np.testing.assert_allclose(points[:, 1:], path[order], atol=0.00501)
+
+
+def test_the_player_draws_all_modes_by_their_weight(visit_at, hall):
+    _, windows = hall
+    visit, order = visit_at(), np.lexsort((windows.time_s, windows.track_id))
+    found = decoded(visit, None, "replay.rows.track.map((_, row) => replay.modesOf('kalman_cv', row))")
+    points = np.array([[mode["points"] for mode in row] for row in found])
+    np.testing.assert_allclose(points[:, :, 1:], windows.predictions["kalman_cv"].path[order], atol=0.0251)
+    assert decoded(visit, None, "replay.modesOf('lstm', 0)") == []
+    visit.page.check('.methods input[value="kalman_cv"]', force=True)
+    drawn = """() => { const found = [], { player } = document.getElementById("player");
+        const brush = CanvasRenderingContext2D.prototype, { stroke } = brush;
+        brush.stroke = function () { found.push(this.globalAlpha); stroke.call(this); };
+        player.draw();
+        brush.stroke = stroke;
         return found; }"""
-    shown = np.array(visit.page.evaluate(cells), bool).reshape(60, 60)
-    assert (shown != grid_image(windows.grid(order[2]))).mean() < 0.01
+    opacities = np.round(visit.page.evaluate(drawn), 3).tolist()
+    assert (opacities.count(0.7), opacities.count(0.3)) == (5, 5)
+
+
+def test_the_player_shows_the_network_s_inputs_themselves(visit_at, hall):
+    _, windows = hall
+    visit, order = visit_at(), np.lexsort((windows.time_s, windows.track_id))
+    grids = np.array(decoded(visit, None, "replay.rows.track.map((_, row) => replay.grid(row))"))
+    assert windows.packed_grid.any(axis=1).all()
+    np.testing.assert_array_equal(grids, [windows.grid(row).ravel() for row in order])
+    cones = np.array(decoded(visit, None, "replay.rows.track.map((_, row) => replay.cones(row))"))
+    np.testing.assert_allclose(cones, windows.angular_grid_m[order], atol=1.001 * 6.0 / LEVELS / 2)
+    cells = """replay.gridPicture(2, "#000").getContext("2d").getImageData(0, 0, 60, 60).data"""
+    alpha = np.array(list(decoded(visit, None, f"Array.from({cells})")))[3::4].reshape(60, 60)
+    np.testing.assert_array_equal(alpha > 0, grid_image(windows.grid(order[2])))
+
+
+def test_the_pose_that_is_kept_gives_nearly_all_of_the_grid(visit_at, hall):
+    changed = np.array(decoded(visit_at(), None, "[...replay.missed.keys()]"))
+    assert (changed % (3600 + 72) < 3600).sum() < 1e-3 * 3600 * len(hall[1])
 
 
 def test_a_click_picks_the_person_there_and_tells_its_errors(visit_at, hall):
@@ -371,7 +435,7 @@ def test_a_click_picks_the_person_there_and_tells_its_errors(visit_at, hall):
 
 def test_a_figure_tells_its_interval_and_a_method_can_be_taken_out(visit_at):
     visit = visit_at(390)
-    visit.page.locator('[data-metric="real.eth.lstm.ade_m"]').first.click()
+    visit.page.locator('[data-metric="real.eth.lstm.ade_m"]:visible').first.click()
     assert "0.630 to 0.680 m" in visit.page.inner_text("#tip")
     shown = visit.page.locator('.boxes [data-method="ca"]').first
     assert shown.is_visible()

@@ -25,7 +25,7 @@ document.querySelector(".legend").addEventListener("change", ({ target }) => {
 });
 
 const payloads = new Map([...document.querySelectorAll("script.replay")]
-  .map((script) => [script.dataset.name, JSON.parse(script.textContent)]));
+  .map((script) => [script.dataset.name, { header: JSON.parse(script.textContent), data: script.nextElementSibling.textContent }]));
 const methods = JSON.parse(document.getElementById("methods").textContent);
 if (payloads.size) {
   const root = document.getElementById("player");

@@ -25,12 +25,9 @@ class Player {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.refresh());
   }
 
-  async open(name) {
+  open(name) {
     this.play(false);
-    this.asked = name;
-    const replay = await Replay.read(this.payloads.get(name));
-    if (this.asked !== name) return; // another scene was asked for meanwhile
-    this.replay = replay;
+    this.replay = new Replay(this.payloads.get(name));
     const { header } = this.replay;
     this.drawn ??= new Set(["truth", header.drawn]);
     this.plan.style.aspectRatio = `${header.size_m[0]} / ${header.size_m[1]}`;
@@ -39,7 +36,7 @@ class Player {
     this.offer(header.methods);
     const fullest = this.replay.fullestFrame(); // opens where there is most to see
     this.time = fullest.value / 100;
-    this.picked = this.replay.columns.track[fullest.begin];
+    this.picked = this.replay.rows.track[fullest.rows[0]];
     this.refresh();
   }
 
@@ -144,12 +141,17 @@ class Player {
   }
 
   drawPaths(brush, row) {
-    const picked = this.replay.columns.track[row] === this.picked;
+    const picked = this.replay.rows.track[row] === this.picked;
     for (const name of this.drawn) {
       if (name === "truth") {
         this.line(brush, this.replay.path(name, row), { colour: ink("ink"), width: 1.2, dash: [4, 4] });
       } else if (this.replay.paths[name]) {
         const points = this.replay.path(name, row), colour = ink(`m-${name}`);
+        for (const mode of this.replay.modesOf(name, row)) {
+          brush.globalAlpha = mode.weight;
+          this.line(brush, mode.points, { colour, width: 2 });
+        }
+        brush.globalAlpha = 1;
         this.line(brush, points, { colour, width: 1 });
         brush.fillStyle = colour;
         for (const [x, y] of points.slice(1)) this.dot(brush, x, y, picked ? 3.4 : 2.2);

@@ -1,29 +1,5 @@
-// A stretch of a scene: centimetres and hundredths of a second in, metres and seconds out. y points up.
-// Reverses what player.py packs.
-async function inflated(base64) {
-  const packed = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
-  const plain = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
-  return new Uint8Array(await new Response(plain).arrayBuffer());
-}
-
-// Zigzag integers of seven bits per byte.
-function integers(bytes) {
-  const found = [];
-  for (let k = 0; k < bytes.length; k++) {
-    let value = bytes[k] & 127;
-    for (let shift = 7; bytes[k] & 128; shift += 7) value |= (bytes[++k] & 127) << shift;
-    found.push(value & 1 ? -(value + 1) / 2 : value / 2);
-  }
-  return found;
-}
-
-function summed(values) {
-  let sum = 0;
-  return values.map((value) => (sum += value));
-}
-
-const bit = (bytes, k) => (bytes[k >> 3] >> (k & 7)) & 1;
-
+// A stretch of a scene: millimetres and hundredths of a second in, metres and seconds out. y points up.
+// Goes through the data in the order in which player.py packs them.
 function bitPicture(columns, lines, colour, isSet) {
   const picture = Object.assign(document.createElement("canvas"), { width: columns, height: lines });
   const brush = picture.getContext("2d");
@@ -34,38 +10,48 @@ function bitPicture(columns, lines, colour, isSet) {
   return picture;
 }
 
-// The points of a path in the order in which they are coded.
-function pointOrder(steps) {
-  const order = [steps];
-  while (order.length < steps) {
-    const ends = [0, ...order].sort((a, b) => a - b);
-    let widest = 0;
-    for (let k = 1; k < ends.length - 1; k++) if (ends[k + 1] - ends[k] > ends[widest + 1] - ends[widest]) widest = k;
-    order.push((ends[widest] + ends[widest + 1]) >> 1);
-  }
-  return order;
-}
-
 class Replay {
-  static async read({ header, data }) {
-    return new Replay(header, integers(await inflated(data)));
+  constructor({ header, data }) {
+    const decoder = new Decoder(data);
+    const edges = decoder.changes(), cells = new Array(header.map_cells[0] * header.map_cells[1]).fill(0);
+    Object.assign(this, { header, map: summed(cells.map((_, k) => edges.get(k) ?? 0)), paths: {}, modes: {} });
+    const [seen, rows] = [header.seen, header.rows].map((count) =>
+      ({ track: summed(decoder.numbers(count)), clock: summed(summed(decoder.numbers(count))) }));
+    Object.assign(this, { seen, rows });
+    const table = new PointColumns(decoder, seen.track), ways = table.column();
+    seen.at = ways.map((axis) => axis.map((way, k) => (table.before[k] < 0 ? way : (axis[k] = axis[k - 1] + way))));
+    this.tracks = new Map(Replay.runs(seen.track).map((run) => [run.value, run]));
+    const order = rows.track.map((_, row) => row).sort((a, b) => rows.clock[a] - rows.clock[b] || a - b);
+    this.frames = Replay.runs(order.map((row) => rows.clock[row]))
+      .map(({ value, begin, end }) => ({ value, rows: order.slice(begin, end) }));
+    this.readRows(decoder, new PointColumns(decoder, rows.track));
   }
 
-  constructor(header, values) {
-    Object.assign(this, { header, columns: {} });
-    let offset = 0;
-    for (const [name, shape] of header.columns) {
-      const count = shape.reduce((product, size) => product * size, 1);
-      this.columns[name] = values.slice(offset, offset + count);
-      offset += count;
+  // Present, truth, forecasts and inputs of every row.
+  readRows(decoder, table) {
+    const { rows, header } = this, { steps, step_s: step } = header, lines = new Map();
+    const off = (points, origin) => points.map((axis, k) => axis.map((value, row) => value - origin[k][row]));
+    for (let k = -header.lines_before; k < steps + 2; k++) {
+      const found = rows.track.map((track, row) => this.lineAt(track, rows.clock[row] + k * Math.round(100 * step)));
+      lines.set(k, [0, 1].map((axis) => found.map((point) => point[axis])));
     }
-    const { columns } = this, seen = columns.seen_track.length;
-    for (const name of ["seen_track", "seen_time", "track", "time"]) columns[name] = summed(columns[name]);
-    this.seen = [summed(columns.seen_at.slice(0, seen)), summed(columns.seen_at.slice(seen))];
-    this.frames = Replay.runs(columns.time);
-    this.tracks = new Map(Replay.runs(columns.seen_track).map((run) => [run.value, run]));
-    this.paths = { truth: this.truths() };
-    for (const name of header.methods) this.paths[name] = this.forecasts(columns[`path_${name}`]);
+    for (let k = -header.lines_before; k < 0; k++) table.know(off(lines.get(k), lines.get(0)));
+    const here = lines.get(0);
+    rows.at = table.column().map((axis, k) => axis.map((value, row) => value + here[k][row]));
+    rows.velocity = table.column();
+    for (const line of lines.values()) table.know(off(line, rows.at));
+    const [vx, vy] = rows.velocity;
+    rows.heading = decoder.numbers(header.rows).map((code, row) => (code + Math.floor(1e4 * Math.atan2(vy[row], vx[row])) + 0.5) * 1e-4);
+    const path = (step_mm) => {
+      const found = [[0, 1].map(() => new Float64Array(header.rows))];
+      for (const point of header.order) found[point] = table.column(step_mm);
+      return found;
+    };
+    for (const name of ["truth", ...header.methods]) this.paths[name] = path(header.path_mm);
+    const several = header.methods.filter((name) => header.modes[name] > 1);
+    for (const name of several) this.modes[name] = Array.from({ length: header.modes[name] }, () => path(header.mode_mm));
+    this.weights = Object.fromEntries(several.map((name) => [name, decoder.numbers(header.rows * header.modes[name])]));
+    this.missed = decoder.changes();
   }
 
   // Stretches of equal values: {value, begin, end}.
@@ -78,60 +64,20 @@ class Replay {
     return found;
   }
 
-  // Where the straight line between two detections is at a time, cm; held before the first and after the last.
+  // Where the straight line between two detections is at a time, mm; held before the first and after the last.
   lineAt(track, now) {
     if (!this.tracks.has(track)) return [0, 0];
-    const { begin, end } = this.tracks.get(track), clock = this.columns.seen_time;
+    const { begin, end } = this.tracks.get(track), { clock, at } = this.seen;
     let after = begin;
     while (after < end - 1 && clock[after] < now) after++;
-    const before = clock[after] > now && after > begin ? after - 1 : after;
-    const part = before === after ? 0 : (now - clock[before]) / (clock[after] - clock[before]);
-    return this.seen.map((axis) => axis[before] + part * (axis[after] - axis[before]));
-  }
-
-  // The present and the true points of every row: [point][axis][row], cm.
-  truths() {
-    const { track, time, truth } = this.columns, rows = track.length, { steps, step_s: step } = this.header;
-    const found = Array.from({ length: steps + 1 }, () => [[], []]);
-    for (let row = 0; row < rows; row++) {
-      found.forEach((point, k) => {
-        const line = this.lineAt(track[row], time[row] + k * Math.round(100 * step));
-        line.forEach((value, axis) => { point[axis][row] = Math.floor(value + 0.5) + truth[(2 * k + axis) * rows + row]; });
-      });
-    }
-    return found;
-  }
-
-  // The points of every row of a method, and the present before them: [point][axis][row], cm.
-  forecasts(codes) {
-    const { track } = this.columns, rows = track.length, { steps, coarse_cm: coarse } = this.header;
-    const found = [[new Array(rows).fill(0), new Array(rows).fill(0)]], known = [0];
-    pointOrder(steps).forEach((point, rank) => {
-      const near = [...known].sort((a, b) => Math.abs(a - point) - Math.abs(b - point) || a - b).slice(0, 3);
-      const weights = near.map((node) => near.reduce((w, other) => (other === node ? w : w * ((point - other) / (node - other))), 1));
-      found[point] = [0, 1].map((axis) => {
-        const last = new Map(), values = [];
-        for (let row = 0; row < rows; row++) {
-          const code = codes[(2 * rank + axis) * rows + row];
-          if (rank) {
-            const expected = near.reduce((sum, node, k) => sum + weights[k] * found[node][axis][row], 0);
-            values.push(Math.floor(expected + 0.5) + (rank > 1 ? coarse : 1) * code);
-          } else {
-            last.set(track[row], (last.get(track[row]) ?? 0) + code);
-            values.push(last.get(track[row]));
-          }
-        }
-        return values;
-      });
-      known.push(point);
-    });
-    const present = this.paths.truth[0];
-    return found.map((point) => point.map((values, axis) => values.map((value, row) => value + present[axis][row])));
+    const before = Math.max(after - 1, begin), span = Math.max(clock[after] - clock[before], 1);
+    const way = Math.min(Math.max(now - clock[before], 0), clock[after] - clock[before]);
+    return at.map((axis) => Math.floor((2 * (axis[before] * (span - way) + axis[after] * way) + span) / (2 * span)));
   }
 
   // The first of the frames with most forecasts; a replay has at least one.
   fullestFrame() {
-    return this.frames.reduce((best, frame) => (frame.end - frame.begin > best.end - best.begin ? frame : best));
+    return this.frames.reduce((best, frame) => (frame.rows.length > best.rows.length ? frame : best));
   }
 
   // The latest frame of forecasts at a time, or -1.
@@ -149,32 +95,44 @@ class Replay {
   rowsAt(time) {
     const frame = this.frames[this.frameAt(time)], rows = new Map();
     if (!frame || time - frame.value / 100 > this.header.gap_s) return rows;
-    for (let row = frame.begin; row < frame.end; row++) rows.set(this.columns.track[row], row);
+    for (const row of frame.rows) rows.set(this.rows.track[row], row);
     return rows;
   }
 
   // Who is there, on the line between two detections, with the way behind: {track, x, y, tail}.
   peopleAt(time) {
-    const clock = this.columns.seen_time, now = 100 * time, people = [];
-    const point = (k) => this.seen.map((axis) => axis[k] / 100);
+    const { clock, at } = this.seen, now = 100 * time, people = [];
+    const point = (k) => at.map((axis) => axis[k] / 1000);
     for (const [track, { begin, end }] of this.tracks) {
       let after = begin;
       while (after < end && clock[after] < now - 0.01) after++;
       const before = after < end && clock[after] <= now + 0.01 ? after : after - 1;
       if (before < begin || after === end || clock[after] - clock[before] > 100 * this.header.gap_s + 1) continue;
-      const [x, y] = this.lineAt(track, now).map((value) => value / 100), tail = [];
+      const [x, y] = this.lineAt(track, now).map((value) => value / 1000), tail = [];
       for (let k = before; k >= begin && clock[k] >= now - 100 * this.header.tail_s; k--) tail.unshift(point(k));
       people.push({ track, x, y, tail: [...tail, [x, y]] });
     }
     return people;
   }
 
-  // The present and every point of a path ("truth" or a method's) of a row.
-  path(name, row) { return this.paths[name].map(([x, y]) => [x[row] / 100, y[row] / 100]); }
+  // The present and every point of a path ("truth" or a method's) of a row, m.
+  path(name, row) { return this.points(this.paths[name], row); }
 
-  heading(row) { return this.columns.heading[row] / 100; }
+  points(path, row) {
+    const [x, y] = this.rows.at.map((axis) => axis[row]);
+    return path.map(([dx, dy]) => [(x + dx[row]) / 1000, (y + dy[row]) / 1000]);
+  }
 
-  speed(row) { return this.columns.speed[row] / 100; }
+  // The weighted paths of a method that gives several: {points, weight}.
+  modesOf(name, row) {
+    const count = this.header.modes[name];
+    return (this.modes[name] ?? []).map((path, k) =>
+      ({ points: this.points(path, row), weight: this.weights[name][row * count + k] / 100 }));
+  }
+
+  heading(row) { return this.rows.heading[row]; }
+
+  speed(row) { return Math.hypot(...this.rows.velocity.map((axis) => axis[row])) / 1000; }
 
   // How far a method's forecast of a row is off: over all steps and at the last one, m.
   error(method, row) {
@@ -183,45 +141,48 @@ class Replay {
     return { mean: off.reduce((sum, e) => sum + e, 0) / off.length, last: off[off.length - 1] };
   }
 
-  // The obstacle grid of a row as a picture of one pixel per cell, heading up: the map under each cell's centre.
-  gridPicture(row, colour) {
-    const { grid_cells: side, cell_m: cell } = this.header, [[x, y]] = this.path("truth", row);
-    const cos = Math.cos(this.heading(row)), sin = Math.sin(this.heading(row));
-    return bitPicture(side, side, colour, (column, line) => {
-      const ahead = (side / 2 - line - 0.5) * cell, left = (side / 2 - column - 0.5) * cell;
-      return this.occupied(x + cos * ahead - sin * left, y + sin * ahead + cos * left);
+  // The obstacle grid that the network gets of a row, [forward][left] in one array: the map under each cell's
+  // centre, and what that differs by from the exact pose.
+  grid(row) {
+    const { grid_cells: side, cell_m: cell, map_cell_m: own, map_cells: [columns, lines], cones } = this.header;
+    const scale = 1 / own, step = cell * scale, [x, y] = this.rows.at.map((axis) => (axis[row] / 1000) * scale);
+    const cos = Math.cos(this.heading(row)) * step, sin = Math.sin(this.heading(row)) * step;
+    return Array.from({ length: side * side }, (_, k) => {
+      const ahead = Math.floor(k / side) + 0.5 - side / 2, left = (k % side) + 0.5 - side / 2;
+      const column = Math.floor(x + cos * ahead - sin * left), line = Math.floor(y + sin * ahead + cos * left);
+      const inside = column >= 0 && column < columns && line >= 0 && line < lines;
+      return (inside ? this.map[line * columns + column] : 0) + (this.missed.get(row * (side * side + cones) + k) ?? 0);
     });
   }
 
-  // Whether a point (m) is in an obstacle; outside the map is free.
-  occupied(x, y) {
-    const { map_columns: columns, size_m: size } = this.header, cell = size[0] / columns;
-    const column = Math.floor(x / cell), line = Math.floor(y / cell), wide = 8 * this.mapBytes;
-    const inside = column >= 0 && column < columns && line >= 0 && line < this.mapLines;
-    return inside && bit(this.columns.obstacles, line * wide + column);
+  // Distance of the nearest person in each cone that the network gets, m, counter-clockwise from the heading; of
+  // those detected at the time, where they are tracked if that is known, and what that differs by.
+  cones(row) {
+    const { cones, range_m: range, levels, grid_cells: side } = this.header, { track, clock, at } = this.rows;
+    const nearest = new Array(cones).fill(range * range), rows = this.rowsAt(clock[row] / 100), turn = 2 * Math.PI;
+    for (const [other, { begin, end }] of this.tracks) {
+      const here = this.seen.clock.indexOf(clock[row], begin);
+      if (other === track[row] || here < 0 || here >= end) continue;
+      const place = rows.has(other) ? at.map((axis) => axis[rows.get(other)]) : this.seen.at.map((axis) => axis[here]);
+      const [dx, dy] = place.map((value, axis) => value / 1000 - at[axis][row] / 1000), square = dx * dx + dy * dy;
+      const cone = Math.floor(((Math.atan2(dy, dx) - this.heading(row) + 2 * turn) * cones) / turn) % cones;
+      nearest[cone] = Math.min(nearest[cone], square);
+    }
+    const first = row * (side * side + cones) + side * side;
+    return nearest.map((square, k) => {
+      const shown = Math.floor(Math.fround(Math.sqrt(square)) * (levels / range) + 0.5);
+      return ((shown + (this.missed.get(first + k) ?? 0)) / levels) * range;
+    });
   }
 
-  get mapLines() { return this.header.columns[0][1][0]; }
-
-  get mapBytes() { return this.header.columns[0][1][1]; }
-
-  // Distance of the nearest person in each cone, m, counter-clockwise from the heading.
-  cones(row) {
-    const { cones, range_m: range } = this.header, [[x, y]] = this.path("truth", row), turn = 2 * Math.PI;
-    const found = new Array(cones).fill(range);
-    for (const other of this.peopleAt(this.columns.time[row] / 100)) {
-      if (other.track === this.columns.track[row]) continue;
-      const angle = Math.atan2(other.y - y, other.x - x) - this.heading(row) + 2 * turn;
-      const cone = Math.floor(((angle % turn) * cones) / turn) % cones;
-      found[cone] = Math.min(found[cone], Math.hypot(other.x - x, other.y - y));
-    }
-    return found;
+  gridPicture(row, colour) {
+    const side = this.header.grid_cells, cells = this.grid(row);
+    return bitPicture(side, side, colour, (column, line) => cells[(side - 1 - line) * side + side - 1 - column]);
   }
 
   // The map as a picture of one pixel per cell, the largest y on top.
   mapPicture(colour) {
-    const { mapLines: lines, mapBytes: wide } = this;
-    return bitPicture(this.header.map_columns, lines, colour,
-      (column, line) => bit(this.columns.obstacles, (lines - 1 - line) * 8 * wide + column));
+    const [columns, lines] = this.header.map_cells;
+    return bitPicture(columns, lines, colour, (column, line) => this.map[(lines - 1 - line) * columns + column]);
   }
 }
