@@ -78,13 +78,13 @@ def test_a_method_with_weights_has_a_column_per_study_and_every_error_its_interv
     header, _, hall, yard = places_table(studies, "ade_m", METHODS).markdown("").splitlines()
     assert [title.strip() for title in header.split("|")[2:-1]] == [
         *("CV", "CA", "Kalman CV", "SF, true goal"),
-        *("LSTM-noGrid, simulation only", "LSTM-noGrid, fine-tuned elsewhere"),
-        *("LSTM, simulation only", "LSTM, fine-tuned elsewhere"),
+        *("LSTM-noGrid, simulated", "LSTM-noGrid, tuned", "LSTM, simulated", "LSTM, tuned"),
     ]
     assert hall.endswith("| 0.300 (0.280 to 0.330) | 0.400 (0.380 to 0.430) |")
     assert yard.startswith("| yard | 0.700 (0.680 to 0.730) | 0.800")
     words = relative_errors(studies, METHODS)
-    assert "simulation only: hall -50 %, yard -17 %; fine-tuned elsewhere: hall -33 %, yard -17 %" in words
+    assert "simulated (trained in simulation only): hall -50 %, yard -17 %; tuned (" in words
+    assert words.endswith("hall -33 %, yard -17 %.")
 
 
 def test_the_section_shows_walls_and_names_a_missing_place():

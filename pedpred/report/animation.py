@@ -141,13 +141,20 @@ class _Sheet:
         draw.text((column, self.foot), text, INK, font, anchor="lm")
 
 
+def _interval_s(windows: EvaluationWindows) -> float:
+    """Usual time between two forecasts of a person, s: a forecast is drawn until the next one."""
+    order = np.lexsort((windows.time_s, windows.track_id))
+    gaps_s = np.diff(windows.time_s[order])[np.diff(windows.track_id[order]) == 0]
+    return float(np.median(gaps_s)) if len(gaps_s) else windows.dt_s
+
+
 def _frames(
     scene: Scene, windows: EvaluationWindows, animation: Animation, method: Method
 ) -> Iterator[Image.Image]:
     """One picture per instant."""
     sheet = _Sheet(scene, animation.width_px)
     trajectories = scene.trajectories
-    start_s = busiest_start(windows.time_s, animation.duration_s)
+    start_s, renewed_s = busiest_start(windows.time_s, animation.duration_s), _interval_s(windows)
     own = windows.predictions[method.key]
     for time_s in start_s + np.arange(0.0, animation.duration_s, animation.frame_s):
         picture = sheet.ground.copy()
@@ -157,7 +164,7 @@ def _frames(
         for track, position in here.items():
             tail = trajectories.position[behind & (trajectories.track_id == track)]
             draw.line(sheet.pixels(np.vstack([tail, position])), _TAIL, 2 * _SMOOTHING)
-        latest = (windows.time_s <= time_s + 1e-6) & (windows.time_s > time_s - scene.detection_dt_s + 1e-6)
+        latest = (windows.time_s <= time_s + 1e-6) & (windows.time_s > time_s - renewed_s + 1e-6)
         for row in np.flatnonzero(latest & np.isin(windows.track_id, list(here))):
             path = sheet.pixels(np.vstack([windows.position[row], own.point[row]]))
             draw.line(path, method.colour, _SMOOTHING)

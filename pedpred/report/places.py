@@ -19,8 +19,13 @@ from pedpred.report.walls import (
     wall_windows,
 )
 
-TRAINED = {"sim": "simulated rooms", "transfer": "simulation only", "real": "fine-tuned elsewhere"}
-"""What the networks of a study have learned from, in words; another study's name stands for itself."""
+SHORT = {"transfer": "simulated", "real": "tuned"}
+TRAINED = {
+    "sim": "simulated rooms",
+    "transfer": "trained in simulation only",
+    "real": "then fine-tuned on the other places",
+}
+"""What the networks of a study have learned from, in a word and in words; another study has its name."""
 _FURTHER = ("moving_ade_m", "standing_ade_m", "obstacle_share")
 
 Studies = Mapping[str, Mapping[str, Result]]
@@ -53,7 +58,7 @@ def relative_errors(studies: Studies, methods: Methods) -> str:
     for study, results in studies.items():
         gain = {gain.name: f"{gain.ratio - 1:+.0%}" for gain in gains(results.values(), study, methods)}
         listed = ", ".join(f"{name} {percent.replace('%', ' %')}" for name, percent in gain.items())
-        parts.append(f"{_trained(study)}: {listed}")
+        parts.append(f"{_short(study)} ({_trained(study)}): {listed}")
     against = f"the ADE of the {methods.main.label} minus that of the best of {', '.join(some)} and {last}"
     return f"At places that it never saw, {against}; {'; '.join(parts)}."
 
@@ -75,7 +80,7 @@ def places_table(studies: Studies, key: str, methods: Methods) -> Table:
             cells.append(metric_cell(f"{study}.{name}", method, key, own, shown=True))
         rows.append(Row(cells))
     header = [
-        methods[method].label + (f", {_trained(any_of[0])}" if len(any_of) < len(studies) else "")
+        methods[method].label + (f", {_short(any_of[0])}" if len(any_of) < len(studies) else "")
         for method, any_of in columns
     ]
     return Table([metric_title(key), *header], rows)
@@ -104,6 +109,10 @@ def _gains(evaluated: Sequence[Evaluated], methods: Methods) -> Pictures:
         f"95 % interval of the {methods.main.label}'s ADE."
     )
     return Pictures([Picture("walls", caption, gains_figure(found, methods))])
+
+
+def _short(study: str) -> str:
+    return SHORT.get(study, study)
 
 
 def _trained(study: str) -> str:
