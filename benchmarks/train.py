@@ -1,6 +1,6 @@
 """Samples per second of the training loop, beside what the machine's matrix rate allows.
 
-`python -m benchmarks.train [--device cuda [--autocast]] [--json FILE]`. A sample is one step of one lane.
+`python -m benchmarks.train [--device cuda] [--json FILE]`. A sample is one step of one lane.
 Data are random, sizes are those of params.yaml (`methods.networks`, `training.main`); a step includes the
 look-up and the variation of its data. All times of a row are taken in turn, round after round, and the
 medians compared, so that a machine that is busy elsewhere slows all alike.
@@ -166,6 +166,7 @@ def measured(
     middle = {k: float(np.median(v)) * 1e3 for k, v in took.items()}
     return {
         "model": name,
+        "products": "bfloat16" if here.autocast else "float32",
         "threads": torch.get_num_threads(),
         "MFLOP/sample": operations_per_sample(network) / 1e6,
         "best_GFLOP/s": float(np.median(rate)) / 1e9,
@@ -185,7 +186,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", type=Path, help="write the figures there")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
-    parser.add_argument("--autocast", action="store_true", help="bfloat16 products (CUDA)")
     options = parser.parse_args()
     cfg = read_params(Path())
     phase = {k: v for k, v in plain(cfg.training.main).items() if not k.startswith("validation")}
@@ -193,12 +193,13 @@ def main() -> None:
     features = plain(cfg.features)
     features.pop("standstill_mps")
     sizes = FeatureSettings(**plain(cfg.protocol), **features)
+    networks = {name: parse_settings(row["settings"]) for name, row in plain(cfg.methods.networks).items()}
     rows = []
-    with distributed_context(options.device, options.autocast) as here:
-        for threads in (1, 2) if options.device == "cpu" else (1,):
-            torch.set_num_threads(threads)
-            for name, row in plain(cfg.methods.networks).items():
-                rows.append(measured(name, parse_settings(row["settings"]), sizes, training, here))
+    for narrow in (False, True):
+        with distributed_context(options.device, narrow) as here:
+            for threads in (1, 2) if options.device == "cpu" else (1,):
+                torch.set_num_threads(threads)
+                rows += [measured(name, own, sizes, training, here) for name, own in networks.items()]
     tell("Training step", rows)
     keep({"train": rows}, options.json)
 

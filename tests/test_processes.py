@@ -72,13 +72,34 @@ def test_lanes_are_divided_evenly_or_refused():
 def test_devices_that_are_not_there_or_not_meant_are_named():
     with pytest.raises(ValueRuleError, match=r"device.*'tpu'"), distributed_context("tpu", False):
         pass
-    with pytest.raises(ValueRuleError, match="autocast"), distributed_context("cpu", True):
+    with pytest.raises(ValueRuleError, match=r"autocast.*'fast'"), distributed_context("cpu", "fast"):
         pass
     if not torch.cuda.is_available():
         with pytest.raises(ValueRuleError, match="no CUDA device"), distributed_context("cuda", False):
             pass
         with distributed_context("auto", False) as here:
             assert here == ALONE
+
+
+@pytest.mark.parametrize("units", [{}, {"avx512_f": True, "amx_bf16": False}, {"amx_bf16": True}])
+def test_products_are_narrow_where_the_processor_has_units_for_them(monkeypatch, caplog, units):
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: units, raising=False)
+    caplog.set_level("INFO")
+    with distributed_context("cpu", "auto") as here:
+        assert here.autocast is units.get("amx_bf16", False)
+    assert f"products in {'bfloat16' if here.autocast else 'float32'}" in caplog.text
+
+
+def test_narrow_products_change_a_loss_by_their_rounding_only():
+    rng = np.random.default_rng(0)
+    network, data = SMALL.build(WIDTHS, 4), toy_data(rng)
+    losses = []
+    for narrow in (False, True):
+        here = DistributedContext(ALONE.device, narrow)
+        learner = RecurrentLearner(network, data, data.sequences, data.sequences, VARIED, here)
+        losses.append(learner.loss(next(learner.batches(0)), 0).reported.item())
+    assert losses[0] != losses[1]
+    assert losses[1] == pytest.approx(losses[0], rel=2e-2)
 
 
 def test_a_data_set_moves_as_a_whole():

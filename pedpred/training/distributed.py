@@ -6,6 +6,7 @@ all lanes: gradients are averaged over known targets, so each process is weighte
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -18,7 +19,9 @@ from torch import Tensor
 from pedpred.errors import ValueRuleError
 from pedpred.networks.contract import Tensors
 
+_LOG = logging.getLogger(__name__)
 DEVICES = ("auto", "cpu", "cuda")
+_BFLOAT16_UNITS = ("amx_bf16", "avx512_bf16")
 _ENVIRONMENT = {"RANK": 0, "WORLD_SIZE": 1, "LOCAL_RANK": 0}  # set by torchrun; defaults without it
 
 
@@ -28,22 +31,15 @@ class DistributedContext:
 
     Attributes:
         device: where network and data live.
-        autocast: matrix products in bfloat16; CUDA only.
+        autocast: matrix products in bfloat16; weights and sums stay float32.
         rank: index of this process; process 0 writes the files.
         size: number of processes.
-
-    Raises:
-        ValueRuleError: `autocast` on a CPU, where bfloat16 is slower than float32.
     """
 
     device: torch.device
     autocast: bool = False
     rank: int = 0
     size: int = 1
-
-    def __post_init__(self) -> None:
-        if self.autocast and self.device.type != "cuda":
-            raise ValueRuleError("autocast", True, "it needs a CUDA device")
 
     @property
     def writes(self) -> bool:
@@ -111,25 +107,37 @@ ALONE = DistributedContext(torch.device("cpu"))
 """One process on the CPU."""
 
 
+def multiplies_bfloat16(device: torch.device) -> bool:
+    """Whether a device has units for products in bfloat16; without them, they are slower than float32."""
+    if device.type == "cuda":
+        return torch.cuda.is_bf16_supported(including_emulation=False)
+    processor: dict = getattr(torch.cpu, "get_capabilities", dict)()  # unknown to older versions of torch
+    return any(processor.get(unit, False) for unit in _BFLOAT16_UNITS)
+
+
 @contextmanager
-def distributed_context(device: str, autocast: bool) -> Iterator[DistributedContext]:
+def distributed_context(device: str, autocast: bool | str) -> Iterator[DistributedContext]:
     """The context of this process, from the environment that `torchrun` sets; `ALONE` without it.
 
     Args:
         device: "cpu", "cuda", or "auto": CUDA where there is one.
-        autocast: see `DistributedContext`.
+        autocast: see `DistributedContext`; "auto" asks the device, see `multiplies_bfloat16`.
 
     Raises:
-        ValueRuleError: the device is unknown or missing.
+        ValueRuleError: the device is unknown or missing, or `autocast` is none of these.
     """
     if device not in DEVICES:
         raise ValueRuleError("device", device, f"use one of {DEVICES}")
+    if autocast not in (True, False, "auto"):
+        raise ValueRuleError("autocast", autocast, "use true, false or auto")
     there = torch.cuda.is_available()
     if device == "cuda" and not there:
         raise ValueRuleError("device", device, "no CUDA device is visible; use auto or cpu")
     rank, size, local = (int(os.environ.get(k, d)) for k, d in _ENVIRONMENT.items())
     chosen = torch.device("cpu") if device == "cpu" or not there else torch.device("cuda", local)
-    here = DistributedContext(chosen, autocast, rank, size)
+    narrow = multiplies_bfloat16(chosen) if autocast == "auto" else bool(autocast)
+    _LOG.info("training on %s, products in %s", chosen, "bfloat16" if narrow else "float32")
+    here = DistributedContext(chosen, narrow, rank, size)
     if chosen.type == "cuda":
         torch.cuda.set_device(chosen)
     if size > 1:
