@@ -1,0 +1,142 @@
+"""Corridors: straight, with a corner, a T, a crossing or two bends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from scipy import ndimage
+
+from pedpred.simulation.fields import Range, check_ranges, parsed
+from pedpred.worlds.drawing import check_shares, chosen, uniform
+from pedpred.worlds.floors import CELL_M, Entrance, Floor, ground_cells, paint_disc, paint_rectangle
+from pedpred.worlds.streams import StreamSettings
+
+_ENTRANCE_M = 3.5  # length of the part of an arm where people come in
+_BEYOND_M = 4.0  # an arm goes on behind the length that is drawn
+_ARMS = {"corner": "EN", "tee": "EWN", "cross": "EWNS", "bends": "EN", "straight": "EW"}
+_AXES = {"E": (1.0, 0.0), "W": (-1.0, 0.0), "N": (0.0, 1.0), "S": (0.0, -1.0)}
+
+
+def _forms() -> dict[str, float]:
+    return {"corner": 0.34, "tee": 0.28, "cross": 0.16, "bends": 0.14, "straight": 0.08}
+
+
+@dataclass(frozen=True)
+class CorridorSettings:
+    """Ranges of corridors.
+
+    Attributes:
+        forms: share of each form.
+        width_m: of most arms.
+        any_width_m: of the other arms.
+        any_width_share: share of those.
+        equal_width_share: share of the worlds whose arms have equal widths.
+        arm_m: length of the arms.
+        column_share: share of the junctions with a column.
+        column_radius_m: its radius.
+        obstacle_share: share of the other corridors with obstacles.
+        obstacles: their number.
+        obstacle_radius_m: their radius.
+        streams: who walks.
+    """
+
+    forms: Mapping[str, float] = field(default_factory=_forms)
+    width_m: Range = (1.8, 5.0)
+    any_width_m: Range = (1.4, 8.0)
+    any_width_share: float = 0.2
+    equal_width_share: float = 0.4
+    arm_m: Range = (6.0, 14.0)
+    column_share: float = 0.35
+    column_radius_m: Range = (0.2, 0.5)
+    obstacle_share: float = 0.15
+    obstacles: tuple[int, int] = (1, 3)
+    obstacle_radius_m: Range = (0.1, 0.35)
+    streams: StreamSettings = field(
+        default=StreamSettings(), metadata={"parse": partial(parsed, StreamSettings)}
+    )
+
+    def __post_init__(self) -> None:
+        check_shares(self, "forms", _ARMS)
+        lengths = ("width_m", "any_width_m", "column_radius_m", "obstacle_radius_m")
+        shares = ("any_width_share", "equal_width_share", "column_share", "obstacle_share")
+        check_ranges(self, dict.fromkeys(lengths, "(0, inf)") | dict.fromkeys(shares, "[0, 1]"))
+        check_ranges(self, {"arm_m": "[6, inf)", "obstacles": "[0, inf)"})
+
+
+def corridor(settings: CorridorSettings, rng: np.random.Generator) -> Floor:
+    """Draw a corridor: arms along the axes that meet at the centre of a square."""
+    form = chosen(rng, settings.forms)
+    arm_m = uniform(rng, settings.arm_m)
+    center = np.full(2, arm_m + _BEYOND_M)
+    widths = [_width(settings, rng), _width(settings, rng)]  # of arms along x and along y
+    if rng.random() < settings.equal_width_share:
+        widths[1] = widths[0]
+    free = ground_cells(2 * center, False)
+    half = 0.5 * np.array(widths[::-1])  # extent of the junction along x is the width of arms along y
+    paint_rectangle(free, center - half, center + half, True)
+    ends = {}
+    for arm in _ARMS[form]:
+        area, ends[arm] = _arm(np.array(_AXES[arm]), center, half)
+        paint_rectangle(free, area.low, area.high, True)
+    if form == "bends":
+        ends["N"] = _bend(free, center, half, arm_m, _width(settings, rng), rng)
+    if form in ("tee", "cross") and rng.random() < settings.column_share:
+        radius_m = uniform(rng, settings.column_radius_m)
+        if min(widths) > 2 * radius_m + 1.6:
+            paint_disc(free, center + rng.uniform(-0.5, 0.5, 2), radius_m)
+    elif rng.random() < settings.obstacle_share:
+        free = _with_obstacles(free, center, arm_m, settings, rng)
+    width_m = sum(widths) / 2
+    return Floor(free, tuple(ends.values()), width_m, width_m, form == "cross")
+
+
+def _width(settings: CorridorSettings, rng: np.random.Generator) -> float:
+    unusual = rng.random() < settings.any_width_share
+    return uniform(rng, settings.any_width_m if unusual else settings.width_m)
+
+
+def _arm(axis: np.ndarray, center: np.ndarray, half: np.ndarray) -> tuple[Entrance, Entrance]:
+    """The rectangle of an arm that points along an axis, and the entrance at its end."""
+    across = half * (axis == 0)
+    end, inner = center + axis * center[0], center + axis * (center[0] - _ENTRANCE_M)
+    spans = []
+    for start in (center, inner):
+        spans.append(Entrance(np.minimum(start, end) - across, np.maximum(start, end) + across))
+    return spans[0], spans[1]
+
+
+def _bend(
+    free: np.ndarray,
+    center: np.ndarray,
+    half: np.ndarray,
+    arm_m: float,
+    width_m: float,
+    rng: np.random.Generator,
+) -> Entrance:
+    """Turn the northern arm east or west on its way; return the entrance at the new end."""
+    bottom = center[1] + uniform(rng, (3.0, arm_m - 2.0))
+    free[:, int((bottom + width_m) / CELL_M) :] = False
+    size = 2 * center[0]
+    if rng.random() < 0.5:
+        paint_rectangle(free, (center[0] - half[0], bottom), (size, bottom + width_m), True)
+        return Entrance(np.array([size - _ENTRANCE_M, bottom]), np.array([size, bottom + width_m]))
+    paint_rectangle(free, (0.0, bottom), (center[0] + half[0], bottom + width_m), True)
+    return Entrance(np.array([0.0, bottom]), np.array([_ENTRANCE_M, bottom + width_m]))
+
+
+def _with_obstacles(
+    free: np.ndarray, center: np.ndarray, arm_m: float, settings: CorridorSettings, rng: np.random.Generator
+) -> np.ndarray:
+    """Place small discs in the arms where they leave a way past. [X, Y] bool."""
+    least, most = settings.obstacles
+    for _ in range(rng.integers(least, most + 1)):
+        along = np.array([1.0, 0.0] if rng.random() < 0.5 else [0.0, 1.0])
+        place = center + rng.uniform(-arm_m, arm_m) * along + rng.uniform(-1.0, 1.0, 2)
+        tried = free.copy()
+        paint_disc(tried, place, uniform(rng, settings.obstacle_radius_m))
+        if ndimage.label(ndimage.distance_transform_edt(tried) > 0.5 / CELL_M)[1] == 1:
+            free = tried
+    return free

@@ -1,0 +1,130 @@
+"""What distinguishes the people of a world: speed, reactions, size, habit of stopping."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from pedpred.simulation.fields import Range, check_ranges
+from pedpred.worlds.drawing import check_shares, chosen, log_uniform, uniform
+
+
+class Traits(NamedTuple):
+    """Traits of N people.
+
+    Attributes:
+        desired_speed: v0, m/s. [N]
+        relaxation_s: tau. [N]
+        radius_m: of the body. [N]
+        headway_s: T, least time to the person ahead; 0: not kept. [N]
+        stop_rate_hz: stops per second on the way. [N]
+        stop_s: mean length of a stop. [N]
+        pull_mps2: acceleration towards the members of the own group. [N]
+    """
+
+    desired_speed: np.ndarray
+    relaxation_s: np.ndarray
+    radius_m: np.ndarray
+    headway_s: np.ndarray
+    stop_rate_hz: np.ndarray
+    stop_s: np.ndarray
+    pull_mps2: np.ndarray
+
+
+def _paces() -> dict[str, float]:
+    return {"usual": 0.7, "slow": 0.18, "fast": 0.12}
+
+
+@dataclass(frozen=True)
+class PeopleSettings:
+    """Ranges of the traits; each world draws its own means.
+
+    Attributes:
+        paces: share of the worlds with usual, slow and fast people.
+        usual_mps: mean desired speed of a world.
+        slow_mps: the same.
+        fast_mps: the same.
+        speed_deviation: standard deviation of the desired speed between people, as a share of the mean.
+        speed_range_mps: desired speeds are clipped to this.
+        relaxation_s: of social forces; log-uniform.
+        collision_free_relaxation_s: of the collision-free speed model; log-uniform.
+        radius_m: of bodies.
+        headway_share: share of the sparse worlds with social forces where people keep their distance; in
+            all others they do.
+        headway_s: mean of a world; log-uniform.
+        stops_share: share of the worlds in which people stop.
+        stopping_people: share of the people in those who do.
+        stop_rate_hz: of a world; log-uniform.
+        stop_s: mean of a world; log-uniform.
+        pull_mps2: of groups.
+    """
+
+    paces: Mapping[str, float] = field(default_factory=_paces)
+    usual_mps: Range = (1.15, 1.5)
+    slow_mps: Range = (0.5, 1.1)
+    fast_mps: Range = (1.5, 2.0)
+    speed_deviation: Range = (0.09, 0.25)
+    speed_range_mps: Range = (0.3, 2.5)
+    relaxation_s: Range = (0.35, 1.3)
+    collision_free_relaxation_s: Range = (0.25, 0.9)
+    radius_m: Range = (0.12, 0.2)
+    headway_share: float = 0.5
+    headway_s: Range = (0.5, 1.4)
+    stops_share: float = 0.4
+    stopping_people: float = 0.6
+    stop_rate_hz: Range = (0.002, 0.04)
+    stop_s: Range = (1.5, 15.0)
+    pull_mps2: Range = (0.3, 2.0)
+
+    def __post_init__(self) -> None:
+        check_shares(self, "paces", _paces())
+        speeds = ("usual_mps", "slow_mps", "fast_mps", "speed_range_mps")
+        times = ("relaxation_s", "collision_free_relaxation_s", "headway_s", "stop_rate_hz", "stop_s")
+        check_ranges(self, dict.fromkeys((*speeds, *times), "(0, inf)"))
+        check_ranges(self, {"radius_m": "[0.05, 0.5]", "pull_mps2": "[0, inf)", "speed_deviation": "[0, 1]"})
+        check_ranges(self, dict.fromkeys(("headway_share", "stops_share", "stopping_people"), "[0, 1]"))
+
+
+def drawn_traits(
+    group: np.ndarray,
+    settings: PeopleSettings,
+    collision_free: bool,
+    dense: bool,
+    stops: bool,
+    rng: np.random.Generator,
+) -> Traits:
+    """Draw the traits of the people of a world; members of a group have equal ones.
+
+    Args:
+        group: people with equal numbers walk together; -1: alone. [N]
+        settings: ranges.
+        collision_free: whether the collision-free speed model moves them.
+        dense: whether many people share the ground.
+        stops: whether people may stop on the way.
+        rng: source of all randomness.
+    """
+    count = len(group)
+    mean_mps = uniform(rng, getattr(settings, f"{chosen(rng, settings.paces)}_mps"))
+    speed = rng.normal(mean_mps, uniform(rng, settings.speed_deviation) * mean_mps, count)
+    tau_s = settings.collision_free_relaxation_s if collision_free else settings.relaxation_s
+    relaxation_s = log_uniform(rng, tau_s) * np.exp(rng.normal(0.0, 0.2, count))
+    radius_m = uniform(rng, settings.radius_m) + rng.uniform(-0.02, 0.02, count)
+    keeps = collision_free or dense or rng.random() < settings.headway_share
+    headway_s = log_uniform(rng, settings.headway_s) * np.exp(rng.normal(0.0, 0.2, count)) * keeps
+    stops = stops and rng.random() < settings.stops_share
+    stop_rate_hz = log_uniform(rng, settings.stop_rate_hz) * (rng.random(count) < settings.stopping_people)
+    traits = Traits(
+        np.clip(speed, *settings.speed_range_mps),
+        np.clip(relaxation_s, 0.2, 2.0),
+        radius_m,
+        headway_s,
+        stop_rate_hz * stops,
+        np.full(count, log_uniform(rng, settings.stop_s)),
+        np.full(count, uniform(rng, settings.pull_mps2)),
+    )
+    _, first, which = np.unique(group, return_index=True, return_inverse=True)
+    like = np.where(group >= 0, first[which], np.arange(count))
+    return Traits(*(values[like] for values in traits))

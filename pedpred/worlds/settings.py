@@ -1,0 +1,106 @@
+"""Settings of simulated worlds: the ranges that they are drawn from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+
+from pedpred.errors import ValueRuleError
+from pedpred.simulation.fields import Range, check_ranges, parsed
+from pedpred.worlds.bottlenecks import BottleneckSettings
+from pedpred.worlds.corridors import CorridorSettings
+from pedpred.worlds.models import ModelSettings
+from pedpred.worlds.people import PeopleSettings
+from pedpred.worlds.rooms import RoomSettings
+from pedpred.worlds.squares import SquareSettings
+
+KINDS = ("corridor", "bottleneck", "room", "square", "lone")
+"""Kinds of worlds; in `lone`, people are far from each other, on free ground, and walk exactly straight."""
+
+
+@dataclass(frozen=True)
+class GuidanceSettings:
+    """Ranges of `simulation.RoutingSettings`.
+
+    Attributes:
+        resolution_m: side of a routing cell.
+        narrow_m: least clearance of a route.
+        comfortable_m: clearance above which walking costs no more than on open ground.
+        slowest: assumed share of the full speed at `narrow_m`.
+    """
+
+    resolution_m: float = 0.2
+    narrow_m: Range = (0.2, 0.5)
+    comfortable_m: Range = (0.55, 1.3)
+    slowest: Range = (0.3, 0.9)
+
+    def __post_init__(self) -> None:
+        lengths = ("resolution_m", "narrow_m", "comfortable_m")
+        check_ranges(self, dict.fromkeys(lengths, "(0, inf)") | {"slowest": "(0, 1]"})
+        if not self.narrow_m[1] < self.comfortable_m[0]:
+            raise ValueRuleError("narrow_m", self.narrow_m, "it must be less than comfortable_m")
+
+
+@dataclass(frozen=True)
+class LoneSettings:
+    """Ranges of people far from each other.
+
+    Attributes:
+        people: their number.
+        standing_share: share of those who stand.
+        speed_mps: of the others.
+    """
+
+    people: int = 24
+    standing_share: float = 0.3
+    speed_mps: Range = (0.2, 2.6)
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"people": "[1, inf)", "standing_share": "[0, 1]", "speed_mps": "[0, inf)"})
+
+
+@dataclass(frozen=True)
+class WorldSettings:
+    """How worlds are drawn.
+
+    Attributes:
+        seed: of all worlds.
+        warm_up_s: discarded at the start.
+        duration_s: recorded time.
+        bottleneck_s: the same for bottlenecks, where crowds disperse.
+        corridor: ranges of corridors.
+        bottleneck: ranges of bottlenecks.
+        room: ranges of rooms.
+        square: ranges of open squares.
+        lone: ranges of people far from each other.
+        people: ranges of their traits.
+        model: ranges of the walking models.
+        guidance: ranges of the routes.
+    """
+
+    seed: int = 77
+    warm_up_s: float = 20.0
+    duration_s: float = 50.0
+    bottleneck_s: float = 35.0
+    corridor: CorridorSettings = field(
+        default=CorridorSettings(), metadata={"parse": partial(parsed, CorridorSettings)}
+    )
+    bottleneck: BottleneckSettings = field(
+        default=BottleneckSettings(), metadata={"parse": partial(parsed, BottleneckSettings)}
+    )
+    room: RoomSettings = field(default=RoomSettings(), metadata={"parse": partial(parsed, RoomSettings)})
+    square: SquareSettings = field(
+        default=SquareSettings(), metadata={"parse": partial(parsed, SquareSettings)}
+    )
+    lone: LoneSettings = field(default=LoneSettings(), metadata={"parse": partial(parsed, LoneSettings)})
+    people: PeopleSettings = field(
+        default=PeopleSettings(), metadata={"parse": partial(parsed, PeopleSettings)}
+    )
+    model: ModelSettings = field(default=ModelSettings(), metadata={"parse": partial(parsed, ModelSettings)})
+    guidance: GuidanceSettings = field(
+        default=GuidanceSettings(), metadata={"parse": partial(parsed, GuidanceSettings)}
+    )
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"seed": "[0, inf)", "warm_up_s": "[0, inf)"})
+        check_ranges(self, dict.fromkeys(("duration_s", "bottleneck_s"), "(0, inf)"))

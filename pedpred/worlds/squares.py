@@ -1,0 +1,112 @@
+"""Open squares and streets: nothing, posts and boxes, or walls along the sides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+
+from pedpred.simulation.fields import Range, check_ranges, parsed
+from pedpred.worlds.drawing import check_shares, chosen, uniform
+from pedpred.worlds.floors import Entrance, Floor, ground_cells, paint_disc, paint_rectangle
+from pedpred.worlds.strolls import StrollSettings
+
+_EDGE = 0.03  # distance of entrances from the edge, as a share of the side
+
+
+def _obstacles() -> dict[str, float]:
+    return {"none": 0.4, "posts": 0.2, "walls": 0.2, "both": 0.2}
+
+
+@dataclass(frozen=True)
+class SquareSettings:
+    """Ranges of open squares.
+
+    Attributes:
+        side_m: of the square.
+        obstacles: share of squares with each kind of obstacles.
+        posts: number of posts and boxes.
+        post_radius_m: of the posts.
+        box_m: half sides of boxes.
+        door_m: width of the door in a wall.
+        entrances: number of places where people come from.
+        street_share: share of the squares with two entrances at opposite ends.
+        entrance_m: people come in within this distance, along each axis, of an entrance.
+        strolls: who walks.
+    """
+
+    side_m: Range = (12.0, 55.0)
+    obstacles: Mapping[str, float] = field(default_factory=_obstacles)
+    posts: tuple[int, int] = (1, 7)
+    post_radius_m: Range = (0.1, 0.5)
+    box_m: Range = (0.2, 1.5)
+    door_m: Range = (1.5, 5.0)
+    entrances: tuple[int, int] = (2, 6)
+    street_share: float = 0.4
+    entrance_m: Range = (0.5, 6.0)
+    strolls: StrollSettings = field(
+        default=StrollSettings(), metadata={"parse": partial(parsed, StrollSettings)}
+    )
+
+    def __post_init__(self) -> None:
+        check_shares(self, "obstacles", _obstacles())
+        lengths = ("post_radius_m", "box_m", "door_m", "entrance_m")
+        check_ranges(self, dict.fromkeys(lengths, "(0, inf)") | {"side_m": "[10, inf)"})
+        check_ranges(self, {"posts": "[0, inf)", "entrances": "[2, inf)", "street_share": "[0, 1]"})
+
+
+def square(settings: SquareSettings, rng: np.random.Generator) -> Floor:
+    """Draw a square; the ground goes on beyond its edges."""
+    size = rng.uniform(*settings.side_m, 2)
+    free = ground_cells(size, True)
+    obstacles = chosen(rng, settings.obstacles)
+    if obstacles in ("posts", "both"):
+        _place_posts(free, size, settings, rng)
+    if obstacles in ("walls", "both"):
+        _place_walls(free, size, settings, rng)
+    spread = uniform(rng, settings.entrance_m)
+    entrances = []
+    for place in _edge_places(size, settings, rng):
+        low, high = np.clip(np.stack([place - spread, place + spread]), 0.3, size - 0.3)
+        entrances.append(Entrance(low, high))
+    return Floor(free, tuple(entrances), float(size.min()), float(size.min()))
+
+
+def _place_posts(
+    free: np.ndarray, size: np.ndarray, settings: SquareSettings, rng: np.random.Generator
+) -> None:
+    least, most = settings.posts
+    for _ in range(rng.integers(least, most + 1)):
+        place = rng.uniform(0.1 * size, 0.9 * size)
+        if rng.random() < 0.5:
+            paint_disc(free, place, uniform(rng, settings.post_radius_m))
+        else:
+            half = rng.uniform(*settings.box_m, 2)
+            paint_rectangle(free, place - half, place + half, False)
+
+
+def _place_walls(
+    free: np.ndarray, size: np.ndarray, settings: SquareSettings, rng: np.random.Generator
+) -> None:
+    """A building along the lower side, half of them with a doorway; some have another one opposite."""
+    depth, left = uniform(rng, (1.0, 0.3 * size[1])), uniform(rng, (0.0, 0.7 * size[0]))
+    paint_rectangle(free, (0.0, 0.0), (size[0], depth), False)
+    if rng.random() < 0.5:
+        paint_rectangle(free, (left, 0.0), (left + uniform(rng, settings.door_m), depth), True)
+    if rng.random() < 0.3:
+        paint_rectangle(free, (0.0, size[1] - rng.uniform(0.5, 2.0)), (size[0], size[1] + 1.0), False)
+
+
+def _edge_places(size: np.ndarray, settings: SquareSettings, rng: np.random.Generator) -> np.ndarray:
+    """Centres of the entrances, m: the two ends of a street, or points on any side. [E, 2]."""
+    if rng.random() < settings.street_share:
+        along = np.arange(2) == rng.integers(2)
+        return size * np.where(along, [[_EDGE], [1.0 - _EDGE]], 0.5)
+    least, most = settings.entrances
+    count = int(rng.integers(least, most + 1))
+    places = rng.uniform(0.1, 0.9, (count, 2))
+    axis = rng.integers(2, size=count)
+    places[np.arange(count), axis] = np.where(rng.random(count) < 0.5, _EDGE, 1.0 - _EDGE)
+    return size * places

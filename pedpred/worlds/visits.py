@@ -1,0 +1,77 @@
+"""People who walk between places in a closed room, and some who stand there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.simulation.fields import Range, check_ranges
+from pedpred.simulation.layouts import TargetPool
+from pedpred.simulation.simulator import visiting_plans
+from pedpred.worlds.drawing import log_uniform, uniform
+from pedpred.worlds.floors import CELL_M, Entrance, Floor, points_in
+from pedpred.worlds.journeys import Journeys, Visitors, number_of_people
+
+_REACH_M = 0.6
+_SPACING_M = 0.3
+
+
+@dataclass(frozen=True)
+class VisitSettings:
+    """Ranges of people in rooms.
+
+    Attributes:
+        per_m2: people per square metre; log-uniform.
+        dense_per_m2: the same in dense rooms.
+        dense_share: share of those.
+        people: least and largest number.
+        targets: number of places.
+        legs: places that a person visits one after the other; people stay at the last one.
+        least_leg_m: least distance between two of them.
+        pausing_share: share of the rooms where people pause at targets.
+        pausing_people: share of the visits that end with a pause.
+        pause_s: mean of the pauses of a room; log-uniform.
+        standing_share: share of the rooms where some people stand all the time.
+        standing_people: share of those people.
+    """
+
+    per_m2: Range = (0.01, 0.12)
+    dense_per_m2: Range = (0.15, 0.6)
+    dense_share: float = 0.2
+    people: tuple[int, int] = (2, 90)
+    targets: int = 24
+    legs: int = 16
+    least_leg_m: float = 8.0
+    pausing_share: float = 0.5
+    pausing_people: Range = (0.1, 0.9)
+    pause_s: Range = (1.0, 20.0)
+    standing_share: float = 0.3
+    standing_people: Range = (0.1, 0.5)
+
+    def __post_init__(self) -> None:
+        shares = ("dense_share", "pausing_share", "pausing_people", "standing_share", "standing_people")
+        check_ranges(self, dict.fromkeys(shares, "[0, 1]"))
+        check_ranges(self, dict.fromkeys(("per_m2", "dense_per_m2", "pause_s", "least_leg_m"), "(0, inf)"))
+        check_ranges(self, {"people": "[1, inf)", "targets": "[2, inf)", "legs": "[1, inf)"})
+
+
+def visiting(floor: Floor, settings: VisitSettings, duration_s: float, rng: np.random.Generator) -> Visitors:
+    """Draw the people of a room; all are there from the start and stay."""
+    dense = bool(rng.random() < settings.dense_share)
+    per_m2 = settings.dense_per_m2 if dense else settings.per_m2
+    count = number_of_people(float(floor.free.sum()) * CELL_M**2, per_m2, settings.people, rng)
+    everywhere = Entrance(np.zeros(2), floor.size_m)
+    target = points_in(floor.free, everywhere, settings.targets, 0.55, rng)
+    pool = TargetPool(target, np.arange(len(target)))
+    plan = visiting_plans(pool, count, settings.legs, settings.least_leg_m, rng)
+    pauses = uniform(rng, settings.pausing_people) if rng.random() < settings.pausing_share else 0.0
+    pause_s = rng.exponential(log_uniform(rng, settings.pause_s), plan.shape) * (
+        rng.random(plan.shape) < pauses
+    )
+    stand = uniform(rng, settings.standing_people) if rng.random() < settings.standing_share else 0.0
+    standing_s = np.where(rng.random(count) < stand, 2.0 * duration_s, 0.0)
+    entry = points_in(floor.free, everywhere, count, 0.4, rng)
+    alone = np.full(count, -1, dtype=np.int64)
+    journeys = Journeys(np.zeros(count), entry, plan, pause_s, standing_s, alone)
+    return Visitors(journeys, target, dense, True, _SPACING_M, _REACH_M, False)

@@ -1,0 +1,316 @@
+"""Simulated worlds keep the laws of walking, and their sensors have the faults that are set."""
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from pedpred.errors import ValueRuleError
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.simulation.fields import parsed
+from pedpred.storage.scenes import read_scene, write_scene
+from pedpred.worlds import (
+    KINDS,
+    SensingSettings,
+    Sensor,
+    View,
+    WorldSettings,
+    drawn_sensor,
+    sense,
+    sense_world,
+    simulate_world,
+)
+from pedpred.worlds.corridors import CorridorSettings, corridor
+from pedpred.worlds.floors import ground_cells
+from pedpred.worlds.heads import Sway, heads_of
+from pedpred.worlds.journeys import grouped, single
+from pedpred.worlds.models import ModelSettings, drawn_model
+from pedpred.worlds.people import PeopleSettings, drawn_traits
+from pedpred.worlds.settings import GuidanceSettings
+from pedpred.worlds.views import ViewSettings, drawn_view
+from pedpred.worlds.walking import SPEED_CAP
+from pedpred.worlds.world import guidance, walked
+from tests.scenes import assert_same
+
+SETTINGS = WorldSettings(warm_up_s=8.0, duration_s=20.0, bottleneck_s=20.0)
+SEEDS = range(4)
+EVERYTHING = View(np.full(2, -1e9), np.full(2, 1e9))
+
+
+@pytest.fixture(scope="module")
+def worlds():
+    return {(kind, seed): simulate_world(kind, seed, SETTINGS) for kind in KINDS for seed in SEEDS}
+
+
+def tracks(trajectories):
+    """Rows of each track in the order of time."""
+    order = np.lexsort((trajectories.time_s, trajectories.track_id))
+    starts = np.flatnonzero(np.diff(trajectories.track_id[order]))
+    return [trajectories.select(rows) for rows in np.split(order, starts + 1)]
+
+
+# Worlds
+
+
+def test_nobody_is_in_an_obstacle(worlds):
+    for scene in worlds.values():
+        assert not scene.occupancy.is_occupied(scene.trajectories.position).any(), scene.name
+
+
+def test_nobody_is_faster_than_the_cap_and_positions_follow_velocities(worlds):
+    for scene in worlds.values():
+        speed = np.linalg.norm(scene.trajectories.velocity, axis=1)
+        assert (speed <= SPEED_CAP * scene.trajectories.desired_speed_mps + 1e-6).all()
+        for track in tracks(scene.trajectories):
+            np.testing.assert_allclose(np.diff(track.time_s), scene.detection_dt_s, atol=1e-6)
+            steps = np.linalg.norm(np.diff(track.position, axis=0), axis=1)
+            cap = SPEED_CAP * track.desired_speed_mps[0] * scene.detection_dt_s
+            assert (steps <= cap + 1e-6).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_same_seed_gives_the_same_world_and_another_one_does_not(kind, worlds):
+    assert_same(simulate_world(kind, 1, SETTINGS), worlds[kind, 1])
+    others = worlds[kind, 2].trajectories, replace(SETTINGS, seed=78)
+    mine = worlds[kind, 1].trajectories.position
+    for other in (others[0], simulate_world(kind, 1, others[1]).trajectories):
+        assert mine.shape != other.position.shape or not np.array_equal(mine, other.position)
+
+
+def test_a_world_survives_the_disk(worlds, tmp_path):
+    write_scene(worlds["square", 0], tmp_path / "square_0")
+    assert_same(read_scene(tmp_path / "square_0"), worlds["square", 0])
+
+
+@pytest.mark.parametrize("kind", ["corridor", "bottleneck", "square"])
+def test_who_leaves_before_the_end_is_at_a_goal(kind, worlds):
+    left = [
+        np.linalg.norm(track.position[-1] - track.goal[-1])
+        for seed in SEEDS
+        for track in tracks(worlds[kind, seed].trajectories)
+        if track.time_s[-1] < worlds[kind, seed].trajectories.time_s.max() - 1e-6
+    ]
+    assert len(left) > 3
+    assert max(left) < 1.0 + 0.3  # the reach, and a step until the next record
+
+
+def test_people_in_rooms_stay_and_visit_places(worlds):
+    changes = 0
+    for seed in SEEDS:
+        everybody = tracks(worlds["room", seed].trajectories)
+        assert {len(track) for track in everybody} == {round(SETTINGS.duration_s / 0.1)}
+        changes += sum((np.diff(track.goal, axis=0) != 0).any(axis=1).sum() for track in everybody)
+    assert changes > 3
+
+
+def test_lone_people_walk_straight_or_stand(worlds):
+    for track in tracks(worlds["lone", 0].trajectories):
+        path = track.position[0] + track.velocity[0] * (track.time_s - track.time_s[0])[:, None]
+        np.testing.assert_allclose(track.position, path, atol=1e-6)
+
+
+def test_corridors_have_all_forms():
+    rng = np.random.default_rng(0)
+    floors = [corridor(CorridorSettings(), rng) for _ in range(60)]
+    assert {len(floor.entrances) for floor in floors} == {2, 3, 4}
+    assert sum(floor.crossed for floor in floors) > 3
+
+
+# Walking
+
+
+def hall(length_m=30.0, width_m=3.0):
+    free = ground_cells((length_m, width_m), True)
+    free[:, :3] = free[:, -3:] = False
+    return free
+
+
+def calm(collision_free, leave=True):
+    """A model without randomness."""
+    share = float(collision_free)
+    settings = ModelSettings(
+        share, share, 1.0, noise_mps2=(0, 0), wander_rad=(0, 0), unsteady=(0, 0), unseen_weight=(0.3, 0.3)
+    )
+    return drawn_model(settings, False, 0.5, 0.8, leave, np.random.default_rng(0))
+
+
+def one_way(per_s, collision_free, groups=0.0, standing_s=0.0, seconds=40.0):
+    """People who walk along a hall of 30 m."""
+    rng = np.random.default_rng(5)
+    free, count = hall(), int(per_s * seconds)
+    entry = np.stack([np.full(count, 2.0), rng.uniform(0.8, 2.2, count)], axis=1)
+    journeys = single(np.linspace(0.0, seconds, count), entry, np.zeros(count, int))
+    journeys = journeys._replace(standing_s=np.full(count, standing_s))
+    journeys = grouped(journeys, groups, (2, 2), 0.5, free, rng)
+    people = PeopleSettings(headway_s=(1.0, 1.0), stops_share=0.0, speed_deviation=(0.1, 0.1))
+    people = replace(people, paces={"usual": 1.0, "slow": 0.0, "fast": 0.0})
+    traits = drawn_traits(journeys.group, people, collision_free, True, False, rng)
+    ground, routes = guidance(free, np.array([[28.0, 1.5]]), GuidanceSettings(), rng)
+    return walked(journeys, traits, calm(collision_free), ground, routes, (0.0, seconds), rng)
+
+
+@pytest.mark.parametrize("collision_free", [False, True])
+def test_a_dense_stream_is_slower_than_a_sparse_one(collision_free):
+    def mean_speed(trajectories):
+        rows = trajectories.select((trajectories.position[:, 0] > 5) & (trajectories.time_s > 15))
+        return np.linalg.norm(rows.velocity, axis=1).mean() / rows.desired_speed_mps.mean()
+
+    sparse, dense = mean_speed(one_way(0.1, collision_free)), mean_speed(one_way(4.0, collision_free))
+    assert 0.9 < sparse < 1.05
+    assert dense < 0.85 * sparse
+
+
+@pytest.mark.parametrize("collision_free", [False, True])
+def test_groups_stay_together(collision_free):
+    together = one_way(0.4, collision_free, groups=1.0)
+    assert (together.group_id >= 0).all()
+    apart = []
+    for group in np.unique(together.group_id):
+        pair = tracks(together.select(together.group_id == group))
+        if len(pair) == 2:
+            _, first, second = np.intersect1d(pair[0].time_s, pair[1].time_s, return_indices=True)
+            apart.append(np.linalg.norm(pair[0].position[first] - pair[1].position[second], axis=1))
+    assert len(apart) > 4
+    assert np.median(np.concatenate(apart)) < 1.2
+    assert np.quantile(np.concatenate(apart), 0.95) < 2.5
+
+
+def test_standing_people_stay_and_walk_off_in_time():
+    (track,) = tracks(one_way(0.025, False, standing_s=10.0))
+    moved = np.linalg.norm(track.position - track.position[30], axis=1)  # walls push at first
+    assert moved[(track.time_s > 3) & (track.time_s < 9.9)].max() < 0.05
+    assert moved[track.time_s > 20].min() > 5.0
+
+
+# Sensors
+
+
+def parade(people=40, seconds=60.0):
+    """People 3 m apart who walk along x at 1 m/s."""
+    time_s = np.repeat(np.round(np.arange(0.0, seconds, 0.1), 9), people)
+    person = np.tile(np.arange(people), len(time_s) // people)
+    position = np.stack([time_s - 30.0, 3.0 * person], axis=1)
+    velocity = np.tile([1.0, 0.0], (len(person), 1))
+    ground = OccupancyMap(np.zeros((3, 3), bool), np.zeros(2), 0.1)
+    return Scene("parade", Trajectories(time_s, person, position, velocity), ground, 0.1)
+
+
+def error(seen):
+    """Detected minus true positions, m."""
+    rows = seen.trajectories
+    return rows.position - np.stack([rows.time_s - 30.0, 3.0 * rows.person_id], axis=1)
+
+
+def test_a_perfect_sensor_sees_the_truth_at_its_rate():
+    seen = sense(parade(), Sensor(rate_hz=2.67), EVERYTHING, np.random.default_rng(1))
+    assert np.abs(error(seen)).max() < 1e-6
+    assert seen.trajectories.usual_interval_s() == pytest.approx(1 / 2.67)
+    assert seen.detection_dt_s == pytest.approx(1 / 2.67)
+    assert len(seen.trajectories) == pytest.approx(40 * 60 * 2.67, rel=0.02)
+    np.testing.assert_array_equal(seen.trajectories.track_id, seen.trajectories.person_id)
+
+
+def test_noise_and_drop_outs_are_as_set():
+    sensor = Sensor(rate_hz=5.0, noise_m=0.05, drop_out=0.1, jitter_s=0.02)
+    seen = sense(parade(), sensor, EVERYTHING, np.random.default_rng(2))
+    assert error(seen).std() == pytest.approx(0.05, rel=0.05)
+    assert len(seen.trajectories) == pytest.approx(0.9 * 40 * 300, rel=0.02)
+    instants = np.unique(seen.trajectories.time_s)
+    assert 0.15 < np.diff(instants).min() < np.diff(instants).max() < 0.25
+
+
+def test_coordinates_are_rounded_to_the_quantum():
+    seen = sense(parade(), Sensor(quantum_m=0.05, noise_m=0.1), EVERYTHING, np.random.default_rng(3))
+    steps = seen.trajectories.position / 0.05
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+
+
+def test_people_are_born_late_by_at_most_what_is_set():
+    seen = sense(parade(), Sensor(late_s=2.0), EVERYTHING, np.random.default_rng(4))
+    births = np.array([track.time_s[0] for track in tracks(seen.trajectories)])
+    assert births.max() < 2.2
+    assert births.mean() == pytest.approx(1.05, abs=0.4)
+
+
+def test_only_what_is_in_view_is_detected():
+    view = View(np.array([-5.0, 2.0]), np.array([12.0, 50.0]))
+    seen = sense(parade(), Sensor(noise_m=0.3), view, np.random.default_rng(5)).trajectories
+    assert view.holds(seen.position).all()
+    assert seen.position[:, 0].min() < -4.8
+    assert set(seen.person_id) == set(range(1, 17))
+
+
+def test_ids_switch_only_between_close_people_and_stay_switched():
+    scene, rng = parade(20), np.random.default_rng(6)
+    unswitched = sense(scene, Sensor(switch=0.5), EVERYTHING, rng).trajectories
+    np.testing.assert_array_equal(unswitched.track_id, unswitched.person_id)
+    close = replace(scene, trajectories=replace(scene.trajectories, position=scene.trajectories.position / 6))
+    seen = sense(close, Sensor(rate_hz=5.0, switch=0.01), EVERYTHING, rng).trajectories
+    switched = seen.track_id != seen.person_id
+    assert 0.1 < switched.mean() < 0.95
+    for row in np.split(np.arange(len(seen)), np.flatnonzero(np.diff(seen.time_s)) + 1):
+        assert sorted(seen.track_id[row]) == sorted(seen.person_id[row])
+    changes = sum((np.diff(track.person_id) != 0).sum() for track in tracks(seen))
+    assert changes == pytest.approx(2 * 0.01 * 19 * 300, rel=0.4)  # 2 tracks, 19 pairs, 300 times
+
+
+def test_heads_sway_beside_the_way_and_drift():
+    body, rng = parade(), np.random.default_rng(7)
+    sway = heads_of(body, Sway(amplitude_m=0.05), rng).trajectories.position - body.trajectories.position
+    assert 0.02 < sway[:, 1].std() < 0.06
+    assert sway[:, 0].std() == pytest.approx(0.4 * sway[:, 1].std(), rel=0.1)
+    drift = heads_of(body, Sway(drift_m=0.02), rng).trajectories.position - body.trajectories.position
+    assert drift.std() == pytest.approx(0.02, rel=0.1)
+    still = replace(body.trajectories, velocity=np.zeros((len(body.trajectories), 2)))
+    stands = heads_of(replace(body, trajectories=still), Sway(amplitude_m=0.05), rng)
+    np.testing.assert_allclose(stands.trajectories.position, body.trajectories.position)
+
+
+def test_a_sensed_world_knows_the_heads_of_whom_it_sees(worlds):
+    settings = SensingSettings(sway_share=1.0, noisy_share=0.0)
+    seen, heads = sense_world(worlds["corridor", 2], "corridor", settings, np.random.default_rng(8))
+    truth = {track.track_id[0]: track for track in tracks(heads.trajectories)}
+    rows = seen.trajectories
+    assert len(rows) > 100
+    true_x = [
+        np.interp(time_s, truth[person].time_s, truth[person].position[:, 0])
+        for time_s, person in zip(rows.time_s, rows.person_id, strict=True)
+    ]
+    assert np.abs(rows.position[:, 0] - true_x).max() < 0.08  # noise of 5 mm, and half of the largest quantum
+
+
+def test_drawn_sensors_stay_in_their_ranges_and_repeat():
+    draws = [drawn_sensor(SensingSettings(), np.random.default_rng(n)) for n in range(200)]
+    assert draws[3] == drawn_sensor(SensingSettings(), np.random.default_rng(3))
+    assert {sensor.rate_hz for sensor, _ in draws} == set(SensingSettings().rates_hz)
+    assert all(0.005 <= sensor.noise_m <= 0.1 and sensor.drop_out <= 0.12 for sensor, _ in draws)
+    assert 0.3 < np.mean([sensor.switch == 0 for sensor, _ in draws]) < 0.8
+
+
+def test_a_view_cuts_the_ends_off(worlds):
+    occupancy = worlds["corridor", 0].occupancy
+    view = drawn_view(occupancy, ViewSettings((1.0, 1.0), (2.0, 2.0)), np.random.default_rng(0))
+    np.testing.assert_allclose(view.low, occupancy.origin + np.array([1.0, 2.0]))
+    np.testing.assert_allclose(view.high, occupancy.origin + occupancy.extent_m - np.array([1.0, 2.0]))
+
+
+# Settings
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, SensingSettings(late_s=(1.0, 2.0))])
+def test_settings_can_be_written_as_plain_text(settings):
+    assert parsed(type(settings), json.loads(json.dumps(asdict(settings)))) == settings
+
+
+def test_errors_name_the_field():
+    views = {kind: {"window_m": [0.0, 1.0]} if kind == "room" else {} for kind in KINDS}
+    plain = {"corridor": {"width_m": [3.0, 2.0], "forms": {}}}
+    with pytest.raises(ValueRuleError, match=r"worlds\.corridor\.forms"):
+        parsed(WorldSettings, plain, "worlds")
+    with pytest.raises(ValueRuleError, match="width_m"):
+        CorridorSettings(width_m=(3.0, 2.0))
+    with pytest.raises(ValueRuleError, match=r"views\.room\.window_m"):
+        parsed(SensingSettings, {"views": views})
+    with pytest.raises(ValueRuleError, match="kind"):
+        simulate_world("tunnel", 0, SETTINGS)
