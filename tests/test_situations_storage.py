@@ -1,0 +1,62 @@
+"""Situations survive the disk; damaged files name what is wrong."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pedpred.errors import StorageError
+from pedpred.features import FeatureSettings
+from pedpred.storage.situations import (
+    read_situations,
+    read_situations_manifest,
+    situation_columns,
+    write_situations,
+    write_situations_manifest,
+)
+
+SIZES = FeatureSettings(beams=8, neighbours=2, history_steps=3, horizon_steps=4)
+
+
+def rows(count, seed=0):
+    rng = np.random.default_rng(seed)
+    columns = situation_columns(SIZES)
+    return {
+        name: rng.normal(0, 5, (count, *about.shape)).astype(about.dtype) for name, about in columns.items()
+    }
+
+
+@pytest.mark.parametrize("count", [0, 1, 30])
+def test_rows_survive_the_disk_exactly(tmp_path, count):
+    write_situations(rows(count), tmp_path, "corridor_0")
+    back = read_situations(tmp_path, "corridor_0", SIZES)
+    assert list(back) == list(situation_columns(SIZES))
+    for name, values in rows(count).items():
+        np.testing.assert_array_equal(back[name], values)
+        assert back[name].dtype == values.dtype
+
+
+def test_the_same_rows_give_the_same_bytes(tmp_path):
+    for name in "ab":
+        write_situations(rows(9), tmp_path, name)
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+
+
+@pytest.mark.parametrize("names", [[], ["square_1", "square_0"]])
+def test_a_manifest_survives_the_disk(tmp_path, names):
+    write_situations_manifest(tmp_path, SIZES, names)
+    assert read_situations_manifest(tmp_path) == (SIZES, names)
+
+
+def test_errors_name_file_and_field(tmp_path):
+    wider = FeatureSettings(beams=12, neighbours=2, history_steps=3, horizon_steps=4)
+    write_situations(rows(3), tmp_path, "room_0")
+    with pytest.raises(StorageError, match=r"room_0\.parquet.*column beams"):
+        read_situations(tmp_path, "room_0", wider)
+    with pytest.raises(StorageError, match="room_1"):
+        read_situations(tmp_path, "room_1", SIZES)
+    write_situations_manifest(tmp_path, SIZES, ["room_0"])
+    about = json.loads((tmp_path / "manifest.json").read_text())
+    (tmp_path / "manifest.json").write_text(json.dumps(about | {"schema": 0}))
+    with pytest.raises(StorageError, match="schema"):
+        read_situations_manifest(tmp_path)
