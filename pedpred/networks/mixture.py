@@ -2,7 +2,8 @@
 
 Everything that it reads is seen from the person, so that nothing depends on where the world's origin and
 axes lie or on how long a track is. It looks at each situation and at its mirror image, and half of the modes
-come from either, so that mirrored worlds have mirrored forecasts. Its paths are corrections of the tracker's
+come from either, so that mirrored worlds have mirrored forecasts. Somebody who never moved has no heading,
+and is forecast to stand, as uncertain in each direction. Its paths are corrections of the tracker's
 own forecast, constant velocity, and one mode is that forecast itself.
 """
 
@@ -20,7 +21,7 @@ from torch.nn.functional import log_softmax
 from pedpred.errors import ValueRuleError
 from pedpred.networks.contract import Loss, RecurrentNetwork, Tensors, displacements, mean_over
 from pedpred.networks.gaussian import covariance_of, initial_spread, negative_log_density, spread_of
-from pedpred.networks.surroundings import BeamEncoder, NeighbourEncoder, own_motion
+from pedpred.networks.surroundings import BeamEncoder, NeighbourEncoder, motion_known, own_motion
 
 CHANNELS_READ = ("state", "history", "track", "neighbours", "beams")
 _OWN = 128
@@ -126,15 +127,17 @@ class MixtureNetwork(RecurrentNetwork):
 
     def _look(self, inputs: Mapping[str, Tensor]) -> Tensors:
         """Corrections, modes and their weights in some situations. [N, ...] each."""
-        own = self.own(own_motion(inputs))
+        own, known = self.own(own_motion(inputs)), motion_known(inputs)
         around = self.neighbours(inputs["neighbours"], inputs["state"], own)
         first, *others = self.layers
-        fused = torch.relu(first(torch.cat([own, around, self.beams(inputs["beams"])], dim=-1)))
+        seen = [own, known * around, known * self.beams(inputs["beams"])]
+        fused = torch.relu(first(torch.cat(seen, dim=-1)))
         for layer in others:
             fused = fused + torch.relu(layer(fused))
-        return {
+        outputs = {
             name: head(fused).float().unflatten(-1, self.shapes[name]) for name, head in self.heads.items()
         }
+        return _without_direction(outputs, known)
 
     def loss(self, outputs: Tensors, future: Tensor, known: Tensor, dt_s: float) -> Loss:
         """Mean distance of the point forecast, and two negative log likelihoods of the truth.
@@ -187,6 +190,19 @@ class MixtureNetwork(RecurrentNetwork):
             "weight": outputs["weight"].exp(),
             "covariance": covariance_of(spread_of(outputs["spread"])),
         }
+
+
+def _without_direction(outputs: Tensors, known: Tensor) -> Tensors:
+    """Outputs that know of a heading only as far as a motion is known: 0 no, 1 yes. [N, ...], [N, 1]."""
+    ahead = known[..., None]
+    spread = outputs["spread"]
+    round_ = spread[..., :2].mean(dim=-1, keepdim=True) * spread.new_tensor([1.0, 1.0, 0.0])
+    return {
+        "velocities": ahead * outputs["velocities"],
+        "modes": ahead[..., None] * outputs["modes"],
+        "weight": outputs["weight"],
+        "spread": round_ + ahead[..., None] * (spread - round_),
+    }
 
 
 def mirrored_inputs(inputs: Mapping[str, Tensor]) -> Tensors:

@@ -7,10 +7,14 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor, nn
 
+from pedpred.features.history import PAST
 from pedpred.features.nearest import NEIGHBOUR
 
 _SOFT = 0.05
 """m^2/s^2; keeps the time of the closest approach finite for people who walk side by side."""
+
+_STIRS = 1e-3
+"""m/s or m; a motion of this size counts half. Rounding of world coordinates is far below."""
 
 
 def own_motion(inputs: Mapping[str, Tensor]) -> Tensor:
@@ -20,6 +24,14 @@ def own_motion(inputs: Mapping[str, Tensor]) -> Tensor:
     spread = variance.clamp(min=0.0).sqrt() * variance.new_tensor([5.0, 3.0, 1.0])
     speed = torch.linalg.vector_norm(state, dim=-1, keepdim=True)
     return torch.cat([state, inputs["history"], 0.5 * last, spread, age, speed], dim=-1)
+
+
+def motion_known(inputs: Mapping[str, Tensor]) -> Tensor:
+    """How far a person's motion, and with it the heading, is known: 0 without any, 1 above 1 cm/s. [N, 1]."""
+    moved = inputs["history"].unflatten(-1, (-1, PAST))[..., :2].flatten(-2)
+    motion = torch.cat([inputs["state"], inputs["track"][:, :2], moved], dim=-1)
+    size = motion.abs().amax(dim=-1, keepdim=True)
+    return size / (size + _STIRS)
 
 
 class NeighbourEncoder(nn.Module):
