@@ -28,7 +28,7 @@ from pedpred.worlds.journeys import grouped, single
 from pedpred.worlds.models import ModelSettings, drawn_model
 from pedpred.worlds.people import PeopleSettings, drawn_traits
 from pedpred.worlds.settings import GuidanceSettings
-from pedpred.worlds.views import ViewSettings, drawn_view
+from pedpred.worlds.views import VIEWED, ViewSettings, drawn_view
 from pedpred.worlds.walking import SPEED_CAP
 from pedpred.worlds.world import guidance, walked
 from tests.scenes import assert_same
@@ -269,7 +269,7 @@ def test_heads_sway_beside_the_way_and_drift():
 
 def test_a_sensed_world_knows_the_heads_of_whom_it_sees(worlds):
     settings = SensingSettings(sway_share=1.0, noisy_share=0.0)
-    seen, heads = sense_world(worlds["corridor", 2], "corridor", settings, np.random.default_rng(8))
+    seen, heads = sense_world(worlds["corridor", 2], EVERYTHING, settings, np.random.default_rng(8))
     truth = {track.track_id[0]: track for track in tracks(heads.trajectories)}
     rows = seen.trajectories
     assert len(rows) > 100
@@ -304,7 +304,7 @@ def test_settings_can_be_written_as_plain_text(settings):
 
 
 def test_errors_name_the_field():
-    views = {kind: {"window_m": [0.0, 1.0]} if kind == "room" else {} for kind in KINDS}
+    views = {kind: {"window_m": [0.0, 1.0]} if kind == "room" else {} for kind in VIEWED}
     plain = {"corridor": {"width_m": [3.0, 2.0], "forms": {}}}
     with pytest.raises(ValueRuleError, match=r"worlds\.corridor\.forms"):
         parsed(WorldSettings, plain, "worlds")

@@ -115,7 +115,10 @@ def situations(
         "neighbours": nearest,
         "beams": beams,
     }
-    return {name: values.reshape(len(position), -1).astype(np.float32) for name, values in found.items()}
+    widths = channel_widths(sizes)
+    return {
+        name: values.reshape(len(position), widths[name]).astype(np.float32) for name, values in found.items()
+    }
 
 
 def tracked_situations(

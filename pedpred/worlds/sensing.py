@@ -13,7 +13,7 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.fields import Range, check_ranges
 from pedpred.worlds.drawing import log_uniform, uniform
 from pedpred.worlds.heads import Sway, heads_of
-from pedpred.worlds.views import View, ViewSettings, drawn_view, parsed_views, usual_views
+from pedpred.worlds.views import View, ViewSettings, parsed_views, usual_views
 
 _SWITCH_RANGE_M = 0.8
 _USUAL_RATES_HZ = (2.0, 2.5, 2.5, 2.67, 2.67, 3.33, 4.0, 5.0, 8.0, 10.0, 15.0)
@@ -42,7 +42,7 @@ class SensingSettings:
         tempo: see `Sway`.
         drift_m: slow error of the truth.
         drift_share: of the worlds.
-        views: what is seen of each kind of world.
+        views: what is seen of each kind of world, and of simulated scenes of another origin.
     """
 
     rates_hz: tuple[float, ...] = _USUAL_RATES_HZ
@@ -115,17 +115,16 @@ class SensedWorld(NamedTuple):
     heads: Scene
 
 
-def sense_world(scene: Scene, kind: str, settings: SensingSettings, rng: np.random.Generator) -> SensedWorld:
-    """Draw a sensor and its view, and look at a world.
+def sense_world(scene: Scene, view: View, settings: SensingSettings, rng: np.random.Generator) -> SensedWorld:
+    """Draw a sensor and look at a world.
 
     Args:
         scene: of `simulate_world`.
-        kind: of the world.
+        view: what the sensor sees.
         settings: ranges of the faults.
         rng: source of all randomness; derive it from (seed, scene).
     """
     sensor, sway = drawn_sensor(settings, rng)
-    view = drawn_view(scene.occupancy, settings.views[kind], rng)
     heads = heads_of(scene, sway, rng)
     return SensedWorld(sense(heads, sensor, view, rng), heads)
 

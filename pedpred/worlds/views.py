@@ -13,6 +13,9 @@ from pedpred.scenes import OccupancyMap
 from pedpred.simulation.fields import Range, check_ranges, parsed
 from pedpred.worlds.settings import KINDS
 
+VIEWED = (*KINDS, "scene")
+"""Kinds of worlds, and simulated scenes of another origin."""
+
 
 class View(NamedTuple):
     """A rectangle, world frame.
@@ -61,6 +64,7 @@ def usual_views() -> dict[str, ViewSettings]:
         "room": ViewSettings(beyond, beyond, window_share=0.3),
         "square": ViewSettings((0.0, 2.0), (0.0, 2.0)),
         "lone": ViewSettings(everything, everything),
+        "scene": ViewSettings(beyond, beyond),
     }
 
 
@@ -70,8 +74,8 @@ def parsed_views(plain: Mapping[str, Any], path: str) -> dict[str, ViewSettings]
     Raises:
         ValueRuleError: a kind is unknown or missing, or a field breaks its rule.
     """
-    if not isinstance(plain, Mapping) or set(plain) != set(KINDS):
-        raise ValueRuleError(path, plain, f"it must have the entries {', '.join(KINDS)}")
+    if not isinstance(plain, Mapping) or set(plain) != set(VIEWED):
+        raise ValueRuleError(path, plain, f"it must have the entries {', '.join(VIEWED)}")
     return {kind: parsed(ViewSettings, view, f"{path}.{kind}") for kind, view in plain.items()}
 
 

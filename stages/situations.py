@@ -1,0 +1,89 @@
+"""situations_simulated, situations_real: training rows of networks without memory, as Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig
+
+from pedpred.config import configured, plain, row, stage, stage_key
+from pedpred.features import FeatureSettings
+from pedpred.simulation.fields import parsed
+from pedpred.simulation.sensor import SensorSettings
+from pedpred.storage.scenes import read_scene, scene_folders
+from pedpred.storage.situations import write_situations, write_situations_manifest
+from pedpred.workers import in_parallel
+from pedpred.worlds import SensingSettings, WorldSettings
+from pedpred.worlds.sets import Rows, SimulatedSet, ViewingSettings, scene_rows, viewing_rows, world_rows
+from pedpred.worlds.situations import Recipe, RowSettings
+
+Job = tuple[str, Callable[..., Rows], tuple[Any, ...]]
+"""Name of a shard, and what makes its rows."""
+
+
+def rows_into(out: Path, name: str, make: Callable[..., Rows], *arguments: Any) -> None:
+    """Write one shard. A job of one worker."""
+    write_situations(make(*arguments), out, name)
+
+
+def simulated_jobs(cfg: DictConfig, key: str, recipe: Recipe) -> list[Job]:
+    """One job per world, or per scene of another set."""
+    with configured(f"situations.simulated.{key}"):
+        chosen = parsed(SimulatedSet, plain(cfg.situations.simulated[key]))
+    with configured("worlds"):
+        worlds = parsed(WorldSettings, plain(cfg.worlds))
+    with configured("sensing"):
+        sensing = parsed(SensingSettings, plain(cfg.sensing))
+    if chosen.kind == "scene":
+        folders = scene_folders(Path(chosen.input))[: chosen.worlds]
+        return [(folder.name, recorded_rows, (folder, chosen, sensing, recipe)) for folder in folders]
+    numbers = range(chosen.worlds)
+    return [(f"{key}_{n:03}", world_rows, (n, chosen, worlds, sensing, recipe)) for n in numbers]
+
+
+def recorded_rows(folder: Path, *arguments: Any) -> Rows:
+    """Read a simulated scene and make its rows."""
+    return scene_rows(read_scene(folder), *arguments)
+
+
+def real_jobs(cfg: DictConfig, key: str, recipe: Recipe) -> list[Job]:
+    """One job per viewing of a place; none where its recording is not available."""
+    sensor = cfg.places[key].sensor
+    with configured(f"sensors.{sensor}"):
+        every = SensorSettings(**row(cfg, "sensors", sensor)).every
+    with configured("situations.real"):
+        settings = parsed(ViewingSettings, plain(cfg.situations.real))
+    folder = Path("data/scenes/real", key)
+    return [
+        (f"{key}_{n}", viewed_rows, (folder, n, every, settings, recipe))
+        for n in range(settings.viewings if not read_scene(folder).unavailable else 0)
+    ]
+
+
+def viewed_rows(folder: Path, number: int, *arguments: Any) -> Rows:
+    """Read a recording and make the rows of one viewing."""
+    return viewing_rows(number, read_scene(folder), *arguments)
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Write data/situations/<kind>/<name>, several worlds or viewings at once."""
+    key = stage_key(cfg)
+    out = Path(cfg.get("out") or f"data/situations/{cfg.kind}/{key}")
+    sizes = (
+        plain(cfg.protocol) | plain(cfg.features) | {"noncausal": False}
+    )  # true states need no differences
+    standstill_mps = sizes.pop("standstill_mps")
+    with configured("features"):
+        of_channels = FeatureSettings(**sizes)
+    with configured("situations.rows"):
+        recipe = Recipe(parsed(RowSettings, plain(cfg.situations.rows)), of_channels, standstill_mps)
+    jobs = (simulated_jobs if cfg.kind == "simulated" else real_jobs)(cfg, key, recipe)
+    in_parallel(rows_into, [(out, name, make, *rest) for name, make, rest in jobs], f"rows of {key}", "world")
+    write_situations_manifest(out, of_channels, [name for name, _, _ in jobs])
+
+
+if __name__ == "__main__":
+    main()
