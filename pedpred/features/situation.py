@@ -18,7 +18,7 @@ from pedpred.tracking import Tracks
 
 TRACK = 6
 """Numbers of channel "track": last velocity (m/s), the tracker's P_pp, P_pv, P_vv, and age."""
-_OLD = 10
+OLD = 10
 """Detections after which a track counts as old."""
 
 
@@ -105,7 +105,7 @@ def situations(
         position, heading, around.position, around.velocity, around.track_id, observers.track_id, around.span,
         sizes.neighbours, sizes.neighbour_range_m,
     )  # fmt: skip
-    age = np.minimum(past.age, _OLD)[:, None] / _OLD
+    age = np.minimum(past.age, OLD)[:, None] / OLD
     track = np.concatenate([rotate(past.last_velocity, -heading), past.covariance, age], axis=-1)
     beams = obstacle_distances(occupancy, position, heading, sizes.beams, sizes.beam_range_m)
     found = {

@@ -3,8 +3,8 @@
 Everything that it reads is seen from the person, so that nothing depends on where the world's origin and
 axes lie or on how long a track is. It looks at each situation and at its mirror image, and half of the modes
 come from either, so that mirrored worlds have mirrored forecasts. Somebody who never moved has no heading,
-and is forecast to stand, as uncertain in each direction. Its paths are corrections of the tracker's
-own forecast, constant velocity, and one mode is that forecast itself.
+and is forecast to stand, as uncertain in each direction. Its paths are corrections of the tracker's own
+forecast, constant velocity.
 """
 
 from __future__ import annotations
@@ -36,13 +36,15 @@ class MixtureSettings:
         modes: K, an even number: half of them come from the mirror image.
         units: of the fully connected layers behind the encoders.
         likelihood: weight of the negative log likelihoods beside the error of the point forecast.
+        closest: weight of the error of the closest mode.
         sharpness: steps of a path that count as independent in its likelihood.
         balance_m: errors of people are weighed by 1 / (balance_m + error of constant velocity).
     """
 
     modes: int = 6
-    units: int = 256
+    units: int = 384
     likelihood: float = 0.1
+    closest: float = 0.3
     sharpness: float = 3.0
     balance_m: float = 0.3
 
@@ -85,7 +87,7 @@ class MixtureNetwork(RecurrentNetwork):
     def __init__(self, settings: MixtureSettings, widths: Mapping[str, int], horizon_steps: int):
         super().__init__(settings, widths, horizon_steps)
         half, units = settings.modes // 2, settings.units
-        own = 1 + sum(widths[name] for name in ("state", "history", "track"))
+        own = 3 + sum(widths[name] for name in ("state", "history", "track"))
         self.own = nn.Sequential(nn.Linear(own, _OWN), nn.ReLU(), nn.Linear(_OWN, _OWN), nn.ReLU())
         self.neighbours = NeighbourEncoder(_OWN)
         self.beams = BeamEncoder(widths["beams"])
@@ -140,28 +142,28 @@ class MixtureNetwork(RecurrentNetwork):
         return _without_direction(outputs, known)
 
     def loss(self, outputs: Tensors, future: Tensor, known: Tensor, dt_s: float) -> Loss:
-        """Mean distance of the point forecast, and two negative log likelihoods of the truth.
+        """Mean distance of the point forecast and of the closest mode, and two negative log likelihoods.
 
-        The likelihood of every step by itself is what coverage measures; that of whole paths divides the
-        modes among the ways that people may take.
+        Distances are weighed by 1 / (balance_m + error of constant velocity), so that people who hardly move
+        count as much as those who turn. The likelihood of every step by itself is what coverage measures;
+        that of whole paths divides the modes among the ways that people may take.
         """
         how, steps = self.settings, known.sum(dim=-1)
-        error = torch.linalg.vector_norm(displacements(outputs["velocities"], future, dt_s), dim=-1)
-        straight = torch.linalg.vector_norm(displacements(outputs["prior"], future, dt_s), dim=-1)
-        usual = (straight * known).sum(dim=-1) / steps.clamp(min=1)
-        weight = known / (how.balance_m + usual)[..., None]
-        distance = (error * weight).sum() / weight.sum().clamp(min=1e-6)
-        density = self._log_density(outputs, future, dt_s)
+        apart = displacements(outputs["modes"], future[..., None, :, :], dt_s)
+        error, straight = (
+            _over_steps(_length(displacements(outputs[name], future, dt_s)), known)
+            for name in ("velocities", "prior")
+        )
+        closest = _over_steps(_length(apart), known[..., None, :]).amin(dim=-1)
+        weight = (steps > 0) / (how.balance_m + straight)
+        distance = ((error + how.closest * closest) * weight).sum() / weight.sum().clamp(min=1e-6)
+        density = -negative_log_density(apart, spread_of(outputs["spread"]))
         each = -torch.logsumexp(outputs["weight"][..., None] + density, dim=-2)
-        along = (density * known[..., None, :]).sum(dim=-1) / steps.clamp(min=1)[..., None]
-        whole = -torch.logsumexp(outputs["weight"] + how.sharpness * along, dim=-1) / how.sharpness
+        along = outputs["weight"] + how.sharpness * _over_steps(density, known[..., None, :])
+        whole = -torch.logsumexp(along, dim=-1) / how.sharpness
         likelihood = mean_over(each.clamp(max=20.0), known) + mean_over(whole.clamp(max=20.0), steps > 0)
-        return Loss(distance + how.likelihood * likelihood, mean_over(error, known), known.sum())
-
-    def _log_density(self, outputs: Tensors, future: Tensor, dt_s: float) -> Tensor:
-        """Of the true positions in each mode, nats. [..., K, P]."""
-        error = displacements(outputs["modes"], future[..., None, :, :], dt_s)
-        return -negative_log_density(error, spread_of(outputs["spread"]))
+        total = distance + how.likelihood * likelihood
+        return Loss(total, mean_over(error, steps > 0), (steps > 0).sum())
 
     @property
     def score_names(self) -> tuple[str, ...]:
@@ -170,15 +172,12 @@ class MixtureNetwork(RecurrentNetwork):
 
     def scores(self, outputs: Tensors, future: Tensor, dt_s: float) -> Tensors:
         """Displacements, m; and the negative log likelihood of the positions, nats. [..., P] each."""
-        point = displacements(outputs["velocities"], future, dt_s)
-        away = torch.linalg.vector_norm(
-            displacements(outputs["modes"], future[..., None, :, :], dt_s), dim=-1
-        )
-        best = away.mean(dim=-1).argmin(dim=-1)[..., None, None]
-        density = self._log_density(outputs, future, dt_s)
+        apart = displacements(outputs["modes"], future[..., None, :, :], dt_s)
+        best = _length(apart).mean(dim=-1).argmin(dim=-1)[..., None, None]
+        density = -negative_log_density(apart, spread_of(outputs["spread"]))
         return {
-            "ade_m": torch.linalg.vector_norm(point, dim=-1),
-            "min_ade_m": torch.take_along_dim(away, best, dim=-2).squeeze(-2),
+            "ade_m": _length(displacements(outputs["velocities"], future, dt_s)),
+            "min_ade_m": torch.take_along_dim(_length(apart), best, dim=-2).squeeze(-2),
             "nll": -torch.logsumexp(outputs["weight"][..., None] + density, dim=-2),
         }
 
@@ -192,6 +191,7 @@ class MixtureNetwork(RecurrentNetwork):
         }
 
 
+<<<<<<< HEAD
 def _without_direction(outputs: Tensors, known: Tensor) -> Tensors:
     """Outputs that know of a heading only as far as a motion is known: 0 no, 1 yes. [N, ...], [N, 1]."""
     ahead = known[..., None]
@@ -203,6 +203,15 @@ def _without_direction(outputs: Tensors, known: Tensor) -> Tensors:
         "weight": outputs["weight"],
         "spread": round_ + ahead[..., None] * (spread - round_),
     }
+=======
+def _length(vectors: Tensor) -> Tensor:
+    return torch.linalg.vector_norm(vectors, dim=-1)
+
+
+def _over_steps(values: Tensor, known: Tensor) -> Tensor:
+    """Mean over the known steps of each row; 0 where there is none. [..., P] and [..., P] bool -> [...]."""
+    return (values * known).sum(dim=-1) / known.sum(dim=-1).clamp(min=1)
+>>>>>>> 92e475f (Training of networks without memory on single situations; the mixture gets best-of-K and prototype's width)
 
 
 def mirrored_inputs(inputs: Mapping[str, Tensor]) -> Tensors:

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from pedpred.features.history import PAST
 from pedpred.features.nearest import NEIGHBOUR
+from pedpred.features.situation import OLD
 
 _SOFT = 0.05
 """m^2/s^2; keeps the time of the closest approach finite for people who walk side by side."""
@@ -18,12 +19,13 @@ _STIRS = 1e-3
 
 
 def own_motion(inputs: Mapping[str, Tensor]) -> Tensor:
-    """A person's own channels, scaled to about 1: "state", "history", "track". [N, width + 1]."""
+    """A person's own channels, scaled to about 1: "state", "history", "track". [N, width + 3]."""
     state, track = inputs["state"], inputs["track"]
     last, variance, age = track[:, :2], track[:, 2:5], track[:, 5:]
+    seen = (OLD * age - age.new_tensor([0.0, 1.0])).clamp(0.0, 1.0)  # more than once, more than twice
     spread = variance.clamp(min=0.0).sqrt() * variance.new_tensor([5.0, 3.0, 1.0])
     speed = torch.linalg.vector_norm(state, dim=-1, keepdim=True)
-    return torch.cat([state, inputs["history"], 0.5 * last, spread, age, speed], dim=-1)
+    return torch.cat([state, inputs["history"], 0.5 * last, spread, age, seen, speed], dim=-1)
 
 
 def motion_known(inputs: Mapping[str, Tensor]) -> Tensor:

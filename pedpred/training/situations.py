@@ -1,0 +1,253 @@
+"""Training of networks without memory on single situations, drawn from several sets by their shares."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import Tensor
+from torch.nn.utils import clip_grad_norm_
+
+from pedpred.datasets.situations import SituationData, held_out, load_situations
+from pedpred.errors import StorageError, ValueRuleError
+from pedpred.features.history import PAST
+from pedpred.features.nearest import NEIGHBOUR
+from pedpred.networks.contract import Loss, NetworkSettings, RecurrentNetwork
+from pedpred.networks.registry import describe_network, is_network
+from pedpred.simulation.fields import check_ranges
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
+from pedpred.training.distributed import ALONE, DistributedContext
+from pedpred.training.loop import Learner, Schedule, scratch_folder, train
+
+_ROWS_AT_ONCE = 4096
+_BETAS = (0.9, 0.98)
+
+
+@dataclass(frozen=True)
+class Omission:
+    """What is left out of some rows, so that a network can do without; nothing by default.
+
+    Attributes:
+        map_share: of the rows: no obstacle is known.
+        neighbours_share: of the rows: nobody else is seen.
+        missed_share: of the rows: some neighbours are not seen,
+        missed: each of them with this probability.
+        past_share: of the rows: the past is shorter, by a random number of steps.
+    """
+
+    map_share: float = 0.0
+    neighbours_share: float = 0.0
+    missed_share: float = 0.0
+    missed: float = 0.0
+    past_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_ranges(self, dict.fromkeys(self.__dataclass_fields__, "[0, 1]"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SituationSettings(Schedule):
+    """How a network without memory is trained.
+
+    Attributes:
+        rows: per step, by all processes together.
+        shares: set -> its share of the rows; they need not sum to 1.
+        validation_share: of the worlds of each set.
+        clip_norm: largest gradient norm.
+        weight_decay: decoupled weight decay.
+        omission: see there.
+    """
+
+    rows: int
+    shares: Mapping[str, float]
+    validation_share: float
+    clip_norm: float
+    weight_decay: float
+    omission: Omission = field(default_factory=Omission)
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"rows": "[1, inf)", "validation_share": "[0, 1)", "clip_norm": "(0, inf)"})
+        for name, share in self.shares.items():
+            if not 0 <= share < float("inf"):
+                raise ValueRuleError(f"shares.{name}", share, "it must not be negative")
+        if not sum(self.shares.values()) > 0:
+            raise ValueRuleError("shares", dict(self.shares), "one of them must be positive")
+
+    @classmethod
+    def parse(cls, plain: Mapping[str, Any]) -> SituationSettings:
+        """Build from plain dictionaries (configuration)."""
+        return cls(**{**plain, "omission": Omission(**plain["omission"])})
+
+
+def mixed(simulated: Mapping[str, float], real: Sequence[str], real_share: float) -> dict[str, float]:
+    """Shares of simulated and real sets.
+
+    Args:
+        simulated: set -> its share of the simulated rows.
+        real: sets that share `real_share` of all rows equally; if there is none, all rows are simulated.
+        real_share: 0 to 1.
+    """
+    if not 0 <= real_share <= 1:
+        raise ValueRuleError("real_share", real_share, "use 0 to 1")
+    part = real_share if real else 0.0
+    whole = sum(simulated.values())
+    return {k: (1 - part) * v / whole for k, v in simulated.items()} | {k: part / len(real) for k in real}
+
+
+class SituationLearner(Learner):
+    """A network without memory and its rows; the last weights are kept."""
+
+    network: RecurrentNetwork
+    settings: SituationSettings
+
+    def __init__(
+        self,
+        network: RecurrentNetwork,
+        data: SituationData,
+        settings: SituationSettings,
+        context: DistributedContext = ALONE,
+    ):
+        """Divide the worlds of each set.
+
+        Args:
+            network: initialised, on the context's device.
+            data: the sets that `settings.shares` names, on the same device.
+            settings: see there.
+            context: of this process.
+        """
+        self.network, self.data, self.settings, self.context = network, data, settings, context
+        self.memory = {}
+        self.optimizer = torch.optim.AdamW(
+            network.parameters(), settings.lr, _BETAS, weight_decay=settings.weight_decay, fused=True
+        )
+        rng = np.random.default_rng(settings.seed)
+        kept = {name: held_out(spans, settings.validation_share, rng) for name, spans in data.worlds.items()}
+        self.training = {name: _rows(data.worlds[name][~kept[name]]) for name in kept}
+        self.validation = np.concatenate([_rows(data.worlds[name][kept[name]]) for name in kept])
+
+    def batches(self, done: int) -> Iterator[np.ndarray]:
+        """Rows of the data, [B] each; those of a step depend on its number alone."""
+        how, own = self.settings, self.context.share(self.settings.rows)
+        sets = [(rows, how.shares.get(name, 0.0)) for name, rows in self.training.items() if len(rows)]
+        share = np.array([share for _, share in sets]) / sum(share for _, share in sets)
+        step = done
+        while True:
+            rng = np.random.default_rng([how.seed, step])
+            each = rng.multinomial(how.rows, share)
+            drawn = [rows[rng.integers(len(rows), size=n)] for (rows, _), n in zip(sets, each, strict=True)]
+            yield rng.permutation(np.concatenate(drawn))[own]
+            step += 1
+
+    def loss(self, batch: np.ndarray, step: int) -> Loss:
+        """Of one batch of rows."""
+        rng = np.random.default_rng([self.settings.seed, step, self.context.rank])
+        rows = torch.from_numpy(batch).to(self.data.future.device)
+        inputs = without(self.data.inputs(rows), self.settings.omission, self.data.sizes.beam_range_m, rng)
+        future = self.data.future[rows]
+        with self.context.precision():
+            outputs, _ = self.network(inputs, {})
+        known = torch.ones(future.shape[:-1], dtype=torch.bool, device=future.device)
+        return self.network.loss(outputs, future, known, self.data.sizes.dt_s)
+
+    def clip(self) -> None:
+        """Clip all weights by one norm."""
+        clip_grad_norm_(self.network.parameters(), self.settings.clip_norm)
+
+    @torch.inference_mode()
+    def validate(self) -> dict[str, float]:
+        """Mean scores over the worlds kept for it; nan where there is none.
+
+        Returns:
+            "validation_<score>" for each of the network's scores.
+        """
+        names = self.network.score_names
+        sums = torch.zeros(len(names), dtype=torch.float64)
+        for at in range(0, len(self.validation), _ROWS_AT_ONCE):
+            rows = torch.from_numpy(self.validation[at : at + _ROWS_AT_ONCE]).to(self.data.future.device)
+            with self.context.precision():
+                outputs, _ = self.network(self.data.inputs(rows), {})
+            scores = self.network.scores(outputs, self.data.future[rows], self.data.sizes.dt_s)
+            sums += torch.stack([scores[name].double().mean(dim=-1).sum() for name in names]).cpu()
+        count = len(self.validation) or float("nan")
+        return {f"validation_{n}": total / count for n, total in zip(names, sums.tolist(), strict=True)}
+
+
+def _rows(spans: np.ndarray) -> np.ndarray:
+    """All rows of some spans [first, last). [S, 2] -> [M] int64."""
+    return np.concatenate([np.zeros(0, np.int64), *(np.arange(*span) for span in spans)])
+
+
+def without(inputs: dict[str, Tensor], how: Omission, free_m: float, rng: np.random.Generator) -> dict[str, Tensor]:
+    """Inputs from which some parts are left out.
+
+    Args:
+        inputs: channel -> [B, width].
+        how: shares.
+        free_m: value of a beam that meets nothing, m.
+        rng: decides which rows and parts.
+    """
+    count, device = len(inputs["state"]), inputs["state"].device
+
+    def drawn(share: float, *axes: int) -> Tensor:
+        return torch.from_numpy(rng.random((count, *axes)) < share).to(device)
+
+    beams = torch.where(drawn(how.map_share, 1), free_m, inputs["beams"])
+    people = inputs["neighbours"].unflatten(-1, (-1, NEIGHBOUR))
+    missed = drawn(how.missed, people.shape[1]) & drawn(how.missed_share, 1) | drawn(how.neighbours_share, 1)
+    neighbours = torch.where(missed[..., None], 0.0, people).flatten(-2)
+    past = inputs["history"].unflatten(-1, (-1, PAST))
+    least = torch.from_numpy(rng.integers(1, past.shape[1] + 1, (count, 1))).to(device)
+    gone = (torch.arange(past.shape[1], device=device) >= least) & drawn(how.past_share, 1)
+    history = torch.where(gone[..., None], 0.0, past).flatten(-2)
+    return inputs | {"beams": beams, "neighbours": neighbours, "history": history}
+
+
+def fit_situations(
+    network_settings: NetworkSettings,
+    previous: Path | None,
+    folders: Mapping[str, Path],
+    settings: SituationSettings,
+    description: str,
+    context: DistributedContext,
+) -> tuple[RecurrentNetwork, pd.DataFrame, dict]:
+    """Load the sets and train.
+
+    Args:
+        network_settings: of the network.
+        previous: checkpoint of the same network to start from; None starts with random weights.
+        folders: set -> folder of its situations.
+        settings: see there.
+        description: title of the progress bar.
+        context: where to train.
+
+    Returns:
+        The network, the curve, and the checkpoint's description.
+
+    Raises:
+        StorageError: a set or the checkpoint is missing, damaged or does not fit.
+    """
+    data = load_situations(folders)
+    torch.manual_seed(settings.seed)
+    widths = {name: values.shape[1] for name, values in data.channels.items()}
+    network = network_settings.build(widths, data.sizes.horizon_steps)
+    if previous is not None:
+        weights, about = read_checkpoint(previous)
+        if not is_network(about):
+            raise StorageError(previous, "kind", f"it is {about['kind']!r}, not a network", "Train it again")
+        load_weights(network, weights, previous)
+    about = {
+        **describe_network(network),
+        "dt_s": data.sizes.dt_s,
+        "training": asdict(settings),
+        "future_sha256": hashlib.sha256(data.future.numpy().tobytes()).hexdigest(),
+    }
+    with scratch_folder(about, network.state_dict(), context) as scratch:
+        learner = SituationLearner(network.to(context.device), data.to(context.device), settings, context)
+        curve = train(learner, scratch, description)
+    return network, pd.DataFrame(curve), about
