@@ -68,7 +68,7 @@ def compare_in(folder: Path, given: Comparison) -> tuple[str, dict[str, Scores]]
 def forecasters_of(cfg: DictConfig, methods: Methods, kind: str) -> dict[str, Forecaster]:
     """The methods that are applied to sets of a kind; those with weights come from the folder `networks`."""
     applied = methods.applied_to(kind)
-    learned = [method.key for method in applied if method.key in cfg.methods.networks]
+    learned = [method.key for method in applied if "architecture" in method.settings]
     simple = baselines(method for method in applied if method.key not in learned)
     return simple | {m: forecaster(Path(cfg.networks, m), Path("models/autoencoder")) for m in learned}
 

@@ -1,4 +1,4 @@
-"""train_situations, finetune_situations, train_robot: a network without memory, trained on single situations."""
+"""train_situations, finetune_situations, train_robot: a network without memory, on single situations."""
 
 from contextlib import ExitStack
 from pathlib import Path
@@ -9,7 +9,7 @@ from omegaconf import DictConfig
 from pedpred.config import configured, plain, stage, stage_key
 from pedpred.networks import parse_settings
 from pedpred.storage.checkpoints import write_checkpoint
-from pedpred.storage.situations import has_situations
+from pedpred.storage.situations import read_situations_manifest
 from pedpred.training.distributed import distributed_context
 from pedpred.training.fit import write_curve
 from pedpred.training.situations import SituationSettings, fit_situations, mixed
@@ -25,8 +25,18 @@ def main(cfg: DictConfig) -> None:
     torch.set_num_threads(cfg.training.threads)
     phase = plain(cfg.training["adaptation" if places else "situations"])
     shares = {f"simulated/{key}": share for key, share in phase["shares"].items()}
-    named = [f"real/{p}" for p in cfg.places] if places == "all" else cfg.folds.real[places].train if places else []
-    real = [key for key in named if key.startswith("real/") and has_situations(Path("data/situations", key))]
+    named = (
+        [f"real/{p}" for p in cfg.places]
+        if places == "all"
+        else cfg.folds.real[places].train
+        if places
+        else []
+    )
+    real = [
+        key
+        for key in named
+        if key.startswith("real/") and read_situations_manifest(Path("data/situations", key))[1]
+    ]
     with configured(f"methods.memoryless.{name}.settings"):
         architecture = parse_settings(plain(cfg.methods.memoryless[name].settings))
     with configured("training.adaptation" if places else "training.situations"):

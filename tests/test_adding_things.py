@@ -31,7 +31,8 @@ METHOD = {"label": "Kalman again", "colour": "#654321", "role": "baseline", "whe
 METHOD |= {"settings": {"baseline": "kalman_cv"}}
 SMALL = [f"training.{p}.{k}" for p in ("corridor", "finetune") for k in ("steps=8", "validate_every=4")]
 OTHERS = [f"~folds.real.{fold}" for fold in PARAMS["folds"]["real"]]
-OTHERS += [f"methods.networks.{name}.where=[]" for name in PARAMS["methods"]["networks"]]
+LEARNED = [f"{group}.{name}" for group in ("networks", "memoryless") for name in PARAMS["methods"][group]]
+OTHERS += [f"methods.{name}.where=[]" for name in LEARNED]
 OTHERS += ["methods.baselines.social_force.where=[]"]  # takes long to compile
 OTHERS += [f"+online.exports.toy={{networks: models/folds/toy, tracker: {PLACE['tracker']}}}"]
 RUNS = [

@@ -15,6 +15,10 @@ from pedpred.features.situation import channel_widths
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.situations import read_situations, read_situations_manifest
 
+_COMMON_SIZES = (
+    "dt_s", "horizon_steps", "history_steps", "neighbours", "neighbour_range_m", "beams", "beam_range_m",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class SituationData:
@@ -56,8 +60,10 @@ def load_situations(folders: Mapping[str, Path]) -> SituationData:
     found = {name: read_situations_manifest(folder) for name, folder in folders.items()}
     (first, (sizes, _)), *others = found.items()
     for name, (own, _) in others:
-        if own != sizes:
-            raise ValueRuleError("features", name, f"its sizes must be those of {first}")
+        for size in _COMMON_SIZES:
+            if getattr(own, size) != getattr(sizes, size):
+                rule = f"{first} has {getattr(sizes, size)!r}, and one training needs the same"
+                raise ValueRuleError(f"{name}, {size}", getattr(own, size), rule)
     columns = {name: MappedRows(name) for name in (*channel_widths(sizes), "future")}
     spans: dict[str, list[tuple[int, int]]] = {name: [] for name in folders}
     for name, (_, worlds) in found.items():

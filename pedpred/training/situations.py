@@ -183,7 +183,9 @@ def _rows(spans: np.ndarray) -> np.ndarray:
     return np.concatenate([np.zeros(0, np.int64), *(np.arange(*span) for span in spans)])
 
 
-def without(inputs: dict[str, Tensor], how: Omission, free_m: float, rng: np.random.Generator) -> dict[str, Tensor]:
+def without(
+    inputs: dict[str, Tensor], how: Omission, free_m: float, rng: np.random.Generator
+) -> dict[str, Tensor]:
     """Inputs from which some parts are left out.
 
     Args:
