@@ -1,0 +1,147 @@
+"""Networks without memory learn from situations: drawn by shares, resumed exactly."""
+
+import dataclasses
+from itertools import islice
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.datasets.situations import held_out, load_situations
+from pedpred.errors import ValueRuleError
+from pedpred.features import FeatureSettings
+from pedpred.features.situation import channel_widths
+from pedpred.networks import parse_settings
+from pedpred.storage.situations import write_situations, write_situations_manifest
+from pedpred.training.distributed import DistributedContext
+from pedpred.training.loop import train
+from pedpred.training.situations import Omission, SituationLearner, SituationSettings, mixed, without
+
+SIZES = FeatureSettings(history_steps=3, neighbours=4, beams=16, horizon_steps=4)
+NETWORK = parse_settings({"architecture": "mixture", "modes": 2, "units": 16})
+QUICK = SituationSettings(
+    **{"steps": 6, "validate_every": 3, "lr": 1e-2, "warmup_steps": 2, "seed": 3, "rows": 32},
+    **{"shares": {"a": 0.75, "b": 0.25}, "validation_share": 0.25, "clip_norm": 1.0, "weight_decay": 1e-4},
+)
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Set `a` of eight worlds of ten rows, and `b` of four: people who stop where a wall is near."""
+    root, rng = tmp_path_factory.mktemp("situations"), np.random.default_rng(0)
+    for name, worlds in {"a": 8, "b": 4}.items():
+        for world in range(worlds):
+            columns = {
+                k: rng.normal(size=(10, n)).astype(np.float32) for k, n in channel_widths(SIZES).items()
+            }
+            near = rng.random(10) < 0.5
+            columns["beams"] = np.where(near[:, None], 1.0, 10.0) * np.ones((10, SIZES.beams))
+            columns["neighbours"][:] = 0.0
+            columns["future"] = (
+                columns["state"][:, None] * np.where(near, 0.0, 1.0)[:, None, None] * np.ones((4, 1))
+            )
+            write_situations(columns, root / name, f"w{world}")
+        write_situations_manifest(root / name, SIZES, [f"w{world}" for world in range(worlds)])
+    return {name: root / name for name in "ab"}
+
+
+def learner(folders, how=QUICK, **context):
+    torch.manual_seed(0)
+    network = NETWORK.build(channel_widths(SIZES), SIZES.horizon_steps)
+    here = DistributedContext(torch.device("cpu"), **context)
+    return SituationLearner(network, load_situations(folders), how, here)
+
+
+def test_rows_are_those_on_disk_and_sets_must_have_the_same_sizes(folders, tmp_path):
+    data = load_situations(folders)
+    assert len(data.future) == 120
+    assert data.worlds["b"].tolist()[0] == [80, 90]
+    assert {name: v.shape[1] for name, v in data.channels.items()} == channel_widths(SIZES)
+    write_situations_manifest(tmp_path, dataclasses.replace(SIZES, beams=8), [])
+    with pytest.raises(ValueRuleError, match=r"other, beams.*a has 16"):
+        load_situations({"a": folders["a"], "other": tmp_path})
+
+
+def test_sets_are_drawn_by_their_shares_and_never_from_worlds_that_are_held_out(folders):
+    taught = learner(folders)
+    rows = np.concatenate(list(islice(taught.batches(0), 200)))
+    assert np.mean(rows < 80) == pytest.approx(0.75, abs=0.03)
+    assert len(taught.validation) == 30
+    assert not np.isin(rows, taught.validation).any()
+    worlds = np.unique(taught.validation // 10)
+    assert len(worlds) == 3  # whole ones
+
+
+def test_processes_divide_the_joint_batch(folders):
+    whole = next(learner(folders).batches(5))
+    parts = [next(learner(folders, rank=rank, size=2).batches(5)) for rank in (0, 1)]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+def test_a_training_goes_on_where_it_was_interrupted(folders, tmp_path):
+    one = learner(folders)
+    curve = train(one, None, "whole")
+    two = learner(folders)
+    batches = two.batches
+    two.batches = lambda done: islice(batches(done), 4 - done) if done < 4 else batches(done)
+    with pytest.raises(StopIteration):
+        train(two, tmp_path, "interrupted")
+    again = learner(folders)
+    assert train(again, tmp_path, "resumed")[1:] == curve[1:]
+    for name, weights in one.network.state_dict().items():
+        torch.testing.assert_close(again.network.state_dict()[name], weights, rtol=0, atol=0)
+
+
+def test_it_learns_what_obstacles_mean(folders):
+    taught = learner(folders, dataclasses.replace(QUICK, steps=150, validate_every=150))
+    before, after = train(taught, None, "learn")
+    assert after["validation_ade_m"] < 0.7 * before["validation_ade_m"]
+
+
+@settings(max_examples=25, deadline=None)
+@given(worlds=st.integers(0, 40), share=st.floats(0, 0.99), seed=st.integers(0, 99))
+def test_some_world_is_left_to_train_on(worlds, share, seed):
+    kept = held_out(np.zeros((worlds, 2), int), share, np.random.default_rng(seed))
+    assert len(kept) == worlds
+    assert worlds == 0 or kept.sum() == min(round(share * worlds), worlds - 1)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.dictionaries(st.sampled_from("abcd"), st.floats(0.1, 9), min_size=1),
+    st.integers(0, 5),
+    st.floats(0, 1),
+)
+def test_real_places_share_their_part_equally(simulated, places, real_share):
+    real = [f"real/{k}" for k in range(places)]
+    shares = mixed(simulated, real, real_share)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert sum(shares[k] for k in real) == pytest.approx(real_share if places else 0.0)
+    for key, other in zip(simulated, list(simulated)[1:], strict=False):
+        assert shares[key] * simulated[other] == pytest.approx(shares[other] * simulated[key])
+
+
+@pytest.mark.parametrize("part", ["map", "neighbours", "past"])
+def test_what_is_left_out_is_as_if_it_were_not_there(folders, part):
+    inputs = load_situations(folders).inputs(torch.arange(100))
+    inputs["neighbours"] += 1.0
+    found = without(inputs, Omission(**{f"{part}_share": 1.0}), SIZES.beam_range_m, np.random.default_rng(0))
+    assert (found["beams"] == SIZES.beam_range_m).all() == (part == "map")
+    assert (found["neighbours"] == 0).all() == (part == "neighbours")
+    history = found["history"].unflatten(-1, (-1, 3))
+    assert torch.equal(history[:, 0], inputs["history"][:, :3])  # the present is always known
+    gone = (history == 0).all(dim=-1)
+    assert gone.any() == (part == "past")
+    assert (gone[:, 1:] >= gone[:, :-1]).all()
+    assert torch.equal(found["state"], inputs["state"])
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [({"rows": 0}, "rows"), ({"shares": {"a": -1.0}}, "shares.a"), ({"shares": {"a": 0.0}}, "shares")],
+)
+def test_senseless_settings_are_refused(change, field):
+    with pytest.raises(ValueRuleError, match=field):
+        dataclasses.replace(QUICK, **change)
