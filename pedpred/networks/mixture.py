@@ -118,7 +118,10 @@ class MixtureNetwork(RecurrentNetwork):
         """Forecast after every step; see `RecurrentNetwork.forward`."""
         axes = inputs["state"].shape[:-1]
         flat = {name: inputs[name].flatten(0, -2) for name in self.widths}
-        own, other = self._look(flat), _mirrored_outputs(self._look(mirrored_inputs(flat)))
+        image = mirrored_inputs(flat)
+        both = self._look({name: torch.stack([flat[name], image[name]]).flatten(0, 1) for name in flat})
+        own, other = ({name: v.unflatten(0, (2, -1))[side] for name, v in both.items()} for side in (0, 1))
+        other = _mirrored_outputs(other)
         outputs = {name: torch.cat([own[name], other[name]], dim=1) for name in ("modes", "weight", "spread")}
         outputs["weight"] = log_softmax(outputs["weight"], dim=-1)
         now = flat["state"][:, None].expand(-1, self.horizon_steps, -1)
@@ -191,7 +194,6 @@ class MixtureNetwork(RecurrentNetwork):
         }
 
 
-<<<<<<< HEAD
 def _without_direction(outputs: Tensors, known: Tensor) -> Tensors:
     """Outputs that know of a heading only as far as a motion is known: 0 no, 1 yes. [N, ...], [N, 1]."""
     ahead = known[..., None]
@@ -203,7 +205,8 @@ def _without_direction(outputs: Tensors, known: Tensor) -> Tensors:
         "weight": outputs["weight"],
         "spread": round_ + ahead[..., None] * (spread - round_),
     }
-=======
+
+
 def _length(vectors: Tensor) -> Tensor:
     return torch.linalg.vector_norm(vectors, dim=-1)
 
@@ -211,7 +214,6 @@ def _length(vectors: Tensor) -> Tensor:
 def _over_steps(values: Tensor, known: Tensor) -> Tensor:
     """Mean over the known steps of each row; 0 where there is none. [..., P] and [..., P] bool -> [...]."""
     return (values * known).sum(dim=-1) / known.sum(dim=-1).clamp(min=1)
->>>>>>> 92e475f (Training of networks without memory on single situations; the mixture gets best-of-K and prototype's width)
 
 
 def mirrored_inputs(inputs: Mapping[str, Tensor]) -> Tensors:
