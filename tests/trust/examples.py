@@ -23,6 +23,13 @@ from pedpred.sources import mirrors
 from pedpred.storage.columns import split_pairs
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import read_manifest, read_shard, write_manifest, write_shard
+from pedpred.storage.situations import (
+    read_situations,
+    read_situations_manifest,
+    situation_columns,
+    write_situations,
+    write_situations_manifest,
+)
 from pedpred.storage.windows import write_windows
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.forecasts import windows_with
@@ -104,6 +111,19 @@ def read_features(folder: Path) -> object:
     """Manifest, then every shard that it names."""
     settings, names = read_manifest(folder)
     return [split_pairs(vars(read_shard(folder, name, settings))) for name in names]
+
+
+def make_situations(folder: Path) -> None:
+    """Twelve training rows and the manifest."""
+    rng, columns = np.random.default_rng(0), situation_columns(FEATURES)
+    write_situations({name: rng.random((12, *c.shape)) for name, c in columns.items()}, folder, "place")
+    write_situations_manifest(folder, FEATURES, ["place"])
+
+
+def read_all_situations(folder: Path) -> object:
+    """Manifest, then every file that it names."""
+    sizes, names = read_situations_manifest(folder)
+    return [read_situations(folder, name, sizes) for name in names]
 
 
 def make_windows(folder: Path) -> None:

@@ -70,6 +70,9 @@ READERS = {
     "scene": Reader(examples.make_scene, ("scene.json", "tracks.parquet", "reference.png"), read_scene),
     "scene_folder": Reader(examples.make_table, ("tracks.csv", "scene.json"), source("scene_folder", {})),
     "features": Reader(examples.make_features, ("manifest.json", "place.parquet"), examples.read_features),
+    "situations": Reader(
+        examples.make_situations, ("manifest.json", "place.parquet"), examples.read_all_situations
+    ),
     "embeddings": Reader(embed, ("place.parquet",), lambda folder: list(read_embeddings(folder, "place"))),
     "forecasts": Reader(examples.make_windows, ("place.parquet",), at("place.parquet", read_windows)),
     "metrics": Reader(
