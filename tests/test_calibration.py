@@ -13,8 +13,10 @@ from pedpred.metrics.calibration import (
     coverage,
     negative_log_likelihood,
     radius2,
+    share_inside,
     squared_mahalanobis,
 )
+from pedpred.scenes import Predictions
 from pedpred.tracking import KalmanSettings, follow
 from tests.test_tracking import model_walks
 
@@ -56,14 +58,42 @@ def test_what_is_drawn_from_a_gaussian_lies_in_its_regions():
     rng = np.random.default_rng(0)
     covariance = some_covariance(rng, 20000)[:, None]
     error = (np.linalg.cholesky(covariance) @ rng.normal(size=(20000, 1, 2, 1)))[..., 0]
-    distance2 = squared_mahalanobis(error, covariance)
+    inside = share_inside(Predictions.single(np.zeros_like(error), 0.3, covariance), error)
     for share in REGIONS:
-        assert coverage(distance2, share) == pytest.approx(share, abs=0.01)
+        assert coverage(inside, share) == pytest.approx(share, abs=0.01)
+
+
+def some_modes(rng, rows, weight):
+    """Predictions of one step; the modes overlap here and there."""
+    path = rng.normal(size=(rows, len(weight), 1, 2))
+    covariance = 0.2 * some_covariance(rng, rows * len(weight)).reshape(rows, len(weight), 1, 2, 2)
+    return Predictions(path.mean(axis=1), path, np.tile(weight, (rows, 1)), 0.3, covariance)
+
+
+def test_what_is_drawn_from_several_modes_lies_in_their_regions():
+    rng, weight = np.random.default_rng(0), np.array([0.6, 0.3, 0.1])
+    forecast = some_modes(rng, 6000, weight)
+    mode = rng.choice(3, 6000, p=weight)
+    centre, covariance = (own[np.arange(6000), mode] for own in (forecast.path, forecast.covariance))
+    truth = centre + (np.linalg.cholesky(covariance) @ rng.normal(size=(6000, 1, 2, 1)))[..., 0]
+    inside = share_inside(forecast, truth)
+    for share in REGIONS:
+        assert coverage(inside, share) == pytest.approx(share, abs=0.02)
+
+
+def test_one_mode_written_as_several_has_the_same_regions():
+    rng = np.random.default_rng(1)
+    one = some_modes(rng, 200, np.array([1.0]))
+    copies = [np.repeat(own, 4, axis=1) for own in (one.path, one.covariance)]
+    four = Predictions(one.point, copies[0], np.full((200, 4), 0.25), 0.3, copies[1])
+    truth = one.path[:, 0] + rng.normal(size=(200, 1, 2))
+    np.testing.assert_allclose(share_inside(four, truth), share_inside(one, truth), atol=0.2)
+    assert np.abs(share_inside(four, truth) - share_inside(one, truth)).mean() < 0.05
 
 
 def test_figures_of_calibration_appear_where_a_covariance_is_given():
     values = {"nll": np.array([0.5, 1.5])}
-    scores = Scores(np.array([0, 1]), values, np.zeros((2, 1)), np.array([[1.0], [5.0]]), np.ones((2, 1)))
+    scores = Scores(np.array([0, 1]), values, np.zeros((2, 1)), np.array([[0.3], [0.93]]), np.ones((2, 1)))
     found = summaries({"m": scores}, "m", EvaluationSettings(bootstrap=10))["m"]
     assert (found["nll"], found["per_step_nll"]) == (1.0, [1.0])
     assert [found[f"per_step_coverage_{p}"] for p in (50, 90, 95)] == [[0.5], [0.5], [1.0]]
@@ -77,6 +107,7 @@ def test_the_trackers_own_covariance_holds_in_the_trackers_own_world():
     last = tracks.age == known - 1
     forecast = tracks.position[last] + ahead * dt_s * tracks.velocity[last]
     covariance = kalman_covariance(TRACKER, dt_s, np.array([ahead * dt_s]))
-    distance2 = squared_mahalanobis((walks.position[-4000:] - forecast)[:, None], covariance)
+    forecast = Predictions.single(forecast[:, None], dt_s, np.broadcast_to(covariance, (4000, 1, 2, 2)))
+    inside = share_inside(forecast, walks.position[-4000:, None])
     for share in REGIONS:
-        assert coverage(distance2, share) == pytest.approx(share, abs=0.03)
+        assert coverage(inside, share) == pytest.approx(share, abs=0.03)

@@ -68,7 +68,7 @@ def test_scores_depend_on_neither_order_nor_batch():
     assert min(map(len, batches)) > 0
     for rows in (order, *batches):
         part = scored(rows)
-        for name in ("track", "error_m", "distance2", "nll"):
+        for name in ("track", "error_m", "inside", "nll"):
             np.testing.assert_allclose(getattr(part, name), getattr(whole, name)[rows])
         for key, values in whole.values.items():
             np.testing.assert_allclose(part.values[key], values[rows], err_msg=key)

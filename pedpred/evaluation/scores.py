@@ -12,11 +12,11 @@ from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable
 from pedpred.geometry import rotate
 from pedpred.metrics import METRICS, Metric, MetricScene
-from pedpred.metrics.calibration import mixture_nll, squared_mahalanobis
+from pedpred.metrics.calibration import mixture_nll, share_inside
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import OccupancyMap, Predictions
 
-_PER_STEP = ("error_m", "distance2", "nll")
+_PER_STEP = ("error_m", "inside", "nll")
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Scores:
         track: of each window, for the bootstrap. [W]
         values: metric -> value of each window, NaN where it does not apply. {key: [W]}
         error_m: displacement at each forecast step, m. [W, P]
-        distance2: squared Mahalanobis distance of the truth from the most likely mode; no columns from a
-            method without covariances. [W, P] or [W, 0]
+        inside: see `metrics.calibration.share_inside`; no columns from a method without covariances.
+            [W, P] or [W, 0]
         nll: negative log likelihood of the truth, nats; no columns likewise. [W, P] or [W, 0]
         without_truth: number of detections that are no windows because their truth has gaps.
     """
@@ -72,7 +72,7 @@ class Scores:
     track: np.ndarray
     values: Mapping[str, np.ndarray]
     error_m: np.ndarray
-    distance2: np.ndarray
+    inside: np.ndarray
     nll: np.ndarray
     without_truth: int = 0
 
@@ -122,12 +122,12 @@ def score(
     """
     if not np.isfinite(predictions.point).all():
         raise ValueRuleError("predictions", "not finite", "a method must forecast every window")
-    distance2 = nll = np.zeros((len(predictions), 0))
+    inside = nll = np.zeros((len(predictions), 0))
     if predictions.covariance is not None:
-        distance2 = squared_mahalanobis(truth - predictions.most_likely, predictions.covariance[:, 0])
+        inside = share_inside(predictions, truth)
         nll = mixture_nll(predictions, truth)
     values = {key: metric.value(predictions, truth, scene) for key, metric in metrics.items()}
-    return Scores(track, values, displacement(predictions.point, truth), distance2, nll)
+    return Scores(track, values, displacement(predictions.point, truth), inside, nll)
 
 
 def pooled(scores: Sequence[Scores]) -> Scores:

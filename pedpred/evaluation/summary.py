@@ -121,7 +121,7 @@ def _per_step(scores: Scores) -> dict[str, Any]:
     if scores.nll.shape[1]:
         values["per_step_nll"] = scores.nll.mean(axis=0)
         for share in REGIONS:
-            values[f"per_step_coverage_{100 * share:.0f}"] = coverage(scores.distance2, share)
+            values[f"per_step_coverage_{100 * share:.0f}"] = coverage(scores.inside, share)
     return values
 
 

@@ -1,14 +1,22 @@
-"""Calibration of forecast covariances: likelihood of the truth, and coverage of error ellipses."""
+"""Calibration of forecasts: likelihood of the truth, and coverage of regions of probability."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numba import njit, prange
 from scipy.special import logsumexp
 
 from pedpred.scenes import Predictions
 
+_POINTS = 64
+"""Points that stand for a Gaussian, of equal probability each: a sunflower, so that their number may be small."""
+
+_GOLDEN_RAD = math.pi * (3.0 - math.sqrt(5.0))
+
 REGIONS = (0.5, 0.9, 0.95)
-"""Shares of the probability that the reported error ellipses hold."""
+"""Shares of the probability that the reported regions hold."""
 
 
 def squared_mahalanobis(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -61,9 +69,72 @@ def radius2(share: np.ndarray | float) -> np.ndarray:
     return -2.0 * np.log1p(-np.asarray(share, dtype=np.float64))
 
 
-def coverage(distance2: np.ndarray, share: float) -> np.ndarray:
-    """Share of the true positions inside the ellipses that should hold `share` of them. [W, P] -> [P]."""
-    return (distance2 <= radius2(share)).mean(axis=0)
+def share_inside(predictions: Predictions, truth: np.ndarray) -> np.ndarray:
+    """Share of the probability in the smallest region that reaches the truth; uniform where calibrated.
+
+    That region is where the density is higher than at the truth: 1 - exp(-d^2 / 2) of a single Gaussian; of
+    several modes, the weighted share of points of theirs that are more likely than the truth.
+
+    Args:
+        predictions: of W people, with covariances.
+        truth: same frame, m. [W, P, 2]
+
+    Returns:
+        [W, P]
+    """
+    assert predictions.covariance is not None
+    if predictions.modes == 1:
+        error = truth - predictions.most_likely
+        return 1.0 - np.exp(-0.5 * squared_mahalanobis(error, predictions.covariance[:, 0]))
+    root = np.linalg.cholesky(predictions.covariance)
+    place = np.arange(_POINTS) + 0.5
+    radius, angle = np.sqrt(radius2(place / _POINTS)), place * _GOLDEN_RAD
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+    weight = np.asarray(predictions.weight, np.float64)
+    return _share_inside(predictions.path - truth[:, None], root.astype(np.float64), weight, points)
+
+
+@njit(parallel=True, cache=True)
+def _share_inside(centre, root, weight, points):  # pragma: no cover (compiled)
+    """Of modes [W, K, P, 2] around the truth, with L of Sigma = L L^T [W, K, P, 2, 2]. [W, P]."""
+    rows, modes, steps = centre.shape[:3]
+    found = np.zeros((rows, steps))
+    for row in prange(rows):
+        for step in range(steps):
+            here = _density(0.0, 0.0, centre[row, :, step], root[row, :, step], weight[row])
+            for mode in range(modes):
+                own = root[row, mode, step]
+                for k in range(len(points)):
+                    x = centre[row, mode, step, 0] + own[0, 0] * points[k, 0]
+                    y = centre[row, mode, step, 1] + own[1, 0] * points[k, 0] + own[1, 1] * points[k, 1]
+                    if _density(x, y, centre[row, :, step], root[row, :, step], weight[row]) > here:
+                        found[row, step] += weight[row, mode] / len(points)
+    return found
+
+
+@njit(cache=True)
+def _density(x, y, centre, root, weight):  # pragma: no cover (compiled)
+    """Density of some modes at a point, up to the factor 2 pi."""
+    total = 0.0
+    for mode in range(len(weight)):
+        a, b, c = root[mode, 0, 0], root[mode, 1, 0], root[mode, 1, 1]
+        u = (x - centre[mode, 0]) / a
+        v = (y - centre[mode, 1] - b * u) / c
+        total += weight[mode] * math.exp(-0.5 * (u * u + v * v)) / (a * c)
+    return total
+
+
+def coverage(inside: np.ndarray, share: float) -> np.ndarray:
+    """Share of the true positions in the regions that should hold `share` of them.
+
+    Args:
+        inside: see `share_inside`. [W, P]
+        share: 0 to 1.
+
+    Returns:
+        [P]
+    """
+    return (inside <= share).mean(axis=0)
 
 
 def shown_steps(steps: int) -> tuple[int, int, int]:

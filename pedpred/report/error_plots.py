@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pedpred.forecasting import Methods
-from pedpred.metrics.calibration import REGIONS, coverage, radius2, shown_steps, squared_mahalanobis
+from pedpred.metrics.calibration import REGIONS, coverage, radius2, share_inside, shown_steps
 from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.charts import ends_of, scale_of
 from pedpred.report.measures import Result
@@ -84,12 +84,12 @@ def calibration_figure(windows: Sequence[EvaluationWindows], title: str, methods
     """Draw expected and observed coverage, a panel per time ahead, a line per method with covariances."""
     figure = blank(9.6, 2.9)
     names, dt_s = with_covariances(windows, methods), windows[0].dt_s
-    distance2 = {name: _distances(windows, name) for name in names}
-    panels = shown_steps(distance2[names[0]].shape[1])
+    inside = {name: _shares(windows, name) for name in names}
+    panels = shown_steps(inside[names[0]].shape[1])
     for axes, step in zip(figure.subplots(1, len(panels), sharey=True), panels, strict=True):
         axes.plot([0, 100], [0, 100], color=FAINT, linewidth=1.0, dashes=(4, 2))
         for name in names:
-            _draw_line(axes, distance2[name][:, step : step + 1], methods[name].colour)
+            _draw_line(axes, inside[name][:, step : step + 1], methods[name].colour)
         axes.set(xlim=(0, 100), ylim=(0, 100), aspect="equal", title=f"{(step + 1) * dt_s:.1f} s ahead")
         axes.set(xlabel="should lie inside [%]", ylabel="lie inside [%]" if step == 0 else "")
     figure.suptitle(f"Error ellipses, {title}", x=0.01, ha="left", fontsize=10)
@@ -111,15 +111,13 @@ def ellipse(centre: np.ndarray, covariance: np.ndarray, share: float) -> np.ndar
     return centre + np.sqrt(radius2(share)) * circle @ np.linalg.cholesky(covariance).T
 
 
-def _distances(windows: Sequence[EvaluationWindows], name: str) -> np.ndarray:
-    """Squared Mahalanobis distances of the truth over all windows. [W, P]."""
-    errors = [w.truth - w.predictions[name].most_likely for w in windows]
-    parts = [squared_mahalanobis(e, w.covariances[name]) for e, w in zip(errors, windows, strict=True)]
-    return np.concatenate(parts)
+def _shares(windows: Sequence[EvaluationWindows], name: str) -> np.ndarray:
+    """`share_inside` of all windows. [W, P]."""
+    return np.concatenate([share_inside(w.predictions[name], w.truth) for w in windows])
 
 
-def _draw_line(axes: Axes, distance2: np.ndarray, colour: str) -> None:
-    """Observed over expected coverage, %, with a dot at each region of the tables. distance2: [W, 1]."""
+def _draw_line(axes: Axes, inside: np.ndarray, colour: str) -> None:
+    """Observed over expected coverage, %, with a dot at each region of the tables. inside: [W, 1]."""
     for shares, style in ((_SHARES, {"linewidth": 1.4}), (REGIONS, {"linestyle": "", "marker": "o"})):
-        inside = [100 * coverage(distance2, share)[0] for share in shares]
-        axes.plot(100 * np.asarray(shares), inside, color=colour, markersize=4.0, **style)
+        found = [100 * coverage(inside, share)[0] for share in shares]
+        axes.plot(100 * np.asarray(shares), found, color=colour, markersize=4.0, **style)
