@@ -25,7 +25,7 @@ from pedpred.worlds.sets import (
     world_rows,
 )
 from pedpred.worlds.situations import Recipe, RowSettings, drawn_tracker, training_rows
-from pedpred.worlds.views import View
+from pedpred.worlds.views import Area
 from tests.worlds import walled_scene
 
 CONF = Path(__file__).parents[1] / "conf"
@@ -81,7 +81,7 @@ def test_only_detections_whose_whole_future_is_known_are_taken_also_newborn_ones
 
 def test_the_future_is_known_outside_of_the_view():
     scene = straight()
-    seen = true_states(scene, View(np.full(2, -1.0), np.full(2, 5.0)), 0.1)
+    seen = true_states(scene, Area(np.full(2, -1.0), np.full(2, 5.0)), 0.1)
     rows = training_rows(seen, scene.trajectories, None, 1000, RECIPE, np.random.default_rng(0))
     assert len(rows["future"]) == len(seen.trajectories) > 20
 
@@ -153,7 +153,7 @@ def test_a_set_may_have_true_states_only():
 
 def test_refining_keeps_the_recorded_states_and_walks_between_them():
     fine = simulate_world("room", 0, WORLDS)
-    coarse = true_states(fine, View(np.full(2, -1e6), np.full(2, 1e6)), 0.3)
+    coarse = true_states(fine, Area(np.full(2, -1e6), np.full(2, 1e6)), 0.3)
     again = refined(coarse, 0.1)
     assert again.detection_dt_s == 0.1
     people = {
@@ -171,7 +171,7 @@ def test_refining_keeps_the_recorded_states_and_walks_between_them():
 
 
 def test_scenes_on_disk_give_rows_as_worlds_do():
-    coarse = true_states(simulate_world("room", 1, WORLDS), View(np.full(2, -1e6), np.full(2, 1e6)), 0.3)
+    coarse = true_states(simulate_world("room", 1, WORLDS), Area(np.full(2, -1e6), np.full(2, 1e6)), 0.3)
     rows = scene_rows(coarse, replace(CORRIDOR, kind="scene"), SensingSettings(), RECIPE)
     assert len(rows["future"]) == 90
 

@@ -12,9 +12,9 @@ from pedpred.simulation.fields import parsed
 from pedpred.storage.scenes import read_scene, write_scene
 from pedpred.worlds import (
     KINDS,
+    Area,
     SensingSettings,
     Sensor,
-    View,
     WorldSettings,
     drawn_sensor,
     sense,
@@ -35,7 +35,7 @@ from tests.scenes import assert_same
 
 SETTINGS = WorldSettings(warm_up_s=8.0, duration_s=20.0, bottleneck_s=20.0)
 SEEDS = range(4)
-EVERYTHING = View(np.full(2, -1e9), np.full(2, 1e9))
+EVERYTHING = Area(np.full(2, -1e9), np.full(2, 1e9))
 
 
 @pytest.fixture(scope="module")
@@ -234,7 +234,7 @@ def test_people_are_born_late_by_at_most_what_is_set():
 
 
 def test_only_what_is_in_view_is_detected():
-    view = View(np.array([-5.0, 2.0]), np.array([12.0, 50.0]))
+    view = Area(np.array([-5.0, 2.0]), np.array([12.0, 50.0]))
     seen = sense(parade(), Sensor(noise_m=0.3), view, np.random.default_rng(5)).trajectories
     assert view.holds(seen.position).all()
     assert seen.position[:, 0].min() < -4.8

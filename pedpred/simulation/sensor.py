@@ -54,14 +54,18 @@ def apply_sensor(scene: Scene, settings: SensorSettings, rng: np.random.Generato
     instants, instant = np.unique(trajectories.time_s, return_inverse=True)
     starts = np.searchsorted(instant, np.arange(len(instants) + 1))
     track_id = _confused(trajectories, starts, settings, rng)
-    position = trajectories.position + rng.normal(0.0, settings.position_noise_m, trajectories.position.shape)
-    if settings.quantum_m:
-        position = np.round(position / settings.quantum_m) * settings.quantum_m
+    position = measured(trajectories.position, settings.position_noise_m, settings.quantum_m, rng)
     kept = (instant % settings.every == 0) & (rng.random(len(trajectories)) >= settings.drop_out_share)
     seen = Trajectories(
         trajectories.time_s[kept], track_id[kept], position[kept], person_id=trajectories.track_id[kept]
     )
     return replace(scene, trajectories=seen, detection_dt_s=scene.detection_dt_s * settings.every)
+
+
+def measured(position: np.ndarray, noise_m: float, quantum_m: float, rng: np.random.Generator) -> np.ndarray:
+    """Add noise to coordinates, m, and round them to multiples of the quantum, if there is one. [M, 2]."""
+    noisy = position + rng.normal(0.0, noise_m, position.shape)
+    return np.round(noisy / quantum_m) * quantum_m if quantum_m else noisy
 
 
 def _confused(

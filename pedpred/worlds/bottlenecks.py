@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 
-from pedpred.simulation.fields import Range, check_ranges, parsed
-from pedpred.worlds.drawing import uniform
-from pedpred.worlds.floors import Entrance, Floor, ground_cells, paint_rectangle
+from pedpred.simulation.fields import Range
+from pedpred.worlds.drawing import check_intervals, nested, uniform
+from pedpred.worlds.floors import Area, Floor, ground_cells, paint_rectangle
 from pedpred.worlds.streams import StreamSettings
 
 _SIDE_M = 1.0  # thickness of the walls beside the hall
@@ -36,11 +35,11 @@ class BottleneckSettings:
     opening_m: Range = (0.9, 4.0)
     two_from_m: float = 7.0
     centred_share: float = 0.5
-    streams: StreamSettings = field(default=_STREAMS, metadata={"parse": partial(parsed, StreamSettings)})
+    streams: StreamSettings = nested(_STREAMS)
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"width_m": "[2, inf)", "length_m": "[14, inf)", "two_from_m": "[0, inf)"})
-        check_ranges(self, {"wall_m": "(0, 4]", "opening_m": "(0, inf)", "centred_share": "[0, 1]"})
+        check_intervals(self, {"[2, inf)": "width_m", "[14, inf)": "length_m", "[0, inf)": "two_from_m"})
+        check_intervals(self, {"(0, 4]": "wall_m", "(0, inf)": "opening_m"})
 
 
 def bottleneck(settings: BottleneckSettings, rng: np.random.Generator) -> Floor:
@@ -61,5 +60,5 @@ def bottleneck(settings: BottleneckSettings, rng: np.random.Generator) -> Floor:
         paint_rectangle(free, (left, bottom), (right, bottom + opening_m), True)
         narrow_m += opening_m
     ends = [(0.0, 6.0), (length_m - 6.0, length_m)]
-    entrances = tuple(Entrance(np.array([a, low]), np.array([b, high])) for a, b in ends)
+    entrances = tuple(Area(np.array([a, low]), np.array([b, high])) for a, b in ends)
     return Floor(free, entrances, width_m, narrow_m)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 from scipy import ndimage
 
-from pedpred.simulation.fields import Range, check_ranges, parsed
-from pedpred.worlds.drawing import check_shares, chosen, uniform
-from pedpred.worlds.floors import CELL_M, Entrance, Floor, ground_cells, paint_disc, paint_rectangle
+from pedpred.simulation.fields import Range
+from pedpred.worlds.drawing import check_intervals, check_shares, chosen, nested, uniform
+from pedpred.worlds.floors import CELL_M, Area, Floor, ground_cells, paint_disc, paint_rectangle
 from pedpred.worlds.streams import StreamSettings
 
 _ENTRANCE_M = 3.5  # length of the part of an arm where people come in
@@ -54,16 +53,12 @@ class CorridorSettings:
     obstacle_share: float = 0.15
     obstacles: tuple[int, int] = (1, 3)
     obstacle_radius_m: Range = (0.1, 0.35)
-    streams: StreamSettings = field(
-        default=StreamSettings(), metadata={"parse": partial(parsed, StreamSettings)}
-    )
+    streams: StreamSettings = nested(StreamSettings())
 
     def __post_init__(self) -> None:
         check_shares(self, "forms", _ARMS)
-        lengths = ("width_m", "any_width_m", "column_radius_m", "obstacle_radius_m")
-        shares = ("any_width_share", "equal_width_share", "column_share", "obstacle_share")
-        check_ranges(self, dict.fromkeys(lengths, "(0, inf)") | dict.fromkeys(shares, "[0, 1]"))
-        check_ranges(self, {"arm_m": "[6, inf)", "obstacles": "[0, inf)"})
+        lengths = "width_m any_width_m column_radius_m obstacle_radius_m"
+        check_intervals(self, {"(0, inf)": lengths, "[6, inf)": "arm_m", "[0, inf)": "obstacles"})
 
 
 def corridor(settings: CorridorSettings, rng: np.random.Generator) -> Floor:
@@ -98,13 +93,13 @@ def _width(settings: CorridorSettings, rng: np.random.Generator) -> float:
     return uniform(rng, settings.any_width_m if unusual else settings.width_m)
 
 
-def _arm(axis: np.ndarray, center: np.ndarray, half: np.ndarray) -> tuple[Entrance, Entrance]:
+def _arm(axis: np.ndarray, center: np.ndarray, half: np.ndarray) -> tuple[Area, Area]:
     """The rectangle of an arm that points along an axis, and the entrance at its end."""
     across = half * (axis == 0)
     end, inner = center + axis * center[0], center + axis * (center[0] - _ENTRANCE_M)
     spans = []
     for start in (center, inner):
-        spans.append(Entrance(np.minimum(start, end) - across, np.maximum(start, end) + across))
+        spans.append(Area(np.minimum(start, end) - across, np.maximum(start, end) + across))
     return spans[0], spans[1]
 
 
@@ -115,16 +110,16 @@ def _bend(
     arm_m: float,
     width_m: float,
     rng: np.random.Generator,
-) -> Entrance:
+) -> Area:
     """Turn the northern arm east or west on its way; return the entrance at the new end."""
     bottom = center[1] + uniform(rng, (3.0, arm_m - 2.0))
     free[:, int((bottom + width_m) / CELL_M) :] = False
     size = 2 * center[0]
     if rng.random() < 0.5:
         paint_rectangle(free, (center[0] - half[0], bottom), (size, bottom + width_m), True)
-        return Entrance(np.array([size - _ENTRANCE_M, bottom]), np.array([size, bottom + width_m]))
+        return Area(np.array([size - _ENTRANCE_M, bottom]), np.array([size, bottom + width_m]))
     paint_rectangle(free, (0.0, bottom), (center[0] + half[0], bottom + width_m), True)
-    return Entrance(np.array([0.0, bottom]), np.array([_ENTRANCE_M, bottom + width_m]))
+    return Area(np.array([0.0, bottom]), np.array([_ENTRANCE_M, bottom + width_m]))
 
 
 def _with_obstacles(

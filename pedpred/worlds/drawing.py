@@ -1,15 +1,17 @@
-"""Draws from ranges and shares, and the check of shares."""
+"""Draws from ranges and shares, and what the settings of worlds have in common."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
+from dataclasses import field, fields
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.fields import Range
+from pedpred.simulation.fields import Range, check_ranges, parsed
 
 
 def uniform(rng: np.random.Generator, limits: Range) -> float:
@@ -27,13 +29,33 @@ def chosen(rng: np.random.Generator, shares: Mapping[str, float]) -> str:
     return str(rng.choice(list(shares), p=list(shares.values())))
 
 
-def check_shares(settings: Any, field: str, names: Collection[str]) -> None:
+def nested(default: Any) -> Any:
+    """Declare a field of settings that holds further settings, parsed from a dictionary."""
+    return field(default=default, metadata={"parse": partial(parsed, type(default))})
+
+
+def check_intervals(settings: Any, names: Mapping[str, str]) -> None:
+    """Check numeric fields as `check_ranges` does; those called `..._share` must lie in [0, 1].
+
+    Args:
+        settings: a dataclass.
+        names: interval -> names of other fields, separated by spaces.
+
+    Raises:
+        ValueRuleError: a field holds something else.
+    """
+    shares = [known.name for known in fields(settings) if known.name.endswith("_share")]
+    others = {name: interval for interval, listed in names.items() for name in listed.split()}
+    check_ranges(settings, dict.fromkeys(shares, "[0, 1]") | others)
+
+
+def check_shares(settings: Any, name: str, names: Collection[str]) -> None:
     """Check that a field maps each name to a share, and that they sum to 1.
 
     Raises:
         ValueRuleError: it does not.
     """
-    value = getattr(settings, field)
+    value = getattr(settings, name)
     fits = isinstance(value, Mapping) and set(value) == set(names)
     if not fits or min(value.values()) < 0 or abs(sum(value.values()) - 1.0) > 1e-6:
-        raise ValueRuleError(field, value, f"it must map {', '.join(names)} to shares that sum to 1")
+        raise ValueRuleError(name, value, f"it must map {', '.join(names)} to shares that sum to 1")

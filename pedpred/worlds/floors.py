@@ -13,8 +13,8 @@ CELL_M = 0.1
 _WALL_CELLS = (2, 5)  # thickness of walls that are drawn as such
 
 
-class Entrance(NamedTuple):
-    """A rectangle where people come in or leave.
+class Area(NamedTuple):
+    """A rectangle along the axes: where people come in or leave, or what a sensor sees.
 
     Attributes:
         low: lower left corner, m. [2]
@@ -23,6 +23,10 @@ class Entrance(NamedTuple):
 
     low: np.ndarray
     high: np.ndarray
+
+    def holds(self, points: np.ndarray) -> np.ndarray:
+        """Whether points (m, [..., 2]) are inside. Bool, [...]."""
+        return np.asarray(((points >= self.low) & (points <= self.high)).all(axis=-1))
 
 
 class Floor(NamedTuple):
@@ -37,7 +41,7 @@ class Floor(NamedTuple):
     """
 
     free: np.ndarray
-    entrances: tuple[Entrance, ...] = ()
+    entrances: tuple[Area, ...] = ()
     width_m: float = 0.0
     narrow_m: float = 0.0
     crossed: bool = False
@@ -75,7 +79,7 @@ def clearance_m(free: np.ndarray) -> np.ndarray:
 
 
 def points_in(
-    free: np.ndarray, area: Entrance, count: int, clear_m: float, rng: np.random.Generator
+    free: np.ndarray, area: Area, count: int, clear_m: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Draw cell centres in a rectangle with some clearance, or what little there is, m. [count, 2]."""
     low = np.floor(area.low / CELL_M + 1e-9).astype(int).clip(0)

@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.fields import check_ranges
+from pedpred.worlds.drawing import check_intervals
 
 _SPEED_ROWS, _DIRECTION_ROWS = 11, 15  # of the moving means
 _ALONG = 0.4  # amplitude along the way, at twice the frequency, as a share of the lateral one
@@ -32,7 +32,7 @@ class Sway:
     drift_m: float = 0.0
 
     def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("amplitude_m", "tempo", "drift_m"), "[0, inf)"))
+        check_intervals(self, {"[0, inf)": "amplitude_m tempo drift_m"})
 
 
 def heads_of(scene: Scene, sway: Sway, rng: np.random.Generator) -> Scene:

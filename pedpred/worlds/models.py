@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pedpred.simulation.fields import Range, check_ranges
-from pedpred.worlds.drawing import log_uniform, uniform
+from pedpred.simulation.fields import Range
+from pedpred.worlds.drawing import check_intervals, log_uniform, uniform
 
 
 class WalkingModel(NamedTuple):
@@ -99,12 +99,10 @@ class ModelSettings:
     unsteady: Range = (0.02, 0.12)
 
     def __post_init__(self) -> None:
-        shares = ("collision_free_share", "dense_collision_free_share", "published_share", "unseen_weight")
-        zero = ("anticipation_s", "noise_mps2", "wander_rad", "direction_push", "wall_push")
-        others = ("strength", "range_m", "border_strength", "border_range_m", "direction_range_m")
-        check_ranges(self, dict.fromkeys(shares, "[0, 1]") | dict.fromkeys(zero, "[0, inf)"))
-        check_ranges(self, dict.fromkeys((*others, "wall_range_m", "wander_s"), "(0, inf)"))
-        check_ranges(self, {"unsteady": "[0, 0.5]"})
+        positive = "strength range_m border_strength border_range_m direction_range_m wall_range_m wander_s"
+        others = "anticipation_s noise_mps2 wander_rad direction_push wall_push"
+        check_intervals(self, {"(0, inf)": positive, "[0, inf)": others})
+        check_intervals(self, {"[0, 1]": "unseen_weight", "[0, 0.5]": "unsteady"})
 
 
 def drawn_model(

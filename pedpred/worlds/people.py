@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pedpred.simulation.fields import Range, check_ranges
-from pedpred.worlds.drawing import check_shares, chosen, log_uniform, uniform
+from pedpred.simulation.fields import Range
+from pedpred.worlds.drawing import check_intervals, check_shares, chosen, log_uniform, uniform
 
 
 class Traits(NamedTuple):
@@ -81,11 +81,10 @@ class PeopleSettings:
 
     def __post_init__(self) -> None:
         check_shares(self, "paces", _paces())
-        speeds = ("usual_mps", "slow_mps", "fast_mps", "speed_range_mps")
-        times = ("relaxation_s", "collision_free_relaxation_s", "headway_s", "stop_rate_hz", "stop_s")
-        check_ranges(self, dict.fromkeys((*speeds, *times), "(0, inf)"))
-        check_ranges(self, {"radius_m": "[0.05, 0.5]", "pull_mps2": "[0, inf)", "speed_deviation": "[0, 1]"})
-        check_ranges(self, dict.fromkeys(("headway_share", "stops_share", "stopping_people"), "[0, 1]"))
+        speeds = "usual_mps slow_mps fast_mps speed_range_mps"
+        times = "relaxation_s collision_free_relaxation_s headway_s stop_rate_hz stop_s"
+        check_intervals(self, {"(0, inf)": f"{speeds} {times}", "[0.05, 0.5]": "radius_m"})
+        check_intervals(self, {"[0, 1]": "stopping_people speed_deviation", "[0, inf)": "pull_mps2"})
 
 
 def drawn_traits(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pedpred.simulation.clutter import ClutterSettings, cluttered_room
-from pedpred.simulation.fields import Range, check_ranges, parsed
-from pedpred.worlds.drawing import uniform
+from pedpred.simulation.fields import Range
+from pedpred.worlds.drawing import check_intervals, nested, uniform
 from pedpred.worlds.floors import Floor
 from pedpred.worlds.visits import VisitSettings
 
@@ -41,13 +40,13 @@ class RoomSettings:
         visits: who walks.
     """
 
-    clutter: ClutterSettings = field(default=_CLUTTER, metadata={"parse": partial(parsed, ClutterSettings)})
+    clutter: ClutterSettings = nested(_CLUTTER)
     side_difference_m: float = 8.0
-    visits: VisitSettings = field(default=VisitSettings(), metadata={"parse": partial(parsed, VisitSettings)})
+    visits: VisitSettings = nested(VisitSettings())
 
     def __post_init__(self) -> None:
         least, most = self.clutter.side_m
-        check_ranges(self, {"side_difference_m": f"[0, {most - least}]"})
+        check_intervals(self, {f"[0, {most - least}]": "side_difference_m"})
 
 
 def room(settings: RoomSettings, rng: np.random.Generator) -> Floor:

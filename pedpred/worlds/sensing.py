@@ -10,10 +10,12 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.fields import Range, check_ranges
-from pedpred.worlds.drawing import log_uniform, uniform
+from pedpred.simulation.fields import Range
+from pedpred.simulation.sensor import measured
+from pedpred.worlds.drawing import check_intervals, log_uniform, uniform
+from pedpred.worlds.floors import Area
 from pedpred.worlds.heads import Sway, heads_of
-from pedpred.worlds.views import View, ViewSettings, parsed_views, usual_views
+from pedpred.worlds.views import ViewSettings, parsed_views, usual_views
 
 _SWITCH_RANGE_M = 0.8
 _USUAL_RATES_HZ = (2.0, 2.5, 2.5, 2.67, 2.67, 3.33, 4.0, 5.0, 8.0, 10.0, 15.0)
@@ -68,12 +70,8 @@ class SensingSettings:
     def __post_init__(self) -> None:
         if not self.rates_hz or not all(0 < rate <= 100 for rate in self.rates_hz):
             raise ValueRuleError("rates_hz", self.rates_hz, "numbers in (0, 100] are needed")
-        shares = [name for name in self.__dataclass_fields__ if name.endswith("_share")]
-        zero = ("jitter_s", "late_s", "sway_m", "tempo", "drift_m")
-        check_ranges(
-            self, dict.fromkeys(shares, "[0, 1]") | {"drop_out": "[0, 1)"} | dict.fromkeys(zero, "[0, inf)")
-        )
-        check_ranges(self, {"noise_m": "(0, inf)", "quantum_m": "(0, inf)", "switch": "(0, 1]"})
+        check_intervals(self, {"[0, inf)": "jitter_s late_s sway_m tempo drift_m", "[0, 1)": "drop_out"})
+        check_intervals(self, {"(0, inf)": "noise_m quantum_m", "(0, 1]": "switch"})
 
 
 @dataclass(frozen=True)
@@ -99,8 +97,8 @@ class Sensor:
     switch: float = 0.0
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"rate_hz": "(0, inf)", "drop_out": "[0, 1)", "switch": "[0, 1]"})
-        check_ranges(self, dict.fromkeys(("noise_m", "jitter_s", "quantum_m", "late_s"), "[0, inf)"))
+        check_intervals(self, {"(0, inf)": "rate_hz", "[0, inf)": "noise_m jitter_s quantum_m late_s"})
+        check_intervals(self, {"[0, 1)": "drop_out", "[0, 1]": "switch"})
 
 
 class SensedWorld(NamedTuple):
@@ -115,7 +113,7 @@ class SensedWorld(NamedTuple):
     heads: Scene
 
 
-def sense_world(scene: Scene, view: View, settings: SensingSettings, rng: np.random.Generator) -> SensedWorld:
+def sense_world(scene: Scene, view: Area, settings: SensingSettings, rng: np.random.Generator) -> SensedWorld:
     """Draw a sensor and look at a world.
 
     Args:
@@ -150,7 +148,7 @@ def drawn_sensor(settings: SensingSettings, rng: np.random.Generator) -> tuple[S
     return sensor, Sway(amplitude_m, uniform(rng, settings.tempo), drift_m)
 
 
-def sense(scene: Scene, sensor: Sensor, view: View, rng: np.random.Generator) -> Scene:
+def sense(scene: Scene, sensor: Sensor, view: Area, rng: np.random.Generator) -> Scene:
     """Replace true positions by the detections of a sensor; `person_id` keeps the true identity.
 
     The sensor detects everybody in view at the same instants; between recorded positions they walk straight.
@@ -178,10 +176,8 @@ def sense(scene: Scene, sensor: Sensor, view: View, rng: np.random.Generator) ->
         position.append(
             np.stack([np.interp(seen_s, known_s, truth.position[rows, axis]) for axis in (0, 1)], axis=1)
         )
-    when, who, where = np.concatenate(time_s), np.concatenate(person), np.concatenate(position)
-    where = where + rng.normal(0.0, sensor.noise_m, where.shape)
-    if sensor.quantum_m:
-        where = np.round(where / sensor.quantum_m) * sensor.quantum_m
+    when, who = np.concatenate(time_s), np.concatenate(person)
+    where = measured(np.concatenate(position), sensor.noise_m, sensor.quantum_m, rng)
     kept = view.holds(where) & (rng.random(len(when)) >= sensor.drop_out)
     seen = Trajectories(when[kept], who[kept], where[kept], person_id=who[kept])
     if sensor.switch:

@@ -10,11 +10,13 @@ from scipy.interpolate import CubicHermiteSpline
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.fields import check_ranges
+from pedpred.simulation.sensor import SensorSettings, apply_sensor
+from pedpred.worlds.drawing import check_intervals
+from pedpred.worlds.floors import Area
 from pedpred.worlds.sensing import SensingSettings, sense_world
 from pedpred.worlds.settings import WorldSettings
 from pedpred.worlds.situations import Recipe, drawn_tracker, training_rows
-from pedpred.worlds.views import VIEWED, View, drawn_view
+from pedpred.worlds.views import VIEWED, drawn_view
 from pedpred.worlds.world import RECORD_S, simulate_world
 
 Rows = dict[str, np.ndarray]
@@ -43,8 +45,7 @@ class SimulatedSet:
     def __post_init__(self) -> None:
         if self.kind not in VIEWED:
             raise ValueRuleError("kind", self.kind, f"it must be one of {', '.join(VIEWED)}")
-        check_ranges(self, {"worlds": "[1, inf)", "rows": "[0, inf)", "true_rows": "[0, inf)"})
-        check_ranges(self, {"true_share": "[0, 1]"})
+        check_intervals(self, {"[1, inf)": "worlds", "[0, inf)": "rows true_rows"})
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class ViewingSettings:
     noise_m: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"viewings": "[1, inf)", "rows": "[1, inf)", "used_share": "[0, 1]"})
+        check_intervals(self, {"[1, inf)": "viewings rows"})
         for name, least in {"thinnings": 0.1, "thinned_noise_m": 0.0, "noise_m": 0.0}.items():
             values = getattr(self, name)
             if not values or min(values) < least:
@@ -103,7 +104,7 @@ def scene_rows(scene: Scene, chosen: SimulatedSet, sensing: SensingSettings, rec
     return {name: np.concatenate([rows[name], exact[name]]) for name in rows}
 
 
-def true_states(scene: Scene, view: View, dt_s: float) -> Scene:
+def true_states(scene: Scene, view: Area, dt_s: float) -> Scene:
     """What a perfect sensor detects in its view every `dt_s`, a multiple of the scene's interval."""
     trajectories = scene.trajectories
     tick = np.round(trajectories.time_s / scene.detection_dt_s).astype(int)
@@ -149,15 +150,12 @@ def viewing_rows(number: int, scene: Scene, every: int, settings: ViewingSetting
     rng = np.random.default_rng([recipe.rows.seed, zlib.crc32(scene.name.encode()), number])
     if every > 1:
         every = max(2, int(every * rng.choice(settings.thinnings)))
-        noise_m = rng.choice(settings.thinned_noise_m)
+        noise_m = float(rng.choice(settings.thinned_noise_m))
     else:
-        noise_m = rng.choice(settings.noise_m)
+        noise_m = float(rng.choice(settings.noise_m))
     truth = scene.trajectories
     _, instant = np.unique(truth.time_s, return_inverse=True)
-    frames = truth.select(instant % every == rng.integers(every))
-    shaken = frames.position + rng.normal(0.0, noise_m, frames.position.shape)
-    seen = replace(
-        scene, trajectories=replace(frames, position=shaken), detection_dt_s=scene.detection_dt_s * every
-    )
+    later = replace(scene, trajectories=truth.select(instant >= rng.integers(every)))
+    seen = apply_sensor(later, SensorSettings(every=every, position_noise_m=noise_m), rng)
     kalman = drawn_tracker(replace(recipe.rows, used_share=settings.used_share), rng)
     return training_rows(seen, truth, kalman, settings.rows, recipe, rng)

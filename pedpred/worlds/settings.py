@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.fields import Range, check_ranges, parsed
+from pedpred.simulation.fields import Range
 from pedpred.worlds.bottlenecks import BottleneckSettings
 from pedpred.worlds.corridors import CorridorSettings
+from pedpred.worlds.drawing import check_intervals, nested
 from pedpred.worlds.models import ModelSettings
 from pedpred.worlds.people import PeopleSettings
 from pedpred.worlds.rooms import RoomSettings
@@ -35,8 +35,7 @@ class GuidanceSettings:
     slowest: Range = (0.3, 0.9)
 
     def __post_init__(self) -> None:
-        lengths = ("resolution_m", "narrow_m", "comfortable_m")
-        check_ranges(self, dict.fromkeys(lengths, "(0, inf)") | {"slowest": "(0, 1]"})
+        check_intervals(self, {"(0, inf)": "resolution_m narrow_m comfortable_m", "(0, 1]": "slowest"})
         if not self.narrow_m[1] < self.comfortable_m[0]:
             raise ValueRuleError("narrow_m", self.narrow_m, "it must be less than comfortable_m")
 
@@ -56,7 +55,7 @@ class LoneSettings:
     speed_mps: Range = (0.2, 2.6)
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"people": "[1, inf)", "standing_share": "[0, 1]", "speed_mps": "[0, inf)"})
+        check_intervals(self, {"[1, inf)": "people", "[0, inf)": "speed_mps"})
 
 
 @dataclass(frozen=True)
@@ -82,25 +81,14 @@ class WorldSettings:
     warm_up_s: float = 20.0
     duration_s: float = 50.0
     bottleneck_s: float = 35.0
-    corridor: CorridorSettings = field(
-        default=CorridorSettings(), metadata={"parse": partial(parsed, CorridorSettings)}
-    )
-    bottleneck: BottleneckSettings = field(
-        default=BottleneckSettings(), metadata={"parse": partial(parsed, BottleneckSettings)}
-    )
-    room: RoomSettings = field(default=RoomSettings(), metadata={"parse": partial(parsed, RoomSettings)})
-    square: SquareSettings = field(
-        default=SquareSettings(), metadata={"parse": partial(parsed, SquareSettings)}
-    )
-    lone: LoneSettings = field(default=LoneSettings(), metadata={"parse": partial(parsed, LoneSettings)})
-    people: PeopleSettings = field(
-        default=PeopleSettings(), metadata={"parse": partial(parsed, PeopleSettings)}
-    )
-    model: ModelSettings = field(default=ModelSettings(), metadata={"parse": partial(parsed, ModelSettings)})
-    guidance: GuidanceSettings = field(
-        default=GuidanceSettings(), metadata={"parse": partial(parsed, GuidanceSettings)}
-    )
+    corridor: CorridorSettings = nested(CorridorSettings())
+    bottleneck: BottleneckSettings = nested(BottleneckSettings())
+    room: RoomSettings = nested(RoomSettings())
+    square: SquareSettings = nested(SquareSettings())
+    lone: LoneSettings = nested(LoneSettings())
+    people: PeopleSettings = nested(PeopleSettings())
+    model: ModelSettings = nested(ModelSettings())
+    guidance: GuidanceSettings = nested(GuidanceSettings())
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"seed": "[0, inf)", "warm_up_s": "[0, inf)"})
-        check_ranges(self, dict.fromkeys(("duration_s", "bottleneck_s"), "(0, inf)"))
+        check_intervals(self, {"[0, inf)": "seed warm_up_s", "(0, inf)": "duration_s bottleneck_s"})

@@ -13,10 +13,10 @@ from pedpred.features.table import FeatureSettings
 from pedpred.features.targets import Futures, future_velocities
 from pedpred.geometry import rotate
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.fields import Range, check_ranges, parsed
+from pedpred.simulation.fields import Range, parsed
 from pedpred.tracking import KalmanSettings, Tracks, follow
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
-from pedpred.worlds.drawing import log_uniform, uniform
+from pedpred.worlds.drawing import check_intervals, log_uniform, uniform
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,8 @@ class RowSettings:
     shift_m: float = 0.06
 
     def __post_init__(self) -> None:
-        positive = ("acceleration_noise", "position_noise_m", "initial_speed_mps")
-        check_ranges(self, dict.fromkeys(positive, "(0, inf)") | {"used_share": "[0, 1]"})
-        check_ranges(self, {"seed": "[0, inf)", "shifted_share": "[0, 1]", "shift_m": "[0, inf)"})
+        check_intervals(self, {"(0, inf)": "acceleration_noise position_noise_m initial_speed_mps"})
+        check_intervals(self, {"[0, inf)": "seed shift_m"})
 
 
 @dataclass(frozen=True)

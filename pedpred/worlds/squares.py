@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
-from pedpred.simulation.fields import Range, check_ranges, parsed
-from pedpred.worlds.drawing import check_shares, chosen, uniform
-from pedpred.worlds.floors import Entrance, Floor, ground_cells, paint_disc, paint_rectangle
+from pedpred.simulation.fields import Range
+from pedpred.worlds.drawing import check_intervals, check_shares, chosen, nested, uniform
+from pedpred.worlds.floors import Area, Floor, ground_cells, paint_disc, paint_rectangle
 from pedpred.worlds.strolls import StrollSettings
 
 _EDGE = 0.03  # distance of entrances from the edge, as a share of the side
@@ -46,15 +45,12 @@ class SquareSettings:
     entrances: tuple[int, int] = (2, 6)
     street_share: float = 0.4
     entrance_m: Range = (0.5, 6.0)
-    strolls: StrollSettings = field(
-        default=StrollSettings(), metadata={"parse": partial(parsed, StrollSettings)}
-    )
+    strolls: StrollSettings = nested(StrollSettings())
 
     def __post_init__(self) -> None:
         check_shares(self, "obstacles", _obstacles())
-        lengths = ("post_radius_m", "box_m", "door_m", "entrance_m")
-        check_ranges(self, dict.fromkeys(lengths, "(0, inf)") | {"side_m": "[10, inf)"})
-        check_ranges(self, {"posts": "[0, inf)", "entrances": "[2, inf)", "street_share": "[0, 1]"})
+        check_intervals(self, {"(0, inf)": "post_radius_m box_m door_m entrance_m", "[10, inf)": "side_m"})
+        check_intervals(self, {"[0, inf)": "posts", "[2, inf)": "entrances"})
 
 
 def square(settings: SquareSettings, rng: np.random.Generator) -> Floor:
@@ -70,7 +66,7 @@ def square(settings: SquareSettings, rng: np.random.Generator) -> Floor:
     entrances = []
     for place in _edge_places(size, settings, rng):
         low, high = np.clip(np.stack([place - spread, place + spread]), 0.3, size - 0.3)
-        entrances.append(Entrance(low, high))
+        entrances.append(Area(low, high))
     return Floor(free, tuple(entrances), float(size.min()), float(size.min()))
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pedpred.simulation.fields import Range, check_ranges
-from pedpred.worlds.drawing import check_shares, chosen, log_uniform, uniform
+from pedpred.simulation.fields import Range
+from pedpred.worlds.drawing import check_intervals, check_shares, chosen, log_uniform, uniform
 from pedpred.worlds.floors import Floor, points_in
 from pedpred.worlds.journeys import Journeys, Visitors, grouped, single
 
@@ -58,10 +58,8 @@ class StreamSettings:
 
     def __post_init__(self) -> None:
         check_shares(self, "patterns", _patterns())
-        shares = ("right_angle_share", "dense_share", "grouped_share", "pair_share", "stopping_share")
-        check_ranges(self, dict.fromkeys(shares, "[0, 1]"))
-        check_ranges(self, dict.fromkeys(("arrivals", "dense_arrivals", "unequal", "spacing_m"), "(0, inf)"))
-        check_ranges(self, dict.fromkeys(("waiting_per_m2", "waiting"), "[0, inf)"))
+        rates = "arrivals dense_arrivals unequal spacing_m"
+        check_intervals(self, {"(0, inf)": rates, "[0, inf)": "waiting_per_m2 waiting"})
 
 
 def streaming(

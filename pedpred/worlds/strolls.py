@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pedpred.simulation.fields import Range, check_ranges
-from pedpred.worlds.drawing import log_uniform, uniform
+from pedpred.simulation.fields import Range
+from pedpred.worlds.drawing import check_intervals, log_uniform, uniform
 from pedpred.worlds.floors import Floor, onto_free
 from pedpred.worlds.journeys import Journeys, Visitors, grouped, single
 
@@ -57,11 +57,9 @@ class StrollSettings:
     standing_s: Range = (5.0, 60.0)
 
     def __post_init__(self) -> None:
-        shares = ("dense_share", "detour_share", "detour_people", "grouped_share", "groups", "standing_share")
-        check_ranges(self, dict.fromkeys((*shares, "pausing_people"), "[0, 1]"))
-        check_ranges(self, dict.fromkeys(("arrivals", "dense_factor", "pause_s"), "(0, inf)"))
-        counts = dict.fromkeys(("standing", "cluster", "group_size"), "[1, inf)")
-        check_ranges(self, counts | {"standing_s": "[0, inf)"})
+        check_intervals(self, {"[0, 1]": "detour_people groups pausing_people", "[0, inf)": "standing_s"})
+        positive = "arrivals dense_factor pause_s"
+        check_intervals(self, {"(0, inf)": positive, "[1, inf)": "standing cluster group_size"})
 
 
 def strolling(

@@ -4,33 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap
-from pedpred.simulation.fields import Range, check_ranges, parsed
+from pedpred.simulation.fields import Range, parsed
+from pedpred.worlds.drawing import check_intervals
+from pedpred.worlds.floors import Area
 from pedpred.worlds.settings import KINDS
 
 VIEWED = (*KINDS, "scene")
 """Kinds of worlds, and simulated scenes of another origin."""
-
-
-class View(NamedTuple):
-    """A rectangle, world frame.
-
-    Attributes:
-        low: lower left corner, m. [2]
-        high: upper right corner, m. [2]
-    """
-
-    low: np.ndarray
-    high: np.ndarray
-
-    def holds(self, points: np.ndarray) -> np.ndarray:
-        """Whether points (m, [..., 2]) are inside. Bool, [...]."""
-        return np.asarray(((points >= self.low) & (points <= self.high)).all(axis=-1))
 
 
 @dataclass(frozen=True)
@@ -50,8 +36,7 @@ class ViewSettings:
     window_m: Range = (5.0, 12.0)
 
     def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("cut_x_m", "cut_y_m"), "(-inf, inf)"))
-        check_ranges(self, {"window_share": "[0, 1]", "window_m": "(0, inf)"})
+        check_intervals(self, {"(-inf, inf)": "cut_x_m cut_y_m", "(0, inf)": "window_m"})
 
 
 def usual_views() -> dict[str, ViewSettings]:
@@ -79,12 +64,12 @@ def parsed_views(plain: Mapping[str, Any], path: str) -> dict[str, ViewSettings]
     return {kind: parsed(ViewSettings, view, f"{path}.{kind}") for kind, view in plain.items()}
 
 
-def drawn_view(occupancy: OccupancyMap, settings: ViewSettings, rng: np.random.Generator) -> View:
+def drawn_view(occupancy: OccupancyMap, settings: ViewSettings, rng: np.random.Generator) -> Area:
     """Draw the rectangle that a sensor sees of a world."""
     low, high = occupancy.origin, occupancy.origin + occupancy.extent_m
     if rng.random() < settings.window_share:
         center = low + rng.uniform(0.3, 0.7, 2) * occupancy.extent_m
         half = rng.uniform(*settings.window_m)
-        return View(center - half, center + half)
+        return Area(center - half, center + half)
     cut = np.array([rng.uniform(*settings.cut_x_m), rng.uniform(*settings.cut_y_m)])
-    return View(low + cut, high - cut)
+    return Area(low + cut, high - cut)

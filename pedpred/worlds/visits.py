@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pedpred.simulation.fields import Range, check_ranges
+from pedpred.simulation.fields import Range
 from pedpred.simulation.layouts import TargetPool
 from pedpred.simulation.simulator import visiting_plans
-from pedpred.worlds.drawing import log_uniform, uniform
-from pedpred.worlds.floors import CELL_M, Entrance, Floor, points_in
+from pedpred.worlds.drawing import check_intervals, log_uniform, uniform
+from pedpred.worlds.floors import CELL_M, Area, Floor, points_in
 from pedpred.worlds.journeys import Journeys, Visitors, number_of_people
 
 _REACH_M = 0.6
@@ -50,10 +50,8 @@ class VisitSettings:
     standing_people: Range = (0.1, 0.5)
 
     def __post_init__(self) -> None:
-        shares = ("dense_share", "pausing_share", "pausing_people", "standing_share", "standing_people")
-        check_ranges(self, dict.fromkeys(shares, "[0, 1]"))
-        check_ranges(self, dict.fromkeys(("per_m2", "dense_per_m2", "pause_s", "least_leg_m"), "(0, inf)"))
-        check_ranges(self, {"people": "[1, inf)", "targets": "[2, inf)", "legs": "[1, inf)"})
+        check_intervals(self, {"[0, 1]": "pausing_people standing_people", "[1, inf)": "people legs"})
+        check_intervals(self, {"(0, inf)": "per_m2 dense_per_m2 pause_s least_leg_m", "[2, inf)": "targets"})
 
 
 def visiting(floor: Floor, settings: VisitSettings, duration_s: float, rng: np.random.Generator) -> Visitors:
@@ -61,7 +59,7 @@ def visiting(floor: Floor, settings: VisitSettings, duration_s: float, rng: np.r
     dense = bool(rng.random() < settings.dense_share)
     per_m2 = settings.dense_per_m2 if dense else settings.per_m2
     count = number_of_people(float(floor.free.sum()) * CELL_M**2, per_m2, settings.people, rng)
-    everywhere = Entrance(np.zeros(2), floor.size_m)
+    everywhere = Area(np.zeros(2), floor.size_m)
     target = points_in(floor.free, everywhere, settings.targets, 0.55, rng)
     pool = TargetPool(target, np.arange(len(target)))
     plan = visiting_plans(pool, count, settings.legs, settings.least_leg_m, rng)
