@@ -32,6 +32,7 @@ def assert_a_replay_agrees(scene, kind, model):
     assert len(request.table) == len(scene.trajectories)
     np.testing.assert_allclose(online.point, offline.point, atol=1e-4, rtol=1e-4)
     np.testing.assert_allclose(online.path, offline.path, atol=1e-4, rtol=1e-4)
+    np.testing.assert_allclose(online.weight, offline.weight, atol=1e-4)
     np.testing.assert_allclose(online.covariance, offline.covariance, atol=1e-4, rtol=1e-4)
 
 

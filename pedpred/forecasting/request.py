@@ -9,7 +9,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.features.situation import tracked_situations
+from pedpred.features.extract import present_rows
 from pedpred.scenes import Predictions, Scene
 from pedpred.simulation.settings import SocialForceSettings
 from pedpred.tracking import KalmanSettings, Tracks
@@ -78,17 +78,34 @@ class ForecastRequest:
         return self.clock
 
     @property
-    def situations(self) -> dict[str, np.ndarray]:
-        """What networks without memory read of the rows to forecast, channel -> [W, width].
+    def max_age_s(self) -> float:
+        """People are present while their last detection is at most this old, s."""
+        return self.sizes.max_age_intervals * self.detection_interval_s
+
+    @property
+    def past(self) -> Tracks:
+        """The tracker's states.
 
         Raises:
-            ValueRuleError: there are no tracks.
+            ValueRuleError: there are none.
         """
         if self.tracks is None:
             raise ValueRuleError("tracks", None, "a network without memory needs the past of the people")
-        max_age_s = self.sizes.max_age_intervals * self.detection_interval_s
-        time_s, occupancy = self.table.time_s[self.rows], self.scene.occupancy
-        return tracked_situations(self.tracks, self.rows, time_s, occupancy, self.sizes, max_age_s)
+        return self.tracks
+
+    def present(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Find everybody who is present at the instants of the rows to forecast.
+
+        Returns:
+            Their last detections, as rows of `tracks` [C]; the instants, s [C]; and where in them the rows
+            to forecast are [W].
+        """
+        now_s, instant = np.unique(self.table.time_s[self.rows], return_inverse=True)
+        row, at = present_rows(self.past.track_id, self.past.time_s, now_s, self.max_age_s)
+        order = np.lexsort((row, at))
+        row, at = row[order], at[order]
+        count = len(self.past.time_s)
+        return row, now_s[at], np.searchsorted(at * count + row, instant * count + self.rows)
 
 
 Forecaster = Callable[[ForecastRequest], Predictions]

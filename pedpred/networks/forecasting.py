@@ -10,7 +10,9 @@ import torch
 
 from pedpred.datasets.motion import network_inputs
 from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.features.situation import tracked_situations
 from pedpred.forecasting import ForecastRequest
+from pedpred.forecasting.selection import consistent
 from pedpred.forecasting.tensors import predictions_of
 from pedpred.networks.autoencoder import GridEncoder
 from pedpred.networks.contract import RecurrentNetwork, Tensors, select
@@ -27,7 +29,8 @@ _ROWS_AT_ONCE = 2048
 class NetworkForecaster:
     """Runs a network along the clock of a request, so that its memory builds up as on a robot.
 
-    An instant between two steps is forecast from its own inputs and the memory of the last step.
+    An instant between two steps is forecast from its own inputs and the memory of the last step. A network
+    without memory forecasts everybody present, not only who is asked for, because people choose together.
 
     Attributes:
         network: trained.
@@ -46,20 +49,30 @@ class NetworkForecaster:
         asked, sizes = request.asked, request.sizes
         if not len(asked):
             return Predictions.single(np.zeros((0, sizes.horizon_steps, 2)), sizes.dt_s)
-        outputs = self._recalled(request) if self.network.state_shapes else self._outright(request)
-        with torch.inference_mode():
-            answer = {
-                name: values.numpy() for name, values in self.network.answer(outputs, sizes.dt_s).items()
-            }
-        return predictions_of(answer, sizes.dt_s).in_world(asked.position, asked.heading_rad)
+        if not self.network.state_shapes:
+            return self._together(request)
+        predictions = self._answer(self._recalled(request), sizes.dt_s)
+        return predictions.in_world(asked.position, asked.heading_rad)
 
-    def _outright(self, request: ForecastRequest) -> Tensors:
-        """Outputs of a network without memory. [W, ...] each."""
-        inputs = {name: torch.from_numpy(values)[:, None] for name, values in request.situations.items()}
-        rows = range(0, len(request.rows), _ROWS_AT_ONCE)
+    def _together(self, request: ForecastRequest) -> Predictions:
+        """Predictions of a network without memory, chosen together with those of everybody present."""
+        row, time_s, asked = request.present()
+        past, sizes, occupancy = request.past, request.sizes, request.scene.occupancy
+        channels = tracked_situations(past, row, time_s, occupancy, sizes, request.max_age_s)
+        inputs = {name: torch.from_numpy(values)[:, None] for name, values in channels.items()}
+        parts = [slice(at, at + _ROWS_AT_ONCE) for at in range(0, len(row), _ROWS_AT_ONCE)]
         with torch.inference_mode():
-            parts = [self.network(select(inputs, slice(at, at + _ROWS_AT_ONCE)), {})[0] for at in rows]
-        return {name: torch.cat([part[name] for part in parts])[:, 0] for name in parts[0]}
+            found = [self.network(select(inputs, part), {})[0] for part in parts]
+        outputs = {name: torch.cat([part[name] for part in found])[:, 0] for name in found[0]}
+        here = past.position_at(row, time_s)
+        predictions = self._answer(outputs, sizes.dt_s).in_world(here, past.heading_rad[row])
+        return consistent(predictions, here, time_s).select(asked)
+
+    def _answer(self, outputs: Tensors, dt_s: float) -> Predictions:
+        """What outputs mean, agent frames."""
+        with torch.inference_mode():
+            answer = self.network.answer(outputs, dt_s)
+        return predictions_of({name: values.numpy() for name, values in answer.items()}, dt_s)
 
     def _recalled(self, request: ForecastRequest) -> Tensors:
         """Outputs of a recurrent network. [W, ...] each."""

@@ -12,6 +12,7 @@ from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings, Pedestrians, unpack_crops
 from pedpred.features.observe import Neighbours, observe
 from pedpred.features.situation import situations
+from pedpred.forecasting.selection import consistent
 from pedpred.geometry import rotate
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.past import past_of, slots_for
@@ -47,7 +48,8 @@ class OnlinePredictor:
     The network has its own time step: every `dt_s` after a person's first detection, its state advances.
     A frame in between gets a forecast from its own inputs and the state of the last step, which stays as it
     is, so any frame rate will do. If frames are rarer than steps, the missed steps are computed for their own
-    instants, from what was known then. One object serves one stream; it is not thread-safe.
+    instants, from what was known then. People choose their modes together
+    (`pedpred.forecasting.selection`). One object serves one stream; it is not thread-safe.
     """
 
     def __init__(self, folder: Path, settings: OnlineSettings | None = None):
@@ -186,9 +188,9 @@ class OnlinePredictor:
     ) -> Forecast:
         frame = self._people.at(rows, time_s)
         world = rotate(velocities.astype(np.float64), frame.heading_rad[:, None])
-        return Forecast(
-            time_s, frame.track_id, world, predictions.in_world(frame.position, frame.heading_rad)
-        )
+        there = predictions.in_world(frame.position, frame.heading_rad)
+        chosen = consistent(there, frame.position, np.full(len(rows), time_s))
+        return Forecast(time_s, frame.track_id, world, chosen)
 
 
 def _checked(

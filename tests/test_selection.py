@@ -1,0 +1,161 @@
+"""People who choose their modes together: who regards whom, and what does not matter."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.forecasting.selection import NEAR_M, REACH_M, ROUNDS, consistent
+from pedpred.geometry import rotate
+from pedpred.metrics.paths import too_close
+from pedpred.scenes import Predictions
+
+STEPS, MODES, DT_S = 10, 4, 0.3
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def crowd(rng, people=12, side_m=6.0):
+    """Random straight modes of people in a square, and where they are."""
+    here = rng.uniform(0, side_m, (people, 2))
+    velocity = rng.normal(0, 1.0, (people, 1, 1, 2)) + rng.normal(0, 0.5, (people, MODES, 1, 2))
+    path = here[:, None, None] + velocity * DT_S * np.arange(1, STEPS + 1)[:, None]
+    weight = -np.sort(-rng.dirichlet(np.ones(MODES), people), axis=1)
+    spread = rng.uniform(0.1, 1.0, (people, MODES, STEPS))[..., None, None] * np.eye(2)
+    return Predictions(path[:, 0], path, weight, DT_S, spread), here
+
+
+def together(predictions, here):
+    return consistent(predictions, here, np.zeros(len(here)))
+
+
+def heading_on(path_weights):
+    """Two people who walk towards each other, straight or past on the own right."""
+    ahead = np.stack([np.arange(1, STEPS + 1) * 0.4, np.zeros(STEPS)], axis=-1)
+    aside = ahead - np.array([0.0, 0.8])
+    path = np.stack([[ahead, aside], [[5.0, 0.0] - ahead, [5.0, 0.0] - aside]])
+    predictions = Predictions(path[:, 0], path, np.array(path_weights), DT_S)
+    return together(predictions, np.array([[0.0, 0.0], [5.0, 0.0]]))
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS)
+def test_modes_are_those_of_before_and_weights_sum_to_one(seed):
+    before, here = crowd(np.random.default_rng(seed))
+    after = together(before, here)
+    np.testing.assert_array_equal(after.point, before.point)
+    for one, other in zip(before.path, after.path, strict=True):
+        np.testing.assert_array_equal(*(p[np.lexsort(p[:, -1].T)] for p in (one, other)))
+    where = (after.path[:, :, None] == before.path[:, None]).all(axis=(3, 4)).argmax(axis=2)
+    kept = np.take_along_axis(before.covariance, where[..., None, None, None], axis=1)
+    np.testing.assert_array_equal(after.covariance, kept)
+
+
+def test_the_less_certain_person_makes_way():
+    after = heading_on([[0.9, 0.1], [0.55, 0.45]])
+    assert after.most_likely[0, -1, 1] == 0.0
+    assert after.most_likely[1, -1, 1] == 0.8
+    assert not too_close(after.most_likely, np.zeros(2), 0.2).any()
+
+
+def test_most_likely_paths_collide_less():
+    rng = np.random.default_rng(0)
+    parts = [crowd(rng) for _ in range(40)]
+    shares = [
+        np.mean([too_close(p.most_likely, np.zeros(12), 0.2).mean() for p in group])
+        for group in ([p for p, _ in parts], [together(p, here) for p, here in parts])
+    ]
+    assert shares[1] < 0.5 * shares[0]
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS)
+def test_the_order_of_people_plays_no_part(seed):
+    rng = np.random.default_rng(seed)
+    before, here = crowd(rng)
+    order = rng.permutation(len(here))
+    one, other = together(before, here), together(before.select(order), here[order])
+    np.testing.assert_allclose(other.weight, one.weight[order], atol=1e-9)
+    np.testing.assert_array_equal(other.most_likely, one.most_likely[order])
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS, turn=st.floats(-4, 4), side=st.sampled_from([-1.0, 1.0]))
+def test_turned_and_mirrored_worlds_have_the_same_weights(seed, turn, side):
+    before, here = crowd(np.random.default_rng(seed))
+
+    def moved(points):
+        return rotate(points * [1.0, side], np.full(points.shape[:-1], turn)) + np.array([3.0, -40.0])
+
+    there = dataclasses.replace(before, point=moved(before.point), path=moved(before.path))
+    one, other = together(before, here), together(there, moved(here))
+    np.testing.assert_allclose(other.weight, one.weight, atol=1e-9)
+    np.testing.assert_allclose(other.most_likely, moved(one.most_likely), atol=1e-9)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS)
+def test_nobody_beyond_the_reach_of_all_rounds_matters(seed):
+    """Not even through a crowd that stands in between."""
+    rng = np.random.default_rng(seed)
+    before, here = crowd(rng, 40, 50.0)
+    changed, moved = crowd(rng, 40, 50.0)
+    far = np.linalg.norm(here - here[0], axis=-1) > ROUNDS * REACH_M
+    far &= np.linalg.norm(moved - here[0], axis=-1) > ROUNDS * REACH_M
+    path = np.where(far[:, None, None, None], changed.path, before.path)
+    other = dataclasses.replace(before, path=path)
+    place = np.where(far[:, None], moved, here)
+    np.testing.assert_allclose(together(other, place).weight[0], together(before, here).weight[0], atol=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS)
+def test_a_small_change_of_paths_changes_little(seed):
+    """Weights are continuous but where another mode is chosen."""
+    rng = np.random.default_rng(seed)
+    before, here = crowd(rng)
+    shifted = dataclasses.replace(before, path=before.path + rng.normal(0, 1e-7, before.path.shape))
+    one, other = together(before, here), together(shifted, here)
+    same = np.abs(one.most_likely - other.most_likely).max(axis=(1, 2)) < 1e-3
+    assert same.mean() > 0.8
+    np.testing.assert_allclose(other.weight[same], one.weight[same], atol=1e-4)
+
+
+def test_who_stands_apart_at_another_instant_or_has_one_mode_keeps_the_weights():
+    before, here = crowd(np.random.default_rng(1))
+    apart = dataclasses.replace(before, path=before.path + 50.0 * np.arange(12)[:, None, None, None])
+    np.testing.assert_array_equal(together(apart, here + 50.0 * np.arange(12)[:, None]).weight, before.weight)
+    np.testing.assert_array_equal(consistent(before, here, np.arange(12.0)).weight, before.weight)
+    single = Predictions.single(before.point, DT_S)
+    assert together(single, here) is single
+
+
+def test_instants_do_not_mix():
+    rng = np.random.default_rng(2)
+    (one, here), (other, there) = crowd(rng), crowd(rng)
+    order = rng.permutation(24)
+    joined, places = Predictions.join([one, other]).select(order), np.concatenate([here, there])[order]
+    both = consistent(joined, places, np.repeat([0.0, 0.3], 12)[order])
+    expected = np.concatenate([together(one, here).weight, together(other, there).weight])
+    np.testing.assert_allclose(both.weight, expected[order], atol=1e-12)
+
+
+def test_equal_modes_stay_equally_likely():
+    """Mirror images of a path, both as near to somebody who stands ahead."""
+    ahead, side = np.arange(1, STEPS + 1)[:, None] * [0.4, 0.0], np.array([0.0, 0.1])
+    path = np.stack([ahead + side, ahead - side])[None].repeat(2, axis=0)
+    path[1] = [4.0, 0.0]
+    predictions = Predictions(path[:, 0], path, np.full((2, 2), 0.5), DT_S)
+    after = together(predictions, np.array([[0.0, 0.0], [4.0, 0.0]]))
+    np.testing.assert_allclose(after.weight, 0.5, atol=1e-12)
+
+
+def test_what_does_not_belong_together_is_refused():
+    before, here = crowd(np.random.default_rng(3))
+    with pytest.raises(ShapeError, match="position"):
+        together(before, here[:5])
+    with pytest.raises(ValueRuleError, match="frame"):
+        together(dataclasses.replace(before, frame="agent"), here)
+    assert NEAR_M < REACH_M
