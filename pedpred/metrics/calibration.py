@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 from pedpred.scenes import Predictions
 
 _POINTS = 64
-"""Points that stand for a Gaussian, of equal probability each: a sunflower, so that their number may be small."""
+"""Points of equal probability that stand for a Gaussian: a sunflower, so that few are enough."""
 
 _GOLDEN_RAD = math.pi * (3.0 - math.sqrt(5.0))
 
