@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pedpred.errors import ValueRuleError
+from pedpred.report.simulation_page import weidmann_speed_mps
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.fields import parsed
 from pedpred.storage.scenes import read_scene, write_scene
@@ -28,6 +29,7 @@ from pedpred.worlds.journeys import grouped, single
 from pedpred.worlds.models import ModelSettings, drawn_model
 from pedpred.worlds.people import PeopleSettings, drawn_traits
 from pedpred.worlds.settings import GuidanceSettings
+from pedpred.worlds.streams import StreamSettings
 from pedpred.worlds.views import VIEWED, ViewSettings, drawn_view
 from pedpred.worlds.walking import SPEED_CAP
 from pedpred.worlds.world import guidance, walked
@@ -159,6 +161,28 @@ def test_a_dense_stream_is_slower_than_a_sparse_one(collision_free):
     sparse, dense = mean_speed(one_way(0.1, collision_free)), mean_speed(one_way(4.0, collision_free))
     assert 0.9 < sparse < 1.05
     assert dense < 0.85 * sparse
+
+
+def test_dense_streams_are_about_as_fast_as_observed_ones():
+    """Weidmann's speeds at the same density, less up to a third: some worlds keep long headways."""
+    forms = dict.fromkeys(CorridorSettings().forms, 0.0) | {"straight": 1.0}
+    patterns = dict.fromkeys(StreamSettings().patterns, 0.0) | {"one_way": 1.0}
+    streams = StreamSettings(patterns, dense_share=1.0, stopping_share=0.0)
+    hall = CorridorSettings(forms, (3.0, 3.0), any_width_share=0.0, arm_m=(10.0, 10.0), streams=streams)
+    people = PeopleSettings({"usual": 1.0, "slow": 0.0, "fast": 0.0})
+    settings = WorldSettings(corridor=replace(hall, obstacle_share=0.0), people=people, duration_s=20.0)
+    densities, speeds = [], []
+    for seed in range(24):
+        walked = simulate_world("corridor", seed, settings).trajectories
+        middle = walked.select(abs(walked.position[:, 0] - 14.0) < 3.0)
+        _, instant, count = np.unique(middle.time_s, return_inverse=True, return_counts=True)
+        densities.append(count[instant] / (6.0 * 3.0))
+        speeds.append(np.linalg.norm(middle.velocity, axis=1))
+    per_m2, speed_mps = np.concatenate(densities), np.concatenate(speeds)
+    for low, high in ((0.3, 0.6), (0.6, 0.9), (0.9, 1.5)):
+        here = (per_m2 >= low) & (per_m2 < high)
+        assert here.sum() > 500
+        assert 0.67 < speed_mps[here].mean() / weidmann_speed_mps(per_m2[here]).mean() < 1.15
 
 
 @pytest.mark.parametrize("collision_free", [False, True])
