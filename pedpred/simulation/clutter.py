@@ -69,11 +69,11 @@ def cluttered_room(settings: ClutterSettings, rng: np.random.Generator) -> Layou
         for column in columns(size, radius, spacing, rng):
             room.add([column])
     share, turned = rng.uniform(*settings.furniture_share), rng.uniform(*settings.turned_share)
-    scale, mixture = rng.uniform(*settings.scale), rng.dirichlet(np.full(len(KINDS), 0.7))
+    scale, shares = rng.uniform(*settings.scale), rng.dirichlet(np.full(len(KINDS), 0.7))
     for _ in range(settings.attempts):
         if room.furnished >= share:
             break
-        room.furnish(furniture(size, mixture, turned, scale, rng))
+        room.furnish(furniture(size, shares, turned, scale, rng))
     return Layout(size, tuple(room.shapes))
 
 

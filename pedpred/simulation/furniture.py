@@ -71,18 +71,18 @@ def columns(size_m: Sequence[float], radius_m: float, spacing_m: float, rng: Rng
 
 
 def furniture(
-    size_m: Sequence[float], mixture: np.ndarray, turned_share: float, scale: float, rng: Rng
+    size_m: Sequence[float], shares: np.ndarray, turned_share: float, scale: float, rng: Rng
 ) -> Shape:
     """Make a random piece of furniture at a random place.
 
     Args:
         size_m: sides of the room. [2]
-        mixture: probability of each kind. [len(KINDS)]
+        shares: probability of each kind. [len(KINDS)]
         turned_share: probability of an arbitrary angle.
         scale: factor on its size.
         rng: source of all randomness.
     """
-    kind = KINDS[rng.choice(len(KINDS), p=mixture)]
+    kind = KINDS[rng.choice(len(KINDS), p=shares)]
     turned = rng.random() < turned_share
     angle = float(rng.uniform(0.0, 180.0)) if turned else float(rng.choice([0.0, 90.0]))
     center = [float(rng.uniform(0.3, side - 0.3)) for side in size_m]
