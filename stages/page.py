@@ -13,7 +13,7 @@ from pedpred.report.document import Section
 from pedpred.report.findings import Paper
 from pedpred.report.gather import gather
 from pedpred.report.page.build import Contents, page
-from pedpred.report.page.player import replay
+from pedpred.report.page.player import ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.simulation_page import flow_section
 
@@ -23,9 +23,11 @@ def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote; write the page to `out`."""
     methods, figures = Methods.parse(plain(cfg.methods)), metrics_now(Path("reports/metrics"))
     evaluated = {study: gather(study, plain(folds)) for study, folds in cfg.folds.items()}
+    kept = plain(cfg.page)
+    chosen = kept.pop("replays")
     replays = [
-        replay(evaluated[key].scene(name), evaluated[key].windows[name], cfg.page.duration_s, methods)
-        for key, names in cfg.page.replays.items()
+        replay(evaluated[key].scene(name), evaluated[key].windows[name], ReplaySettings(**kept), methods)
+        for key, names in chosen.items()
         for name in names
         if name in evaluated[key].windows
     ]

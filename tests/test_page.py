@@ -20,7 +20,7 @@ from pedpred.report.gallery import Evaluated
 from pedpred.report.measures import results_of
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.codec import Coder, PointColumns
-from pedpred.report.page.player import LEVELS, replay
+from pedpred.report.page.player import LEVELS, ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.snapshots import grid_image
 from pedpred.scenes import OccupancyMap, Predictions
@@ -51,6 +51,13 @@ def hall():
     return scene, dataclasses.replace(windows, **own)
 
 
+KEPT = ReplaySettings(("kalman_cv", "lstm"), 2.1, 2, 0.05)
+
+
+def stretch(duration_s, **given):
+    return dataclasses.replace(KEPT, duration_s=duration_s, **given)
+
+
 PUBLISHED = read("literature/eth_ucy")["published"]
 SIMULATED = {"sim_test": metrics_of(IN_SIMULATION), "sim_test_hall": metrics_of(IN_SIMULATION)}
 REAL = {"eth": metrics_of(MEETING | {"lstm": 0.65, "ca": 9.0}), "hotel": metrics_of(MEETING)}
@@ -70,7 +77,10 @@ def contents_of(scene, windows):
         Evaluated("real", "real", real, places, dict.fromkeys(REAL, windows), {}, network),
     ]
     few = {name: REAL["eth"][name] | {"fde_m_ci95": [0.1, 0.2]} for name in ("cv", "kalman_cv")}
-    shown = [replay(scene, windows, 2.1, METHODS), replay(wall_scene("attic"), windows, 1.2, METHODS)]
+    shown = [
+        replay(scene, windows, KEPT, METHODS),
+        replay(wall_scene("attic"), windows, stretch(1.2), METHODS),
+    ]
     literature = dict.fromkeys(REAL, few)
     side = places_section(evaluated, METHODS).blocks
     return Contents(evaluated, shown, METHODS, PAPER, [], literature, PUBLISHED, LATENCY, side)
@@ -125,15 +135,15 @@ def test_the_middle_of_a_straight_path_takes_next_to_nothing():
 
 
 def test_the_same_replay_has_the_same_data(hall):
-    assert replay(*hall, 0.9, METHODS).data == replay(*hall, 0.9, METHODS).data
-    assert replay(*hall, 60.0, METHODS).header["duration_s"] == pytest.approx(np.ptp(hall[1].time_s))
+    assert replay(*hall, stretch(0.9), METHODS).data == replay(*hall, stretch(0.9), METHODS).data
+    assert replay(*hall, stretch(60.0), METHODS).header["duration_s"] == pytest.approx(np.ptp(hall[1].time_s))
 
 
 def test_what_does_not_fit_a_replay_is_refused(hall):
     scene, windows = hall
     slow = dataclasses.replace(windows, time_s=windows.time_s * 1e6)
     with pytest.raises(ValueRuleError, match=r"below 2\^22"):
-        replay(scene, slow, 1e9, METHODS)
+        replay(scene, slow, stretch(1e9), METHODS)
 
 
 # Where the marks lie
@@ -353,7 +363,7 @@ def decoded(visit, found, expression):
 
 def test_a_replay_keeps_its_stretch_and_the_seconds_that_its_forecasts_are_about(visit_at, hall):
     scene, windows = hall
-    found = replay(scene, windows, 0.9, METHODS)
+    found = replay(scene, windows, stretch(0.9), METHODS)
     visit = visit_at()
     assert found.header["duration_s"] == 0.9
     assert decoded(visit, found, "replay.frames.map((frame) => frame.value)") == [0, 30, 60, 90]
@@ -378,22 +388,41 @@ def test_the_player_holds_the_forecasts_to_half_a_centimetre(visit_at, hall):
         np.testing.assert_allclose(points[:, 1:], path[order], atol=0.00501)
 
 
-def test_the_player_draws_all_modes_by_their_weight(visit_at, hall):
+def test_the_player_draws_likely_modes_by_their_weight(visit_at, hall):
     _, windows = hall
     visit, order = visit_at(), np.lexsort((windows.time_s, windows.track_id))
     found = decoded(visit, None, "replay.rows.track.map((_, row) => replay.modesOf('kalman_cv', row))")
-    points = np.array([[mode["points"] for mode in row] for row in found])
-    np.testing.assert_allclose(points[:, :, 1:], windows.predictions["kalman_cv"].path[order], atol=0.0251)
+    points, kept = np.array([[m["points"] for m in row] for row in found]), [1, 3, 4, 5, 7, 9]
+    modes = windows.predictions["kalman_cv"].path[order]
+    np.testing.assert_allclose(points[:, :, 1:], modes[:, :, kept], atol=0.0251)
     assert decoded(visit, None, "replay.modesOf('lstm', 0)") == []
     visit.page.check('.methods input[value="kalman_cv"]', force=True)
     drawn = """() => { const found = [], { player } = document.getElementById("player");
         const brush = CanvasRenderingContext2D.prototype, { stroke } = brush;
-        brush.stroke = function () { found.push(this.globalAlpha); stroke.call(this); };
+        brush.stroke = function () { found.push(this.lineWidth); stroke.call(this); };
         player.draw();
         brush.stroke = stroke;
         return found; }"""
-    opacities = np.round(visit.page.evaluate(drawn), 3).tolist()
-    assert (opacities.count(0.7), opacities.count(0.3)) == (5, 5)
+    widths = np.round(visit.page.evaluate(drawn), 3).tolist()
+    assert [widths.count(round(1 + 7 * weight, 3)) for weight in (0.7, 0.3)] == [5, 5]
+
+
+def test_modes_that_are_left_out_take_no_space_and_are_not_drawn(visit_at, hall):
+    scene, windows = hall
+    all_modes = replay(scene, windows, KEPT, METHODS)
+    for given in ({"modes": 1}, {"least_weight": 0.5}):
+        fewer = replay(scene, windows, dataclasses.replace(KEPT, **given), METHODS)
+        assert len(fewer.data) < len(all_modes.data)
+        (one,) = decoded(visit_at(), fewer, "replay.modesOf('kalman_cv', 3)")
+        assert one["weight"] == pytest.approx(0.7)
+        assert decoded(visit_at(), fewer, "replay.path('lstm', 3)") == decoded(
+            visit_at(), None, "replay.path('lstm', 3)"
+        )
+
+
+def test_a_method_that_is_not_kept_is_not_offered(hall):
+    header = replay(*hall, dataclasses.replace(KEPT, methods=("lstm", "cv")), METHODS).header
+    assert (header["methods"], header["modes"]) == (["lstm"], {})
 
 
 def test_the_player_shows_the_network_s_inputs_themselves(visit_at, hall):
@@ -435,8 +464,8 @@ def test_a_click_picks_the_person_there_and_tells_its_errors(visit_at, hall):
 
 def test_a_figure_tells_its_interval_and_a_method_can_be_taken_out(visit_at):
     visit = visit_at(390)
-    visit.page.locator('[data-metric="real.eth.lstm.ade_m"]:visible').first.click()
-    assert "0.630 to 0.680 m" in visit.page.inner_text("#tip")
+    visit.page.locator('[data-metric="real.eth.kalman_cv.ade_m"]:visible').first.click()
+    assert "0.580 to 0.630 m" in visit.page.inner_text("#tip")
     shown = visit.page.locator('.boxes [data-method="ca"]').first
     assert shown.is_visible()
     visit.page.locator('.legend input[value="ca"]').evaluate("box => box.click()")

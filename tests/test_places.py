@@ -6,7 +6,7 @@ import pytest
 from pedpred.report.canvas import png_bytes
 from pedpred.report.gallery import Evaluated
 from pedpred.report.measures import results_of
-from pedpred.report.places import places_section, places_table, relative_errors
+from pedpred.report.places import places_section, places_table, ratios_table, wins
 from pedpred.report.walls import RANKS, gains, gains_figure, wall_figure, wall_windows
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from tests.forecasts import METHODS, windows_with
@@ -62,12 +62,12 @@ def test_nothing_is_shown_where_nobody_meets_a_wall():
 
 def test_a_gain_is_relative_to_the_best_simple_method_in_the_place_or_in_each_room():
     (hall, _) = results("real", {"hall": 0.3, "yard": 0.3})
-    (found,) = gains([hall], "here", METHODS)
+    (found,) = gains([hall], "here", METHODS, METHODS["lstm"])
     assert found.ratio == pytest.approx(0.3 / min(MEETING[key] for key in ("cv", "ca", "kalman_cv")))
     assert found.share == 0.0123
     rooms = {"set": metrics_of(MEETING), "set_a": metrics_of(MEETING), "set_b": metrics_of(MEETING)}
     pooled = results_of(rooms, [{"test": ["simulated/set"]}], "sim", 0.3)
-    assert [gain.name for gain in gains(pooled, "there", METHODS)] == ["a", "b"]
+    assert [gain.name for gain in gains(pooled, "there", METHODS, METHODS["lstm"])] == ["a", "b"]
 
 
 def test_a_method_with_weights_has_a_column_per_study_and_every_error_its_interval():
@@ -82,9 +82,28 @@ def test_a_method_with_weights_has_a_column_per_study_and_every_error_its_interv
     ]
     assert hall.endswith("| 0.300 (0.280 to 0.330) | 0.400 (0.380 to 0.430) |")
     assert yard.startswith("| yard | 0.700 (0.680 to 0.730) | 0.800")
-    words = relative_errors(studies, METHODS)
-    assert "simulated (trained in simulation only): hall -50 %, yard -17 %; tuned (" in words
-    assert words.endswith("hall -33 %, yard -17 %.")
+
+
+def test_wins_and_ratios_are_to_the_best_simple_method_at_each_place():
+    studies = {
+        study: {result.name: result for result in results(study, changes)}
+        for study, changes in (
+            ("transfer", {"hall": 0.3, "yard": 0.72}),
+            ("real", {"hall": 0.33, "yard": 0.5}),
+        )
+    }
+    words = wins(studies, METHODS["lstm"], METHODS)
+    assert "never saw, the LSTM beats the best of CV, CA and Kalman CV at 1 of 2 when trained in sim" in words
+    assert words.endswith(
+        "(0.50 to 1.20 times its ADE) and at 2 of 2 when fine-tuned on the other places "
+        "(0.55 to 0.83 times its ADE)."
+    )
+    header, _, hall, yard = ratios_table(studies, METHODS).markdown("").splitlines()
+    assert header.endswith(
+        "| Kalman CV | LSTM-noGrid, simulated | LSTM-noGrid, tuned | LSTM, simulated | LSTM, tuned |"
+    )
+    assert hall == "| hall | 0.600 (0.580 to 0.630) | 1.00 | **0.83** | **0.83** | **0.50** | **0.55** |"
+    assert yard == "| yard | 0.600 (0.580 to 0.630) | 1.00 | **0.83** | **0.83** | 1.20 | **0.83** |"
 
 
 def test_the_section_shows_walls_and_names_a_missing_place():
@@ -108,6 +127,6 @@ def test_figures_of_walls_come_out_the_same_twice():
     assert len(wall_figure(scene, windows, rows, METHODS).axes) == len(RANKS)
     files = [png_bytes(wall_figure(scene, windows, rows, METHODS)) for _ in range(2)]
     assert files[0] == files[1]
-    found = gains(results("real", {"hall": 0.3, "yard": 0.9}), "here", METHODS)
+    found = gains(results("real", {"hall": 0.3, "yard": 0.9}), "here", METHODS, METHODS["lstm"])
     (axes,) = gains_figure(found, METHODS).axes
     assert {text.get_text() for text in axes.texts} == {"hall", "yard"}

@@ -15,12 +15,12 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import occupancy_crops
 from pedpred.geometry import Homography, rotate
 from pedpred.metrics import METRICS, Metric
-from pedpred.metrics.calibration import radius2, squared_mahalanobis
+from pedpred.metrics.calibration import radius2, share_inside, squared_mahalanobis
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.canvas import png_bytes
 from pedpred.report.curves import by_stage, lines_figure, training_plots
 from pedpred.report.document import Picture, Pictures, Section, joined
-from pedpred.report.error_plots import ellipse, horizon_figure, horizon_table
+from pedpred.report.error_plots import horizon_figure, horizon_table
 from pedpred.report.findings import Expectation, findings, summed_up
 from pedpred.report.gallery import Evaluated, gallery
 from pedpred.report.gather import document
@@ -28,6 +28,7 @@ from pedpred.report.instants import Instant, choose
 from pedpred.report.measures import read_metrics, results_of
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
 from pedpred.report.reconstructions import evenly_chosen, reconstructed
+from pedpred.report.regions import ellipse, region
 from pedpred.report.sections import answer
 from pedpred.report.situation import draw_people
 from pedpred.report.snapshots import angular_cell_edges, draw_angular_grid, grid_image
@@ -145,21 +146,30 @@ def test_a_table_row_holds_its_figures_beside_the_papers():
     table = metrics_table(result_of(metrics_of(MEETING)), METHODS, {"cv": 0.652}).markdown("")
     rows = {row.split(" | ")[0].strip("|* "): row for row in table.splitlines()}
     cells = rows["CV"].strip("| ").split(" | ")
-    assert cells[1:5] == ["0.700 (0.680 to 0.730)", "1.330", "0.770", "1.23 %"]
-    assert cells[5:] == ["20.00 %", "+0.100 (+0.090 to +0.110)", "0.652"]
+    assert cells[1:6] == ["0.700 (0.680 to 0.730)", "1.330", "0.770", "-", "1.23 %"]
+    assert cells[6:] == ["20.00 %", "+0.100 (+0.090 to +0.110)", "0.652"]
     assert rows["Kalman CV"].endswith("| - | - |")
-    assert {row.count(" | ") for row in table.splitlines()} == {7}
+    assert {row.count(" | ") for row in table.splitlines()} == {8}
 
 
 def test_every_metric_is_shown_once(monkeypatch):
     monkeypatch.setitem(METRICS, "toy_share", Metric("toy", "%", "higher", None))
     metrics = metrics_of({"cv": 0.7, "kalman_cv": 0.6, "lstm": 0.4})
     for own in metrics.values():
-        own |= {"min_ade_m_k3": own["ade_m"], "min_ade_m_k6": 0.9 * own["ade_m"], "toy_share": 0.5}
-    rows = further_table(result_of(metrics), METHODS).markdown("").splitlines()
-    assert rows[0] == "| method | minADE6 [m] | NLL [nats] | toy |"  # minADE3 repeats the ADE
-    assert rows[2:4] == ["| CV | 0.630 | - | 50.00 % |", "| Kalman CV | 0.540 | - | 50.00 % |"]
-    assert rows[4:] == ["| **LSTM** | 0.360 | 0.50 | 50.00 % |"]
+        own |= {"min_ade_m_k3": 0.9 * own["ade_m"], "min_ade_m_k6": own["ade_m"], "toy_share": 0.5}
+    result = result_of(metrics)
+    rows = further_table(result, METHODS).markdown("").splitlines()
+    assert rows[0] == "| method | minADE3 [m] | toy |"
+    assert rows[2:4] == ["| CV | 0.630 | 50.00 % |", "| Kalman CV | 0.540 | 50.00 % |"]
+    assert "minADE6" not in metrics_table(result, METHODS, {}).markdown("")  # it repeats the ADE
+    metrics["lstm"] |= {"min_ade_m_k6": 0.3, "mode_collision_share": 0.1}
+    header, _, cv, *_, lstm = metrics_table(result, METHODS, {}).markdown("").splitlines()
+    assert header.startswith(
+        "| method | ADE [m] | FDE [m] | minADE6 [m] | ADE moving [m] | NLL [nats] | in obst"
+    )
+    assert "| collisions | collisions of most likely modes |" in header
+    assert "| 0.700 | 0.770 | - | 1.23 % | 20.00 % | - |" in cv
+    assert "| 0.300 | 0.440 | 0.50 | 1.23 % | 20.00 % | 10.00 % |" in lstm
 
 
 def test_the_table_of_ellipses_has_three_steps_of_methods_with_covariances():
@@ -180,6 +190,18 @@ def test_methods_keep_order_and_colour_whoever_else_is_there():
     assert METHODS.ordered(["zebra", "lstm", "cv", "aaa"]) == ["cv", "lstm", "aaa", "zebra"]
     for shown in ("colour", "label"):
         assert len({getattr(method, shown) for method in METHODS}) == len(METHODS.rows)
+
+
+def test_an_ablation_names_the_network_that_it_is_an_ablation_of():
+    ((part, whole),) = METHODS.ablations
+    assert (part.role, whole.role) == ("ablation", "network")
+    with pytest.raises(ValueRuleError, match=rf"methods\.{part.key}\.of = ''"):
+        replace(part, of="")
+    with pytest.raises(ValueRuleError, match=rf"methods\.{whole.key}\.of = 'cv'"):
+        replace(whole, of="cv")
+    rows = [replace(row, of="cv") if row is part else row for row in METHODS]
+    with pytest.raises(ValueRuleError, match=rf"of = 'cv', but the networks are \['{whole.key}'"):
+        replace(METHODS, rows=tuple(rows))
 
 
 def test_where_a_method_is_applied_its_reference_is():
@@ -213,7 +235,7 @@ def test_the_page_on_simulation_lists_single_scenes_and_pictures():
     page = document_of("sim", results, [Section("Look", [Pictures(pictures, columns=2)])])
     assert page.startswith("# Simulation")
     assert "| office | 1234 |" in page
-    assert "below the LSTM-noGrid in 1 of 2 and below the Kalman CV in 1 of 2" in page
+    assert "LSTM below Kalman CV in 1 of 2; LSTM below LSTM-noGrid in 1 of 2." in page
     assert "![p2](sim/p2.png)<br>caption 2" in page
     with pytest.raises(ValueRuleError, match="sim_test"):
         results_of({"eth": metrics}, SIMULATED, "sim", 0.3)
@@ -322,15 +344,39 @@ def test_an_obstacle_ahead_is_drawn_above_and_one_to_the_left_is_drawn_left(head
     np.testing.assert_allclose(drawn, (row, column), atol=1.5)
 
 
-def test_less_likely_modes_are_faint_lines():
-    paths = np.array([[[[1.0, 0.0]] * STEPS, [[0.0, 1.0]] * STEPS]])
-    two = Predictions(paths[:, 0], paths, np.array([[0.7, 0.3]]), 0.3)
-    windows = windows_with(np.zeros((1, 2)), paths[:, 0], {"lstm": paths[:, 0]})
+def test_modes_of_the_person_in_focus_are_lines_as_wide_as_they_are_likely():
+    paths = np.array([[[[1.0, 0.0]] * STEPS, [[0.0, 1.0]] * STEPS]] * 2)
+    two = Predictions(paths[:, 0], paths, np.array([[0.7, 0.3]] * 2), 0.3)
+    windows = windows_with(np.zeros((2, 2)), paths[:, 0], {"lstm": paths[:, 0]})
     windows = replace(windows, predictions={"lstm": two})
     axes = Figure().add_subplot()
     draw_people(axes, windows, Instant.of("hall", windows, 0), [METHODS["lstm"]], lambda points: points)
-    faint = [line for line in axes.lines if line.get_alpha()]
-    assert [line.get_xydata()[-1].tolist() for line in faint] == [[0.0, 1.0]]
+    modes = [line for line in axes.lines if line.get_alpha()]
+    assert [line.get_xydata()[-1].tolist() for line in modes] == [[1.0, 0.0], [0.0, 1.0]]
+    assert modes[0].get_linewidth() ** 2 / modes[1].get_linewidth() ** 2 == pytest.approx(0.7 / 0.3)
+
+
+def gaussians(apart_m, weight=(0.6, 0.4)):
+    """Two round modes of 1 m spread, one step ahead of one person."""
+    path = np.array([[[[0.0, 0.0]], [[apart_m, 0.0]]]])
+    covariance = np.tile(np.eye(2), (1, 2, 1, 1, 1))
+    return Predictions(path[:, 0], path, np.array([weight]), 0.3, covariance)
+
+
+def test_the_region_of_equal_modes_is_that_of_one():
+    outline = np.concatenate(region(gaussians(0.0), 0, 0, 0.9))
+    np.testing.assert_allclose(np.linalg.norm(outline, axis=-1), np.sqrt(radius2(0.9)), rtol=0.02)
+
+
+def test_a_region_has_a_part_around_every_likely_mode():
+    assert len(region(gaussians(8.0), 0, 0, 0.9)) == 2
+    assert len(region(gaussians(8.0, (0.95, 0.05)), 0, 0, 0.9)) == 1
+
+
+def test_the_edge_of_a_region_is_where_its_share_is_inside():
+    outline = np.concatenate(region(gaussians(2.5), 0, 0, 0.5))[::7]
+    inside = [share_inside(gaussians(2.5), point[None, None])[0, 0] for point in outline]
+    np.testing.assert_allclose(inside, 0.5, atol=0.03)
 
 
 @pytest.mark.parametrize(("cell", "direction"), [(0, (0, 1)), (18, (-1, 0)), (36, (0, -1)), (54, (1, 0))])

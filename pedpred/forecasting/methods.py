@@ -10,8 +10,8 @@ from pedpred.errors import ValueRuleError
 
 ROLES = ("baseline", "reference", "oracle", "bound", "ablation", "network")
 """baseline: simple and causal. reference: the strongest of these, which paired differences are taken to.
-oracle: knows the future goal. bound: what could be reached at best. ablation: a network without one of its
-parts. network: a learned method; the last one listed is what reports are about."""
+oracle: knows the future goal. bound: what could be reached at best. ablation: the network `of` without one of
+its parts. network: a learned method; the last one listed is what reports are about."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class Method:
         role: one of `ROLES`.
         where: kinds of test sets that it is applied to: "simulated", "real", "literature".
         settings: arguments of its factory: options of a baseline, or architecture and sizes of a network.
+        of: key of the network that an ablation is compared with; empty for other roles.
     """
 
     key: str
@@ -33,10 +34,19 @@ class Method:
     role: str
     where: tuple[str, ...]
     settings: Mapping[str, Any] = field(default_factory=dict)
+    of: str = ""
 
     def __post_init__(self) -> None:
         if self.role not in ROLES:
             raise ValueRuleError(f"methods.{self.key}.role", self.role, f"it must be one of {ROLES}")
+        if (self.role == "ablation") != bool(self.of):
+            rule = "a method with the role ablation, and no other, names the network it is compared with"
+            raise ValueRuleError(f"methods.{self.key}.of", self.of, rule)
+
+    @property
+    def learned(self) -> bool:
+        """Whether it has weights."""
+        return self.role in ("ablation", "network")
 
 
 @dataclass(frozen=True)
@@ -49,6 +59,10 @@ class Methods:
         for role in ("reference", "network"):
             if not any(row.role == role for row in self.rows):
                 raise ValueRuleError("methods", role, "one method must have this role")
+        networks = [row.key for row in self.networks]
+        for row in self.rows:
+            if row.of and row.of not in networks:
+                raise ValueRuleError(f"methods.{row.key}.of", row.of, f"the networks are {networks}")
 
     @classmethod
     def parse(cls, plain: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Methods:
@@ -76,9 +90,19 @@ class Methods:
         return [row for row in self.rows if row.role in ("baseline", "reference")]
 
     @property
+    def networks(self) -> list[Method]:
+        """The learned methods, but for ablations."""
+        return [row for row in self.rows if row.role == "network"]
+
+    @property
     def main(self) -> Method:
         """The method that reports are about."""
-        return [row for row in self.rows if row.role == "network"][-1]
+        return self.networks[-1]
+
+    @property
+    def ablations(self) -> list[tuple[Method, Method]]:
+        """Each ablation with the network that it is compared with."""
+        return [(row, self[row.of]) for row in self.rows if row.of]
 
     def ordered(self, keys: Iterable[str]) -> list[str]:
         """Keys in the order of display; unknown ones last, by name."""

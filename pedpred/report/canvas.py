@@ -17,7 +17,7 @@ DPI = 110
 LARGEST_BYTES = 60_000
 """Pictures above this size are reduced to 256 colours."""
 
-AVIF_QUALITY = 42
+AVIF_QUALITY = 39
 
 INK = "#222222"
 FAINT = "#B8B8B8"

@@ -28,6 +28,7 @@ class Cell:
     unit: str = "m"  # of the interval
     remark: str = ""  # further words of the tooltip
     whisker: Whisker | None = None  # the interval as a drawing, on the page
+    strong: bool = False
 
     @property
     def tip(self) -> str:
@@ -37,7 +38,8 @@ class Cell:
 
     def markdown(self) -> str:
         """Text and interval."""
-        return f"{self.text} ({self.bounds})" if self.bounds else self.text
+        text = f"**{self.text}**" if self.strong else self.text
+        return f"{text} ({self.bounds})" if self.bounds else text
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Errors over the prediction horizon, as the paper's figure, and coverage of the error ellipses."""
+"""Errors over the prediction horizon, as the paper's figure, and coverage of regions of probability."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pedpred.forecasting import Methods
-from pedpred.metrics.calibration import REGIONS, coverage, radius2, share_inside, shown_steps
+from pedpred.metrics.calibration import REGIONS, coverage, share_inside, shown_steps
 from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.charts import ends_of, scale_of
 from pedpred.report.measures import Result
@@ -21,7 +21,6 @@ from pedpred.storage.windows import EvaluationWindows
 
 _READING = "below the dashed line: overconfident,\nabove it: underconfident"
 _SHARES = np.linspace(0.0, 0.99, 100)
-_CORNERS = 40
 
 
 def horizon_table(result: Result, methods: Methods) -> pd.DataFrame:
@@ -92,23 +91,13 @@ def calibration_figure(windows: Sequence[EvaluationWindows], title: str, methods
             _draw_line(axes, inside[name][:, step : step + 1], methods[name].colour)
         axes.set(xlim=(0, 100), ylim=(0, 100), aspect="equal", title=f"{(step + 1) * dt_s:.1f} s ahead")
         axes.set(xlabel="should lie inside [%]", ylabel="lie inside [%]" if step == 0 else "")
-    figure.suptitle(f"Error ellipses, {title}", x=0.01, ha="left", fontsize=10)
+    figure.suptitle(f"Regions of probability, {title}", x=0.01, ha="left", fontsize=10)
     handles = [
         Line2D([], [], color=method.colour, marker="o", markersize=4.0, label=method.label)
         for method in map(methods.__getitem__, names)
     ]
     figure.legend(handles=handles, loc="outside right center", title=_READING, alignment="left")
     return figure
-
-
-def ellipse(centre: np.ndarray, covariance: np.ndarray, share: float) -> np.ndarray:
-    """Closed outline of the region that holds a share of a plane Gaussian: [corners, 2] m.
-
-    Centre [2] in m and covariance [2, 2] in m^2 are in the same frame.
-    """
-    turn = np.linspace(0.0, 2 * np.pi, _CORNERS)
-    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    return centre + np.sqrt(radius2(share)) * circle @ np.linalg.cholesky(covariance).T
 
 
 def _shares(windows: Sequence[EvaluationWindows], name: str) -> np.ndarray:

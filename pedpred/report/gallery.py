@@ -20,7 +20,7 @@ from pedpred.report.measures import Result
 from pedpred.report.plan import arrangement_figure, contact_sheet
 from pedpred.report.reconstructions import reconstructions_section
 from pedpred.report.sections import calibration_section
-from pedpred.report.situation import ARROW_S, REGION
+from pedpred.report.situation import ARROW_S, reading_of_modes
 from pedpred.report.snapshots import camera_figure, inputs_figure
 from pedpred.scenes import Scene
 from pedpred.storage.windows import EvaluationWindows
@@ -83,7 +83,7 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     for suffix, own in shared.items():
         for name, found in _instants(own, scenes, CROWD[kind], methods).items():
             snapshots.append(_snapshot(f"{suffix}_{name}", scenes, own, found, methods))
-    legend = f"{_legend(methods)} {_STILL}" if any(s.camera for s in scenes.values()) else _legend(methods)
+    legend = _legend(windows, methods) + f" {_STILL}" * any(scene.camera for scene in scenes.values())
     others = {name: rooms for name, rooms in evaluated.scenes.items() if name not in tested}
     return [
         Section("Error over the horizon", [Pictures(horizons)], "horizon"),
@@ -96,11 +96,11 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     ]
 
 
-def _legend(methods: Methods) -> str:
+def _legend(windows: Mapping[str, EvaluationWindows], methods: Methods) -> str:
     return (
         "Circles: people, the one in focus is filled; arrows: the way of the present velocity in "
-        f"{ARROW_S} s; large dots: forecast of the {methods.main.label}; ellipses: its {100 * REGION:.0f} % "
-        "region at half the horizon and at its end; small dots: forecast of the "
+        f"{ARROW_S} s; large dots: point forecast of the {methods.main.label}; for the person in focus also "
+        f"{reading_of_modes(windows.values(), methods.main)}; small dots: forecast of the "
         f"{methods.reference.label}; dashed: the true path; empty grey circles: people without an evaluation "
         "window."
     )

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
-from pedpred.forecasting import Methods
-from pedpred.report.document import Block, Cell, Picture, Pictures, Row, Section, Table, Text
+from pedpred.forecasting import Method, Methods
+from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
 from pedpred.report.gallery import Evaluated
 from pedpred.report.measures import Result
 from pedpred.report.sections import warnings
-from pedpred.report.tables import metric_cell, metric_title
+from pedpred.report.tables import interval, metric_cell, metric_title
 from pedpred.report.walls import (
     LEAST_SHARE,
+    best_simple,
     gains,
     gains_figure,
     wall_caption,
@@ -23,67 +25,119 @@ SHORT = {"transfer": "simulated", "real": "tuned"}
 TRAINED = {
     "sim": "simulated rooms",
     "transfer": "trained in simulation only",
-    "real": "then fine-tuned on the other places",
+    "real": "fine-tuned on the other places",
 }
 """What the networks of a study have learned from, in a word and in words; another study has its name."""
-_FURTHER = ("moving_ade_m", "standing_ade_m", "obstacle_share")
+_LISTED = ("ade_m", "moving_ade_m", "standing_ade_m", "min_ade_m_k6", "nll", "obstacle_share")
 
 Studies = Mapping[str, Mapping[str, Result]]
 """Results at real places: study -> place -> result."""
+Columns = Sequence[tuple[Method, Sequence[str]]]
+"""Methods with the studies that their figures may come from: one of a method with weights, any of others."""
 
 
 def places_section(evaluated: Sequence[Evaluated], methods: Methods) -> Section:
-    """Compare all studies of real places: table, forecasts at walls, errors over the share of these."""
+    """Compare all studies of real places: errors, forecasts at walls, errors over the share of these."""
     real = [own for own in evaluated if own.kind == "real"]
     studies = {own.study: {result.name: result for result in own.results} for own in real if own.results}
     missing = list(dict.fromkeys(name for own in real for name in own.missing))
     blocks: list[Block] = [*warnings([], missing)]
     if studies:
-        blocks += [
-            Text(relative_errors(studies, methods), "sentence"),
-            places_table(studies, "ade_m", methods),
-        ]
+        blocks += [Text(wins(studies, methods.main, methods), "sentence"), ratios_table(studies, methods)]
+        blocks += [Text(wins(studies, other, methods), "note") for other in methods.networks[:-1]]
         walls = wall_pictures(next(own for own in real if own.results), methods)
         blocks += [Pictures(walls)] if walls else []
         blocks.append(_gains(evaluated, methods))
-        tables = [Section(metric_title(key), [places_table(studies, key, methods)]) for key in _FURTHER]
-        blocks.append(Section("Moving, standing, in obstacles", tables, folded=True))
+        tables = [Section(metric_title(key), [places_table(studies, key, methods)]) for key in _LISTED]
+        blocks.append(Section("Every place, with 95 % intervals", tables, folded=True))
     return Section("Real places, each unseen", blocks, "places")
 
 
-def relative_errors(studies: Studies, methods: Methods) -> str:
-    """The main method's error relative to the best simple method, place by place."""
-    *some, last = (method.label for method in methods.simple)
-    parts = []
+def wins(studies: Studies, method: Method, methods: Methods) -> str:
+    """At how many places a method has a smaller ADE than the best simple method, and its range."""
+    *some, last = (simple.label for simple in methods.simple)
+    counts = []
     for study, results in studies.items():
-        gain = {gain.name: f"{gain.ratio - 1:+.0%}" for gain in gains(results.values(), study, methods)}
-        listed = ", ".join(f"{name} {percent.replace('%', ' %')}" for name, percent in gain.items())
-        parts.append(f"{_short(study)} ({_trained(study)}): {listed}")
-    against = f"the ADE of the {methods.main.label} minus that of the best of {', '.join(some)} and {last}"
-    return f"At places that it never saw, {against}; {'; '.join(parts)}."
+        ratios = [gain.ratio for gain in gains(results.values(), study, methods, method)]
+        if ratios:
+            won, span = sum(ratio < 1 for ratio in ratios), f"{min(ratios):.2f} to {max(ratios):.2f}"
+            counts.append(f"at {won} of {len(ratios)} when {_trained(study)} ({span} times its ADE)")
+    if not counts:
+        return f"The {method.label} was evaluated at no real place."
+    best = f"the best of {', '.join(some)} and {last}"
+    return f"At real places that it never saw, the {method.label} beats {best} {' and '.join(counts)}."
+
+
+def ratios_table(studies: Studies, methods: Methods) -> Table:
+    """ADE of every method relative to the best simple one, place by place; ratios below 1 are strong.
+
+    A simple method has a column if it is the best one somewhere.
+    """
+    places = _figures(studies)
+    best = {name: best_simple(figures, methods) for name, figures in places.items()}
+    columns = [
+        (method, any_of)
+        for method, any_of in _columns(studies, methods)
+        if method.learned or method.key in best.values()
+    ]
+    rows = []
+    for name, key in best.items():
+        base, base_m = places[name][key], places[name][key]["ade_m"]
+        study = next(study for study, results in studies.items() if name in results)
+        cells = [Cell(name), metric_cell(f"{study}.{name}", key, "ade_m", base, shown=True)]
+        for method, any_of in columns:
+            _, own = _entry(studies, name, method, any_of)
+            if not own:
+                cells.append(Cell(NOTHING))
+                continue
+            ratio = own["ade_m"] / base_m
+            words = f"ADE {own['ade_m']:.3f} m, 95 % interval {interval(own['ade_m_ci95'])} m"
+            cells.append(Cell(f"{ratio:.2f}", remark=words, strong=ratio < 1))
+        rows.append(Row(cells))
+    header = ["ADE / that of the best simple method", "best simple ADE [m]", *_titles(columns, studies)]
+    return Table(header, rows)
 
 
 def places_table(studies: Studies, key: str, methods: Methods) -> Table:
     """A metric of every method at every place; one with weights has a column for each study."""
-    names = list(dict.fromkeys(name for results in studies.values() for name in results))
-    keys = {m for results in studies.values() for own in results.values() for m in own.figures}
-    columns: list[tuple[str, list[str]]] = []  # each with the studies that any of its figures may come from
-    for method in methods.ordered(keys):
-        learned = methods[method].role in ("ablation", "network")
-        columns += [(method, [study]) for study in studies] if learned else [(method, list(studies))]
+    columns = _columns(studies, methods)
     rows = []
-    for name in names:
+    for name in _figures(studies):
         cells = [Cell(name)]
         for method, any_of in columns:
-            study = next((study for study in any_of if name in studies[study]), None)
-            own = {} if study is None else studies[study][name].figures.get(method, {})
-            cells.append(metric_cell(f"{study}.{name}", method, key, own, shown=True))
+            study, own = _entry(studies, name, method, any_of)
+            cells.append(metric_cell(f"{study}.{name}", method.key, key, own, shown=True))
         rows.append(Row(cells))
-    header = [
-        methods[method].label + (f", {_short(any_of[0])}" if len(any_of) < len(studies) else "")
-        for method, any_of in columns
-    ]
-    return Table([metric_title(key), *header], rows)
+    return Table([metric_title(key), *_titles(columns, studies)], rows)
+
+
+def _figures(studies: Studies) -> dict[str, Mapping[str, Any]]:
+    """The figures of the first study that has a place, by place."""
+    found: dict[str, Mapping[str, Any]] = {}
+    for results in studies.values():
+        found |= {name: result.figures for name, result in results.items() if name not in found}
+    return found
+
+
+def _columns(studies: Studies, methods: Methods) -> Columns:
+    keys = {key for results in studies.values() for own in results.values() for key in own.figures}
+    every: list[Sequence[str]] = [[study] for study in studies]
+    found = [methods[key] for key in methods.ordered(keys)]
+    return [(m, any_of) for m in found for any_of in (every if m.learned else [list(studies)])]
+
+
+def _titles(columns: Columns, studies: Studies) -> list[str]:
+    return [m.label + (f", {_short(s[0])}" if len(s) < len(studies) else "") for m, s in columns]
+
+
+def _entry(
+    studies: Studies, place: str, method: Method, any_of: Sequence[str]
+) -> tuple[str, Mapping[str, Any]]:
+    """The first study of a place with figures of a method, and these; empty ones if there is none."""
+    for study in any_of:
+        if place in studies[study] and method.key in studies[study][place].figures:
+            return study, studies[study][place].figures[method.key]
+    return "", {}
 
 
 def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
@@ -95,18 +149,19 @@ def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
             continue
         scene, windows = evaluated.scene(result.name), evaluated.windows[result.name]
         rows = wall_windows(windows, scene, methods)
-        caption = f"{wall_caption(scene, methods)} Networks: {_trained(evaluated.study)}."
+        caption = f"{wall_caption(scene, windows, methods)} Networks: {_trained(evaluated.study)}."
         figure = wall_figure(scene, windows, rows, methods)
         found.append(Picture(f"walls_{result.name}", caption, figure))
     return found
 
 
 def _gains(evaluated: Sequence[Evaluated], methods: Methods) -> Pictures:
-    found = [gain for own in evaluated for gain in gains(own.results, _trained(own.study), methods)]
+    main, straight = methods.main, methods.simple[0]
+    found = [gain for own in evaluated for gain in gains(own.results, _trained(own.study), methods, main)]
     caption = (
-        f"ADE of the {methods.main.label} relative to the best simple method, over the share of "
-        f"{methods.simple[0].label}'s points in obstacles: real places and single simulated rooms. Lines: "
-        f"95 % interval of the {methods.main.label}'s ADE."
+        f"ADE of the {main.label} relative to the best simple method, over the share of {straight.label}'s "
+        f"points in obstacles: real places and single simulated rooms. Lines: 95 % interval of the "
+        f"{main.label}'s ADE."
     )
     return Pictures([Picture("walls", caption, gains_figure(found, methods))])
 

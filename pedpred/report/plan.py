@@ -67,6 +67,14 @@ def draw_ground(
     axes.text(extent[0] + 2.3, below, "2 m", va="center", fontsize=8)
 
 
+def extent_around(points: np.ndarray, margin_m: float, whole: Sequence[float]) -> list[float]:
+    """Left, right, bottom and top of the square around points [..., 2], as far as it is in the `whole`, m."""
+    low, high = points.reshape(-1, 2).min(axis=0), points.reshape(-1, 2).max(axis=0)
+    (x, y), half_m = (low + high) / 2, (high - low).max() / 2 + margin_m
+    left, right, bottom, top = whole
+    return [max(x - half_m, left), min(x + half_m, right), max(y - half_m, bottom), min(y + half_m, top)]
+
+
 def draw_tracks(axes: Axes, paths: Sequence[np.ndarray], width: float = 0.7) -> None:
     """One thin line per path ([M, 2], m); colours only tell neighbours apart."""
     colour = [_TRACK_COLOURS[k % len(_TRACK_COLOURS)] for k in range(len(paths))]

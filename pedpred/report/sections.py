@@ -28,14 +28,16 @@ from pedpred.report.tables import (
 READING = (
     "ADE: distance to the true position, averaged over all steps; FDE: at the last step; intervals: "
     "bootstrap over tracks; in obstacles: share of forecast positions; collisions: share of forecasts that "
-    "come closer to another one than the collision distance. The paper's column is its own table, measured "
-    "on its own windows."
+    "come closer to another one than the collision distance. Where a method gives several weighted paths, "
+    "minADE6 is the ADE of the best of the six most likely ones, and NLL the negative log likelihood of the "
+    "true positions, lower is better. The paper's column is its own table, measured on its own windows."
 )
 CALIBRATION = (
-    "Some methods give a Gaussian of the position at every step. Its ellipses of 50, 90 and 95 % should "
-    "include that share of the true positions: fewer mean overconfidence, more mean underconfidence. NLL: "
-    "negative log likelihood of the true position; lower: tighter and better calibrated. The networks learn "
-    "their covariances in training; those of the Kalman filter follow from its noise."
+    "Some methods give a probability density of the position at every step: a Gaussian, or several weighted "
+    "ones. Its smallest regions that hold 50, 90 and 95 % should include that share of the true positions: "
+    "fewer mean overconfidence, more mean underconfidence. NLL: negative log likelihood of the true "
+    "position; lower: tighter and better calibrated. The networks learn their densities in training; that "
+    "of the Kalman filter follows from its noise."
 )
 NONCAUSAL = "**Non-causal protocol: the inputs know the future, so nothing on this page is a forecast.**"
 
@@ -102,14 +104,16 @@ def parts_sections(results: Sequence[Result], methods: Methods) -> list[Section]
 
 
 def below_in(scenes: Sequence[Figures], methods: Methods) -> str:
-    """In how many scenes the main method's ADE is below those of its ablations and of the reference."""
-    main, counts = methods.main, []
-    for other in [row for row in methods if row.role == "ablation"] + [methods.reference]:
-        both = [figures for figures in scenes if {main.key, other.key} <= figures.keys()]
-        wins = sum(figures[main.key]["ade_m"] < figures[other.key]["ade_m"] for figures in both)
+    """In how many scenes the ADE of the main method, and of networks with ablations, is below others'."""
+    main = methods.main
+    pairs = [(main, other) for other in (methods.reference, *methods.networks) if other is not main]
+    counts = []
+    for one, other in [*pairs, *((whole, part) for part, whole in methods.ablations)]:
+        both = [figures for figures in scenes if {one.key, other.key} <= figures.keys()]
+        won = sum(figures[one.key]["ade_m"] < figures[other.key]["ade_m"] for figures in both)
         if both:
-            counts.append(f"below the {other.label} in {wins} of {len(both)}")
-    return f"The {main.label} is {' and '.join(counts)}." if counts else ""
+            counts.append(f"{one.label} below {other.label} in {won} of {len(both)}")
+    return f"{'; '.join(counts)}." if counts else ""
 
 
 def calibration_section(

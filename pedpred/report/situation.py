@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,8 @@ from matplotlib.patches import FancyArrowPatch
 from pedpred.forecasting import Method
 from pedpred.metrics.calibration import shown_steps
 from pedpred.report.canvas import INK
-from pedpred.report.error_plots import ellipse
 from pedpred.report.instants import Instant
+from pedpred.report.regions import region
 from pedpred.scenes import Trajectories
 from pedpred.storage.windows import EvaluationWindows
 
@@ -24,7 +24,9 @@ ARROW_S = 0.75
 """Time that a velocity arrow spans, s."""
 
 REGION = 0.9
-"""Share of the probability that the drawn error ellipses hold."""
+"""Share of the probability that the drawn regions hold."""
+WIDEST = 5.0
+"""Width of a mode of weight 1; others are drawn by the root of theirs, points."""
 _BYSTANDER = "#8A8A8A"
 
 Placing = Callable[[np.ndarray], np.ndarray]
@@ -36,42 +38,46 @@ def draw_people(
 ) -> None:
     """Draw circles with ids, velocity arrows, the true paths dashed, a dot per predicted step.
 
-    The first method gets large dots and its regions of `REGION` at half the horizon and at its end; others
-    get thin lines with small dots. Less likely modes are faint lines.
+    The first method gets large dots and, for the person in focus, its modes and regions; others get thin
+    lines with small dots.
     """
-    truth = _with_present(windows, windows.truth, instant.rows)
-    for path in truth:
+    for path in _with_present(windows, windows.truth[instant.rows], instant.rows):
         axes.plot(*place(path).T, color=INK, linewidth=1.1, dashes=(4, 2), zorder=3)
+    _draw_modes(axes, windows, instant.focus, methods[0], place)
     for rank, method in reversed(list(enumerate(methods))):
         size, width = (4.2, 0.9) if rank == 0 else (2.2, 0.8)
-        own = windows.predictions[method.key]
-        for further in own.path.swapaxes(0, 1)[1:]:
-            for path in _with_present(windows, further, instant.rows):
-                axes.plot(*place(path).T, color=method.colour, linewidth=0.6, alpha=0.35, zorder=3)
-        for path in _with_present(windows, own.point, instant.rows):
+        for path in _with_present(windows, windows.predictions[method.key].point[instant.rows], instant.rows):
             at = place(path)
             axes.plot(*at.T, color=method.colour, linewidth=width, zorder=4 + (rank == 0))
             dots = axes.plot(*at[1:].T, "o", color=method.colour, markersize=size, zorder=5 + (rank == 0))
             dots[0].set_markeredgewidth(0)
-    if windows.predictions[methods[0].key].covariance is not None:
-        _draw_regions(axes, windows, instant.rows, methods[0], place)
     for row in instant.rows:
         step = np.array([[0.0], [ARROW_S]]) * windows.world_velocity[row]
         ends = place(windows.position[row] + step)
         _draw_person(axes, ends, str(windows.track_id[row]), row == instant.focus)
 
 
-def _draw_regions(
-    axes: Axes, windows: EvaluationWindows, rows: np.ndarray, method: Method, place: Placing
-) -> None:
-    """The regions that hold `REGION` of a method's probability at half the horizon and at its end."""
+def _draw_modes(axes: Axes, windows: EvaluationWindows, row: int, method: Method, place: Placing) -> None:
+    """Lines whose width tells a mode's weight; regions of `REGION` at half the horizon and at its end."""
     colour, own = method.colour, windows.predictions[method.key]
+    if own.modes > 1:
+        paths = _with_present(windows, own.path[row], np.full(own.modes, row))
+        for path, weight in zip(paths, own.weight[row], strict=True):
+            width, alpha = WIDEST * np.sqrt(weight), 0.25 + 0.5 * weight
+            axes.plot(*place(path).T, color=colour, linewidth=width, alpha=alpha, zorder=3)
     style: dict[str, Any] = {"facecolor": to_rgba(colour, 0.1), "edgecolor": to_rgba(colour, 0.5)}
-    for row in rows:
-        for step in shown_steps(windows.truth.shape[1])[1:]:
-            covariance = windows.covariances[method.key][row, step]
-            outline = place(ellipse(own.most_likely[row, step], covariance, REGION))
-            axes.fill(*outline.T, linewidth=0.6, zorder=2, **style)
+    for step in shown_steps(own.steps)[1:] if own.covariance is not None else ():
+        for outline in region(own, row, step, REGION):
+            axes.fill(*place(outline).T, linewidth=0.6, zorder=2, **style)
+
+
+def reading_of_modes(windows: Iterable[EvaluationWindows], method: Method) -> str:
+    """How the modes and regions of a method are drawn, as far as it has any."""
+    own = [scene.predictions[method.key] for scene in windows if method.key in scene.predictions]
+    drawn = ["lines: its modes, wider for larger weights"] * any(answer.modes > 1 for answer in own)
+    if any(answer.covariance is not None for answer in own):
+        drawn.append(f"shaded: its {100 * REGION:.0f} % region at half the horizon and at its end")
+    return "; ".join(drawn)
 
 
 def draw_bystanders(
@@ -96,8 +102,8 @@ def legend_handles(methods: Sequence[Method]) -> list[Artist]:
 
 
 def _with_present(windows: EvaluationWindows, paths: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Paths of some windows, begun at the present position: [n, 1 + P, 2]."""
-    return np.concatenate([windows.position[rows, None], paths[rows]], axis=1)
+    """Paths of some windows ([n, P, 2]), begun at the present position: [n, 1 + P, 2]."""
+    return np.concatenate([windows.position[rows, None], paths], axis=1)
 
 
 def _draw_person(axes: Axes, ends: np.ndarray, name: str, focus: bool) -> None:

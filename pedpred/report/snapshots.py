@@ -16,13 +16,15 @@ from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import FAINT, INK, OBSTACLE, blank, styled
 from pedpred.report.instants import Instant
-from pedpred.report.plan import draw_ground, obstacle_image, quarter_turns_of, turned
+from pedpred.report.plan import draw_ground, extent_around, obstacle_image, quarter_turns_of, turned
 from pedpred.report.situation import draw_bystanders, draw_people, legend_handles
 from pedpred.scenes import Scene
 from pedpred.storage.windows import EvaluationWindows
 
 _PERSON = "#D55E00"
 _FREE = "#E9EEF3"
+_MARGIN_M = 2.0
+"""Ground shown around people and their paths in plans, m."""
 _PALE = 0.42
 """Share of the camera picture's contrast that is kept, so that what is drawn on it stands out."""
 
@@ -91,9 +93,8 @@ def camera_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, me
     if scene.camera is None:
         raise ValueRuleError("camera", None, f"scene {scene.name} needs one to be drawn into")
     rows, columns = scene.camera.picture.shape[:2]
-    _, (left, right, bottom, top) = obstacle_image(scene.occupancy, quarter_turns_of(scene.camera))
     height = 4.2
-    widths = (height * columns / rows, height * (right - left) / (top - bottom), 0.55 * height)
+    widths = (height * columns / rows, height, 0.55 * height)
     figure = blank(sum(widths) + 0.3, height + 0.5)
     layout = figure.add_gridspec(2, 3, width_ratios=widths)
     view, plan = figure.add_subplot(layout[:, 0]), figure.add_subplot(layout[:, 1])
@@ -126,8 +127,11 @@ def _draw_inputs(figure: Figure, layout: GridSpec, windows: EvaluationWindows, i
 def _draw_plan(
     axes: Axes, scene: Scene, windows: EvaluationWindows, instant: Instant, shown: Sequence[Method]
 ) -> None:
-    turns = quarter_turns_of(scene.camera)
-    draw_ground(axes, scene.occupancy, turns)
+    turns, rows = quarter_turns_of(scene.camera), instant.rows
+    paths = [windows.truth, *(windows.predictions[method.key].point for method in shown)]
+    people = np.concatenate([windows.position[rows, None], *(path[rows] for path in paths)], axis=1)
+    _, whole = obstacle_image(scene.occupancy, turns)
+    draw_ground(axes, scene.occupancy, turns, extent_around(turned(people, turns), _MARGIN_M, whole))
     draw_bystanders(axes, scene.trajectories, windows, instant, lambda points: turned(points, turns))
     draw_people(axes, windows, instant, shown, lambda points: turned(points, turns))
 

@@ -13,7 +13,10 @@ from pedpred.report.document import NOTHING, Cell, Row, Table
 from pedpred.report.findings import Finding
 from pedpred.report.measures import Figures, Result
 
-FIRST = ("ade_m", "fde_m", "moving_ade_m", "obstacle_share", "collision_share")
+FIRST = (
+    *("ade_m", "fde_m", "min_ade_m_k6", "moving_ade_m", "nll"),
+    *("obstacle_share", "collision_share", "mode_collision_share"),
+)
 """Metrics of the first table; all others follow in a second one."""
 _GAP = "ade_m_minus_reference"
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import cycle, pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
-from pedpred.forecasting import Methods
+from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import FAINT, INK, blank, styled
 from pedpred.report.instants import Instant
 from pedpred.report.measures import Figures, Result
 from pedpred.report.plan import draw_ground
-from pedpred.report.situation import REGION, draw_bystanders, draw_people, legend_handles
+from pedpred.report.situation import draw_bystanders, draw_people, legend_handles, reading_of_modes
 from pedpred.scenes import Scene
 from pedpred.storage.windows import EvaluationWindows
 
@@ -28,7 +27,7 @@ _MARGIN_M = 0.6
 """Ground shown around the paths, m."""
 _NEAR = 1.6
 """Names of places whose shares differ by a smaller factor are written to either side."""
-_MARKS = "os^Dv"
+_MARKS = (("o", INK), ("s", "#009E73"), ("^", "#D55E00"), ("D", "#0072B2"))
 
 
 def wall_windows(windows: EvaluationWindows, scene: Scene, methods: Methods) -> np.ndarray:
@@ -47,14 +46,14 @@ def wall_windows(windows: EvaluationWindows, scene: Scene, methods: Methods) -> 
     )
 
 
-def wall_caption(scene: Scene, methods: Methods) -> str:
+def wall_caption(scene: Scene, windows: EvaluationWindows, methods: Methods) -> str:
     """What `wall_figure` shows, and by which rule."""
     ranks = ", ".join(f"{100 * rank:.0f}" for rank in RANKS)
-    straight, main = methods.simple[0].label, methods.main.label
+    straight, main = methods.simple[0].label, methods.main
     return (
         f"{scene.name}: of each person the window of whose {straight} forecast most points lie in obstacles; "
-        f"of these, the ones at the {ranks} % quantiles of the {main}'s error. Ellipses: its "
-        f"{100 * REGION:.0f} % region at half the horizon and at its end; grey: other people."
+        f"of these, the ones at the {ranks} % quantiles of the {main.label}'s error. Dots: point forecasts; "
+        f"{reading_of_modes([windows], main)}; dashed: the true path; grey: other people."
     )
 
 
@@ -67,10 +66,11 @@ def wall_figure(scene: Scene, windows: EvaluationWindows, rows: np.ndarray, meth
     middle = (points.min(axis=1) + points.max(axis=1)) / 2
     half_m = np.ptp(points, axis=1).max() / 2 + _MARGIN_M
     figure = blank(2.7 * len(rows), 3.4)
-    for rank, axes in enumerate(figure.subplots(1, len(rows), squeeze=False)[0]):
-        row, (x, y) = int(rows[rank]), middle[rank]
+    for axes, row, (x, y) in zip(
+        figure.subplots(1, len(rows), squeeze=False)[0], rows.tolist(), middle, strict=True
+    ):
         instant = Instant(
-            scene.name, float(windows.time_s[row]), rows[[rank]], row, int(windows.track_id[row])
+            scene.name, float(windows.time_s[row]), np.array([row]), row, int(windows.track_id[row])
         )
         draw_ground(axes, scene.occupancy, 0, (x - half_m, x + half_m, y - half_m, y + half_m))
         draw_bystanders(axes, scene.trajectories, windows, instant, lambda points: points)
@@ -83,13 +83,13 @@ def wall_figure(scene: Scene, windows: EvaluationWindows, rows: np.ndarray, meth
 
 @dataclass(frozen=True)
 class Gain:
-    """The main method's error in one place or room.
+    """A method's error in one place or room.
 
     Attributes:
         name: of the place.
         group: in words, with what its network was trained on.
         share: of the straight forecast's points that lie in obstacles.
-        ratio: ADE of the main method / of the best simple one.
+        ratio: ADE of the method / of the best simple one.
         bounds: 95 % interval of the ratio's numerator, on the same scale.
         named: whether the name is drawn.
     """
@@ -102,20 +102,21 @@ class Gain:
     named: bool
 
 
-def best_simple(figures: Figures, methods: Methods) -> float:
-    """The least ADE of the simple methods, m."""
-    return min(figures[method.key]["ade_m"] for method in methods.simple if method.key in figures)
+def best_simple(figures: Figures, methods: Methods) -> str:
+    """The simple method with the least ADE."""
+    known = [method.key for method in methods.simple if method.key in figures]
+    return min(known, key=lambda key: figures[key]["ade_m"])
 
 
-def gains(results: Iterable[Result], group: str, methods: Methods) -> list[Gain]:
-    """The gain at each place, and in each single scene of a pooled test set."""
+def gains(results: Iterable[Result], group: str, methods: Methods, method: Method) -> list[Gain]:
+    """The gain of a method at each place, and in each single scene of a pooled test set."""
     found = []
     for result in results:
         for name, figures in (result.parts or {result.name: result.figures}).items():
-            if methods.main.key not in figures:
+            if method.key not in figures:
                 continue
-            own, straight = figures[methods.main.key], figures[methods.simple[0].key]
-            base_m = best_simple(figures, methods)
+            own, straight = figures[method.key], figures[methods.simple[0].key]
+            base_m = figures[best_simple(figures, methods)]["ade_m"]
             low, high = (end / base_m for end in own["ade_m_ci95"])
             share, ratio = straight["obstacle_share"], own["ade_m"] / base_m
             found.append(Gain(name, group, share, ratio, (low, high), not result.parts))
@@ -127,17 +128,14 @@ def gains_figure(found: Sequence[Gain], methods: Methods) -> Figure:
     """Draw the relative error over the share of straight forecasts' points in obstacles, a mark per group."""
     figure = blank(9.0, 4.2)
     axes = figure.subplots()
-    groups = list(dict.fromkeys(gain.group for gain in found))
-    colours = [INK, *(row.colour for row in methods if row.role in ("oracle", "network"))]
     axes.axhline(1.0, color=FAINT, linewidth=1.0)
-    for rank, group in enumerate(groups):
+    groups = list(dict.fromkeys(gain.group for gain in found))
+    for group, (mark, colour) in zip(groups, cycle(_MARKS), strict=False):
         own = [gain for gain in found if gain.group == group]
-        colour, mark = colours[rank % len(colours)], _MARKS[rank % len(_MARKS)]
         share = 100 * np.array([gain.share for gain in own])
-        axes.vlines(
-            share, *np.transpose([gain.bounds for gain in own]), color=colour, linewidth=0.8, alpha=0.6
-        )
-        axes.plot(share, [gain.ratio for gain in own], mark, color=colour, markersize=5)
+        bounds = np.transpose([gain.bounds for gain in own])
+        axes.vlines(share, *bounds, color=colour, linewidth=0.8, alpha=0.6)
+        axes.plot(share, [gain.ratio for gain in own], mark, color=colour, markersize=5, label=group)
     _draw_names(axes, found)
     main, straight = methods.main.label, methods.simple[0].label
     axes.set_xscale("symlog", linthresh=0.1)
@@ -147,13 +145,7 @@ def gains_figure(found: Sequence[Gain], methods: Methods) -> Figure:
     axes.set_yticks([], minor=True)
     axes.set(xlabel=f"points of {straight} in obstacles [%]", ylabel=f"ADE {main} / best simple method")
     axes.set_xticks([0, 0.1, 1, 10], ["0", "0.1", "1", "10"])
-    marks = [
-        Line2D(
-            [], [], linestyle="", marker=_MARKS[k % len(_MARKS)], color=colours[k % len(colours)], label=group
-        )
-        for k, group in enumerate(groups)
-    ]
-    figure.legend(handles=marks, loc="outside upper left", ncols=len(groups))
+    figure.legend(loc="outside upper left", ncols=len(groups))
     return figure
 
 

@@ -77,7 +77,8 @@ class PointColumns {
 
   know(column) { this.columns.push(column); }
 
-  column(step = 1) {
+  // Rows that are not kept get what is predicted.
+  column(step = 1, kept = () => true) {
     const { decoder, about, before, columns } = this, model = decoder.model(), [last, older] = this.misses;
     const found = [new Float64Array(this.rows), new Float64Array(this.rows)], misses = new Int32Array(this.rows);
     const sources = [];
@@ -91,7 +92,7 @@ class PointColumns {
       for (let axis = 0; axis < 2; axis++) {
         let sum = old < 0 ? 512 : 512 + memory * found[axis][old];
         for (const [column, weight] of sources) sum += weight * column[axis][row];
-        const code = decoder.number(model, axis ? 16 + level((around + 3 * misses[row]) >> 1) : level(around));
+        const code = !kept(row) ? 0 : decoder.number(model, axis ? 16 + level((around + 3 * misses[row]) >> 1) : level(around));
         found[axis][row] = Math.floor(sum / 1024) + step * code;
         misses[row] += Math.abs(code);
       }

@@ -72,21 +72,25 @@ class PointColumns:
         """Append a column that the decoder can compute. [W, 2] int."""
         self._columns.append(values)
 
-    def add(self, values: np.ndarray, step: int = 1) -> np.ndarray:
-        """Append a column [W, 2], exact to half a step; returns what the decoder gets, [W, 2] int."""
+    def add(self, values: np.ndarray, step: int = 1, kept: np.ndarray | None = None) -> np.ndarray:
+        """Append a column [W, 2], exact to half a step; returns what the decoder gets, [W, 2] int.
+
+        Rows that are not `kept` ([W] bool, known to the decoder; all by default) get what is predicted.
+        """
+        kept = np.full(len(values), True) if kept is None else kept
         own = np.where(self._before[:, None] >= 0, values[self._before], 0.0)
         known = np.array([own, *self._columns[::-1]]).reshape(1 + len(self._columns), -1)
-        old = np.repeat(self._before >= 0, 2)
+        old = np.repeat(kept & (self._before >= 0), 2)
         chosen, weights = _fitted(known[:, old].T, values.ravel()[old])
         memory, others = int(weights[chosen == 0].sum()), chosen > 0
         expected = (weights[others] @ known[chosen[others]]).astype(np.int64).reshape(values.shape)
-        codes, decoded = _rounded(values.astype(float), expected, memory, self._before, step)
+        codes, decoded = _rounded(values.astype(float), expected, memory, self._before, step, kept)
         about = np.append(len(chosen), np.stack([chosen, weights], axis=1))
         self._coder.add(self._sources, about, np.append(0, np.tile([0, 1], len(chosen))))
         size = np.abs(codes).sum(axis=1)
         around = np.where(self._before >= 0, size[self._before], 0) + self._sizes[-1] + self._sizes[-2]
         contexts = [_level(around), 16 + _level((around + 3 * np.abs(codes[:, 0])) >> 1)]
-        self._coder.add(self._coder.model(), codes.ravel(), np.stack(contexts, axis=1).ravel())
+        self._coder.add(self._coder.model(), codes[kept].ravel(), np.stack(contexts, axis=1)[kept].ravel())
         self._sizes.append(size)
         self._columns.append(decoded)
         return decoded
@@ -124,14 +128,15 @@ def _fitted(known: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 @njit(cache=True)
-def _rounded(values, expected, memory, before, step):
+def _rounded(values, expected, memory, before, step, kept):
     """How many steps values lie beside their prediction, and what that decodes to; [W, 2] int each."""
     codes, decoded = np.zeros(values.shape, np.int64), np.zeros(values.shape, np.int64)
     for row in range(len(values)):
         for axis in range(2):
             found = expected[row, axis] + (memory * decoded[before[row], axis] if before[row] >= 0 else 0)
             found = (found + _UNIT // 2) // _UNIT
-            codes[row, axis] = math.floor((values[row, axis] - found) / step + 0.5)
+            if kept[row]:
+                codes[row, axis] = math.floor((values[row, axis] - found) / step + 0.5)
             decoded[row, axis] = found + step * codes[row, axis]
     return codes, decoded
 

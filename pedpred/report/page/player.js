@@ -148,8 +148,8 @@ class Player {
       } else if (this.replay.paths[name]) {
         const points = this.replay.path(name, row), colour = ink(`m-${name}`);
         for (const mode of this.replay.modesOf(name, row)) {
-          brush.globalAlpha = mode.weight;
-          this.line(brush, mode.points, { colour, width: 2 });
+          brush.globalAlpha = (picked ? 0.3 : 0.15) + 0.3 * mode.weight;
+          this.line(brush, mode.points, { colour, width: 1 + 7 * mode.weight });
         }
         brush.globalAlpha = 1;
         this.line(brush, points, { colour, width: 1 });

@@ -3,30 +3,35 @@
 Lengths are whole millimetres from the lower left corner of the map, times hundredths of a second from the
 beginning of the stretch, headings tenths of a milliradian. Everything is turned like the scene's camera
 picture, as in the plans of the report. Columns are predicted from earlier ones (`codec.py`); points of true
-and forecast paths are exact to half of `PATH_MM`. The network's inputs are computed from map and positions,
+and forecast paths are exact to half of `PATH_MM`, those of modes to half of `MODE_MM`, and about every second
+one is kept. The network's inputs are computed from map and positions,
 here as in the player (`replay.js`), and the differences to the true inputs are stored: the player shows every
 bit of the obstacle grid, and the angular grid in steps of its range / `LEVELS`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from pedpred.errors import ValueRuleError
 from pedpred.features import angular_grids, occupancy_crops
 from pedpred.forecasting import Methods
 from pedpred.report.animation import LONGEST_GAP, busiest_start
 from pedpred.report.page.codec import Coder, PointColumns
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
-from pedpred.scenes import OccupancyMap, Scene
+from pedpred.scenes import OccupancyMap, Predictions, Scene
 from pedpred.storage.windows import EvaluationWindows
 
 TAIL_S = 2.0
 """Time before the stretch for which detections are kept, s."""
 PATH_MM, MODE_MM = 10, 50
-"""Steps of the points of true paths and point forecasts, and of modes, which are drawn as faint lines, mm."""
+"""Steps of the points of true paths and point forecasts, and of modes, which are drawn as lines, mm."""
+WEIGHT = 0.05
+"""Weights of modes are whole multiples of this."""
 LEVELS = 240
 """Distances of the angular grid are whole multiples of its range / `LEVELS`, 2.5 cm of 6 m."""
 _LINES_BEFORE = 3
@@ -34,31 +39,61 @@ _LINES_BEFORE = 3
 
 
 @dataclass(frozen=True)
+class ReplaySettings:
+    """What is kept of each scene.
+
+    Attributes:
+        methods: keys of those whose forecasts are kept, where they were evaluated.
+        duration_s: of the stretch, which holds most forecasts.
+        modes: the most likely ones of each forecast that are kept.
+        least_weight: less likely modes are left out, too.
+    """
+
+    methods: Sequence[str]
+    duration_s: float
+    modes: int
+    least_weight: float
+
+    def __post_init__(self) -> None:
+        for name in ("duration_s", "modes"):
+            if not getattr(self, name) > 0:
+                raise ValueRuleError(f"page.{name}", getattr(self, name), "it must be positive")
+
+
+@dataclass(frozen=True)
 class Replay:
     """The player's data."""
 
     header: dict[str, Any]  # names, sizes and units
-    data: str  # everything else, in the order in which `_Stretch.write` and `replay.js` go through it
+    data: str  # everything else, in the order in which `replay` and `replay.js` go through it
 
 
-def replay(scene: Scene, windows: EvaluationWindows, duration_s: float, methods: Methods) -> Replay:
-    """Pack the stretch of a scene, at most `duration_s` long, that holds most forecasts.
+def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, methods: Methods) -> Replay:
+    """Pack the stretch of a scene that holds most forecasts.
 
     Raises:
         ValueRuleError: there are no forecasts, or a value is too large.
     """
-    start_s = busiest_start(windows.time_s, duration_s)
-    duration_s = round(min(duration_s, float(windows.time_s.max()) - start_s), 2)
-    shown, steps = methods.ordered(windows.predictions), windows.truth.shape[1]
-    strides = (steps, steps // 2 or 1, steps // 5 or 1, 1)  # the last point first, then those between
-    order = list(dict.fromkeys(k for stride in strides for k in range(stride, steps + 1, stride)))
+    start_s = busiest_start(windows.time_s, settings.duration_s)
+    duration_s = round(min(settings.duration_s, float(windows.time_s.max()) - start_s), 2)
+    shown, steps = methods.ordered(windows.predictions.keys() & settings.methods), windows.truth.shape[1]
+    modes = {name: windows.predictions[name].modes for name in shown}
+    strides = (steps, steps // 2 or 1, steps // 5 or 1)  # the last point first, then those between
+    coarse = list(dict.fromkeys(k for stride in strides for k in range(stride, steps + 1, stride)))
+    order = list(dict.fromkeys([*coarse, *range(1, steps + 1)]))
     turns = quarter_turns_of(scene.camera)
     image, (left, right, bottom, top) = obstacle_image(scene.occupancy, turns)
     ground = OccupancyMap(image.T, np.zeros(2), scene.occupancy.resolution_m)
     stretch = _Stretch(scene, windows, start_s, duration_s, turns, np.array([left, bottom]))
     coder = Coder()
     coder.changes(np.diff(image.ravel().astype(np.int64), prepend=0))
-    stretch.write(coder, shown, order, ground)
+    stretch.write_people(coder)
+    table = stretch.write_presents(coder)
+    stretch.write_paths(table, shown, order)
+    for name in shown:
+        if modes[name] > 1:
+            stretch.write_modes(coder, table, windows.predictions[name], coarse, settings)
+    stretch.write_inputs(coder, ground)
     header = {
         "name": scene.name,
         "start_s": round(start_s, 2),
@@ -80,7 +115,9 @@ def replay(scene: Scene, windows: EvaluationWindows, duration_s: float, methods:
         "range_m": windows.max_range_m,
         "levels": LEVELS,
         "methods": shown,
-        "modes": {name: windows.predictions[name].modes for name in shown},
+        "modes": {name: min(count, settings.modes) for name, count in modes.items() if count > 1},
+        "mode_order": coarse,
+        "weight": WEIGHT,
         "drawn": methods.main.key,
         "seen": len(stretch.seen.track),
         "rows": len(stretch.rows.track),
@@ -130,8 +167,8 @@ class _Stretch:
         own = (windows.track_id[self.kept], windows.time_s[self.kept], windows.position[self.kept])
         self.rows = self._tracks(*own)
 
-    def write(self, coder: Coder, shown: list[str], order: list[int], ground: OccupancyMap) -> None:
-        """Detections; then the present, truth, forecasts and inputs of every row."""
+    def write_people(self, coder: Coder) -> None:
+        """Who was seen, when and where; who has a forecast, and when."""
         for found in (self.seen, self.rows):
             coder.numbers(np.diff(found.track, prepend=0))
             coder.numbers(np.diff(found.clock, 2, prepend=[0, 0]))
@@ -139,30 +176,47 @@ class _Stretch:
         PointColumns(coder, self.seen.track).add(
             self.seen.at - np.where(first[:, None], 0, np.roll(self.seen.at, 1, axis=0))
         )
-        windows, at, kept, step = self.windows, self.rows.at, self.kept, round(100 * self.windows.dt_s)
-        steps = range(-_LINES_BEFORE, len(order) + 2)
+
+    def write_presents(self, coder: Coder) -> PointColumns:
+        """Position, velocity and heading of every row; the table that predicts its paths from these."""
+        windows, at, step = self.windows, self.rows.at, round(100 * self.windows.dt_s)
+        steps = range(-_LINES_BEFORE, windows.truth.shape[1] + 2)
         lines = {k: self.seen.line(self.rows.track, self.rows.clock + k * step) for k in steps}
         table = PointColumns(coder, self.rows.track)
         for k in range(-_LINES_BEFORE, 0):
             table.know(lines[k] - lines[0])
         table.add(at - lines[0])
-        velocity = table.add(np.rint(1000.0 * turned(windows.world_velocity[kept], self.turns)))
+        velocity = table.add(np.rint(1000.0 * turned(windows.world_velocity[self.kept], self.turns)))
         for k in steps:
             table.know(lines[k] - at)
         course = np.arctan2(velocity[:, 1], velocity[:, 0])
-        off = np.angle(np.exp(1j * (windows.heading_rad[kept] + self.turns * np.pi / 2 - course)))
-        heading = np.floor(1e4 * (course + off))  # its middle is never on a cell's or cone's edge
-        coder.numbers((heading - np.floor(1e4 * course)).astype(np.int64))
-        answers = [windows.predictions[name] for name in shown]
-        several = [own for own in answers if own.modes > 1]
-        paths = [(path, PATH_MM) for path in (windows.truth, *(own.point for own in answers))]
-        for path, path_mm in paths + [(path, MODE_MM) for own in several for path in own.path.swapaxes(0, 1)]:
-            points = self._place(path[kept])
+        off = np.angle(np.exp(1j * (windows.heading_rad[self.kept] + self.turns * np.pi / 2 - course)))
+        self.heading = np.floor(1e4 * (course + off))  # its middle is never on a cell's or cone's edge
+        coder.numbers((self.heading - np.floor(1e4 * course)).astype(np.int64))
+        return table
+
+    def write_paths(self, table: PointColumns, shown: list[str], order: list[int]) -> None:
+        """The true path and the point forecasts of some methods."""
+        answers = [self.windows.predictions[name] for name in shown]
+        for path in (self.windows.truth, *(own.point for own in answers)):
+            points = self._place(path[self.kept])
             for point in order:
-                table.add(points[:, point - 1] - at, path_mm)
-        for own in several:
-            coder.numbers(np.rint(100.0 * own.weight[kept]).astype(np.int64).ravel())
-        coder.changes(self._inputs_off(ground, (heading + 0.5) * 1e-4))
+                table.add(points[:, point - 1] - self.rows.at, PATH_MM)
+
+    def write_modes(
+        self, coder: Coder, table: PointColumns, own: Predictions, order: list[int], settings: ReplaySettings
+    ) -> None:
+        """Weights and some points of the modes of a method; those left out have the weight 0."""
+        weight, paths = own.weight[self.kept, : settings.modes], self._place(own.path[self.kept])
+        parts = np.where(weight < settings.least_weight, 0, np.rint(weight / WEIGHT)).astype(np.int64)
+        for mode in range(parts.shape[1]):
+            coder.numbers(parts[:, mode])
+            for point in order:
+                table.add(paths[:, mode, point - 1] - self.rows.at, MODE_MM, parts[:, mode] > 0)
+
+    def write_inputs(self, coder: Coder, ground: OccupancyMap) -> None:
+        """What the network's inputs differ by from those computed from the rest."""
+        coder.changes(self._inputs_off(ground, (self.heading + 0.5) * 1e-4))
 
     def _inputs_off(self, ground: OccupancyMap, heading_rad: np.ndarray) -> np.ndarray:
         """True inputs less those computed from what is kept. [W, cells^2 + cones] int.

@@ -48,9 +48,13 @@ class Replay {
       return found;
     };
     for (const name of ["truth", ...header.methods]) this.paths[name] = path(header.path_mm);
-    const several = header.methods.filter((name) => header.modes[name] > 1);
-    for (const name of several) this.modes[name] = Array.from({ length: header.modes[name] }, () => path(header.mode_mm));
-    this.weights = Object.fromEntries(several.map((name) => [name, decoder.numbers(header.rows * header.modes[name])]));
+    for (const [name, count] of Object.entries(header.modes)) {
+      this.modes[name] = Array.from({ length: count }, () => {
+        const parts = decoder.numbers(header.rows), points = [];
+        for (const point of header.mode_order) points[point] = table.column(header.mode_mm, (row) => parts[row] > 0);
+        return { parts, points: [this.paths.truth[0], ...points.filter(Boolean)] };
+      });
+    }
     this.missed = decoder.changes();
   }
 
@@ -123,11 +127,10 @@ class Replay {
     return path.map(([dx, dy]) => [(x + dx[row]) / 1000, (y + dy[row]) / 1000]);
   }
 
-  // The weighted paths of a method that gives several: {points, weight}.
+  // The likely ones of the weighted paths of a method that gives several: {points, weight}.
   modesOf(name, row) {
-    const count = this.header.modes[name];
-    return (this.modes[name] ?? []).map((path, k) =>
-      ({ points: this.points(path, row), weight: this.weights[name][row * count + k] / 100 }));
+    return (this.modes[name] ?? []).filter(({ parts }) => parts[row] > 0)
+      .map(({ parts, points }) => ({ points: this.points(points, row), weight: parts[row] * this.header.weight }));
   }
 
   heading(row) { return this.rows.heading[row]; }
