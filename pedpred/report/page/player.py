@@ -43,7 +43,7 @@ class ReplaySettings:
     """What is kept of each scene.
 
     Attributes:
-        methods: keys of those whose forecasts are kept, where they were evaluated.
+        methods: keys of those whose forecasts are kept beside the main method's, where they were evaluated.
         duration_s: of the stretch, which holds most forecasts.
         modes: the most likely ones of each forecast that are kept.
         least_weight: less likely modes are left out, too.
@@ -76,7 +76,8 @@ def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, m
     """
     start_s = busiest_start(windows.time_s, settings.duration_s)
     duration_s = round(min(settings.duration_s, float(windows.time_s.max()) - start_s), 2)
-    shown, steps = methods.ordered(windows.predictions.keys() & settings.methods), windows.truth.shape[1]
+    kept = windows.predictions.keys() & {*settings.methods, methods.main.key}
+    shown, steps = methods.ordered(kept), windows.truth.shape[1]
     modes = {name: windows.predictions[name].modes for name in shown}
     strides = (steps, steps // 2 or 1, steps // 5 or 1)  # the last point first, then those between
     coarse = list(dict.fromkeys(k for stride in strides for k in range(stride, steps + 1, stride)))
