@@ -34,7 +34,8 @@ OTHERS = [f"~folds.real.{fold}" for fold in PARAMS["folds"]["real"]]
 LEARNED = [f"{group}.{name}" for group in ("networks", "memoryless") for name in PARAMS["methods"][group]]
 OTHERS += [f"methods.{name}.where=[]" for name in LEARNED]
 OTHERS += ["methods.baselines.social_force.where=[]"]  # takes long to compile
-OTHERS += [f"+online.exports.toy={{networks: models/folds/toy, tracker: {PLACE['tracker']}}}"]
+EXPORT = f"networks: models/folds/toy, network: toy, tracker: {PLACE['tracker']}, distilled: false"
+OTHERS += [f"+online.exports.toy={{{EXPORT}}}"]
 RUNS = [
     ["fetch", "+name=toy"],
     ["ingest", "+name=toy"],
@@ -44,7 +45,7 @@ RUNS = [
     ["evaluate", "+study=real", "+fold=toy", "+networks=models/folds/toy"],
     ["gather", "+name=real"],
     ["report", "+name=real"],
-    ["export", "+name=toy", "online.network=toy"],
+    ["export", "+name=toy"],
 ]
 STAGES = """
 import importlib, json, sys
@@ -191,11 +192,10 @@ def test_new_methods_and_metrics_are_reported_by_their_labels(reproduced):
     assert all(label in page for label in ("Toy network", "Kalman again", "overshoot"))
 
 
-@pytest.mark.parametrize("export", ["toy", "toy_distilled"])
-def test_a_new_network_runs_on_the_robot(reproduced, export):
+def test_a_new_network_runs_on_the_robot(reproduced):
     scene = read_scene(reproduced / "data/scenes/real/toy")
     assert len(np.unique(scene.trajectories.track_id)) == 12
-    predictor = OnlinePredictor.load(reproduced / "models/online" / export)
+    predictor = OnlinePredictor.load(reproduced / "models/online/toy")
     forecast = list(replayed(scene, predictor))[-1]
     assert forecast.predictions.modes == 2
     np.testing.assert_allclose(forecast.predictions.weight[:, 1], 1 / 3, atol=0.01)

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 import onnx
+import onnx.helper
+import onnx.numpy_helper
 import onnxruntime
 import torch
-from onnxruntime.quantization import quantize_dynamic
 from torch import Tensor, nn
 
 from pedpred.errors import ValueRuleError
@@ -37,9 +38,10 @@ class ExportedStep(nn.Module):
         memory: tensors of the state, name -> shape per person.
     """
 
-    def __init__(self, network: RecurrentNetwork, encoder: GridEncoder, dt_s: float):
+    def __init__(self, network: RecurrentNetwork, encoder: GridEncoder | None, dt_s: float):
         super().__init__()
-        self.network, self.encoder, self.dt_s = network.eval(), encoder.eval(), dt_s
+        self.network, self.encoder, self.dt_s = network, encoder, dt_s
+        self.eval()
         self.inputs = tuple(_SENSOR_INPUT.get(name, name) for name in network.settings.channels_read)
         self.memory = network.state_shapes
 
@@ -52,7 +54,7 @@ class ExportedStep(nn.Module):
         """The same, by name; the outputs in the order of `TENSORS`."""
         given = dict(zip(self.inputs, values, strict=False))
         state: Tensors = dict(zip(self.memory, values[len(self.inputs) :], strict=True))
-        if "crop" in given:
+        if "crop" in given and self.encoder is not None:
             given["grid"] = self.encoder.embedding(given.pop("crop"))
         outputs, after = self.network({name: value[:, None] for name, value in given.items()}, state)
         answer = self.network.answer(outputs, self.dt_s)
@@ -61,7 +63,7 @@ class ExportedStep(nn.Module):
 
 def export_onnx(
     network: RecurrentNetwork,
-    encoder: GridEncoder,
+    encoder: GridEncoder | None,
     shapes: Mapping[str, tuple[int, ...]],
     dt_s: float,
     path: Path,
@@ -70,7 +72,7 @@ def export_onnx(
 
     Args:
         network: trained; it decides which inputs the graph has.
-        encoder: whose embeddings the network reads.
+        encoder: whose embeddings the network reads; None if it does not read the grid.
         shapes: of the sensor inputs of one person, by name (`pedpred.online.network.sensor_shapes`).
         dt_s: time between two steps, s.
         path: the file to write.
@@ -123,17 +125,26 @@ def _check_graph(step: ExportedStep, sizes: list[tuple[int, ...]], sources: list
             raise ValueRuleError("graph", path.name, "it is wrong for other numbers of people")
 
 
-def export_int8(source: Path, target: Path) -> None:
-    """Write a graph of `export_onnx` with 8-bit weights in its LSTMs and dense layers.
+def store_half(path: Path) -> None:
+    """Store the weights of a graph in half precision; it computes in single precision as before.
 
-    Weights are w = scale (q - zero), one scale per output; what they are multiplied with is quantised at run
-    time ("dynamically", Jacob et al. 2018, eq. 1). That takes a quarter of the bytes and of the memory
-    traffic. The convolutions stay float: in 8 bits they are several times slower on processors without such
-    instructions.
-
-    Args:
-        source: the full graph's file.
-        target: the file to write.
+    That takes half of the bytes. The runtime converts the weights once, when it loads the graph. Nothing is
+    rounded at run time, so that nobody's forecast depends on who else is in the batch.
     """
-    with atomic_write(target) as new:
-        quantize_dynamic(source, new, per_channel=True, op_types_to_quantize=["LSTM", "MatMul", "Gemm"])
+    graph = onnx.load(path)
+    halves, casts = [], []
+    for stored in list(graph.graph.initializer):
+        values = onnx.numpy_helper.to_array(stored)
+        if values.dtype == np.float32:
+            halves.append(onnx.numpy_helper.from_array(values.astype(np.float16), f"{stored.name}.half"))
+            casts.append(
+                onnx.helper.make_node("Cast", [halves[-1].name], [stored.name], to=onnx.TensorProto.FLOAT)
+            )
+            graph.graph.initializer.remove(stored)
+    nodes = [*casts, *graph.graph.node]
+    graph.graph.initializer.extend(halves)
+    del graph.graph.node[:]
+    graph.graph.node.extend(nodes)
+    onnx.checker.check_model(graph, full_check=True)
+    with atomic_write(path) as new:
+        new.write_bytes(graph.SerializeToString(deterministic=True))

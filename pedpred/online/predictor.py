@@ -48,8 +48,8 @@ class OnlinePredictor:
     The network has its own time step: every `dt_s` after a person's first detection, its state advances.
     A frame in between gets a forecast from its own inputs and the state of the last step, which stays as it
     is, so any frame rate will do. If frames are rarer than steps, the missed steps are computed for their own
-    instants, from what was known then. People choose their modes together
-    (`pedpred.forecasting.selection`). One object serves one stream; it is not thread-safe.
+    instants, from what was known then. A network without memory has no steps; people choose among its modes
+    together (`pedpred.forecasting.selection`). One object serves one stream; it is not thread-safe.
     """
 
     def __init__(self, folder: Path, settings: OnlineSettings | None = None):
@@ -189,8 +189,9 @@ class OnlinePredictor:
         frame = self._people.at(rows, time_s)
         world = rotate(velocities.astype(np.float64), frame.heading_rad[:, None])
         there = predictions.in_world(frame.position, frame.heading_rad)
-        chosen = consistent(there, frame.position, np.full(len(rows), time_s))
-        return Forecast(time_s, frame.track_id, world, chosen)
+        if not self._about.memory:  # as `pedpred.networks.forecasting` does
+            there = consistent(there, frame.position, np.full(len(rows), time_s))
+        return Forecast(time_s, frame.track_id, world, there)
 
 
 def _checked(
