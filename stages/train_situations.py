@@ -15,35 +15,31 @@ from pedpred.training.fit import write_curve
 from pedpred.training.situations import SituationSettings, fit_situations, mixed
 
 
+def real_sets(cfg: DictConfig, on: str) -> list[str]:
+    """Sets of a fold, or of all places, that have people: names below data/situations."""
+    named = [f"real/{place}" for place in cfg.places] if on == "all" else cfg.folds.real[on].train
+    real = [key for key in named if key.startswith("real/")]
+    return [key for key in real if read_situations_manifest(Path("data/situations", key))[1]]
+
+
 @stage
 def main(cfg: DictConfig) -> None:
-    """Train network `name` on simulated situations, or with `places` (a fold, or all) on real ones besides.
+    """Train network `name` on simulated situations, or on those and real ones with `on` (a fold, or all).
 
     Several processes: `torchrun -m stages.train_situations`.
     """
-    name, places = stage_key(cfg), cfg.get("places")
+    name, on = stage_key(cfg), cfg.get("on")
     torch.set_num_threads(cfg.training.threads)
-    phase = plain(cfg.training["adaptation" if places else "situations"])
+    phase = plain(cfg.training["adaptation" if on else "situations"])
     shares = {f"simulated/{key}": share for key, share in phase["shares"].items()}
-    named = (
-        [f"real/{p}" for p in cfg.places]
-        if places == "all"
-        else cfg.folds.real[places].train
-        if places
-        else []
-    )
-    real = [
-        key
-        for key in named
-        if key.startswith("real/") and read_situations_manifest(Path("data/situations", key))[1]
-    ]
+    real = real_sets(cfg, on) if on else []
     with configured(f"methods.memoryless.{name}.settings"):
         architecture = parse_settings(plain(cfg.methods.memoryless[name].settings))
-    with configured("training.adaptation" if places else "training.situations"):
+    with configured("training.adaptation" if on else "training.situations"):
         phase["shares"] = mixed(shares, real, phase.pop("real_share", 0.0))
         settings = SituationSettings.parse(phase)
     folders = {key: Path("data/situations", key) for key in settings.shares}
-    previous = Path("models/main", name) if places else None
+    previous = Path("models/main", name) if on else None
     title = f"{name} on {', '.join(real) or 'simulated situations'}"
     with ExitStack() as group:
         with configured("training"):

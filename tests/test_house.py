@@ -143,7 +143,7 @@ def test_a_stage_is_glue(script):
 
 # Places and methods are rows of the configuration
 
-OWN_FILES = re.compile(r"pedpred/(baselines|sources)/|pedpred/networks/(lstm|registry)\.py")
+OWN_FILES = re.compile(r"pedpred/(baselines|sources)/|pedpred/networks/(lstm|mixture|registry)\.py")
 NAMED_FOR_ANOTHER_REASON = {"social_force"}  # also the model of walking
 
 
