@@ -1,8 +1,8 @@
 """Compare online forecasts of recorded scenes with those of the pipeline.
 
-The scenes are those of `recording.scenes` in params.yaml whose fold's network is exported; the pipeline's
-forecasts come from data/forecasts (float32). A scene is replayed frame by frame, simulated ones with true
-velocities. The inputs are equal bit by bit; torch and onnxruntime differ in the last digits of a float.
+The scenes are those of `recording.scenes` in params.yaml that the same network and tracker forecast in the
+pipeline; its forecasts come from data/forecasts (float32). A scene is replayed frame by frame, simulated ones
+with true velocities. The inputs are equal bit by bit; exported weights are rounded.
 """
 
 from __future__ import annotations
@@ -16,32 +16,34 @@ import yaml
 from tqdm import tqdm
 
 from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.network import read_origin
 from pedpred.online.replay import predictions_at, replayed
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest
 from pedpred.storage.windows import read_windows
 
 
-def differences(models: Path) -> Iterator[dict[str, Any]]:
+def differences(model: Path) -> Iterator[dict[str, Any]]:
     """Yield the largest distance between both forecasts of a window, per scene.
 
     Args:
-        models: model folders, by fold; recordings of other folds are left out.
+        model: a model folder; recordings that other networks or trackers forecast are left out.
     """
-    params = yaml.safe_load(Path("params.yaml").read_text())
-    network = params["online"]["network"]
+    params, origin = yaml.safe_load(Path("params.yaml").read_text()), read_origin(model)
     for name, row in params["recording"]["scenes"].items():
-        fold, (kind, data) = Path(row["fold"]).name, Path(row["scene"]).parts[:2]
-        if not (models / fold).exists():
+        (study, fold), (kind, data) = Path(row["fold"]).parts, Path(row["scene"]).parts[:2]
+        weights = f"models/folds/{fold}" if study == "real" else "models/main"
+        tracked = kind == "simulated" or params["places"][data]["tracker"] == origin["tracker"]
+        if weights != origin["networks"] or not tracked:
             continue
         scene = read_scene(Path("data/scenes", row["scene"]))
         windows = read_windows(Path("data/forecasts", row["fold"], f"{name}.parquet"))
         features, _ = read_manifest(Path("data/features", kind, data))
         settings = OnlineSettings.as_offline(features, scene.detection_dt_s)
-        robot = OnlinePredictor.load(models / fold, settings)
+        robot = OnlinePredictor.load(model, settings)
         frames = len(np.unique(scene.trajectories.time_s))
         forecasts = tqdm(replayed(scene, robot, kind == "simulated"), total=frames, desc=name, unit="frame")
-        offline = windows.predictions[network].point
+        offline = windows.predictions[origin["method"]].point
         sizes = offline.shape[1], windows.dt_s
         online = predictions_at(forecasts, windows.track_id, windows.time_s, *sizes).point
         apart = np.linalg.norm(online - offline, axis=-1).max(axis=1)

@@ -33,7 +33,7 @@ def main(cfg: DictConfig) -> None:
         tracker=KalmanSettings(**options),
         standstill_mps=cfg.online.standstill_mps,
     )
-    origin = {"networks": about.networks, "network": about.network, "tracker": about.tracker}
+    origin = {"networks": about.networks, "method": about.network, "tracker": about.tracker}
     origin |= {"distilled": about.distilled, "weights": "half precision", **describe_network(network)}
     write_description(out, description, origin)
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnxruntime
@@ -133,6 +134,18 @@ def read_description(folder: Path) -> ModelDescription:
             KalmanSettings(**about["tracker"]),
             float(about["standstill_mps"]),
         )
+
+
+def read_origin(folder: Path) -> dict[str, Any]:
+    """Where a model folder's network comes from, as the stage `export` notes it.
+
+    Raises:
+        StorageError: model.json is missing or damaged.
+    """
+    wording = partial(StorageError, folder / _ABOUT, "origin", remedy=_REMEDY)
+    about = read_json(folder / _ABOUT, wording)
+    with translate_errors(wording):
+        return dict(about["origin"])
 
 
 def _shapes(plain: Mapping[str, list[int]]) -> dict[str, Shape]:
