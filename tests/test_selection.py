@@ -77,7 +77,7 @@ def test_the_order_of_people_plays_no_part(seed):
     before, here = crowd(rng)
     order = rng.permutation(len(here))
     one, other = together(before, here), together(before.select(order), here[order])
-    np.testing.assert_allclose(other.weight, one.weight[order], atol=1e-9)
+    np.testing.assert_allclose(other.weight, one.weight[order], atol=1e-4)
     np.testing.assert_array_equal(other.most_likely, one.most_likely[order])
 
 
@@ -91,7 +91,7 @@ def test_turned_and_mirrored_worlds_have_the_same_weights(seed, turn, side):
 
     there = dataclasses.replace(before, point=moved(before.point), path=moved(before.path))
     one, other = together(before, here), together(there, moved(here))
-    np.testing.assert_allclose(other.weight, one.weight, atol=1e-9)
+    np.testing.assert_allclose(other.weight, one.weight, atol=1e-4)
     np.testing.assert_allclose(other.most_likely, moved(one.most_likely), atol=1e-9)
 
 
@@ -120,7 +120,7 @@ def test_a_small_change_of_paths_changes_little(seed):
     one, other = together(before, here), together(shifted, here)
     same = np.abs(one.most_likely - other.most_likely).max(axis=(1, 2)) < 1e-3
     assert same.mean() > 0.8
-    np.testing.assert_allclose(other.weight[same], one.weight[same], atol=1e-4)
+    np.testing.assert_allclose(other.weight[same], one.weight[same], atol=2e-4)
 
 
 def test_who_stands_apart_at_another_instant_or_has_one_mode_keeps_the_weights():

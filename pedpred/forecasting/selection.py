@@ -31,6 +31,7 @@ _YIELD = 4.0  # of the choice, nats for paths that meet
 _DAMPING = 0.5
 _SHARP = 4.0
 _LEAST = 1e-12  # weight
+_DIGITS = 4
 
 
 def consistent(predictions: Predictions, position: np.ndarray, time_s: np.ndarray) -> Predictions:
@@ -97,8 +98,8 @@ def _chosen(
         new += np.bincount(second, closeness * likely[first], weight.size)
         load += _DAMPING * (new - load)
     loads = load.reshape(weight.shape)
-    chosen = np.argmax(alone - _YIELD * loads, axis=1)
-    after = softmax(alone - loads, axis=1)
+    chosen = np.argmax(np.round(alone - _YIELD * loads, _DIGITS), axis=1)  # equal modes: the first one
+    after = softmax(np.round(alone - loads, _DIGITS), axis=1)
     own = np.take_along_axis(after, chosen[:, None], axis=1)
     above = after >= own
     share = (after * above).sum(axis=1) / above.sum(axis=1)

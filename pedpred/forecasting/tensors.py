@@ -16,19 +16,25 @@ import numpy as np
 from pedpred.scenes import Predictions
 
 TENSORS = ("velocities", "path", "weight", "covariance")
+_LEAST = 1e-5  # weight
 
 
 def predictions_of(tensors: Mapping[str, np.ndarray], dt_s: float) -> Predictions:
-    """Agent-frame predictions; modes are sorted by weight, which is made to sum to 1."""
+    """Agent-frame predictions; modes are sorted by weight, which is made to sum to 1.
+
+    Weights are rounded: mirror images of each other, such as the modes of a straight walker on free ground,
+    are equally likely, and their order must not depend on the last digits of a float.
+    """
     exact = {name: values.astype(np.float64) for name, values in tensors.items()}
     point = np.cumsum(exact["velocities"] * dt_s, axis=1)
     covariance = exact.get("covariance")
     if "path" not in exact:
         own = None if covariance is None else covariance[:, 0]
         return Predictions.single(point, dt_s, own, "agent")
-    order = np.argsort(-exact["weight"], axis=1, kind="stable")
+    weight = np.maximum(np.round(exact["weight"] / exact["weight"].sum(axis=1, keepdims=True), 4), _LEAST)
+    order = np.argsort(-weight, axis=1, kind="stable")
     rows = np.arange(len(point))[:, None]
-    weight = exact["weight"][rows, order]
+    weight = weight[rows, order]
     return Predictions(
         point,
         exact["path"][rows, order],
