@@ -14,7 +14,14 @@ from pedpred.metrics import METRICS, Metric
 from pedpred.report.comparison import changes, changes_table, metrics_at, metrics_now
 from tools import compare
 
-ENTRY = {"ade_m": 0.5, "ade_m_ci95": [0.45, 0.55], "fde_m": 1.0, "windows": 10, "per_step_m": [0.1, 1.0]}
+ENTRY = {
+    "ade_m": 0.5,
+    "ade_m_ci95": [0.45, 0.55],
+    "fde_m": 1.0,
+    "fde_m_ci95": [0.9, 1.1],
+    "windows": 10,
+    "per_step_m": [0.1, 1.0],
+}
 GAP = {"ade_m_minus_reference": -0.1, "ade_m_minus_reference_ci95": [-0.12, -0.08]}
 BEFORE = {"sim": {"hall": {"cv": ENTRY, "lstm": ENTRY | GAP}}, "walking": {"hall": {"states": 5}}}
 
@@ -43,33 +50,10 @@ def test_a_figure_is_judged_by_its_earlier_interval(ade_m):
     assert set(found.values()) == {"same"}
 
 
-@pytest.mark.parametrize(
-    ("fde_m", "own", "verdict"),
-    [
-        (1.09, {}, "within"),
-        (1.11, {}, "worse"),
-        (0.89, {}, "better"),
-        (1.09, {"fde_m_ci95": [0.98, 1.02]}, "worse"),
-    ],
-)
-def test_a_final_error_without_an_interval_has_the_relative_width_of_the_mean_errors(fde_m, own, verdict):
-    before = changed(**own)
-    assert verdicts(changed(fde_m=fde_m, **own), before)["hall", "lstm", "fde_m"] == verdict
-
-
 def test_a_paired_difference_is_judged_by_its_own_narrow_interval():
     found = verdicts(changed(ade_m=0.53, ade_m_minus_reference=-0.07))
     assert found["hall", "lstm", "ade_m"] == "within"
     assert found["hall", "lstm", "ade_m_minus_reference"] == "worse"
-
-
-def test_metric_files_of_earlier_revisions_are_understood():
-    old = {"ade_m": 0.5, "ade_ci95_m": [0.45, 0.55], "fde_m": 1.0, "windows": 10}
-    gap = {"minus_kalman_cv_m": -0.1, "minus_kalman_cv_ci95_m": [-0.12, -0.08]}
-    before = {"sim": {"hall": {"cacc": old, "lstm": old | gap}}}
-    now = {"sim": {"hall": {"ca": ENTRY, "lstm": ENTRY | GAP}}}
-    assert set(verdicts(now, before).values()) == {"same"}
-    assert len(verdicts(now, before)) == 5
 
 
 def test_a_metric_that_should_be_high_is_worse_when_it_falls(monkeypatch):

@@ -142,14 +142,14 @@ def test_what_was_not_evaluated_is_not_judged():
     assert "was not evaluated" in answer(result_of(metrics), METHODS)
 
 
-def test_a_table_row_holds_its_figures_beside_the_papers():
-    table = metrics_table(result_of(metrics_of(MEETING)), METHODS, {"cv": 0.652}).markdown("")
+def test_a_table_row_holds_its_figures():
+    table = metrics_table(result_of(metrics_of(MEETING)), METHODS).markdown("")
     rows = {row.split(" | ")[0].strip("|* "): row for row in table.splitlines()}
     cells = rows["CV"].strip("| ").split(" | ")
     assert cells[1:6] == ["0.700 (0.680 to 0.730)", "1.330", "0.770", "-", "1.23 %"]
-    assert cells[6:] == ["20.00 %", "+0.100 (+0.090 to +0.110)", "0.652"]
-    assert rows["Kalman CV"].endswith("| - | - |")
-    assert {row.count(" | ") for row in table.splitlines()} == {8}
+    assert cells[6:] == ["20.00 %", "+0.100 (+0.090 to +0.110)"]
+    assert rows["Kalman CV"].endswith("| - |")
+    assert {row.count(" | ") for row in table.splitlines()} == {7}
 
 
 def test_every_metric_is_shown_once(monkeypatch):
@@ -161,9 +161,9 @@ def test_every_metric_is_shown_once(monkeypatch):
     rows = further_table(result, METHODS).markdown("").splitlines()
     assert rows[0] == "| method | minADE3 [m] | toy |"
     assert rows[2:4] == ["| CV | 0.630 | 50.00 % |", "| Kalman CV | 0.540 | 50.00 % |"]
-    assert "minADE6" not in metrics_table(result, METHODS, {}).markdown("")  # it repeats the ADE
+    assert "minADE6" not in metrics_table(result, METHODS).markdown("")  # it repeats the ADE
     metrics["lstm"] |= {"min_ade_m_k6": 0.3, "mode_collision_share": 0.1}
-    header, _, cv, *_, lstm = metrics_table(result, METHODS, {}).markdown("").splitlines()
+    header, _, cv, *_, lstm = metrics_table(result, METHODS).markdown("").splitlines()
     assert header.startswith(
         "| method | ADE [m] | FDE [m] | minADE6 [m] | ADE moving [m] | NLL [nats] | in obst"
     )
@@ -431,9 +431,12 @@ def test_curves_are_sorted_into_stages_and_models():
     found = {stage: list(curves) for stage, curves in by_stage(curve_tables(), METHODS).items()}
     assert found == {"autoencoder": [""], "main": ["lstm_nogrid", "lstm"], "finetune eth": ["lstm"]}
     plots = training_plots(curve_tables(), METHODS)
-    assert [plot.title for plot in plots] == ["autoencoder"] * 2 + ["main"] * 2 + ["finetune eth"] * 2
-    assert [len(plot.lines) for plot in plots] == [2, 1, 2, 2, 1, 1]
-    assert len(lines_figure(plots, METHODS).axes) == 6
+    assert [(plot.title, plot.y_label, len(plot.lines)) for plot in plots] == [
+        ("autoencoder", "validation IoU", 1),
+        ("main", "validation ADE [m]", 2),
+        ("finetune eth", "validation ADE [m]", 1),
+    ]
+    assert len(lines_figure(plots, METHODS).axes) == 3
 
 
 def galleries():

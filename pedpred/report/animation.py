@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import to_hex, to_rgb
 from PIL import Image, ImageDraw, ImageFont
 
 from pedpred.errors import ValueRuleError
@@ -25,6 +27,8 @@ _SMOOTHING = 2
 _SHADES = 31
 """Colours of a frame; the next one stands for what does not change."""
 _FOOT_PX = 20
+_LEAST_WEIGHT, _FAINT = 0.2, 0.4
+"""Less likely modes are not drawn; lines of modes have this much of the method's colour."""
 LONGEST_GAP = 1.5
 """A person is absent within gaps of a track longer than this many detection intervals."""
 
@@ -156,6 +160,7 @@ def _frames(
     trajectories = scene.trajectories
     start_s, renewed_s = busiest_start(windows.time_s, animation.duration_s), _interval_s(windows)
     own = windows.predictions[method.key]
+    faint = to_hex([1 - _FAINT * (1 - part) for part in to_rgb(method.colour)])
     for time_s in start_s + np.arange(0.0, animation.duration_s, animation.frame_s):
         picture = sheet.ground.copy()
         draw = ImageDraw.Draw(picture)
@@ -165,7 +170,13 @@ def _frames(
             tail = trajectories.position[behind & (trajectories.track_id == track)]
             draw.line(sheet.pixels(np.vstack([tail, position])), _TAIL, 2 * _SMOOTHING)
         latest = (windows.time_s <= time_s + 1e-6) & (windows.time_s > time_s - renewed_s + 1e-6)
-        for row in np.flatnonzero(latest & np.isin(windows.track_id, list(here))):
+        rows = np.flatnonzero(latest & np.isin(windows.track_id, list(here)))
+        for row, mode in product(rows, range(own.modes if own.modes > 1 else 0)):
+            weight = own.weight[row, mode]
+            if weight >= _LEAST_WEIGHT:
+                way = sheet.pixels(np.vstack([windows.position[row], own.path[row, mode]]))
+                draw.line(way, faint, round((1 + 5 * weight) * _SMOOTHING), joint="curve")
+        for row in rows:
             path = sheet.pixels(np.vstack([windows.position[row], own.point[row]]))
             draw.line(path, method.colour, _SMOOTHING)
             for x, y in path[1:]:

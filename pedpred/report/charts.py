@@ -68,7 +68,6 @@ class Line:
     label: str
     x: np.ndarray
     y: np.ndarray
-    dashed: bool = False
 
     @property
     def tip(self) -> str:

@@ -1,8 +1,6 @@
 """Which metrics moved, and whether by more than their intervals allow.
 
-A figure `x` is judged by the earlier 95 % interval `x_ci95` beside it: it moved when it lies outside. Earlier
-metric files have no interval of `fde_m`; it is then given the relative width of the ADE's, since both are
-errors of the same paths. Names of earlier revisions are understood.
+A figure `x` is judged by the earlier 95 % interval `x_ci95` beside it: it moved when it lies outside.
 """
 
 from __future__ import annotations
@@ -22,15 +20,6 @@ from pedpred.report.document import NOTHING, markdown_table
 from pedpred.report.tables import interval
 
 _GAP = "_minus_reference"
-_RENAMED = {
-    "ade_ci95_m": "ade_m_ci95",
-    "fde_ci95_m": "fde_m_ci95",
-    "minus_kalman_cv_m": f"ade_m{_GAP}",
-    "minus_kalman_cv_ci95_m": f"ade_m{_GAP}_ci95",
-    "cacc": "ca",
-}
-"""Figures and methods of earlier revisions: their present keys."""
-
 Metrics = Mapping[str, Any]
 """Metric files by name: {file: {scene: {method: {"ade_m": ..., "ade_m_ci95": [low, high], ...}}}}."""
 
@@ -121,20 +110,11 @@ def _figures(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str,
     """Yield the judged figures of all entries, (file, scene, method) deep, by their full name."""
     if not isinstance(node, Mapping):
         return
-    entry: dict[str, Any] = {str(_RENAMED.get(key, key)): value for key, value in node.items()}
-    for key, value in entry.items():
+    for key, value in node.items():
         if len(path) < 3:
             yield from _figures(value, (*path, key))
-        elif key.removesuffix(_GAP) in METRICS and (bounds := _bounds(entry, key)):
-            yield (*path, key), Figure(value, bounds, entry["windows"])
-
-
-def _bounds(entry: Mapping[str, Any], key: str) -> tuple[float, float] | None:
-    """The interval of a figure of an entry."""
-    own = entry.get(f"{key}_ci95")
-    if own is None and key == "fde_m" and entry.get("ade_m"):
-        own = [entry[key] * end / entry["ade_m"] for end in entry["ade_m_ci95"]]
-    return (own[0], own[1]) if own else None
+        elif key.removesuffix(_GAP) in METRICS and (bounds := node.get(f"{key}_ci95")):
+            yield (*path, key), Figure(value, tuple(bounds), node["windows"])
 
 
 def _worded(figure: Figure | None) -> str:

@@ -1,4 +1,4 @@
-"""Training curves: loss and validation error over the steps (or epochs) of training."""
+"""Training curves: validation scores over the steps (or epochs) of training."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from pedpred.forecasting import Methods
 from pedpred.report.canvas import INK, blank, styled
 from pedpred.report.charts import Line, LinePlot
 
-_LOSSES = ("train_loss", "validation_loss")
 _SCORES = {"validation_ade_m": "validation ADE [m]", "validation_iou": "validation IoU"}
 
 
@@ -59,19 +58,17 @@ def choose_score(columns: Sequence[str]) -> str:
 
 
 def training_plots(curves: Mapping[str, pd.DataFrame], methods: Methods) -> list[LinePlot]:
-    """Loss and validation error over training: a plot per stage and kind of figure, a line per network."""
+    """Validation score over training: a plot per stage, a line per network; losses differ in meaning."""
     plots = []
     for stage, by_network in by_stage(curves, methods).items():
         along = "step" if all("step" in curve for curve in by_network.values()) else "epoch"
         score = choose_score(list(next(iter(by_network.values())).columns))
-        shown = {"loss (dashed: validation)": _LOSSES, _SCORES.get(score, score): (score,)}
-        for y_label, columns in shown.items():
-            lines = [
-                Line(key, methods[key].label if key else "", *_series(curve, along, column), dashed=rank > 0)
-                for key, curve in by_network.items()
-                for rank, column in enumerate(c for c in columns if c in curve)
-            ]
-            plots += [LinePlot(stage, along, y_label, lines)] if lines else []
+        lines = [
+            Line(key, methods[key].label if key else "", *_series(curve, along, score))
+            for key, curve in by_network.items()
+            if score in curve
+        ]
+        plots.append(LinePlot(stage, along, _SCORES.get(score, score), lines))
     return plots
 
 
@@ -90,8 +87,7 @@ def lines_figure(plots: Sequence[LinePlot], methods: Methods) -> Figure:
         axes = figure.add_subplot(rows, columns, rank + 1)
         for line in plot.lines:
             tone = methods[line.method].colour if line.method else INK
-            label = None if line.dashed else line.label
-            axes.plot(line.x, line.y, "--" if line.dashed else "-", color=tone, linewidth=1.2, label=label)
+            axes.plot(line.x, line.y, color=tone, linewidth=1.2, label=line.label)
         axes.set(title=plot.title, xlabel=plot.x_label, ylabel=plot.y_label)
         axes.margins(x=0.03)
         if any(line.label for line in plot.lines):

@@ -14,7 +14,14 @@ from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
 from pedpred.report.gallery import Evaluated
 from pedpred.report.measures import read_metrics, results_of
-from pedpred.report.sections import READING, answer_section, expectations_section, parts_sections, warnings
+from pedpred.report.sections import (
+    READING,
+    answer_section,
+    expectations_section,
+    paper_section,
+    parts_sections,
+    warnings,
+)
 from pedpred.storage.scenes import read_scenes
 from pedpred.storage.windows import read_windows
 
@@ -67,9 +74,8 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
 
 def document(evaluated: Evaluated, pictures: Sequence[Section], methods: Methods, paper: Paper) -> Section:
     """The page on a study: answers, metrics, expectations and pictures."""
-    results, study = evaluated.results, evaluated.study
+    results = evaluated.results
     blocks: list[Block] = [*warnings(results, evaluated.missing)]
-    blocks += [answer_section(result, methods, paper) for result in results]
-    blocks += [Text(text) for text in (READING, paper.remarks.get(study, "")) if text]
-    blocks += [expectations_section(results, methods, paper), *parts_sections(results, methods)]
-    return Section(title_of(study), [*blocks, *pictures])
+    blocks += [*(answer_section(result, methods) for result in results), Text(READING)]
+    blocks += [*paper_section(results, methods, paper), expectations_section(results, methods, paper)]
+    return Section(title_of(evaluated.study), [*blocks, *parts_sections(results, methods), *pictures])

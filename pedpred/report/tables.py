@@ -35,11 +35,10 @@ def metric_keys(figures: Figures) -> tuple[list[str], list[str]]:
     return [key for key in shown if key in FIRST], [key for key in shown if key not in FIRST]
 
 
-def metrics_table(result: Result, methods: Methods, paper_ade_m: Mapping[str, float]) -> Table:
-    """The first metrics of a test set, a row per method, with the paper's error beside ours if it has one."""
+def metrics_table(result: Result, methods: Methods) -> Table:
+    """The first metrics of a test set, a row per method."""
     keys, marks = metric_keys(result.figures)[0], whiskers(result.figures)
     header = ["method", *map(metric_title, keys), f"ADE minus {methods.reference.label} [m]"]
-    header += ["paper's ADE [m]"] * bool(paper_ade_m)
     rows = []
     for name in methods.ordered(result.figures):
         own = result.figures[name]
@@ -48,8 +47,6 @@ def metrics_table(result: Result, methods: Methods, paper_ade_m: Mapping[str, fl
         bounds = interval(own["ade_m_ci95"])
         cells[0] = Cell(cells[0].text, cells[0].place, bounds, remark=size, whisker=marks[name])
         cells.append(gap_cell(result.name, name, own, methods))
-        if paper_ade_m:
-            cells.append(Cell(f"{paper_ade_m[name]:.3f}" if name in paper_ade_m else NOTHING))
         rows.append(_row(name, cells, methods))
     return Table(header, rows)
 

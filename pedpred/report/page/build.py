@@ -79,7 +79,7 @@ def _sections(contents: Contents) -> list[Section]:
     summary, table = expectations_section(results, methods, paper).blocks
     answer: list[Block] = [*warnings(results), *contents.places, summary]
     for result in results:
-        section = answer_section(result, methods, paper)
+        section = answer_section(result, methods)
         if result.kind == "real":  # further metrics are in the Markdown report
             section = replace(section, blocks=section.blocks[:2], folded=True)
         answer.append(section)
