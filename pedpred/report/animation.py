@@ -160,7 +160,8 @@ def _frames(
     trajectories = scene.trajectories
     start_s, renewed_s = busiest_start(windows.time_s, animation.duration_s), _interval_s(windows)
     own = windows.predictions[method.key]
-    faint = to_hex([1 - _FAINT * (1 - part) for part in to_rgb(method.colour)])
+    red, green, blue = (1 - _FAINT * (1 - part) for part in to_rgb(method.colour))
+    faint = to_hex((red, green, blue))
     for time_s in start_s + np.arange(0.0, animation.duration_s, animation.frame_s):
         picture = sheet.ground.copy()
         draw = ImageDraw.Draw(picture)
