@@ -1,0 +1,146 @@
+"""Laws that forecasts obey whoever walks where, each measured as a number that has limits.
+
+The worlds are drawn (`pedpred.online.trials`): speeds, headings, ages, detection rates. Tests state the laws
+one by one; `tools.judge` prints them for a model folder.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.online.trials import RATES_HZ, Move, World, crowded, standing_people, straight_walkers
+from pedpred.scenes import Forecast
+
+KNOWN = 3
+"""Detections from which on laws of motion hold; before, hardly any motion is known."""
+_FAR_M = 30.0
+
+STRAIGHT = (0.95, 1.05)
+"""Forecast over true displacement of people who walk straight on free ground."""
+STANDING_M = 0.15
+MOVED_M = 0.01
+FAR_M = 0.001
+MIRRORED_M = 0.05
+
+
+def straight_shares(
+    folder: Path, rng: np.random.Generator, rate_hz: float, seconds: float = 30.0, people: int = 16
+) -> np.ndarray:
+    """Forecast over true displacement of straight walkers at the last step, along their way.
+
+    Returns:
+        At each detection from the third one and from 1 s after birth on. [F]
+    """
+    world, velocity = straight_walkers(rng, people, seconds, rate_hz)
+    shares = []
+    for k, (who, detections, forecast) in enumerate(world.forecasts(folder)):
+        old = (detections >= KNOWN) & ((detections - 1) / rate_hz >= 1.0)
+        true = velocity[who] * forecast.dt_s * forecast.predictions.steps
+        walked = forecast.position[:, -1] - world.position[k, who]
+        shares.append(((walked * true).sum(axis=-1) / (true**2).sum(axis=-1))[old])
+    return np.concatenate(shares)
+
+
+def standing_errors_m(
+    folder: Path, rng: np.random.Generator, rate_hz: float, noise_m: float, people: int = 16
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far from where they stand people are forecast at the last step, m.
+
+    Returns:
+        Up to the third detection [F], and later [G].
+    """
+    world = standing_people(rng, people, noise_m, rate_hz)
+    place = np.nanmean(world.position, axis=0)
+    parts: list[list[np.ndarray]] = [[], []]
+    for who, detections, forecast in world.forecasts(folder):
+        error = np.linalg.norm(forecast.position[:, -1] - place[who], axis=-1)
+        for part, rows in zip(parts, (detections <= KNOWN, detections > KNOWN), strict=True):
+            part.append(error[rows])
+    newborn, later = (np.concatenate(part) for part in parts)
+    return newborn, later
+
+
+def moved_gap_m(folder: Path, rng: np.random.Generator, mirrored: bool = False) -> float:
+    """By how much forecasts in a turned, shifted and perhaps mirrored world are not moved with it, m."""
+    move = Move(rng.integers(4) * np.pi / 2, tuple(rng.uniform(-1e3, 1e3, 2)), mirrored)
+    return _gap_m(folder, crowded(rng), move)
+
+
+def turned_gap_m(folder: Path, rng: np.random.Generator) -> float:
+    """By how much forecasts on free ground do not turn with the world by any angle, m."""
+    world, _ = straight_walkers(rng, 6, 6.0, float(rng.choice(RATES_HZ)))
+    return _gap_m(folder, world, Move(rng.uniform(-np.pi, np.pi)))
+
+
+def renamed_gap_m(folder: Path, rng: np.random.Generator) -> float:
+    """By how much forecasts depend on people's ids and on the order of detections, m."""
+    world, order = crowded(rng), rng.permutation(8)
+    names = replace(world, track_id=rng.permutation(1000)[:8])
+    other = replace(names, position=names.position[:, order], track_id=names.track_id[order])
+    found = 0.0
+    pairs = zip(world.forecasts(folder), other.forecasts(folder), strict=True)
+    for (who, detections, one), (others, _, two) in pairs:
+        place = np.argsort(order[others])[np.argsort(np.argsort(who))]
+        same = replace(two, velocity=two.velocity[place], predictions=two.predictions.select(place))
+        found = max(found, apart_m(one, same, detections >= KNOWN))
+    return found
+
+
+def far_gap_m(folder: Path, rng: np.random.Generator) -> float:
+    """By how much forecasts change when people 30 m away come, go and jump, m."""
+    world = crowded(rng)
+    frames, people = world.position.shape[:2]
+    angle, away = rng.uniform(-np.pi, np.pi, (frames, 2)), rng.uniform(_FAR_M, 2 * _FAR_M, (frames, 2))
+    reach = np.abs(world.position).max()
+    far = (away + reach)[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    far[rng.random((frames, 2)) < 0.3] = np.nan
+    with_far = replace(
+        world,
+        position=np.concatenate([world.position, far], axis=1),
+        track_id=np.append(world.track_id, [2000, 2001]),
+    )
+    found = 0.0
+    pairs = zip(world.forecasts(folder), with_far.forecasts(folder), strict=True)
+    for (_, detections, one), (_, _, two) in pairs:
+        near = np.arange(people)  # ids of those far away are the largest
+        same = replace(
+            two,
+            track_id=two.track_id[near],
+            velocity=two.velocity[near],
+            predictions=two.predictions.select(near),
+        )
+        order_too = np.abs(one.predictions.path - same.predictions.path).max()
+        found = max(found, apart_m(one, same, detections >= 1), float(order_too))
+    return found
+
+
+def _gap_m(folder: Path, world: World, move: Move) -> float:
+    """By how much forecasts of a world are not moved with it, from the third detection on, m."""
+    found = 0.0
+    pairs = zip(world.forecasts(folder), world.moved(move).forecasts(folder), strict=True)
+    for (_, detections, here), (_, _, there) in pairs:
+        found = max(found, apart_m(here, move.forecast_back(there), detections >= KNOWN))
+    return found
+
+
+def apart_m(one: Forecast, other: Forecast, counted: np.ndarray) -> float:
+    """Largest distance between two forecasts of the same people at any step, m.
+
+    Of the point forecasts, and of each mode to the closest one of the other forecast: modes that are equally
+    likely may change places.
+
+    Args:
+        one: of N people.
+        other: of the same people, in the same order and frame.
+        counted: which of them count. [N] bool
+    """
+    if not counted.any():
+        return 0.0
+    point = np.linalg.norm(one.position - other.position, axis=-1).max(axis=-1)
+    paths = one.predictions.path[:, :, None], other.predictions.path[:, None]
+    modes = np.linalg.norm(paths[0] - paths[1], axis=-1).max(axis=-1)
+    matched = np.maximum(modes.min(axis=2).max(axis=1), modes.min(axis=1).max(axis=1))
+    return float(np.maximum(point, matched)[counted].max())
