@@ -33,7 +33,7 @@ SMALL = [f"training.{p}.{k}" for p in ("corridor", "finetune") for k in ("steps=
 OTHERS = [f"~folds.real.{fold}" for fold in PARAMS["folds"]["real"]]
 LEARNED = [f"{group}.{name}" for group in ("networks", "memoryless") for name in PARAMS["methods"][group]]
 OTHERS += [f"methods.{name}.where=[]" for name in LEARNED]
-OTHERS += [f"methods.memoryless.{name}.role=ablation" for name in PARAMS["methods"]["memoryless"]]
+OTHERS += [f"methods.memoryless.{name}.role=bound" for name in PARAMS["methods"]["memoryless"]]
 OTHERS += ["methods.baselines.social_force.where=[]"]  # takes long to compile
 EXPORT = f"networks: models/folds/toy, network: toy, tracker: {PLACE['tracker']}, distilled: false"
 OTHERS += [f"+online.exports.toy={{{EXPORT}}}"]

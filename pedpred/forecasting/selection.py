@@ -1,8 +1,8 @@
 """Joint choice of modes: people who are forecast together do not walk through each other.
 
-A network forecasts everybody alone. Here each person's modes lose weight where they come close to the likely
-modes of others at the same step, in a few rounds in which all people move at once (a damped mean field, see
-Koller & Friedman 2009, ch. 11.5):
+A network forecasts everybody alone. Here everybody chooses a mode that keeps away from the likely modes of
+the others at every step, in a few rounds in which all people move at once (a damped mean field, see Koller &
+Friedman 2009, ch. 11.5):
     q_i(k) ~ exp(SHARP (ln w_i(k) - YIELD L_i(k))),    L_i(k) = sum_jl q_j(l) max(0, 1 - d_ik,jl / NEAR_M)
 with d the least distance of mode k of person i and mode l of person j at any step. The order of people plays
 no part, and nobody is influenced from farther away than `ROUNDS` times `REACH_M`.
@@ -21,13 +21,13 @@ from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
-NEAR_M = 0.35
+NEAR_M = 0.3
 """Paths that come nearer than this at the same step avoid each other, m."""
 REACH_M = 7.0
 """People farther apart than this at present do not regard each other, m; less so over the last `_FADE_M`."""
 ROUNDS = 3
 _FADE_M = 2.0
-_YIELD = 4.0  # of the choice, nats for paths that meet
+_YIELD = 6.0  # of the choice, nats for paths that meet
 _DAMPING = 0.5
 _SHARP = 4.0
 _LEAST = 1e-12  # weight
@@ -37,8 +37,8 @@ _DIGITS = 4
 def consistent(predictions: Predictions, position: np.ndarray, time_s: np.ndarray) -> Predictions:
     """Choose the modes of everybody at an instant together.
 
-    Weights fall as exp(-L) of the rounds' last loads. The mode that is chosen for a person, with the full
-    force `_YIELD`, becomes the most likely one: modes with more weight share theirs with it evenly.
+    The chosen mode comes first: modes that were more likely share their weight with it evenly. Other weights
+    stay, so that the likelihood of what people really do hardly changes.
 
     Args:
         predictions: of everybody present at some instants, world frame. [W]
@@ -99,11 +99,9 @@ def _chosen(
         load += _DAMPING * (new - load)
     loads = load.reshape(weight.shape)
     chosen = np.argmax(np.round(alone - _YIELD * loads, _DIGITS), axis=1)  # equal modes: the first one
-    after = softmax(np.round(alone - loads, _DIGITS), axis=1)
-    own = np.take_along_axis(after, chosen[:, None], axis=1)
-    above = after >= own
-    share = (after * above).sum(axis=1) / above.sum(axis=1)
-    return np.where(above, share[:, None], after), chosen
+    above = weight >= np.take_along_axis(weight, chosen[:, None], axis=1)
+    share = (weight * above).sum(axis=1) / above.sum(axis=1)
+    return np.where(above, share[:, None], weight), chosen
 
 
 def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
