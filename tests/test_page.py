@@ -15,7 +15,7 @@ from playwright.sync_api import sync_playwright
 from pedpred.errors import ValueRuleError
 from pedpred.features import occupancy_crops
 from pedpred.networks.autoencoder import GridAutoencoder
-from pedpred.report.charts import Line, LinePlot, box_plot, whiskers
+from pedpred.report.charts import box_plot, whiskers
 from pedpred.report.gallery import Evaluated
 from pedpred.report.measures import results_of
 from pedpred.report.page.build import Contents, page
@@ -163,22 +163,6 @@ def test_boxes_and_whiskers_lie_at_their_values():
     assert marks["ca"].beyond
     assert marks["lstm"].middle / marks["cv"].middle == pytest.approx(0.4 / 0.7)
     assert not any(mark.beyond for name, mark in marks.items() if name != "ca")
-
-
-def test_a_line_ends_where_its_series_ends():
-    line = Line("lstm", "LSTM", np.array([0.0, 4.0]), np.array([2.0, 1.0]))
-    plot = LinePlot("x", "step", "m", [line])
-    x, y = map(float, plot.points(line).split()[-1].split(","))
-    assert line.tip == "LSTM, at the end 1.000"
-    assert x == plot.frame.width
-    assert y == pytest.approx(plot.frame.height * (1 - 1 / 2.1), abs=0.05)
-
-
-@pytest.mark.parametrize(("value", "place"), [(0.0, 1.0), (-2.0, 1 / 1.05)])
-def test_zeros_and_negative_values_have_a_place(value, place):
-    line = Line("lstm", "", np.zeros(1), np.array([value]))
-    plot = LinePlot("x", "step", "loss", [line])
-    assert float(plot.points(line).split(",")[1]) == pytest.approx(plot.frame.height * place, abs=0.06)
 
 
 # What stands on the page

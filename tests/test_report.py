@@ -18,7 +18,7 @@ from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.calibration import radius2, share_inside, squared_mahalanobis
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.canvas import png_bytes
-from pedpred.report.curves import by_stage, lines_figure, training_plots
+from pedpred.report.curves import by_stage, training_figure
 from pedpred.report.document import Picture, Pictures, Section, joined
 from pedpred.report.error_plots import horizon_figure, horizon_table
 from pedpred.report.findings import Expectation, findings, summed_up
@@ -430,13 +430,14 @@ def curve_tables():
 def test_curves_are_sorted_into_stages_and_models():
     found = {stage: list(curves) for stage, curves in by_stage(curve_tables(), METHODS).items()}
     assert found == {"autoencoder": [""], "main": ["lstm_nogrid", "lstm"], "finetune eth": ["lstm"]}
-    plots = training_plots(curve_tables(), METHODS)
-    assert [(plot.title, plot.y_label, len(plot.lines)) for plot in plots] == [
-        ("autoencoder", "validation IoU", 1),
-        ("main", "validation ADE [m]", 2),
-        ("finetune eth", "validation ADE [m]", 1),
+    axes = training_figure(curve_tables(), METHODS).axes
+    assert [(own.get_title("left"), own.get_ylabel()) for own in axes] == [
+        ("autoencoder", "validation IoU"),
+        ("main", "validation ADE [m]"),
+        ("finetune eth", "validation ADE [m]"),
     ]
-    assert len(lines_figure(plots, METHODS).axes) == 3
+    assert [line.get_label() for line in axes[1].lines] == ["LSTM-noGrid, 0.400", "LSTM, 0.400"]
+    assert axes[2].lines[0].get_xydata().tolist() == [[5.0, 0.5], [10.0, 0.4]]
 
 
 def galleries():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
@@ -13,7 +13,6 @@ from pedpred.forecasting import Methods
 from pedpred.report.measures import Figures
 
 _BOXES = (800.0, 300.0)
-_LINES = (300.0, 180.0)
 _TICKS = MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])
 _OUTLIER = 1.6
 """A method whose last box ends this much above all others' does not set the scale."""
@@ -53,58 +52,10 @@ class Box:
 class BoxPlot:
     """Error over the horizon: a box per method and step; `beyond` says which method leaves the frame."""
 
-    kind: ClassVar[str] = "boxes"
     title: str
     frame: Frame
     boxes: Mapping[str, Sequence[Box]]
     beyond: str
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line through (x, y), each [n], of a method (key and label) or of none (empty)."""
-
-    method: str
-    label: str
-    x: np.ndarray
-    y: np.ndarray
-
-    @property
-    def tip(self) -> str:
-        """What the page shows when the line is pointed at."""
-        return ", ".join(part for part in (self.label, f"at the end {self.y[-1]:.3f}") if part)
-
-
-@dataclass(frozen=True)
-class LinePlot:
-    """Lines in one frame that includes the origin."""
-
-    kind: ClassVar[str] = "lines"
-    title: str
-    x_label: str
-    y_label: str
-    lines: Sequence[Line]
-
-    @property
-    def _ends(self) -> tuple[float, float, float]:
-        """Right, lower and upper end of the axes."""
-        right = max(float(line.x.max()) for line in self.lines) or 1.0
-        low = min(0.0, *(1.05 * float(line.y.min()) for line in self.lines))
-        high = max(0.0, *(1.05 * float(line.y.max()) for line in self.lines))
-        return right, low, high if high > low else 1.0
-
-    @property
-    def frame(self) -> Frame:
-        """Axes with their ticks."""
-        (width, height), (right, low, high) = _LINES, self._ends
-        x_ticks = [(round(width * t / right, 1), f"{t:g}") for t in _ticks(0.0, right)]
-        return Frame(width, height, x_ticks, _levels(height, low, high), self.x_label, self.y_label)
-
-    def points(self, line: Line) -> str:
-        """A line as `x,y x,y ...` in px."""
-        (width, height), (right, low, high) = _LINES, self._ends
-        places = zip(width * line.x / right, height * (high - line.y) / (high - low), strict=True)
-        return " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -14,7 +13,6 @@ from pedpred.errors import StorageError
 from pedpred.files import translate_errors
 from pedpred.forecasting import Methods
 from pedpred.report.canvas import INK, blank, styled
-from pedpred.report.charts import Line, LinePlot
 
 _SCORES = {"validation_ade_m": "validation ADE [m]", "validation_iou": "validation IoU"}
 
@@ -57,39 +55,24 @@ def choose_score(columns: Sequence[str]) -> str:
     return next((name for name in _SCORES if name in scores), scores[0])
 
 
-def training_plots(curves: Mapping[str, pd.DataFrame], methods: Methods) -> list[LinePlot]:
-    """Validation score over training: a plot per stage, a line per network; losses differ in meaning."""
-    plots = []
-    for stage, by_network in by_stage(curves, methods).items():
+@styled
+def training_figure(curves: Mapping[str, pd.DataFrame], methods: Methods) -> Figure:
+    """Draw the validation score of every stage, a line per network; losses differ in meaning."""
+    stages = by_stage(curves, methods)
+    columns = min(4, len(stages))
+    rows = -(-len(stages) // columns)
+    figure = blank(2.8 * columns, 2.4 * rows)
+    for rank, (stage, by_network) in enumerate(stages.items()):
+        axes = figure.add_subplot(rows, columns, rank + 1)
         along = "step" if all("step" in curve for curve in by_network.values()) else "epoch"
         score = choose_score(list(next(iter(by_network.values())).columns))
-        lines = [
-            Line(key, methods[key].label if key else "", *_series(curve, along, score))
-            for key, curve in by_network.items()
-            if score in curve
-        ]
-        plots.append(LinePlot(stage, along, _SCORES.get(score, score), lines))
-    return plots
-
-
-def _series(curve: pd.DataFrame, along: str, column: str) -> tuple[np.ndarray, np.ndarray]:
-    known = curve[curve[column].notna()]
-    return known[along].fillna(0).to_numpy(float), known[column].to_numpy(float)
-
-
-@styled
-def lines_figure(plots: Sequence[LinePlot], methods: Methods) -> Figure:
-    """Draw line plots, up to four side by side."""
-    columns = min(4, len(plots))
-    rows = -(-len(plots) // columns)
-    figure = blank(2.8 * columns, 2.4 * rows)
-    for rank, plot in enumerate(plots):
-        axes = figure.add_subplot(rows, columns, rank + 1)
-        for line in plot.lines:
-            tone = methods[line.method].colour if line.method else INK
-            axes.plot(line.x, line.y, color=tone, linewidth=1.2, label=line.label)
-        axes.set(title=plot.title, xlabel=plot.x_label, ylabel=plot.y_label)
+        for key, curve in by_network.items():
+            known = curve[curve[score].notna()] if score in curve else curve[:0]
+            if len(known):
+                tone, name = (methods[key].colour, f"{methods[key].label}, ") if key else (INK, "")
+                label = f"{name}{known[score].iloc[-1]:.3f}"
+                axes.plot(known[along].fillna(0), known[score], color=tone, linewidth=1.2, label=label)
+        axes.set(title=stage, xlabel=along, ylabel=_SCORES.get(score, score))
         axes.margins(x=0.03)
-        if any(line.label for line in plot.lines):
-            axes.legend()
+        axes.legend(fontsize=7.5)
     return figure

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from matplotlib.figure import Figure
 
-from pedpred.report.charts import BoxPlot, LinePlot, Whisker
+from pedpred.report.charts import BoxPlot, Whisker
 
 NOTHING = "-"
 """Fills table cells without a figure."""
@@ -88,7 +88,7 @@ class Picture:
     name: str  # file name without ending
     caption: str  # what is seen, and by which rule it was chosen
     figure: Figure
-    plots: Sequence[BoxPlot | LinePlot] = ()
+    plot: BoxPlot | None = None
 
 
 @dataclass(frozen=True)

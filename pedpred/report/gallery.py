@@ -12,7 +12,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Methods
 from pedpred.networks.autoencoder import GridAutoencoder
 from pedpred.report.charts import box_plot
-from pedpred.report.curves import lines_figure, training_plots
+from pedpred.report.curves import training_figure
 from pedpred.report.document import Picture, Pictures, Section, Text
 from pedpred.report.error_plots import calibration_figure, horizon_figure, with_covariances
 from pedpred.report.instants import Instant, before_obstacle, choose, mutual_avoidance
@@ -120,7 +120,7 @@ def _calibration(
 
 def _horizon(name: str, result: Result, methods: Methods) -> Picture:
     plot = box_plot(result.figures, result.title, result.dt_s, methods)
-    return Picture(name, f"Position error, {result.place}.", horizon_figure(result, methods), [plot])
+    return Picture(name, f"Position error, {result.place}.", horizon_figure(result, methods), plot)
 
 
 def _instants(
@@ -169,7 +169,9 @@ def _trained_in(data_sets: Mapping[str, Sequence[Scene]]) -> list[Section]:
 def _training(curves: Mapping[str, pd.DataFrame], methods: Methods) -> list[Section]:
     if not curves:
         return []
-    caption = "Stages of training. Validation tracks are from training layouts and places."
-    plots = training_plots(curves, methods)
-    picture = Picture("training", caption, lines_figure(plots, methods), plots)
+    caption = (
+        "Validation of every stage of training, with its last value; validation tracks are from training "
+        "layouts and places."
+    )
+    picture = Picture("training", caption, training_figure(curves, methods))
     return [Section("Training", [Pictures([picture])], "training")]

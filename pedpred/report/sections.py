@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from pedpred.forecasting import Methods
-from pedpred.report.charts import Line, LinePlot
-from pedpred.report.curves import lines_figure
 from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
 from pedpred.report.findings import Paper, findings, in_the_noise, percent_better, summed_up
 from pedpred.report.measures import Figures, Result
@@ -183,13 +179,10 @@ def literature_section(
     return [Section("Beside the literature", [Text(text), table], "literature")]
 
 
-def latency_section(updates: Sequence[Mapping[str, float]], methods: Methods) -> list[Section]:
+def latency_section(updates: Sequence[Mapping[str, float]]) -> list[Section]:
     """Time per update over the size of the crowd; nothing if it was not measured."""
     if not updates:
         return []
-    crowd, median = (np.array([row[key] for row in updates], float) for key in ("pedestrians", "median_ms"))
-    plot = LinePlot("One update", "pedestrians", "time [ms]", [Line(methods.main.key, "", crowd, median)])
-    picture = Picture("latency", "", lines_figure([plot], methods), [plot])
     rows = []
     for rank, row in enumerate(updates):
         cells = [Cell(f"{row[k]:.2f}", f"latency.updates.{rank}.{k}") for k in ("median_ms", "p99_ms")]
@@ -199,4 +192,4 @@ def latency_section(updates: Sequence[Mapping[str, float]], methods: Methods) ->
         "The paper: 51 ms for 20 pedestrians on an i7-4810MQ."
     )
     table = Table(["pedestrians", "median [ms]", "99th percentile [ms]"], rows, texts=0)
-    return [Section("Time per update", [Text(text), Pictures([picture]), table], "latency")]
+    return [Section("Time per update", [Text(text), table], "latency")]

@@ -95,7 +95,7 @@ def _sections(contents: Contents) -> list[Section]:
         *_merged("calibration", galleries),
         Section("Pictures", [*unnamed, *contents.further], "pictures"),
         *_merged("training", galleries),
-        *latency_section(contents.latency, methods),
+        *latency_section(contents.latency),
     ]
 
 
