@@ -10,7 +10,7 @@ export OMP_WAIT_POLICY := PASSIVE
 
 .DEFAULT_GOAL := help
 REV ?= HEAD
-.PHONY: help setup params tune reproduce compare smoke test trust audit check
+.PHONY: help setup params tune reproduce compare smoke test trust dist audit check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -52,6 +52,11 @@ test: setup ## run the tests
 trust: setup ## damaged files, killed stages: what is promised, tried at length (one to two hours)
 	python -m tests.trust.campaign
 	python -m tests.trust.faults
+
+dist: setup ## build the wheel and the source archive into build/dist
+	test -x build/packager/bin/python || { python -m venv build/packager && build/packager/bin/pip install --quiet build; }
+	rm -rf build/dist
+	build/packager/bin/python -m build --outdir build/dist .
 
 audit: setup ## known weaknesses of the pinned dependencies; asks osv.dev, so it needs the network
 	test -x build/audit/bin/pip-audit || { python -m venv build/audit && build/audit/bin/pip install --quiet pip-audit; }

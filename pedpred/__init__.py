@@ -1,1 +1,27 @@
-"""Interaction-aware pedestrian motion prediction in cluttered spaces (Pfeiffer et al. 2018)."""
+"""Interaction-aware pedestrian motion prediction in cluttered spaces (Pfeiffer et al. 2018).
+
+The names below are imported on first use, so that `import pedpred` itself loads nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pedpred.online import OnlinePredictor, OnlineSettings
+    from pedpred.scenes import Forecast, OccupancyMap
+
+__all__ = ["Forecast", "OccupancyMap", "OnlinePredictor", "OnlineSettings"]
+
+_HOMES = {
+    "Forecast": "pedpred.scenes",
+    "OccupancyMap": "pedpred.scenes",
+    "OnlinePredictor": "pedpred.online",
+    "OnlineSettings": "pedpred.online",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from the package that defines it."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'pedpred' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)

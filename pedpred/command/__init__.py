@@ -29,7 +29,7 @@ def parser() -> argparse.ArgumentParser:
     _output(command, "an MCAP file (.mcap) or a new scene folder")
     _reading(command)
     command = _add(commands, predict)
-    _output(command, "an MCAP file")
+    _output(command, "an MCAP file (default: NAME_forecasts.mcap in the current folder)", required=False)
     _model(command)
     command = _add(commands, evaluate, scenes="+")
     _model(command)
@@ -45,8 +45,8 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     return command
 
 
-def _output(command: argparse.ArgumentParser, what: str) -> None:
-    command.add_argument("-o", "--output", type=Path, required=True, help=what)
+def _output(command: argparse.ArgumentParser, what: str, required: bool = True) -> None:
+    command.add_argument("-o", "--output", type=Path, required=required, help=what)
     command.add_argument("--force", action="store_true", help="replace an existing file")
 
 
@@ -63,9 +63,7 @@ def _reading(command: argparse.ArgumentParser) -> None:
 
 
 def _model(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--model", type=Path, required=True, help="a model folder, e.g. models/online/simulation"
-    )
+    command.add_argument("--model", type=Path, help="a model folder (default: the one of the package)")
 
 
 def _measures(command: argparse.ArgumentParser) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,6 +25,7 @@ from pedpred.ros import write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import Forecast, Scene
 
+_log = logging.getLogger(__name__)
 _METHOD = "pedpred"
 _COLOUR = (0.84, 0.37, 0.0)
 _SHOWN = ("ade_m", "fde_m", "moving_ade_m", "nll", "obstacle_share", "collision_share")
@@ -31,16 +33,18 @@ _SHOWN = ("ade_m", "fde_m", "moving_ade_m", "nll", "obstacle_share", "collision_
 
 def predict(given: argparse.Namespace) -> None:
     """Replay a scene through the online predictor and write it with the forecasts as MCAP."""
-    refuse_overwriting(given.output, given.force)
+    output = given.output or Path(f"{given.scene.stem}_forecasts.mcap")
+    refuse_overwriting(output, given.force)
     scene = read_any(given.scene)
     predictor = robot_for(scene, given.model)
     windows = as_windows(scene, with_progress(scene, predictor), _METHOD, predictor.features)
-    write_recording(scene, given.output, windows, {_METHOD: _COLOUR})
-    write_layout(scene.occupancy, set(), given.output.with_suffix(".foxglove.json"))
+    write_recording(scene, output, windows, {_METHOD: _COLOUR})
+    write_layout(scene.occupancy, set(), output.with_suffix(".foxglove.json"))
+    _log.info("%s: recorded with forecasts in %s", scene.name, output)
 
 
-def robot_for(scene: Scene, model: Path) -> OnlinePredictor:
-    """Load a predictor that does not drop people between two detections of this scene."""
+def robot_for(scene: Scene, model: Path | None) -> OnlinePredictor:
+    """Load a predictor that does not drop people between two detections of this scene; None: default."""
     return OnlinePredictor.load(model, OnlineSettings(max_age_s=max(0.5, 1.25 * scene.detection_dt_s)))
 
 

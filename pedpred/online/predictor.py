@@ -17,6 +17,7 @@ from pedpred.geometry import rotate
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.past import past_of, slots_for
 from pedpred.online.people import People, detected, next_ticks_s
+from pedpred.online.shipped import default_model
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
@@ -60,13 +61,13 @@ class OnlinePredictor:
         self.reset()
 
     @classmethod
-    def load(cls, folder: Path | str, settings: OnlineSettings | None = None) -> OnlinePredictor:
-        """Read a model folder.
+    def load(cls, folder: Path | str | None = None, settings: OnlineSettings | None = None) -> OnlinePredictor:
+        """Read a model folder; without one, the default model that is part of the package.
 
         Raises:
             StorageError: a file is missing, altered or of another version.
         """
-        return cls(Path(folder), settings)
+        return cls(default_model() if folder is None else Path(folder), settings)
 
     @property
     def description(self) -> ModelDescription:

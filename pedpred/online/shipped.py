@@ -1,0 +1,23 @@
+"""The default model folder, which is part of the wheel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pedpred.errors import StorageError
+
+_INSTALLED = Path(__file__).parent / "default"
+_CHECKOUT = Path(__file__).parents[2] / "models" / "online" / "default"
+
+
+def default_model() -> Path:
+    """Return the folder of the default model: in the installed package, else in the checkout.
+
+    Raises:
+        StorageError: neither has one.
+    """
+    for folder in (_INSTALLED, _CHECKOUT):
+        if folder.is_dir():
+            return folder
+    remedy = "Name a model folder, or make the default one with `dvc repro export@default`"
+    raise StorageError(_CHECKOUT, "model folder", "the default model is missing", remedy)

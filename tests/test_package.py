@@ -1,0 +1,92 @@
+"""The package as people install it: light to import, complete in an empty environment."""
+
+import subprocess
+import sys
+import tomllib
+import venv
+
+import pytest
+import yaml
+
+import pedpred
+from pedpred.command import main
+from pedpred.errors import StorageError
+from pedpred.online import OnlinePredictor, shipped
+from tests.conftest import ROOT
+
+TEN_LINES = """
+import sys, pedpred
+assert "numpy" not in sys.modules and not pedpred.__file__.startswith(sys.argv[1])
+from pedpred import OnlinePredictor
+predictor = OnlinePredictor.load()
+for k in range(10):
+    forecast = predictor.update(k / 10, [4, 7], [[0.13 * k, 0.0], [4.0 - 0.12 * k, 0.2]])
+assert forecast.position.shape == (2, 10, 2)
+"""
+
+
+def run(*command, cwd):
+    done = subprocess.run([*map(str, command)], cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_a_wheel_forecasts_in_an_empty_environment(tmp_path, mixture):
+    """With an untrained network where the checkout has no default model."""
+    source, empty = tmp_path / "source", tmp_path / "empty"
+    run(ROOT / ".ci" / "copy", source, cwd=ROOT)
+    model = source / "models" / "online" / "default"
+    if not model.exists():
+        model.parent.mkdir(parents=True, exist_ok=True)
+        model.symlink_to(mixture[0])
+    run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", tmp_path, source, cwd=tmp_path)
+    venv.create(empty, with_pip=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    options = ("--quiet", "--no-compile", "--constraint", ROOT / "constraints.txt")
+    run(empty / "bin" / "python", "-m", "pip", "install", *options, wheel, cwd=tmp_path)
+    run(empty / "bin" / "python", "-I", "-c", TEN_LINES, ROOT, cwd=tmp_path)
+    run(empty / "bin" / "pedpred", "predict", ROOT / "examples" / "crossing" / "tracks.csv", cwd=tmp_path)
+    assert (tmp_path / "tracks_forecasts.mcap").read_bytes().startswith(b"\x89MCAP")
+
+
+def test_a_wheel_is_not_built_without_the_default_model(tmp_path):
+    source = tmp_path / "source"
+    run(ROOT / ".ci" / "copy", source, cwd=ROOT)
+    for file in source.glob("models/online/default/*"):
+        file.unlink()
+    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "-w", tmp_path, source]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "make it: dvc repro export@default" in done.stdout + done.stderr
+
+
+def test_without_a_default_model_the_error_says_how_to_get_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(shipped, "_INSTALLED", tmp_path / "installed")
+    monkeypatch.setattr(shipped, "_CHECKOUT", tmp_path / "checkout")
+    with pytest.raises(StorageError, match="the default model is missing.*dvc repro export@default"):
+        OnlinePredictor.load()
+
+
+def test_a_path_is_needed_neither_in_python_nor_on_the_command_line(tmp_path, monkeypatch, mixture):
+    monkeypatch.setattr(shipped, "_INSTALLED", mixture[0])
+    monkeypatch.chdir(tmp_path)
+    assert OnlinePredictor.load().description == OnlinePredictor.load(mixture[0]).description
+    main(["predict", str(ROOT / "examples" / "crossing" / "tracks.csv")])
+    assert (tmp_path / "tracks_forecasts.mcap").exists()
+    with pytest.raises(SystemExit, match="--force"):
+        main(["predict", str(ROOT / "examples" / "crossing" / "tracks.csv")])
+
+
+def test_public_names_are_found_and_others_are_not():
+    assert pedpred.OnlinePredictor is OnlinePredictor
+    assert all(getattr(pedpred, name).__name__ == name for name in pedpred.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'Predictor'"):
+        _ = pedpred.Predictor
+
+
+def test_types_and_citation_are_part_of_the_package():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert (ROOT / "pedpred" / "py.typed").exists()
+    assert citation["version"] == project["version"]
+    assert citation["license"] == project["license"]
