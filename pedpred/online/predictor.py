@@ -61,7 +61,9 @@ class OnlinePredictor:
         self.reset()
 
     @classmethod
-    def load(cls, folder: Path | str | None = None, settings: OnlineSettings | None = None) -> OnlinePredictor:
+    def load(
+        cls, folder: Path | str | None = None, settings: OnlineSettings | None = None
+    ) -> OnlinePredictor:
         """Read a model folder; without one, the default model that is part of the package.
 
         Raises:

@@ -140,7 +140,7 @@ def gains_figure(found: Sequence[Gain], methods: Methods) -> Figure:
     main, straight = methods.main.label, methods.simple[0].label
     axes.set_xscale("symlog", linthresh=0.1)
     axes.set_yscale("log")
-    ticks = [tick for tick in (0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0) if _within(tick, axes.get_ylim())]
+    ticks = [tick for tick in (0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0) if _within(tick, axes.get_ylim())]
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_yticks([], minor=True)
     axes.set(xlabel=f"points of {straight} in obstacles [%]", ylabel=f"ADE {main} / best simple method")
