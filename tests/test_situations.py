@@ -79,6 +79,18 @@ def test_only_detections_whose_whole_future_is_known_are_taken_also_newborn_ones
     assert (rows["track"][:, 5] == 0).sum() == 3
 
 
+def test_newborn_tracks_have_their_share_of_the_rows():
+    scene = straight(people=60, seconds=12.0)
+    usual = replace(RECIPE, rows=RowSettings(newborn_share=0.0))
+    shares = []
+    for recipe in (usual, RECIPE):
+        rows = training_rows(scene, scene.trajectories, KALMAN, 1000, recipe, np.random.default_rng(0))
+        assert len(rows["future"]) == 1000
+        shares.append(np.mean(rows["track"][:, 5] < 0.25))  # age / 10
+    assert shares[0] < 0.05
+    assert shares[1] == pytest.approx(0.1, abs=0.02)
+
+
 def test_the_future_is_known_outside_of_the_view():
     scene = straight()
     seen = true_states(scene, Area(np.full(2, -1.0), np.full(2, 5.0)), 0.1)

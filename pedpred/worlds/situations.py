@@ -30,6 +30,9 @@ class RowSettings:
         acceleration_noise: of other trackers, m^2/s^3; log-uniform.
         position_noise_m: of other trackers; log-uniform.
         initial_speed_mps: of other trackers.
+        newborn_share: least expected share of the rows at the first detections of a track, which are rare
+            where detections are many, but are what a robot sees when somebody appears.
+        newborn: number of those detections.
         shifted_share: share of the rows whose map is shifted.
         shift_m: standard deviation of that shift along each axis.
     """
@@ -43,12 +46,14 @@ class RowSettings:
     acceleration_noise: Range = (0.012, 0.4)
     position_noise_m: Range = (0.02, 0.15)
     initial_speed_mps: Range = (0.9, 1.1)
+    newborn_share: float = 0.1
+    newborn: int = 3
     shifted_share: float = 0.3
     shift_m: float = 0.06
 
     def __post_init__(self) -> None:
         check_intervals(self, {"(0, inf)": "acceleration_noise position_noise_m initial_speed_mps"})
-        check_intervals(self, {"[0, inf)": "seed shift_m"})
+        check_intervals(self, {"[0, inf)": "seed newborn shift_m"})
 
 
 @dataclass(frozen=True)
@@ -102,7 +107,8 @@ def training_rows(
     tracks = follow(seen.trajectories, kind, kalman, recipe.standstill_mps, sizes.lost_after_s)
     futures = Futures.of(truth, min(sizes.truth_gap_s, sizes.lost_after_s))
     row = np.flatnonzero(_with_future(tracks, futures, sizes.horizon_steps * sizes.dt_s))
-    row = np.sort(rng.choice(row, min(most, len(row)), replace=False))
+    chance = _chances(tracks.age[row] < recipe.rows.newborn, recipe.rows.newborn_share)
+    row = np.sort(rng.choice(row, min(most, len(row)), replace=False, p=chance))
     time_s, position, heading = tracks.time_s[row], tracks.position[row], tracks.heading_rad[row]
     longest_s = seen.detection_dt_s * sizes.max_age_intervals
     channels = tracked_situations(tracks, row, time_s, seen.occupancy, sizes, longest_s)
@@ -115,6 +121,14 @@ def training_rows(
     path, _ = futures.after(tracks.person_id[row], time_s, ahead_s)
     future = rotate(future_velocities(position, path, sizes.dt_s), -heading[:, None])
     return channels | {"future": future.astype(np.float32)}
+
+
+def _chances(newborn: np.ndarray, share: float) -> np.ndarray | None:
+    """Probabilities of rows that give the newborn at least a share; None: equal ones. [M] bool -> [M]."""
+    usual = newborn.mean() if len(newborn) else 0.0
+    if not 0.0 < usual < share or share >= 1.0:
+        return None
+    return np.where(newborn, share / usual, (1.0 - share) / (1.0 - usual)) / len(newborn)
 
 
 def _with_future(tracks: Tracks, futures: Futures, horizon_s: float) -> np.ndarray:
