@@ -72,7 +72,7 @@ class PeopleSettings:
     collision_free_relaxation_s: Range = (0.25, 0.9)
     radius_m: Range = (0.12, 0.2)
     headway_share: float = 0.5
-    headway_s: Range = (0.5, 1.4)
+    headway_s: Range = (0.3, 1.2)
     stops_share: float = 0.4
     stopping_people: float = 0.6
     stop_rate_hz: Range = (0.002, 0.04)

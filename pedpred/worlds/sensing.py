@@ -60,11 +60,11 @@ class SensingSettings:
     late_share: float = 0.5
     switch: Range = (0.0005, 0.01)
     switch_share: float = 0.4
-    sway_m: Range = (0.0, 0.07)
-    sway_share: float = 0.7
+    sway_m: Range = (0.01, 0.08)
+    sway_share: float = 0.85
     tempo: Range = (0.7, 1.1)
     drift_m: Range = (0.005, 0.03)
-    drift_share: float = 0.5
+    drift_share: float = 0.65
     views: Mapping[str, ViewSettings] = field(default_factory=usual_views, metadata={"parse": parsed_views})
 
     def __post_init__(self) -> None:
