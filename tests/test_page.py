@@ -152,7 +152,7 @@ def test_what_does_not_fit_a_replay_is_refused(hall):
 def test_boxes_and_whiskers_lie_at_their_values():
     methods = metrics_of(MEETING | {"ca": 9.0})
     plot = box_plot(methods, "here", 0.3, METHODS)
-    zero, tick = plot.frame.y_ticks[0], plot.frame.y_ticks[1]
+    zero, tick = plot.y_ticks[0], plot.y_ticks[1]
     height = {value: zero[0] + (tick[0] - zero[0]) * value / float(tick[1]) for value in (0.0, 1.0)}
     box, found = plot.boxes["lstm"][6], methods["lstm"]
     for where, field in (("mean", "per_step_m"), ("bottom", "per_step_q25_m"), ("median", "per_step_q50_m")):

@@ -30,7 +30,7 @@ from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of,
 from pedpred.report.reconstructions import evenly_chosen, reconstructed
 from pedpred.report.regions import ellipse, region
 from pedpred.report.sections import answer
-from pedpred.report.situation import draw_people
+from pedpred.report.situation import draw_situation
 from pedpred.report.snapshots import angular_cell_edges, draw_angular_grid, grid_image
 from pedpred.report.tables import calibration_table, further_table, metrics_table
 from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
@@ -350,7 +350,8 @@ def test_modes_of_the_person_in_focus_are_lines_as_wide_as_they_are_likely():
     windows = windows_with(np.zeros((2, 2)), paths[:, 0], {"lstm": paths[:, 0]})
     windows = replace(windows, predictions={"lstm": two})
     axes = Figure().add_subplot()
-    draw_people(axes, windows, Instant.of("hall", windows, 0), [METHODS["lstm"]], lambda points: points)
+    instant, shown = Instant.of("hall", windows, 0), [METHODS["lstm"]]
+    draw_situation(axes, wall_scene(), windows, instant, shown, lambda points: points)
     modes = [line for line in axes.lines if line.get_alpha()]
     assert [line.get_xydata()[-1].tolist() for line in modes] == [[1.0, 0.0], [0.0, 1.0]]
     assert modes[0].get_linewidth() ** 2 / modes[1].get_linewidth() ** 2 == pytest.approx(0.7 / 0.3)

@@ -19,18 +19,6 @@ _OUTLIER = 1.6
 
 
 @dataclass(frozen=True)
-class Frame:
-    """A plotting area of `width` x `height` px with its ticks: (px, label)."""
-
-    width: float
-    height: float
-    x_ticks: Sequence[tuple[float, str]]
-    y_ticks: Sequence[tuple[float, str]]
-    x_label: str
-    y_label: str
-
-
-@dataclass(frozen=True)
 class Box:
     """One method at one step: the quartiles as a box, the median across it, the mean as a dot, px."""
 
@@ -53,7 +41,10 @@ class BoxPlot:
     """Error over the horizon: a box per method and step; `beyond` says which method leaves the frame."""
 
     title: str
-    frame: Frame
+    width: float  # px
+    height: float
+    x_ticks: Sequence[tuple[float, str]]  # px, label
+    y_ticks: Sequence[tuple[float, str]]
     boxes: Mapping[str, Sequence[Box]]
     beyond: str
 
@@ -100,13 +91,14 @@ def box_plot(figures: Figures, title: str, dt_s: float, methods: Methods) -> Box
     width, height = _BOXES
     slot = width / steps
     x_ticks = [(round(slot * (k + 0.5), 1), f"{(k + 1) * dt_s:.1f}") for k in range(steps)]
-    frame = Frame(width, height, x_ticks, _levels(height, 0.0, top), "prediction horizon [s]", "error [m]")
+    levels = [tick for tick in _TICKS.tick_values(0.0, top) if tick <= top]
+    y_ticks = [(round(height * (1 - tick / top), 1), f"{tick:g}") for tick in levels]
     wide = 0.8 * slot / len(names)
     boxes = {}
     for rank, name in enumerate(names):
         lefts = slot * (np.arange(steps) + 0.1) + rank * wide
         boxes[name] = _boxes(methods[name].label, figures[name], lefts, 0.88 * wide, top, dt_s)
-    return BoxPlot(title, frame, boxes, methods[cut].label if cut else "")
+    return BoxPlot(title, width, height, x_ticks, y_ticks, boxes, methods[cut].label if cut else "")
 
 
 def _boxes(
@@ -123,12 +115,3 @@ def _boxes(
         )
         boxes.append(Box(round(lefts[k], 1), round(width, 1), upper, bottom, middle, dot, tip))
     return boxes
-
-
-def _levels(height: float, low: float, high: float) -> list[tuple[float, str]]:
-    """Round values between the ends of an axis and their places, px from above."""
-    return [(round(height * (high - t) / (high - low), 1), f"{t:g}") for t in _ticks(low, high)]
-
-
-def _ticks(low: float, high: float) -> list[float]:
-    return [tick for tick in _TICKS.tick_values(low, high) if low <= tick <= high]

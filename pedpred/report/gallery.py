@@ -21,7 +21,7 @@ from pedpred.report.plan import arrangement_figure, contact_sheet
 from pedpred.report.reconstructions import reconstructions_section
 from pedpred.report.sections import calibration_section
 from pedpred.report.situation import ARROW_S, reading_of_modes
-from pedpred.report.snapshots import camera_figure, inputs_figure
+from pedpred.report.snapshots import snapshot_figure
 from pedpred.scenes import Scene
 from pedpred.storage.windows import EvaluationWindows
 
@@ -144,8 +144,8 @@ def _snapshot(
     methods: Methods,
 ) -> Picture:
     scene, own = scenes[instant.scene], windows[instant.scene]
-    kind, draw = ("snapshot", inputs_figure) if scene.camera is None else ("camera", camera_figure)
-    return Picture(f"{kind}{ending}", instant.caption, draw(scene, own, instant, methods))
+    kind = "snapshot" if scene.camera is None else "camera"
+    return Picture(f"{kind}{ending}", instant.caption, snapshot_figure(scene, own, instant, methods))
 
 
 def _places(scenes: Mapping[str, Scene], shown_s: float) -> Section:

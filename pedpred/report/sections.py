@@ -84,17 +84,13 @@ def expectations_section(results: Sequence[Result], methods: Methods, paper: Pap
 
 
 def parts_sections(results: Sequence[Result], methods: Methods) -> list[Section]:
-    """Single scenes of pooled test sets, and several test sets side by side."""
+    """Single scenes of pooled test sets."""
     found = []
     for result in (result for result in results if result.parts):
-        scenes = {part: (f"{result.name}_{part}", own) for part, own in result.parts.items()}
         wins = below_in(list(result.parts.values()), methods)
-        table = scenes_table(scenes, "scene", methods)
-        found.append(Section("Single scenes", [Text(f"ADE, m. {wins}"), table], folded=True))
-    if len(results) > 1:
-        sets = {result.name: (result.name, result.figures) for result in results}
-        table = scenes_table(sets, "tested at", methods)
-        found.append(Section("Test sets", [Text("ADE, m."), table], folded=True))
+        found.append(
+            Section("Single scenes", [Text(f"ADE, m. {wins}"), scenes_table(result, methods)], folded=True)
+        )
     return found
 
 

@@ -17,7 +17,7 @@ from pedpred.metrics.calibration import shown_steps
 from pedpred.report.canvas import INK
 from pedpred.report.instants import Instant
 from pedpred.report.regions import region
-from pedpred.scenes import Trajectories
+from pedpred.scenes import Scene, Trajectories
 from pedpred.storage.windows import EvaluationWindows
 
 ARROW_S = 0.75
@@ -33,14 +33,21 @@ Placing = Callable[[np.ndarray], np.ndarray]
 """From world points (m, [..., 2]) to the axes' (horizontal, vertical). [..., 2]"""
 
 
-def draw_people(
-    axes: Axes, windows: EvaluationWindows, instant: Instant, methods: Sequence[Method], place: Placing
+def draw_situation(
+    axes: Axes,
+    scene: Scene,
+    windows: EvaluationWindows,
+    instant: Instant,
+    methods: Sequence[Method],
+    place: Placing,
 ) -> None:
     """Draw circles with ids, velocity arrows, the true paths dashed, a dot per predicted step.
 
     The first method gets large dots and, for the person in focus, its modes and regions; others get thin
-    lines with small dots.
+    lines with small dots. People without an evaluation window (too short a past or future) are empty grey
+    circles.
     """
+    _draw_bystanders(axes, scene.trajectories, windows, instant, place)
     for path in _with_present(windows, windows.truth[instant.rows], instant.rows):
         axes.plot(*place(path).T, color=INK, linewidth=1.1, dashes=(4, 2), zorder=3)
     _draw_modes(axes, windows, instant.focus, methods[0], place)
@@ -80,10 +87,9 @@ def reading_of_modes(windows: Iterable[EvaluationWindows], method: Method) -> st
     return "; ".join(drawn)
 
 
-def draw_bystanders(
+def _draw_bystanders(
     axes: Axes, trajectories: Trajectories, windows: EvaluationWindows, instant: Instant, place: Placing
 ) -> None:
-    """Draw people without an evaluation window (too short a past or future) as empty grey circles."""
     stamps = np.unique(trajectories.time_s)
     nearest = stamps[np.argmin(np.abs(stamps - instant.time_s))]
     here = (trajectories.time_s == nearest) & ~np.isin(trajectories.track_id, windows.track_id[instant.rows])

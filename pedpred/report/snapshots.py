@@ -9,15 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
 from matplotlib.projections.polar import PolarAxes
 
-from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import FAINT, INK, OBSTACLE, blank, styled
 from pedpred.report.instants import Instant
 from pedpred.report.plan import draw_ground, extent_around, obstacle_image, quarter_turns_of, turned
-from pedpred.report.situation import draw_bystanders, draw_people, legend_handles
+from pedpred.report.situation import draw_situation, legend_handles
 from pedpred.scenes import Scene
 from pedpred.storage.windows import EvaluationWindows
 
@@ -72,56 +70,37 @@ def draw_angular_grid(axes: PolarAxes, distance_m: np.ndarray, range_m: float) -
 
 
 @styled
-def inputs_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, methods: Methods) -> Figure:
-    """Draw the crowd in the plan view; to its right the inputs about the person in focus."""
-    figure = blank(9.6, 6.5)
-    layout = figure.add_gridspec(2, 2, width_ratios=(2.1, 1.0))
-    shown = (methods.main, methods.reference)
-    _draw_plan(figure.add_subplot(layout[:, 0]), scene, windows, instant, shown)
-    _draw_inputs(figure, layout, windows, instant)
-    title = f"Scene {scene.name}; right: inputs about person {instant.who}"
-    return _with_legend(figure, title, shown)
-
-
-@styled
-def camera_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, methods: Methods) -> Figure:
-    """Draw truth and forecasts on the camera picture, the plan that lies the same way, and one's inputs.
-
-    Raises:
-        ValueRuleError: the scene has no camera.
-    """
-    if scene.camera is None:
-        raise ValueRuleError("camera", None, f"scene {scene.name} needs one to be drawn into")
-    rows, columns = scene.camera.picture.shape[:2]
-    height = 4.2
-    widths = (height * columns / rows, height, 0.55 * height)
+def snapshot_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, methods: Methods) -> Figure:
+    """Draw the crowd from above, beside the camera's picture if there is one, and inputs about one person."""
+    camera, shown = scene.camera, (methods.main, methods.reference)
+    height = 6.0 if camera is None else 4.2
+    widths = [height, 0.55 * height]
+    if camera is not None:
+        rows, columns = camera.picture.shape[:2]
+        widths = [height * columns / rows, *widths]
     figure = blank(sum(widths) + 0.3, height + 0.5)
-    layout = figure.add_gridspec(2, 3, width_ratios=widths)
-    view, plan = figure.add_subplot(layout[:, 0]), figure.add_subplot(layout[:, 1])
-    homography, shown = scene.camera.homography, (methods.main, methods.reference)
-    view.imshow(pale(scene.camera.picture), cmap="gray", vmin=0, vmax=255)
-    draw_bystanders(view, scene.trajectories, windows, instant, lambda p: homography.to_image(p)[..., ::-1])
-    draw_people(view, windows, instant, shown, lambda p: homography.to_image(p)[..., ::-1])
-    view.set(xticks=[], yticks=[], xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
-    view.spines[:].set_visible(False)
-    _draw_plan(plan, scene, windows, instant, shown)
-    _draw_inputs(figure, layout, windows, instant)
-    title = f"Scene {scene.name}; the same from above; inputs about person {instant.who}"
-    return _with_legend(figure, title, shown)
+    layout = figure.add_gridspec(2, len(widths), width_ratios=widths)
+    if camera is not None:
+        view, image = figure.add_subplot(layout[:, 0]), camera.homography.to_image
+        view.imshow(pale(camera.picture), cmap="gray", vmin=0, vmax=255)
+        draw_situation(view, scene, windows, instant, shown, lambda points: image(points)[..., ::-1])
+        view.set(xticks=[], yticks=[], xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
+        view.spines[:].set_visible(False)
+    _draw_plan(figure.add_subplot(layout[:, -2]), scene, windows, instant, shown)
+    draw_grid(figure.add_subplot(layout[0, -1]), windows.grid(instant.focus), windows.grid_resolution_m)
+    polar = cast(PolarAxes, figure.add_subplot(layout[1, -1], projection="polar"))
+    draw_angular_grid(polar, windows.angular_grid_m[instant.focus], windows.max_range_m)
+    above = "" if camera is None else "; the same from above"
+    title = f"Scene {scene.name}{above}; right: around person {instant.who}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+    figure.legend(handles=legend_handles(shown), loc="outside upper right", ncols=3)
+    return figure
 
 
 def pale(picture: np.ndarray) -> np.ndarray:
     """Turn a colour picture into light grey in a few steps (small files): [rows, columns] uint8."""
     grey = picture.astype(np.float64) @ [0.299, 0.587, 0.114]
     return (255 - _PALE * (255 - np.round(grey / 12) * 12)).astype(np.uint8)
-
-
-def _draw_inputs(figure: Figure, layout: GridSpec, windows: EvaluationWindows, instant: Instant) -> None:
-    """The inputs about the person in focus, one above the other in the last column."""
-    grid = windows.grid(instant.focus)
-    draw_grid(figure.add_subplot(layout[0, -1]), grid, windows.grid_resolution_m)
-    polar = figure.add_subplot(layout[1, -1], projection="polar")
-    draw_angular_grid(cast(PolarAxes, polar), windows.angular_grid_m[instant.focus], windows.max_range_m)
 
 
 def _draw_plan(
@@ -132,11 +111,4 @@ def _draw_plan(
     people = np.concatenate([windows.position[rows, None], *(path[rows] for path in paths)], axis=1)
     _, whole = obstacle_image(scene.occupancy, turns)
     draw_ground(axes, scene.occupancy, turns, extent_around(turned(people, turns), _MARGIN_M, whole))
-    draw_bystanders(axes, scene.trajectories, windows, instant, lambda points: turned(points, turns))
-    draw_people(axes, windows, instant, shown, lambda points: turned(points, turns))
-
-
-def _with_legend(figure: Figure, title: str, shown: Sequence[Method]) -> Figure:
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10)
-    figure.legend(handles=legend_handles(shown), loc="outside upper right", ncols=3)
-    return figure
+    draw_situation(axes, scene, windows, instant, shown, lambda points: turned(points, turns))

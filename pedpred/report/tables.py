@@ -62,18 +62,19 @@ def further_table(result: Result, methods: Methods) -> Table:
     return Table(["method", *map(metric_title, keys)], rows)
 
 
-def scenes_table(scenes: Mapping[str, tuple[str, Figures]], first: str, methods: Methods) -> Table:
-    """ADE of every method in every scene, a row per scene: {title: (key in the metric files, figures)}."""
-    names = methods.ordered({name for _, figures in scenes.values() for name in figures})
+def scenes_table(result: Result, methods: Methods) -> Table:
+    """ADE of every method in every scene of a test set, a row per scene."""
+    names = methods.ordered({name for figures in result.parts.values() for name in figures})
     main = methods.main
-    gap = f"{main.label} minus {methods.reference.label}"
     rows = []
-    for title, (place, figures) in scenes.items():
-        windows = max(own["windows"] for own in figures.values())
+    for scene, figures in result.parts.items():
+        place, own = f"{result.name}_{scene}", figures.get(main.key, {})
+        windows = max(each["windows"] for each in figures.values())
         errors = [metric_cell(place, name, "ade_m", figures.get(name, {})) for name in names]
-        last = gap_cell(place, main.key, figures.get(main.key, {}), methods)
-        rows.append(Row([Cell(title), Cell(str(windows)), *errors, last]))
-    return Table([first, "windows", *(methods[name].label for name in names), gap], rows)
+        last = gap_cell(place, main.key, own, methods)
+        rows.append(Row([Cell(scene), Cell(str(windows)), *errors, last]))
+    gap = f"{main.label} minus {methods.reference.label}"
+    return Table(["scene", "windows", *(methods[name].label for name in names), gap], rows)
 
 
 def calibration_table(result: Result, methods: Methods) -> Table | None:

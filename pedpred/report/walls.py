@@ -15,7 +15,7 @@ from pedpred.report.canvas import FAINT, INK, blank, styled
 from pedpred.report.instants import Instant
 from pedpred.report.measures import Figures, Result
 from pedpred.report.plan import draw_ground
-from pedpred.report.situation import draw_bystanders, draw_people, legend_handles, reading_of_modes
+from pedpred.report.situation import draw_situation, legend_handles, reading_of_modes
 from pedpred.scenes import Scene
 from pedpred.storage.windows import EvaluationWindows
 
@@ -73,8 +73,7 @@ def wall_figure(scene: Scene, windows: EvaluationWindows, rows: np.ndarray, meth
             scene.name, float(windows.time_s[row]), np.array([row]), row, int(windows.track_id[row])
         )
         draw_ground(axes, scene.occupancy, 0, (x - half_m, x + half_m, y - half_m, y + half_m))
-        draw_bystanders(axes, scene.trajectories, windows, instant, lambda points: points)
-        draw_people(axes, windows, instant, shown, lambda points: points)
+        draw_situation(axes, scene, windows, instant, shown, lambda points: points)
         errors = ", ".join(f"{method.label} {windows.ade_m(method.key)[row]:.2f}" for method in shown)
         axes.set_title(f"ADE [m]: {errors}", fontsize=8.5)
     figure.legend(handles=legend_handles(shown), loc="outside lower left", ncols=3)

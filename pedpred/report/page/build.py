@@ -84,7 +84,7 @@ def _sections(contents: Contents) -> list[Section]:
             section = replace(section, blocks=section.blocks[:2], folded=True)
         answer.append(section)
     answer += [Text(READING, "note"), Section("Expectations", [table], folded=True)]
-    answer += parts_sections([result for result in results if result.parts], methods)
+    answer += parts_sections(results, methods)
     galleries = {title_of(e.study): gallery(e, methods) for e in contents.evaluated}
     unnamed = [Section(t, [s for s in own if not s.name]) for t, own in galleries.items()]
     return [
