@@ -10,7 +10,7 @@ export OMP_WAIT_POLICY := PASSIVE
 
 .DEFAULT_GOAL := help
 REV ?= HEAD
-.PHONY: help setup params tune reproduce compare smoke test trust dist audit check
+.PHONY: help setup params tune reproduce compare judge smoke test trust dist audit check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -42,6 +42,9 @@ reproduce: setup ## raw data -> networks -> reports/; does only what is out of d
 
 compare: setup ## which metrics moved beyond their intervals since REV=<revision>; fails when some got worse
 	@python -m tools.compare $(REV)
+
+judge: setup ## measure models/online/default: places, laws, speed; fails when a promise is broken or REV has a better one
+	python -m tools.judge --against $(REV)
 
 smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
 	@.ci/smoke

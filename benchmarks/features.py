@@ -77,7 +77,7 @@ def plain_numpy(frame: Pedestrians, occupancy: OccupancyMap) -> tuple[np.ndarray
 
 
 @numba.njit
-def gather(cells, index, found):
+def gather(cells: np.ndarray, index: np.ndarray, found: np.ndarray) -> None:
     """Look-ups only."""
     for k in range(len(index)):
         found[k] = cells[index[k]]

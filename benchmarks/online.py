@@ -80,7 +80,7 @@ def multiply_adds(network: nn.Module, step: Callable[[int], None]) -> int:
     """Of one pedestrian's step: every weight of a matrix once, of a convolution once per output cell."""
     total = 0
 
-    def count(layer: nn.Module, inputs: object, output: object) -> None:
+    def count(layer: nn.Module, inputs: Any, output: Any) -> None:
         nonlocal total
         cells = output[0, 0].numel() if isinstance(layer, nn.Conv2d) else 1
         total += sum(w.numel() for w in layer.parameters(recurse=False) if w.dim() > 1) * cells

@@ -63,10 +63,19 @@ def standing_errors_m(
     return newborn, later
 
 
-def moved_gap_m(folder: Path, rng: np.random.Generator, mirrored: bool = False) -> float:
-    """By how much forecasts in a turned, shifted and perhaps mirrored world are not moved with it, m."""
-    move = Move(rng.integers(4) * np.pi / 2, tuple(rng.uniform(-1e3, 1e3, 2)), mirrored)
-    return _gap_m(folder, crowded(rng), move)
+def moved_gap_m(folder: Path, rng: np.random.Generator) -> float:
+    """By how much forecasts do not turn by quarters and move with the world and its map, m."""
+    return _gap_m(folder, crowded(rng), _somewhere(rng, False))
+
+
+def mirrored_gap_m(folder: Path, rng: np.random.Generator) -> float:
+    """By how much forecasts in a mirrored world are not mirrored, m."""
+    return _gap_m(folder, crowded(rng), _somewhere(rng, True))
+
+
+def _somewhere(rng: np.random.Generator, mirrored: bool) -> Move:
+    x, y = rng.uniform(-1e3, 1e3, 2)
+    return Move(rng.integers(4) * np.pi / 2, (float(x), float(y)), mirrored)
 
 
 def turned_gap_m(folder: Path, rng: np.random.Generator) -> float:
@@ -90,30 +99,24 @@ def renamed_gap_m(folder: Path, rng: np.random.Generator) -> float:
 
 
 def far_gap_m(folder: Path, rng: np.random.Generator) -> float:
-    """By how much forecasts change when people 30 m away come, go and jump, m."""
+    """By how much forecasts change when one person 30 m away jumps and another comes and goes, m."""
     world = crowded(rng)
     frames, people = world.position.shape[:2]
-    angle, away = rng.uniform(-np.pi, np.pi, (frames, 2)), rng.uniform(_FAR_M, 2 * _FAR_M, (frames, 2))
-    reach = np.abs(world.position).max()
-    far = (away + reach)[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    far[rng.random((frames, 2)) < 0.3] = np.nan
+    beyond = np.abs(world.position).max() + _FAR_M  # jumps that end here do not cross the crowd
+    far = beyond + rng.uniform(0.0, _FAR_M, (frames, 2, 2))
+    far[:, 1] = far[0, 1]
+    far[rng.random(frames) < 0.5, 1] = np.nan
     with_far = replace(
         world,
         position=np.concatenate([world.position, far], axis=1),
-        track_id=np.append(world.track_id, [2000, 2001]),
+        track_id=np.append(world.track_id, [2000, 2001]),  # the largest
     )
-    found = 0.0
+    found, near = 0.0, np.arange(people)
     pairs = zip(world.forecasts(folder), with_far.forecasts(folder), strict=True)
-    for (_, detections, one), (_, _, two) in pairs:
-        near = np.arange(people)  # ids of those far away are the largest
-        same = replace(
-            two,
-            track_id=two.track_id[near],
-            velocity=two.velocity[near],
-            predictions=two.predictions.select(near),
-        )
-        order_too = np.abs(one.predictions.path - same.predictions.path).max()
-        found = max(found, apart_m(one, same, detections >= 1), float(order_too))
+    for (_, _, one), (_, _, two) in pairs:
+        paths = two.predictions.select(near)
+        moved = np.abs(one.predictions.path - paths.path).max(), np.abs(one.position - paths.point).max()
+        found = max(found, *map(float, moved))
     return found
 
 

@@ -12,7 +12,7 @@ from pedpred.geometry import rotate
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.scenes import Forecast, OccupancyMap
 
-RATES_HZ = (2.0, 2.5, 5.0, 10.0)
+RATES_HZ = (2.0, 2.5, 5.0, 10.0, 15.0)
 SPEEDS_MPS = (0.3, 2.5)
 _APART_M = 60.0
 

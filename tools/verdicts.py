@@ -1,0 +1,147 @@
+"""What a model folder must hold, and whether figures hold it; see `tools.judge`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.online import ALLOWED, matrix_rate, measured_updates, paper_work
+from pedpred.metrics.calibration import shown_steps
+from pedpred.online import laws
+from pedpred.online.trials import RATES_HZ
+
+Figures = Mapping[str, Mapping[str, Any]]
+"""Method -> figure -> value, as in the metric files."""
+
+LEVEL, SURE = 1.00, 1.03
+"""Most that the error may be over that of the better one of CV and Kalman CV; and the end of its interval."""
+BETTER = {
+    "eth": ("kalman_cv", 0.97),
+    "hotel": ("kalman_cv", 0.97),
+    "lab_corner": ("cv", 0.65),
+    "lab_t_junction": ("cv", 0.65),
+    "lab_bottleneck": ("kalman_cv", 0.95),
+    "lab_crossing": ("kalman_cv", 0.95),
+}
+"""Place -> method, and most that the error may be over that method's."""
+REGIONS = {"50": (45, 55), "90": (86, 94), "95": (92, 98)}
+"""Region, % -> least and most of the true positions in it, %."""
+ROOMS = {"mode_collision_share": 0.07, "obstacle_share": 0.003}
+TRUE_STATES = {"ade_m": 0.45, "min_ade_m_k6": 0.22, **ROOMS}
+"""Figure in simulated test rooms -> most that it may be."""
+SENSED = 0.85
+"""Most that the error in rooms through sensor and tracker may be over that of the paper's network."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One promise.
+
+    Attributes:
+        about: place, law or crowd.
+        what: was measured.
+        found: the measured number, or numbers.
+        limit: what it must be.
+        holds: whether it is.
+        remark: what to know about it.
+    """
+
+    about: str
+    what: str
+    found: str
+    limit: str
+    holds: bool
+    remark: str = ""
+
+
+def below(about: str, what: str, value: float, most: float, remark: str = "", digits: int = 3) -> Verdict:
+    """A number that must not exceed another one."""
+    return Verdict(about, what, f"{value:.{digits}f}", f"<= {most:.{digits}f}", bool(value <= most), remark)
+
+
+def place_verdicts(place: str, figures: Figures, method: str, remark: str = "") -> Iterator[Verdict]:
+    """Errors beside the simple methods, and calibration, at a real place."""
+    own = figures[method]
+    simple = {key: figures[key] for key in ("cv", "kalman_cv")}
+    least = min(row["ade_m"] for row in simple.values())
+    yield below(place, "ADE / better of CV, Kalman CV", own["ade_m"] / least, LEVEL, remark)
+    yield below(place, "end of its interval", _end_of_ratio(own, simple), SURE, remark)
+    if "standing_ade_m" in own:
+        standing = min(row["standing_ade_m"] for row in simple.values())
+        yield below(place, "the same, standing people", own["standing_ade_m"] / standing, LEVEL, remark)
+    if place in BETTER:
+        rival, most = BETTER[place]
+        yield below(place, f"ADE / {rival}", own["ade_m"] / figures[rival]["ade_m"], most, remark)
+    if "nll" in own and "nll" in figures["kalman_cv"]:
+        yield below(place, "NLL (limit: Kalman CV's)", own["nll"], figures["kalman_cv"]["nll"], remark)
+    yield from region_verdicts(place, own, remark)
+
+
+def _end_of_ratio(own: Mapping[str, Any], simple: Figures) -> float:
+    """Upper end of the interval of the error over the better simple one's.
+
+    That of the paired difference where Kalman CV is the better one, which differences are taken to.
+    """
+    kalman, cv = simple["kalman_cv"]["ade_m"], simple["cv"]["ade_m"]
+    if kalman <= cv:
+        return float(1.0 + own["ade_m_minus_reference_ci95"][1] / kalman)
+    return float(own["ade_m_ci95"][1] / cv)
+
+
+def region_verdicts(place: str, own: Mapping[str, Any], remark: str = "") -> Iterator[Verdict]:
+    """Shares of the true positions in the 50, 90 and 95 % regions at three horizons."""
+    for step in shown_steps(len(own["per_step_m"])):
+        shares = {p: 100 * own[f"per_step_coverage_{p}"][step] for p in REGIONS}
+        holds = all(low <= shares[p] <= high for p, (low, high) in REGIONS.items())
+        limit = ", ".join(f"{low}-{high}" for low, high in REGIONS.values())
+        found = ", ".join(f"{share:.0f}" for share in shares.values())
+        yield Verdict(place, f"% in regions after step {step + 1}", found, limit, holds, remark)
+
+
+def room_verdicts(rooms: str, own: Mapping[str, Any], limits: Mapping[str, float]) -> Iterator[Verdict]:
+    """Figures in simulated test rooms."""
+    for key, most in limits.items():
+        yield below(rooms, key, own.get(key, float("nan")), most, digits=4)
+
+
+def law_verdicts(folder: Path, seed: int = 0, worlds: int = 5) -> Iterator[Verdict]:
+    """The laws of `pedpred.online.laws` in some drawn worlds."""
+    low, high = laws.STRAIGHT
+    for rate in RATES_HZ:
+        rng, name = np.random.default_rng([seed, round(10 * rate)]), f"{rate:g} Hz"
+        shares = laws.straight_shares(folder, rng, rate, 300.0 if rate < 3 else 30.0)
+        found = f"{shares.min():.3f} ... {shares.max():.3f}"
+        holds = bool(low <= shares.min() and shares.max() <= high)
+        yield Verdict("straight walkers", f"share of their way, {name}", found, f"{low} ... {high}", holds)
+        for noise in (0.0, 0.02):
+            newborn, later = laws.standing_errors_m(folder, rng, rate, noise)
+            what = f"m, {name}, noise {100 * noise:.0f} cm"
+            yield below("standing newborns", what, float(newborn.max()), laws.STANDING_M)
+            yield below("standing people", what, float(later.max()), laws.STANDING_M)
+    draws = [np.random.default_rng([seed, k]) for k in range(worlds)]
+    trials = {
+        "turned by quarters and moved, m": (laws.moved_gap_m, laws.MOVED_M),
+        "turned by any angle, m": (laws.turned_gap_m, laws.MOVED_M),
+        "other ids and order, m": (laws.renamed_gap_m, laws.MOVED_M),
+        "people 30 m away, m": (laws.far_gap_m, laws.FAR_M),
+        "mirrored, m": (laws.mirrored_gap_m, laws.MIRRORED_M),
+    }
+    for what, (law, most) in trials.items():
+        yield below("worlds", what, max(law(folder, rng) for rng in draws), most, digits=4)
+
+
+def latency_verdicts(folder: Path, tries: int = 3) -> Iterator[Verdict]:
+    """Time of an update on one thread over the bound of the paper's network; the best of some tries."""
+    work = paper_work()
+    for count, allowed in ALLOWED.items():
+        ratios, times = [], []
+        for _ in range(tries):
+            rate = matrix_rate()
+            times.append(float(np.median(measured_updates(folder, count, 60)["update"])))
+            ratios.append(times[-1] / (count * work / rate * 1e3))
+        remark = f"{min(times):.1f} ms"
+        yield below(f"{count} people", "update / bound of the paper's network", min(ratios), allowed, remark)
