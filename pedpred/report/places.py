@@ -71,7 +71,7 @@ def wins(studies: Studies, method: Method, methods: Methods) -> str:
 def ratios_table(studies: Studies, methods: Methods) -> Table:
     """ADE of every method relative to the best simple one, place by place; ratios below 1 are strong.
 
-    A simple method has a column if it is the best one somewhere.
+    The main method comes first; a simple one has a column if it is the best one somewhere.
     """
     places = _figures(studies)
     best = {name: best_simple(figures, methods) for name, figures in places.items()}
@@ -80,6 +80,7 @@ def ratios_table(studies: Studies, methods: Methods) -> Table:
         for method, any_of in _columns(studies, methods)
         if method.learned or method.key in best.values()
     ]
+    columns.sort(key=lambda column: -methods.rows.index(column[0]))
     rows = []
     for name, key in best.items():
         base, base_m = places[name][key], places[name][key]["ade_m"]

@@ -36,7 +36,8 @@ class Player {
     this.offer(header.methods);
     const fullest = this.replay.fullestFrame(); // opens where there is most to see
     this.time = fullest.value / 100;
-    this.picked = this.replay.rows.track[fullest.rows[0]];
+    const fastest = fullest.rows.reduce((best, row) => (this.replay.speed(row) > this.replay.speed(best) ? row : best));
+    this.picked = this.replay.rows.track[fastest];
     this.refresh();
   }
 
