@@ -1,0 +1,91 @@
+"""`python -m tools.judge`: which figures hold, and what it prints."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pedpred.online.network import read_origin
+from tests.conftest import ROOT
+from tools import judge
+from tools.verdicts import Verdict, below, place_verdicts, region_verdicts, room_verdicts
+
+OWN = {"ade_m": 0.3, "ade_m_ci95": [0.28, 0.32], "ade_m_minus_reference_ci95": [-0.12, -0.08]}
+OWN |= {"standing_ade_m": 0.1, "nll": -1.0, "per_step_m": [0.1] * 10}
+OWN |= {"per_step_coverage_50": [0.5] * 10, "per_step_coverage_90": [0.9] * 10}
+OWN |= {"per_step_coverage_95": [0.95] * 10}
+SIMPLE = {"cv": {"ade_m": 0.5, "standing_ade_m": 0.3}, "kalman_cv": {"ade_m": 0.4, "standing_ade_m": 0.2}}
+SIMPLE["kalman_cv"]["nll"] = 0.0
+
+
+def verdicts(**changes):
+    found = place_verdicts("eth", SIMPLE | {"network": OWN | changes}, "network")
+    return {verdict.what: verdict for verdict in found}
+
+
+def test_a_good_network_holds_everything():
+    assert all(verdict.holds for verdict in verdicts().values())
+
+
+@pytest.mark.parametrize(
+    ("changes", "broken"),
+    [
+        ({"ade_m": 0.395}, {"ADE / kalman_cv"}),
+        ({"ade_m": 0.41}, {"ADE / better of CV, Kalman CV", "ADE / kalman_cv"}),
+        ({"ade_m_minus_reference_ci95": [-0.1, 0.02]}, {"end of its interval"}),
+        ({"standing_ade_m": 0.21}, {"the same, standing people"}),
+        ({"nll": 0.1}, {"NLL (limit: Kalman CV's)"}),
+        ({"per_step_coverage_90": [0.9] * 9 + [0.8]}, {"% in regions after step 10"}),
+        ({"ade_m": float("nan")}, {"ADE / better of CV, Kalman CV", "ADE / kalman_cv"}),
+    ],
+)
+def test_what_is_broken_is_named(changes, broken):
+    assert {what for what, verdict in verdicts(**changes).items() if not verdict.holds} == broken
+
+
+def test_a_missing_figure_breaks_the_promise():
+    assert not any(verdict.holds for verdict in room_verdicts("rooms", {}, {"ade_m": 0.4}))
+
+
+def test_regions_at_three_horizons():
+    assert [v.what for v in region_verdicts("eth", OWN)] == [
+        f"% in regions after step {k}" for k in (1, 5, 10)
+    ]
+
+
+def test_the_table_repeats_what_is_broken():
+    good, bad = below("eth", "ADE", 1.0, 2.0), below("hotel", "ADE", 3.0, 2.0)
+    text = judge.table([good, bad])
+    assert text.count("hotel") == 2
+    assert text.count("eth") == 1
+    assert "1 of 2 promises hold" in text
+
+
+def test_a_folder_is_taken_from_a_revision(tmp_path, monkeypatch, capsys, model):
+    monkeypatch.chdir(tmp_path)
+    folder, scratch = Path("models/online/default"), tmp_path / "scratch"
+    shutil.copytree(model[0], folder)
+    for command in ("init -q", "add models", "-c user.name=a -c user.email=a@b commit -qm model"):
+        subprocess.run(["git", *command.split()], check=True)
+    assert judge.folder_at(str(folder), folder, scratch) == folder
+    kept = judge.folder_at("HEAD", folder, scratch)
+    assert kept == scratch / folder
+    assert read_origin(kept) == read_origin(model[0])
+    assert judge.folder_at("no-such-revision", folder, scratch) is None
+    assert "nothing is compared" in capsys.readouterr().out
+
+
+def test_it_fails_and_writes_what_it_found(tmp_path, monkeypatch, capsys, model):
+    monkeypatch.chdir(ROOT)
+    found = [below("eth", "ADE", 3.0, 2.0)]
+    monkeypatch.setattr(judge.Judgement, "verdicts", lambda self, against: iter(found))
+    (tmp_path / "model").symlink_to(model[0])
+    with pytest.raises(SystemExit, match="1"):
+        judge.main([str(tmp_path / "model"), "--out", str(tmp_path / "out.json")])
+    assert "FAIL" in capsys.readouterr().out
+    kept = json.loads((tmp_path / "out.json").read_text())["verdicts"]
+    assert [Verdict(**verdict) for verdict in kept] == found
+    assert np.isfinite(float(found[0].found))

@@ -1,0 +1,92 @@
+"""Laws of forecasts: of any network without memory, and of the one that this repository ships."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.online import laws
+from pedpred.online.trials import RATES_HZ, Move, crowded
+from tests.conftest import ROOT
+
+SHIPPED = ROOT / "models/online/default"
+SEEDS = st.integers(0, 2**32 - 1)
+shipped = pytest.mark.skipif(not SHIPPED.exists(), reason="models/online/default is not exported yet")
+GAPS = [
+    (laws.moved_gap_m, laws.MOVED_M),
+    (laws.turned_gap_m, laws.MOVED_M),
+    (laws.renamed_gap_m, laws.MOVED_M),
+    (laws.far_gap_m, laws.FAR_M),
+    (laws.mirrored_gap_m, laws.MIRRORED_M),
+]
+
+
+def named(gap):
+    return gap[0].__name__
+
+
+@pytest.mark.parametrize("gap", GAPS, ids=named)
+@settings(max_examples=5, deadline=None)
+@given(seed=SEEDS)
+def test_worlds_elsewhere_have_the_same_forecasts_whatever_was_learned(mixture, gap, seed):
+    law, most = gap
+    assert law(mixture[0], np.random.default_rng(seed)) <= most
+
+
+@shipped
+@pytest.mark.parametrize("gap", GAPS, ids=named)
+@settings(max_examples=5, deadline=None)
+@given(seed=SEEDS)
+def test_worlds_elsewhere_have_the_same_forecasts(gap, seed):
+    law, most = gap
+    assert law(SHIPPED, np.random.default_rng(seed)) <= most
+
+
+@shipped
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(seed=SEEDS, rate_hz=st.sampled_from(RATES_HZ))
+def test_straight_walkers_go_on(seed, rate_hz):
+    """Alone on free ground, at any speed, from one second to half a minute after birth."""
+    shares = laws.straight_shares(SHIPPED, np.random.default_rng(seed), rate_hz, people=8)
+    low, high = laws.STRAIGHT
+    assert low <= shares.min()
+    assert shares.max() <= high
+
+
+@shipped
+def test_straight_walkers_go_on_for_minutes():
+    shares = laws.straight_shares(SHIPPED, np.random.default_rng(0), 2.0, seconds=300.0, people=4)
+    assert laws.STRAIGHT[0] <= shares.min() <= shares.max() <= laws.STRAIGHT[1]
+
+
+@shipped
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(seed=SEEDS, rate_hz=st.sampled_from(RATES_HZ), noise_m=st.sampled_from([0.0, 0.005, 0.02]))
+def test_standing_people_stand_also_when_they_have_just_appeared(seed, rate_hz, noise_m):
+    rng = np.random.default_rng(seed)
+    newborn, later = laws.standing_errors_m(SHIPPED, rng, rate_hz, noise_m)
+    assert newborn.max() <= laws.STANDING_M
+    assert later.max() <= laws.STANDING_M
+
+
+def test_a_move_and_its_inverse_leave_points_and_maps_as_they_are():
+    rng = np.random.default_rng(0)
+    world = crowded(rng)
+    for mirrored in (False, True):
+        move = Move(np.pi / 2, (3.0, -4.0), mirrored)
+        there = world.moved(move)
+        np.testing.assert_allclose(move.back(there.position), world.position, atol=1e-9)
+        inside = rng.uniform(-6, 6, (500, 2))
+        blocked = there.occupancy.is_occupied(move.there(inside))
+        np.testing.assert_array_equal(blocked, world.occupancy.is_occupied(inside))
+        assert 0 < blocked.sum() < 500
+
+
+def test_a_gap_is_found(model):
+    """A recurrent network with large weights: its crops turn by half cells, and its map is a grid."""
+    gaps = [laws.turned_gap_m(model[0], np.random.default_rng(k)) for k in range(3)]
+    assert max(gaps) > 0.0
+    shares = laws.straight_shares(model[0], np.random.default_rng(0), 2.0, people=2)
+    assert not (laws.STRAIGHT[0] < shares.min() and shares.max() < laws.STRAIGHT[1])
+    newborn, later = laws.standing_errors_m(model[0], np.random.default_rng(0), 2.0, 0.02)
+    assert max(newborn.max(), later.max()) > laws.STANDING_M
