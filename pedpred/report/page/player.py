@@ -36,6 +36,8 @@ LEVELS = 240
 """Distances of the angular grid are whole multiples of its range / `LEVELS`, 2.5 cm of 6 m."""
 _LINES_BEFORE = 3
 """Steps before the present at which the line between detections predicts the present."""
+_UNITS: dict[str, Any] = {"path_mm": PATH_MM, "mode_mm": MODE_MM, "weight": WEIGHT, "levels": LEVELS}
+_UNITS |= {"lines_before": _LINES_BEFORE, "tail_s": TAIL_S}
 
 
 @dataclass(frozen=True)
@@ -78,10 +80,8 @@ def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, m
     duration_s = round(min(settings.duration_s, float(windows.time_s.max()) - start_s), 2)
     kept = windows.predictions.keys() & {*settings.methods, methods.main.key}
     shown, steps = methods.ordered(kept), windows.truth.shape[1]
-    modes = {name: windows.predictions[name].modes for name in shown}
-    strides = (steps, steps // 2 or 1, steps // 5 or 1)  # the last point first, then those between
-    coarse = list(dict.fromkeys(k for stride in strides for k in range(stride, steps + 1, stride)))
-    order = list(dict.fromkeys([*coarse, *range(1, steps + 1)]))
+    several = [name for name in shown if windows.predictions[name].modes > 1]
+    order, coarse = orders(steps)
     turns = quarter_turns_of(scene.camera)
     image, (left, right, bottom, top) = obstacle_image(scene.occupancy, turns)
     ground = OccupancyMap(image.T, np.zeros(2), scene.occupancy.resolution_m)
@@ -91,22 +91,17 @@ def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, m
     stretch.write_people(coder)
     table = stretch.write_presents(coder)
     stretch.write_paths(table, shown, order)
-    for name in shown:
-        if modes[name] > 1:
-            stretch.write_modes(coder, table, windows.predictions[name], coarse, settings)
+    for name in several:
+        stretch.write_modes(coder, table, windows.predictions[name], coarse, settings)
     stretch.write_inputs(coder, ground)
-    header = {
+    header = _UNITS | {
         "name": scene.name,
         "start_s": round(start_s, 2),
         "duration_s": duration_s,
         "step_s": windows.dt_s,
         "steps": steps,
         "order": order,
-        "lines_before": _LINES_BEFORE,
-        "path_mm": PATH_MM,
-        "mode_mm": MODE_MM,
         "gap_s": round(LONGEST_GAP * scene.detection_dt_s, 3),
-        "tail_s": TAIL_S,
         "size_m": [round(right - left, 3), round(top - bottom, 3)],
         "map_cells": ground.occupied.shape,
         "map_cell_m": ground.resolution_m,
@@ -114,16 +109,21 @@ def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, m
         "grid_cells": windows.grid_cells,
         "cones": windows.angular_grid_m.shape[1],
         "range_m": windows.max_range_m,
-        "levels": LEVELS,
         "methods": shown,
-        "modes": {name: min(count, settings.modes) for name, count in modes.items() if count > 1},
+        "modes": {name: min(windows.predictions[name].modes, settings.modes) for name in several},
         "mode_order": coarse,
-        "weight": WEIGHT,
         "drawn": methods.main.key,
         "seen": len(stretch.seen.track),
         "rows": len(stretch.rows.track),
     }
     return Replay(header, coder.text())
+
+
+def orders(steps: int) -> tuple[list[int], list[int]]:
+    """Points of a path in the order in which they are kept, the last one first; and those of modes."""
+    strides = (steps, steps // 2 or 1, steps // 5 or 1)
+    coarse = list(dict.fromkeys(k for stride in strides for k in range(stride, steps + 1, stride)))
+    return list(dict.fromkeys([*coarse, *range(1, steps + 1)])), coarse
 
 
 class _Tracks:
