@@ -1,6 +1,6 @@
 """A ROS 2 node: tracked people and a map in, the next three seconds of every person out as lines.
 
-    python examples/ros2_node.py --model models/online/simulation_distilled --type people_msgs/msg/People
+    python examples/ros2_node.py --model models/online/default --type people_msgs/msg/People
 
 Subscribes to the people (any type of `pedpred.ros.ADAPTERS`) and to `/map`, publishes `/predictions`
 (visualization_msgs/MarkerArray) in the people's frame. People and map must be in one frame that does not

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -148,7 +149,8 @@ def test_the_walk_through_of_the_readme_runs(model, tmp_path, monkeypatch):
     page = (ROOT / "README.md").read_text().partition("## Your own recordings")[2]
     lines = page.partition("```sh\n")[2].partition("```")[0].splitlines()
     (tmp_path / "models/online").mkdir(parents=True)
-    (tmp_path / "models/online/simulation_distilled").symlink_to(model[0])
+    for named in set(re.findall(r"models/online/\w+", page)):
+        (tmp_path / named).symlink_to(model[0])
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
     for line in lines:

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 import shutil
 
 import numpy as np
@@ -175,7 +176,8 @@ def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
     page = (ROOT / "README.md").read_text().partition("## On the robot")[2]
     embedding = page.partition("```python\n")[2].partition("```")[0]
     (tmp_path / "models/online").mkdir(parents=True)
-    (tmp_path / "models/online/simulation").symlink_to(model[0])
+    for named in set(re.findall(r"models/online/\w+", embedding)):
+        (tmp_path / named).symlink_to(model[0])
     monkeypatch.chdir(tmp_path)
     names: dict = {}
     exec(embedding, names)

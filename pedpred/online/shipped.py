@@ -19,5 +19,5 @@ def default_model() -> Path:
     for folder in (_INSTALLED, _CHECKOUT):
         if folder.is_dir():
             return folder
-    remedy = "Name a model folder, or make the default one with `dvc repro export@default`"
+    remedy = "Name a model folder, or make the default one: the stage export writes it"
     raise StorageError(_CHECKOUT, "model folder", "the default model is missing", remedy)
