@@ -99,8 +99,8 @@ def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
 def _legend(windows: Mapping[str, EvaluationWindows], methods: Methods) -> str:
     return (
         "Circles: people, the one in focus is filled; arrows: the way of the present velocity in "
-        f"{ARROW_S} s; large dots: point forecast of the {methods.main.label}; for the person in focus also "
-        f"{reading_of_modes(windows.values(), methods.main)}; small dots: forecast of the "
+        f"{ARROW_S} s; large dots: point forecast of the {methods.main.label}; "
+        f"{reading_of_modes(windows.values(), methods.main)}small dots: forecast of the "
         f"{methods.reference.label}; dashed: the true path; empty grey circles: people without an evaluation "
         "window."
     )

@@ -79,12 +79,13 @@ def _draw_modes(axes: Axes, windows: EvaluationWindows, row: int, method: Method
 
 
 def reading_of_modes(windows: Iterable[EvaluationWindows], method: Method) -> str:
-    """How the modes and regions of a method are drawn, as far as it has any."""
+    """How the modes and regions of a method are drawn, as far as it has any; each part ends in "; "."""
     own = [scene.predictions[method.key] for scene in windows if method.key in scene.predictions]
-    drawn = ["lines: its modes, wider for larger weights"] * any(answer.modes > 1 for answer in own)
+    text = "lines: its modes for the person in focus, wider for larger weights; "
+    words = text if any(answer.modes > 1 for answer in own) else ""
     if any(answer.covariance is not None for answer in own):
-        drawn.append(f"shaded: its {100 * REGION:.0f} % region at half the horizon and at its end")
-    return "; ".join(drawn)
+        words += f"shaded: that person's {100 * REGION:.0f} % region at half the horizon and at its end; "
+    return words
 
 
 def _draw_bystanders(

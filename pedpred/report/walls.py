@@ -53,7 +53,7 @@ def wall_caption(scene: Scene, windows: EvaluationWindows, methods: Methods) -> 
     return (
         f"{scene.name}: of each person the window of whose {straight} forecast most points lie in obstacles; "
         f"of these, the ones at the {ranks} % quantiles of the {main.label}'s error. Dots: point forecasts; "
-        f"{reading_of_modes([windows], main)}; dashed: the true path; grey: other people."
+        f"{reading_of_modes([windows], main)}dashed: the true path; grey: other people."
     )
 
 
