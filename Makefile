@@ -10,7 +10,7 @@ export OMP_WAIT_POLICY := PASSIVE
 
 .DEFAULT_GOAL := help
 REV ?= HEAD
-.PHONY: help setup params tune reproduce compare judge smoke test trust dist audit check
+.PHONY: help setup params tune reproduce compare judge smoke test trust docs readme dist audit check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -19,7 +19,7 @@ setup: $(VENV)/.installed ## create .venv and install everything (once, and agai
 
 $(VENV)/.installed: pyproject.toml $(CONSTRAINTS)
 	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable '.[train,dev]'
+	$(VENV)/bin/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable '.[train,dev,docs]'
 	@touch $@
 
 params: setup ## write params.yaml from conf/
@@ -56,6 +56,12 @@ trust: setup ## damaged files, killed stages: what is promised, tried at length 
 	python -m tests.trust.campaign
 	python -m tests.trust.faults
 
+docs: setup ## build the documentation into build/site; fails on a broken link
+	NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --strict
+
+readme: setup ## write the tables of results into README.md and docs/
+	python -m tools.readme
+
 dist: setup ## build the wheel and the source archive into build/dist
 	test -x build/packager/bin/python || { python -m venv build/packager && build/packager/bin/pip install --quiet build; }
 	rm -rf build/dist
@@ -65,9 +71,10 @@ audit: setup ## known weaknesses of the pinned dependencies; asks osv.dev, so it
 	test -x build/audit/bin/pip-audit || { python -m venv build/audit && build/audit/bin/pip install --quiet pip-audit; }
 	build/audit/bin/pip-audit --requirement $(CONSTRAINTS) --no-deps --disable-pip --vulnerability-service osv
 
-check: setup ## lint, format, types, import contracts, params.yaml
+check: setup ## lint, format, types, import contracts, params.yaml, style of the pages
 	ruff check .
 	ruff format --check .
 	mypy
 	lint-imports
 	python -m pedpred.config --check
+	python -m tools.prose

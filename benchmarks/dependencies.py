@@ -41,14 +41,17 @@ REASONS = {
     "safetensors": "weights without pickle",
     "scikit-fmm": "distance to a goal around obstacles",
     "torch": "training",
+    "latex2mathml": "equations of the documentation, without JavaScript",
+    "mkdocs-material": "the documentation as a site",
+    "mkdocstrings": "API reference from docstrings",
 }
 
 
 def declared() -> dict[str, list[Requirement]]:
-    """Return the direct dependencies in pyproject.toml that users install: light, then train."""
+    """Return the direct dependencies in pyproject.toml that users install: light, train, docs."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    groups = {"light": project["dependencies"], "train": extras["train"]}
+    groups = {"light": project["dependencies"], "train": extras["train"], "docs": extras["docs"]}
     return {group: [Requirement(text) for text in texts] for group, texts in groups.items()}
 
 
@@ -101,7 +104,11 @@ def table() -> str:
             reason = REASONS[need.name]
             lines.append(f"| {need.name} | {group} | {reason} | {licence(package)} | {megabytes:.1f} |")
     lines += ["", "| install | packages, all counted | MB |", "| --- | --: | --: |"]
-    for title, parts in {"light": ["light"], "full": list(groups)}.items():
+    for title, parts in {
+        "light": ["light"],
+        "full": ["light", "train"],
+        "full with docs": list(groups),
+    }.items():
         packages = closure(need for part in parts for need in groups[part]).values()
         total = sum(map(size_bytes, packages)) / 1e6
         lines.append(f"| {title} | {len(packages)} | {total:.0f} |")

@@ -1,6 +1,6 @@
 """A ROS 2 node: tracked people and a map in, the next three seconds of every person out as lines.
 
-    python examples/ros2_node.py --model models/online/default --type people_msgs/msg/People
+    python examples/ros2_node.py --type people_msgs/msg/People
 
 Subscribes to the people (any type of `pedpred.ros.ADAPTERS`) and to `/map`, publishes `/predictions`
 (visualization_msgs/MarkerArray) in the people's frame. People and map must be in one frame that does not
@@ -58,7 +58,7 @@ def main() -> None:
     from visualization_msgs.msg import Marker, MarkerArray
 
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--model", required=True, help="a model folder")
+    parser.add_argument("--model", help="a model folder (default: the one of the package)")
     parser.add_argument("--people", default="/people", help="topic of the tracked people")
     parser.add_argument("--type", default="people_msgs/msg/People", choices=sorted(ADAPTERS))
     given = parser.parse_args()

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import re
 import shlex
 import subprocess
 import sys
@@ -14,7 +13,7 @@ import yaml
 
 from pedpred.command import main
 from pedpred.evaluation import EvaluationSettings
-from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.conftest import ROOT
 from tests.scenes import assert_same
@@ -144,13 +143,11 @@ def test_what_counts_is_what_the_published_metrics_count():
     assert (options["moving_mps"], options["collision_m"]) == (usual.moving_mps, usual.collision_m)
 
 
-def test_the_walk_through_of_the_readme_runs(model, tmp_path, monkeypatch):
+def test_the_walk_through_in_the_documentation_runs(model, tmp_path, monkeypatch):
     """With an untrained network in place of the trained one."""
-    page = (ROOT / "README.md").read_text().partition("## Your own recordings")[2]
+    page = (ROOT / "docs/recordings.md").read_text()
     lines = page.partition("```sh\n")[2].partition("```")[0].splitlines()
-    (tmp_path / "models/online").mkdir(parents=True)
-    for named in set(re.findall(r"models/online/\w+", page)):
-        (tmp_path / named).symlink_to(model[0])
+    monkeypatch.setattr(shipped, "_INSTALLED", model[0])
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
     for line in lines:

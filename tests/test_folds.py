@@ -18,8 +18,8 @@ def composed(*overrides):
 
 
 def experiments():
-    """The overrides of every experiment about folds in README."""
-    commands = re.findall(r"^dvc exp run (.*folds.*)$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    """The overrides of every experiment about folds in docs/training.md."""
+    commands = re.findall(r"^dvc exp run (.*folds.*)$", (ROOT / "docs/training.md").read_text(), re.MULTILINE)
     words = [shlex.split(command, comments=True) for command in commands]
     return [[value for key, value in pairwise(own) if key == "-S"] for own in words]
 
@@ -42,7 +42,7 @@ def test_by_default_all_places_are_tested():
 
 
 @pytest.mark.parametrize("overrides", experiments(), ids=" ".join)
-def test_the_subsets_that_readme_names_compose(overrides):
+def test_the_subsets_in_the_documentation_compose(overrides):
     usual, chosen = composed()["folds"], composed(*overrides)["folds"]
     assert chosen.keys() == usual.keys()
     for override in overrides:

@@ -264,17 +264,23 @@ def test_a_scale_resizes_what_exists_and_adds_nothing():
 
 # Documentation
 
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+OF_THE_TIME = [page for page in PAGES if page.name.startswith("history")]
 
-@pytest.mark.parametrize("page", sorted(ROOT.glob("*.md")), ids=named)
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_a_page_names_existing_make_targets_and_files(page):
     text = page.read_text()
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     assert set(re.findall(r"(?:`|^\s*)make ([a-z]+)", text, re.MULTILINE)) <= targets
     linked = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in link]
-    assert [link for link in linked if not (ROOT / link).exists()] == []
+    missing = [link for link in linked if not (page.parent / link).exists()]
+    assert [
+        link for link in missing if not link.endswith("models/online/default")
+    ] == []  # the pipeline writes it
 
 
-@pytest.mark.parametrize("page", sorted(ROOT.glob("*.md")), ids=named)
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in OF_THE_TIME], ids=named)
 def test_an_experiment_on_a_page_sets_a_parameter_that_exists(page):
     for key in re.findall(r"(?:-S|--set-param) (\w[\w.]*)=", page.read_text()):
         node = PARAMS

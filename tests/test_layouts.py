@@ -126,7 +126,7 @@ def test_a_room_depends_on_its_generator_state_only():
 
 
 def test_a_layout_of_ones_own_is_a_file_a_line_and_a_command(tmp_path):
-    page = (CONF.parent / "README.md").read_text().partition("## Your own layout")[2].partition("\n## ")[0]
+    page = (CONF.parent / "docs/layouts.md").read_text().partition("## The simulated people")[0]
     layout, line, commands = re.findall(r"```(?:yaml|sh)\n(.*?)```", page, re.DOTALL)
     shutil.copytree(CONF, tmp_path / "conf")
     (tmp_path / "conf/layouts/kitchen.yaml").write_text(layout)

@@ -2,7 +2,6 @@
 
 import json
 import logging
-import re
 import shutil
 
 import numpy as np
@@ -12,7 +11,7 @@ import torch
 from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
 from pedpred.networks.export import store_half
-from pedpred.online import OnlinePredictor
+from pedpred.online import OnlinePredictor, shipped
 from pedpred.online.network import write_description
 from pedpred.scenes import OccupancyMap
 from tests.conftest import ROOT
@@ -172,14 +171,12 @@ def test_whoever_jumps_far_away_changes_nobody_s_forecast(request, of, tmp_path)
         np.testing.assert_allclose(wild.predictions.path[:2], calm.predictions.path[:2], atol=1e-5)
 
 
-def test_the_example_in_the_readme_runs(model, tmp_path, monkeypatch):
-    page = (ROOT / "README.md").read_text().partition("## On the robot")[2]
-    embedding = page.partition("```python\n")[2].partition("```")[0]
-    (tmp_path / "models/online").mkdir(parents=True)
-    for named in set(re.findall(r"models/online/\w+", embedding)):
-        (tmp_path / named).symlink_to(model[0])
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md", "docs/robot.md"])
+def test_the_example_on_a_page_runs(page, model, monkeypatch):
+    """With an untrained network in place of the default one."""
+    example = (ROOT / page).read_text().partition("```python\n")[2].partition("```")[0]
+    monkeypatch.setattr(shipped, "_INSTALLED", model[0])
     names: dict = {}
-    exec(embedding, names)
+    exec(example, names)
     assert names["forecast"].track_id.tolist() == [4, 7]
     assert names["forecast"].position.shape == (2, 10, 2)

@@ -36,8 +36,8 @@ def run(script, cfg, **given):
 
 
 def rows():
-    """The rows of conf/places and conf/folds that README gives for the example."""
-    page = (ROOT / "README.md").read_text().partition("Then add one row to [conf/places/recorded.yaml]")[2]
+    """The rows of conf/places and conf/folds that docs/places.md gives for the example."""
+    page = (ROOT / "docs/places.md").read_text()
     return [part.partition("```")[0] for part in page.split("```yaml\n")[1:3]]
 
 

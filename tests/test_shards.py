@@ -203,11 +203,11 @@ def test_codes_must_belong_to_the_features(folder, table):
     assert set(data.track) == set(table.track_id)
 
 
-def test_the_example_in_the_readme_draws_a_grid_and_an_angular_grid(table, tmp_path, monkeypatch):
+def test_the_example_in_the_documentation_draws_a_grid_and_an_angular_grid(table, tmp_path, monkeypatch):
     matplotlib.use("Agg")
     write_shard([table], tmp_path / "data/features/real/eth", "eth")
     monkeypatch.chdir(tmp_path)
-    examples = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    examples = re.findall(r"```python\n(.*?)```", (ROOT / "docs/ablations.md").read_text(), re.DOTALL)
     (example,) = (code for code in examples if "read_parquet" in code)
     names: dict = {}
     exec(example, names)

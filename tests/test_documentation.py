@@ -1,0 +1,172 @@
+"""Pages: commands that run, tables that are up to date, links, length and style."""
+
+import importlib.util
+import re
+import shlex
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from pedpred.command import main, parser
+from pedpred.forecasting import Methods
+from pedpred.online import shipped
+from tests.conftest import ROOT
+from tools import prose, readme
+
+PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in prose.pages(ROOT)}
+TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+NEEDS_OTHER_FILES = ("walk.txt", "my_bag", "data/recordings", "build/rooms")
+OF_THE_SYSTEM = {"pip", "python3", ".venv/bin/pip", "torchrun", "dvc"}
+
+
+def blocks(text, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+def commands():
+    """(page, words) of every command in a shell block; comments and leading variables are left out."""
+    for page, text in PAGES.items():
+        for line in "".join(blocks(text, "sh")).splitlines():
+            words = shlex.split(line, comments=True)
+            while words and re.match(r"[A-Z_]+=", words[0]):
+                words.pop(0)
+            if words:
+                yield page, words
+
+
+COMMANDS = list(commands())
+RUN = [
+    pytest.param(words[1:], id=f"{page}: {shlex.join(words)}")
+    for page, words in COMMANDS
+    if words[0] == "pedpred" and not any(name in " ".join(words) for name in NEEDS_OTHER_FILES)
+]
+
+
+def test_there_are_commands_on_the_pages():
+    assert len(COMMANDS) > 60
+    assert len(RUN) >= 9
+
+
+@pytest.mark.parametrize(("page", "words"), COMMANDS, ids=lambda value: str(value)[:60])
+def test_a_command_exists(page, words):
+    name, *arguments = words
+    if name == "make":
+        assert arguments[0] in TARGETS
+    elif name == "python" and arguments[0] == "-m":
+        assert importlib.util.find_spec(arguments[1])
+    elif name == "pedpred":
+        assert parser().parse_args(arguments).action
+    else:
+        assert name in OF_THE_SYSTEM
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder in which the pages' commands run one after the other."""
+    place = tmp_path_factory.mktemp("pages")
+    (place / "examples").symlink_to(ROOT / "examples")
+    return place
+
+
+@pytest.mark.parametrize("arguments", RUN)
+def test_a_command_of_pedpred_runs(arguments, folder, model, monkeypatch):
+    """With an untrained network in place of the default one, whose task is only to answer."""
+    monkeypatch.setattr(shipped, "_INSTALLED", model[0])
+    monkeypatch.chdir(folder)
+    force = ["--force"] if arguments[0] in ("predict", "convert") else []
+    main([*arguments, *force, *(["--samples", "20"] if arguments[0] == "evaluate" else [])])
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_python_on_a_page_compiles_and_imports_what_exists(page):
+    for code in blocks(PAGES[page], "python"):
+        compile(code, page, "exec")
+        for line in re.findall(r"^(?:from pedpred|import pedpred).*$", code, re.MULTILINE):
+            exec(line, {})
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_yaml_on_a_page_is_yaml(page):
+    for text in blocks(PAGES[page], "yaml"):
+        assert yaml.safe_load(text)
+
+
+# Tables of results
+
+
+def test_the_tables_on_the_pages_are_those_of_the_metrics():
+    """`make readme` writes them."""
+    written = readme.pages(ROOT)
+    assert {str(path.relative_to(ROOT)) for path in written} >= {"README.md", "docs/models/default.md"}
+    assert [path for path, text in written.items() if path.read_text() != text] == []
+
+
+def figures(**errors):
+    about = {
+        "ade_m_ci95": (0.1, 0.2),
+        "fde_m_ci95": (0.1, 0.2),
+        "windows": 7,
+        "min_ade_m_k6": None,
+        "nll": 1.0,
+    }
+    return {key: {"ade_m": value, "fde_m": 2 * value, **about} for key, value in errors.items()}
+
+
+def test_a_table_has_a_row_per_method_and_training_and_marks_the_best():
+    row = {"colour": "#000000", "where": ["real"]}
+    plain = {
+        "baselines": {
+            "cv": {"label": "CV", "role": "reference", **row},
+            "goal": {"label": "Goal", "role": "oracle", **row},
+        },
+        "networks": {
+            "net": {"label": "Net", "role": "network", **row},
+            "later": {"label": "Later", "role": "network", **row},
+        },
+    }
+    studies = {
+        "transfer": {"a_hall": figures(cv=0.4, goal=0.1, net=0.3)},
+        "real": {"a_hall": figures(cv=0.4, goal=0.1, net=0.2)},
+    }
+    tables = readme.tables_from(studies, Methods.parse(plain))
+    assert [line.split(" |")[0] for line in tables["unseen"].splitlines()[2:]] == [
+        *("| CV", "| Goal", "| Net, simulation only", "| Net, fine-tuned on the other places"),
+    ]
+    assert tables["unseen"].count("**") == 2
+    assert "**0.200** (0.100 to 0.200)" in tables["unseen"]
+    assert "relative to the best of CV: a hall -50 %" in tables["headline"]
+    assert tables["main"].count("| a hall |") == 2
+
+
+def test_filling_twice_changes_nothing():
+    page = "# A\n<!-- table: x -->\nold\n<!-- end -->\nend\n"
+    once = readme.filled(page, {"x": "| new |"})
+    assert "| new |" in once
+    assert "old" not in once
+    assert readme.filled(once, {"x": "| new |"}) == once
+
+
+# Style
+
+
+def test_the_pages_pass_the_style_check():
+    done = subprocess.run(
+        [sys.executable, "-m", "tools.prose"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_a_quaint_phrase_and_a_long_page_are_found_and_code_is_not_searched():
+    words = {"so many thing": "things"}
+    text = "`so many thing`\n\n```\nso many thing\n```\nsee so\nmany thing"
+    assert list(prose.faults(text, "a.md", words)) == ["a.md:6: 'so many thing', write: things"]
+    (fault,) = prose.faults("x\n" * 121, "README.md", {})
+    assert "121 lines, at most 120" in fault
+
+
+def test_every_page_is_in_the_navigation():
+    text = (ROOT / "mkdocs.yml").read_text()
+    missing = [page for page in PAGES if page.startswith("docs/") and page.removeprefix("docs/") not in text]
+    assert missing == []

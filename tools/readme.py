@@ -1,0 +1,163 @@
+"""Write the tables of results into README.md and docs/: `python -m tools.readme [--check]`.
+
+A table stands between `<!-- table: NAME -->` and `<!-- end -->`. Its figures come from
+reports/metrics/{transfer,real}.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pedpred.errors import StorageError
+from pedpred.files import atomic_write, read_json
+from pedpred.forecasting import Methods
+
+Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
+"""Place -> method -> metrics, as in reports/metrics."""
+
+_MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+_TRAININGS = {"transfer": "simulation only", "real": "fine-tuned on the other places"}
+_NOT_SHOWN = ("ablation", "bound")
+_NOT_RANKED = "oracle"
+
+
+def filled(text: str, tables: Mapping[str, str]) -> str:
+    """Replace what stands between the marks of every table."""
+    return _MARKED.sub(lambda mark: f"{mark[1]}{tables[mark[2]]}\n{mark[3]}", text)
+
+
+def tables_from(studies: Mapping[str, Figures], methods: Methods) -> dict[str, str]:
+    """Return name of a table -> Markdown; `studies`: "transfer" and "real" -> figures."""
+    return {
+        "headline": headline(studies, methods),
+        "unseen": unseen_table(studies, methods),
+        "main": main_table(studies, methods),
+    }
+
+
+def unseen_table(studies: Mapping[str, Figures], methods: Methods) -> str:
+    """Make the table of errors at unseen places: a row per method and training, a column per place."""
+    places = list(studies["real"])
+    rows = list(_rows(studies, methods))
+    ranked = [own for _, role, own in rows if role != _NOT_RANKED]
+    best = {p: min(own[p]["ade_m"] for own in ranked if p in own) for p in places}
+    lines = [_line(["ADE over 3 s, m", *map(_words, places)]), _rule(len(places))]
+    for label, _, own in rows:
+        cells = [_error(own[p], own[p]["ade_m"] == best[p]) if p in own else "" for p in places]
+        lines.append(_line([label, *cells]))
+    return "\n".join(lines)
+
+
+def headline(studies: Mapping[str, Figures], methods: Methods) -> str:
+    """Say how far the main method is from the best simple one at every unseen place."""
+    main = _main(studies, methods)
+    parts = []
+    for place, own in studies["real"].items():
+        simple = min(own[row.key]["ade_m"] for row in methods.simple if row.key in own)
+        parts.append(f"{_words(place)} {100 * (own[main.key]['ade_m'] / simple - 1):+.0f} %")
+    against = " and ".join(
+        filter(None, [", ".join(r.label for r in methods.simple[:-1]), methods.simple[-1].label])
+    )
+    return f"Error of {main.label} relative to the best of {against}: {', '.join(parts)}."
+
+
+def main_table(studies: Mapping[str, Figures], methods: Methods) -> str:
+    """Make the table of the main method at every unseen place."""
+    main = _main(studies, methods)
+    titles = ["ADE, m", "FDE, m", "ADE of the best of 6 modes, m", "NLL, nats", "90 % region holds at 3 s"]
+    lines = [_line([f"{main.label}, unseen place", "training", "windows", *titles])]
+    lines.append(_rule(len(titles) + 2))
+    for place in studies["real"]:
+        for study, training in _TRAININGS.items():
+            own = studies[study].get(place, {}).get(main.key)
+            if own is None:
+                continue
+            held = own.get("per_step_coverage_90")
+            cells = [_error(own), _error(own, key="fde_m"), _plain(own, "min_ade_m_k6"), _plain(own, "nll")]
+            cells.append(f"{100 * held[-1]:.0f} %" if held else "-")
+            lines.append(_line([_words(place), training, str(own["windows"]), *cells]))
+    return "\n".join(lines)
+
+
+def _main(studies: Mapping[str, Figures], methods: Methods) -> Any:
+    """Return the last network that has figures at every place."""
+    has = [row for row in methods.networks if all(row.key in own for own in studies["real"].values())]
+    return has[-1]
+
+
+def _rows(studies: Mapping[str, Figures], methods: Methods) -> Any:
+    """Yield label, role and figures by place; a network has a row per training."""
+    for method in methods:
+        if method.role in _NOT_SHOWN:
+            continue
+        trained = method.role == "network"
+        for study, training in _TRAININGS.items():
+            own = {p: known[method.key] for p, known in studies[study].items() if method.key in known}
+            if own and (trained or study == "real"):
+                yield f"{method.label}, {training}" if trained else method.label, method.role, own
+
+
+def _error(own: Mapping[str, Any], best: bool = False, key: str = "ade_m") -> str:
+    low, high = own[f"{key}_ci95"]
+    value = f"**{own[key]:.3f}**" if best else f"{own[key]:.3f}"
+    return f"{value} ({low:.3f} to {high:.3f})"
+
+
+def _plain(own: Mapping[str, Any], key: str) -> str:
+    return f"{own[key]:.3f}" if own.get(key) is not None else "-"
+
+
+def _words(place: str) -> str:
+    return place.replace("_", " ")
+
+
+def _line(cells: list[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _rule(columns: int) -> str:
+    return f"| --- |{' ---: |' * columns}"
+
+
+def pages(root: Path) -> dict[Path, str]:
+    """Return the pages with marks and their up-to-date text.
+
+    Raises:
+        StorageError: a metric file is missing or damaged.
+    """
+    params = yaml.safe_load((root / "params.yaml").read_text())
+    studies = {}
+    for study in _TRAININGS:
+        path = root / "reports" / "metrics" / f"{study}.json"
+        studies[study] = read_json(path, partial(StorageError, path, "metrics"))
+    tables = tables_from(studies, Methods.parse(params["methods"]))
+    files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+    return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}
+
+
+def main() -> None:
+    """Write the tables, or fail when some are out of date."""
+    parser = argparse.ArgumentParser(prog="python -m tools.readme", description=__doc__.partition(":")[0])
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing, fail when a table is out of date"
+    )
+    check = parser.parse_args().check
+    stale = {path: text for path, text in pages(Path()).items() if path.read_text() != text}
+    if check and stale:
+        raise SystemExit(f"run `make readme`: out of date are {', '.join(map(str, stale))}")
+    for path, text in stale.items():
+        with atomic_write(path) as new:
+            new.write_text(text)
+        sys.stdout.write(f"{path}\n")
+
+
+if __name__ == "__main__":
+    main()

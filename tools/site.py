@@ -1,0 +1,83 @@
+"""Hooks of mkdocs.yml: pages of the project's root, pictures outside docs/, equations without JavaScript.
+
+Links to files that are not part of the site (code, configuration, reports) become plain names.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from latex2mathml.converter import convert
+from mkdocs.structure.files import File
+
+ROOT_PAGES = {"architecture.md": "ARCHITECTURE.md", "changelog.md": "CHANGELOG.md"}
+"""Page of the site -> file in the project's root."""
+
+_LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
+_CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.DOTALL)
+_EQUATION = re.compile(r"\$\$(.+?)\$\$|(?<![\w$])\$([^$\n]+)\$(?!\w)", re.DOTALL)
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the pages of the root and the pictures that pages show."""
+    root = Path(config["config_file_path"]).parent
+    for page, source in ROOT_PAGES.items():
+        files.append(File.generated(config, page, content=(root / source).read_text()))
+    pictures = {
+        picture
+        for file in list(files.documentation_pages())
+        for mark, target in _targets(file.content_string)
+        if mark and not (picture := _in_project(file.src_uri, target)).startswith("docs/")
+    }
+    for picture in sorted(pictures):
+        files.append(File.generated(config, picture, abs_src_path=str(root / picture)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
+    """Rewrite links and equations of a page."""
+    own = page.file.src_uri
+    text = _LINK.sub(lambda link: _rewritten(link, own), markdown)
+    parts = _CODE.split(text)
+    return "".join(part if k % 2 else _EQUATION.sub(_mathml, part) for k, part in enumerate(parts))
+
+
+def _targets(markdown: str) -> Iterator[tuple[str, str]]:
+    """Yield ("!" or "", target) of every link within the project."""
+    for mark, _, target, _ in _LINK.findall(markdown):
+        if target and "://" not in target:
+            yield mark, target
+
+
+def _in_project(page: str, target: str) -> str:
+    """Path of a link's target in the project; links of root pages start at the root."""
+    folder = "" if page in ROOT_PAGES else posixpath.join("docs", posixpath.dirname(page))
+    return posixpath.normpath(posixpath.join(folder, target))
+
+
+def _rewritten(link: re.Match[str], page: str) -> str:
+    """Return the link as it must be in the site."""
+    mark, text, target, anchor = link[1], link[2], link[3], link[4] or ""
+    if not target or "://" in target:
+        return link[0]
+    path = _in_project(page, target)
+    there = {source: name for name, source in ROOT_PAGES.items()}
+    if path.startswith("docs/"):
+        path = path.removeprefix("docs/")
+    elif path in there:
+        path = there[path]
+    elif not mark:
+        return f"`{path}`" if text.strip("`/") in path else f"{text} (`{path}`)"
+    here = posixpath.relpath(path, posixpath.dirname(page) or ".")
+    return f"{mark}[{text}]({here}{anchor})"
+
+
+def _mathml(equation: re.Match[str]) -> str:
+    """Return an equation as MathML."""
+    if equation[1]:
+        return f'<div class="equation">{convert(equation[1].strip(), display="block")}</div>'
+    return str(convert(equation[2]))
