@@ -13,6 +13,8 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from pedpred import config
+from pedpred.features import FeatureSettings
+from pedpred.features.situation import channel_widths
 from pedpred.networks import parse_settings
 from pedpred.ros import read_recording
 from pedpred.storage.scenes import read_scene
@@ -62,6 +64,11 @@ def project(tmp_path, monkeypatch):
     for name, method in params["methods"]["networks"].items():
         network = parse_settings(method["settings"]).build(WIDTHS, params["protocol"]["horizon_steps"])
         write_network(Path("models/main", name), network)
+    widths = channel_widths(FeatureSettings())
+    for name, method in params["methods"]["memoryless"].items():
+        network = parse_settings(method["settings"] | {"units": 8}).build(widths, 10)
+        for folder in ("main", "folds/crossing", "folds/fold"):
+            write_network(Path("models", folder, name), network)
     return params
 
 
@@ -97,7 +104,7 @@ def test_it_flows_from_tracks_to_the_page(project, monkeypatch):
     run("gather", project, name="real")
     figures = json.loads(Path("reports/metrics/real.json").read_text())
     assert set(figures) == {"crossing"}
-    assert set(figures["crossing"]) == {"cv", "kalman_cv", "lstm", "lstm_nogrid"}
+    assert set(figures["crossing"]) == {"cv", "kalman_cv", "lstm", "lstm_nogrid", "mixture"}
     assert 0.1 < figures["crossing"]["kalman_cv"]["ade_m"] < 2.0
     run("report", project, name="real")
     assert "crossing" in Path("reports/real.md").read_text().lower()
