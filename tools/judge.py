@@ -40,6 +40,7 @@ from tools.verdicts import (
     ROOMS,
     SENSED,
     TRUE_STATES,
+    Promise,
     Verdict,
     below,
     latency_verdicts,
@@ -71,13 +72,16 @@ class Judgement:
     Attributes:
         folder: the model.
         params: of the project.
+        origin: where the network comes from.
         settings: thresholds of the metrics.
+        promises: by place.
     """
 
     def __init__(self, folder: Path, params: DictConfig):
         self.folder, self.params = folder, params
         self.origin = read_origin(folder)
         self.settings = EvaluationSettings.parse(plain(params.evaluation))
+        self.promises = {place: Promise(**own) for place, own in plain(params.online.promises).items()}
 
     def places(self) -> dict[str, Path]:
         """Name -> scene of each real place that is available."""
@@ -114,7 +118,7 @@ class Judgement:
             scores = self.scores_at(self.folder, place)
             remark = "trained here" if place in self.trained_on() else "unseen"
             figures = summaries(scores, STRONGEST, self.settings)
-            yield from place_verdicts(place, figures, NETWORK, remark)
+            yield from place_verdicts(place, figures, NETWORK, self.promises.get(place), remark)
             if against is not None:
                 yield self.no_worse(place, scores[NETWORK], self.scores_at(against, place)[NETWORK])
         if SIMULATED.exists():
@@ -143,7 +147,7 @@ class Judgement:
             for place, figures in metrics.get(study, {}).items():
                 remark = f"reports/metrics/{study}.json"
                 if method in figures:
-                    yield from place_verdicts(place, figures, method, remark)
+                    yield from place_verdicts(place, figures, method, self.promises.get(place), remark)
                 else:
                     yield Verdict(place, f"{method or 'network'} in {remark}", "absent", "there", False)
         rooms = metrics.get("sim", {}).get("sim_test", {}).get(method, {})

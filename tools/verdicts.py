@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.online import ALLOWED, matrix_rate, measured_updates, paper_work
+from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.metrics.calibration import shown_steps
 from pedpred.online import laws
 from pedpred.online.trials import RATES_HZ
@@ -17,17 +18,9 @@ from pedpred.online.trials import RATES_HZ
 Figures = Mapping[str, Mapping[str, Any]]
 """Method -> figure -> value, as in the metric files."""
 
+STRAIGHT_ON = next(iter(PRESENT_MOTION))
 LEVEL, SURE = 1.00, 1.03
-"""Most that the error may be over that of the better one of CV and Kalman CV; and the end of its interval."""
-BETTER = {
-    "eth": ("kalman_cv", 0.97),
-    "hotel": ("kalman_cv", 0.97),
-    "lab_corner": ("cv", 0.65),
-    "lab_t_junction": ("cv", 0.65),
-    "lab_bottleneck": ("kalman_cv", 0.95),
-    "lab_crossing": ("kalman_cv", 0.95),
-}
-"""Place -> method, and most that the error may be over that method's."""
+"""Most that the error over the better simple method's may be, and the end of its interval."""
 REGIONS = {"50": (45, 55), "90": (86, 94), "95": (92, 98)}
 """Region, % -> least and most of the true positions in it, %."""
 ROOMS = {"mode_collision_share": 0.07, "obstacle_share": 0.003}
@@ -38,8 +31,21 @@ SENSED = 0.85
 
 
 @dataclass(frozen=True)
+class Promise:
+    """At a place.
+
+    Attributes:
+        method: a simple one.
+        most: largest error over that method's.
+    """
+
+    method: str
+    most: float
+
+
+@dataclass(frozen=True)
 class Verdict:
-    """One promise.
+    """Whether a promise is kept.
 
     Attributes:
         about: place, law or crowd.
@@ -63,33 +69,37 @@ def below(about: str, what: str, value: float, most: float, remark: str = "", di
     return Verdict(about, what, f"{value:.{digits}f}", f"<= {most:.{digits}f}", bool(value <= most), remark)
 
 
-def place_verdicts(place: str, figures: Figures, method: str, remark: str = "") -> Iterator[Verdict]:
+def place_verdicts(
+    place: str, figures: Figures, method: str, promise: Promise | None = None, remark: str = ""
+) -> Iterator[Verdict]:
     """Errors beside the simple methods, and calibration, at a real place."""
-    own = figures[method]
-    simple = {key: figures[key] for key in ("cv", "kalman_cv")}
-    least = min(row["ade_m"] for row in simple.values())
-    yield below(place, "ADE / better of CV, Kalman CV", own["ade_m"] / least, LEVEL, remark)
-    yield below(place, "end of its interval", _end_of_ratio(own, simple), SURE, remark)
+    own, reference = figures[method], figures[STRONGEST]
+    simple = [figures[key] for key in (STRAIGHT_ON, STRONGEST)]
+    least = min(row["ade_m"] for row in simple)
+    yield below(place, "ADE / better simple method", own["ade_m"] / least, LEVEL, remark)
+    yield below(place, "end of its interval", _end_of_ratio(own, simple, reference), SURE, remark)
     if "standing_ade_m" in own:
-        standing = min(row["standing_ade_m"] for row in simple.values())
+        standing = min(row["standing_ade_m"] for row in simple)
         yield below(place, "the same, standing people", own["standing_ade_m"] / standing, LEVEL, remark)
-    if place in BETTER:
-        rival, most = BETTER[place]
-        yield below(place, f"ADE / {rival}", own["ade_m"] / figures[rival]["ade_m"], most, remark)
-    if "nll" in own and "nll" in figures["kalman_cv"]:
-        yield below(place, "NLL (limit: Kalman CV's)", own["nll"], figures["kalman_cv"]["nll"], remark)
+    if promise is not None:
+        ratio = own["ade_m"] / figures[promise.method]["ade_m"]
+        yield below(place, f"ADE / {promise.method}", ratio, promise.most, remark)
+    if "nll" in own and "nll" in reference:
+        yield below(place, f"NLL (limit: {STRONGEST})", own["nll"], reference["nll"], remark)
     yield from region_verdicts(place, own, remark)
 
 
-def _end_of_ratio(own: Mapping[str, Any], simple: Figures) -> float:
+def _end_of_ratio(
+    own: Mapping[str, Any], simple: Sequence[Mapping[str, Any]], reference: Mapping[str, Any]
+) -> float:
     """Upper end of the interval of the error over the better simple one's.
 
-    That of the paired difference where Kalman CV is the better one, which differences are taken to.
+    That of the paired difference where the better one is the reference of differences.
     """
-    kalman, cv = simple["kalman_cv"]["ade_m"], simple["cv"]["ade_m"]
-    if kalman <= cv:
-        return float(1.0 + own["ade_m_minus_reference_ci95"][1] / kalman)
-    return float(own["ade_m_ci95"][1] / cv)
+    least = min(row["ade_m"] for row in simple)
+    if reference["ade_m"] == least:
+        return float(1.0 + own["ade_m_minus_reference_ci95"][1] / least)
+    return float(own["ade_m_ci95"][1] / least)
 
 
 def region_verdicts(place: str, own: Mapping[str, Any], remark: str = "") -> Iterator[Verdict]:
