@@ -135,7 +135,7 @@ def test_a_table_has_a_row_per_method_and_training_and_marks_the_best():
         *("| CV", "| Goal", "| Net, simulation only", "| Net, fine-tuned on the other places"),
     ]
     assert tables["unseen"].count("**") == 2
-    assert "**0.200** (0.100 to 0.200)" in tables["unseen"]
+    assert "**0.200** (0.100-0.200)" in tables["unseen"]
     assert "relative to the best of CV: a hall -50 %" in tables["headline"]
     assert tables["main"].count("| a hall |") == 2
 

@@ -108,7 +108,7 @@ def _rows(studies: Mapping[str, Figures], methods: Methods) -> Any:
 def _error(own: Mapping[str, Any], best: bool = False, key: str = "ade_m") -> str:
     low, high = own[f"{key}_ci95"]
     value = f"**{own[key]:.3f}**" if best else f"{own[key]:.3f}"
-    return f"{value} ({low:.3f} to {high:.3f})"
+    return f"{value} ({low:.3f}-{high:.3f})"
 
 
 def _plain(own: Mapping[str, Any], key: str) -> str:
