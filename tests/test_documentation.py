@@ -5,11 +5,13 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
 
 from pedpred.command import main, parser
+from pedpred.config import composed
 from pedpred.forecasting import Methods
 from pedpred.online import shipped
 from tests.conftest import ROOT
@@ -17,6 +19,7 @@ from tools import prose, readme
 
 PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in prose.pages(ROOT)}
 TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+STAGES = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
 NEEDS_OTHER_FILES = ("walk.txt", "my_bag", "data/recordings", "build/rooms")
 OF_THE_SYSTEM = {"pip", "python3", ".venv/bin/pip", "torchrun", "dvc"}
 
@@ -54,8 +57,14 @@ def test_a_command_exists(page, words):
     name, *arguments = words
     if name == "make":
         assert arguments[0] in TARGETS
-    elif name == "python" and arguments[0] == "-m":
-        assert importlib.util.find_spec(arguments[1])
+    elif name in ("python", "torchrun") and "-m" in arguments:
+        module, *given = arguments[arguments.index("-m") + 1 :]
+        source = Path(importlib.util.find_spec(module).origin).read_text()
+        assert all(f'"{option}"' in source for option in given if option.startswith("--"))
+        if module.startswith("stages."):
+            assert composed(ROOT / "conf", given)
+    elif words[:2] == ["dvc", "repro"]:
+        assert all(stage.partition("@")[0] in STAGES for stage in arguments[1:])
     elif name == "pedpred":
         assert parser().parse_args(arguments).action
     else:
