@@ -59,13 +59,13 @@ class Whisker:
     beyond: bool = field(kw_only=True)
 
 
-def whiskers(figures: Figures, key: str = "ade_m") -> dict[str, Whisker]:
-    """Means of a metric with their intervals, on the scale that all but outliers share."""
-    top, _ = scale_of({name: own[f"{key}_ci95"][1] for name, own in figures.items()})
+def whiskers(figures: Figures) -> dict[str, Whisker]:
+    """The ADE of each method with its interval, on the scale that all but outliers share."""
+    top, _ = scale_of({name: own["ade_m_ci95"][1] for name, own in figures.items()})
     found = {}
     for name, own in figures.items():
-        low, high = own[f"{key}_ci95"]
-        scaled = [100.0 * value / top for value in (low, own[key], high)]
+        low, high = own["ade_m_ci95"]
+        scaled = [100.0 * value / top for value in (low, own["ade_m"], high)]
         found[name] = Whisker(*scaled, beyond=low > top)
     return found
 

@@ -7,7 +7,6 @@ and taken at evenly spaced ranks. Agreement is intersection over union of the oc
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -27,20 +26,6 @@ MEASURED = 200
 """Number of crops over which the agreement is measured."""
 
 
-@dataclass(frozen=True)
-class Reconstructions:
-    """Crops and their reconstructions. S crops of G x G cells, (forward, left)."""
-
-    truth: np.ndarray  # occupied cells. [S, G, G] bool
-    image: np.ndarray  # reconstruction, about 1 where occupied. [S, G, G]
-    agreement: np.ndarray  # intersection over union of each crop. [S]
-
-    def few(self, count: int) -> Reconstructions:
-        """Select at most `count` of them, evenly spaced."""
-        at = np.unique(np.linspace(0, len(self.truth) - 1, count).round().astype(int))
-        return Reconstructions(self.truth[at], self.image[at], self.agreement[at])
-
-
 def reconstructions_section(
     autoencoder: GridAutoencoder, windows: Mapping[str, EvaluationWindows]
 ) -> list[Section]:
@@ -48,14 +33,15 @@ def reconstructions_section(
     crops = evenly_chosen(windows, MEASURED)
     if not len(crops):
         return []
-    found = reconstructed(autoencoder, crops)
-    few = found.few(SHOWN)
+    images, agreement = reconstructed(autoencoder, crops)
+    few = np.unique(np.linspace(0, len(crops) - 1, SHOWN).round().astype(int))
     caption = (
-        f"Obstacle grids of test places, {len(few.truth)} at evenly spaced ranks of occupied share, and "
-        "their reconstructions. Intersection over union of occupied cells: median "
-        f"{np.median(found.agreement):.2f} over {len(crops)} grids chosen likewise."
+        f"Obstacle grids of test places, {len(few)} at evenly spaced ranks of occupied share, and their "
+        "reconstructions. Intersection over union of occupied cells: median "
+        f"{np.median(agreement):.2f} over {len(crops)} grids chosen likewise."
     )
-    picture = Picture("reconstructions", caption, reconstructions_figure(few))
+    figure = reconstructions_figure(crops[few], images[few], agreement[few])
+    picture = Picture("reconstructions", caption, figure)
     return [Section("Reconstructions of the auto-encoder", [Pictures([picture])])]
 
 
@@ -73,29 +59,32 @@ def evenly_chosen(scenes: Mapping[str, EvaluationWindows], count: int) -> np.nda
 
 
 @torch.no_grad()
-def reconstructed(network: GridAutoencoder, crops: np.ndarray) -> Reconstructions:
-    """Reconstruct crops, [S, G, G] bool, one at a time: batches round differently."""
+def reconstructed(network: GridAutoencoder, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Reconstruct crops, [S, G, G] bool, one at a time: batches round differently.
+
+    Returns:
+        images: about 1 where occupied. [S, G, G]
+        agreement: intersection over union of each crop. [S]
+    """
     images, agreement = [], []
     for crop in torch.from_numpy(crops.astype(np.float32)):
         image = network(crop[None])
         images.append(image[0].numpy())
         agreement.append(intersection_over_union(crop[None], image))
-    return Reconstructions(crops, np.array(images), np.array(agreement))
+    return np.array(images), np.array(agreement)
 
 
 @styled
-def reconstructions_figure(found: Reconstructions) -> Figure:
+def reconstructions_figure(crops: np.ndarray, images: np.ndarray, agreement: np.ndarray) -> Figure:
     """Draw a column per crop: truth above, reconstruction below, the agreement over it; forward is up."""
-    columns = len(found.truth)
-    figure = blank(1.2 * columns, 2.9)
-    axes = figure.subplots(2, columns, squeeze=False)
-    rows = (("seen", found.truth), ("kept", found.image))
-    for (word, images), row in zip(rows, axes, strict=True):
+    figure = blank(1.2 * len(crops), 2.9)
+    axes = figure.subplots(2, len(crops), squeeze=False)
+    for word, shown, row in zip(("seen", "kept"), (crops, images), axes, strict=True):
         row[0].set_ylabel(word)
-        for image, place in zip(images, row, strict=True):
+        for image, place in zip(shown, row, strict=True):
             place.imshow(grid_image(image), cmap="gray_r", vmin=0, vmax=1, interpolation="nearest")
             place.set(xticks=[], yticks=[])
             place.spines[:].set(visible=True, color=FAINT)
-    for share, place in zip(found.agreement, axes[1], strict=True):
+    for share, place in zip(agreement, axes[1], strict=True):
         place.set_title(f"IoU {share:.2f}", fontsize=8)
     return figure
