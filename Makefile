@@ -33,11 +33,12 @@ tune: setup ## fit trackers and social forces to real places again (writes conf/
 	for place in $$(python -m tools.places fitted_on); do python -m tools.fit_social_force $$place || exit; done
 	python -m pedpred.config
 
-reproduce: setup ## raw data -> networks -> reports/; does only what is out of date
+reproduce: setup ## raw data -> networks -> reports/ and tables of the pages; does only what is out of date
 	@python -m tools.mend_lock
 	@python -m pedpred.config --check
 	@for note in data/raw/*/UNAVAILABLE.txt; do test ! -e "$$note" || rm -r "$${note%/*}"; done
 	@failed=0; dvc repro --keep-going || { failed=1; dvc repro --quiet --single-item fetch; }; \
+	python -m tools.readme || failed=1; \
 	cat data/raw/*/UNAVAILABLE.txt 2> /dev/null; exit $$failed
 
 compare: setup ## which metrics moved beyond their intervals since REV=<revision>; fails when some got worse

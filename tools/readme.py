@@ -128,7 +128,7 @@ def _rule(columns: int) -> str:
 
 
 def pages(root: Path) -> dict[Path, str]:
-    """Return the pages with marks and their up-to-date text.
+    """Return the pages with marks and their up-to-date text; none where no place has figures.
 
     Raises:
         StorageError: a metric file is missing or damaged.
@@ -138,6 +138,8 @@ def pages(root: Path) -> dict[Path, str]:
     for study in _TRAININGS:
         path = root / "reports" / "metrics" / f"{study}.json"
         studies[study] = read_json(path, partial(StorageError, path, "metrics"))
+    if not studies["real"]:
+        return {}
     tables = tables_from(studies, Methods.parse(params["methods"]))
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
     return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}
