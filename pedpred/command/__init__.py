@@ -1,4 +1,4 @@
-"""The command `pedpred`: describe and convert scenes, predict in them and evaluate a network."""
+"""Describe and convert recordings of pedestrians, forecast in them and evaluate a network."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pedpred.evaluation import EvaluationSettings
 
 _SCENE = (
     "a scene folder, an MCAP recording, a ROS bag, a CSV file with time, id, x, y, or a text file with "
-    "id, frame, x, y as PeTrack, JuPedSim and PedPy have it"
+    "id, frame, x, y as PeTrack, JuPedSim and PedPy write it"
 )
 
 

@@ -32,7 +32,7 @@ _SHOWN = ("ade_m", "fde_m", "moving_ade_m", "nll", "obstacle_share", "collision_
 
 
 def predict(given: argparse.Namespace) -> None:
-    """Replay a scene through the online predictor and write it with the forecasts as MCAP."""
+    """Replay a scene frame by frame and write it with the forecasts as MCAP."""
     output = given.output or Path(f"{given.scene.stem}_forecasts.mcap")
     refuse_overwriting(output, given.force)
     scene = read_any(given.scene)
@@ -55,7 +55,7 @@ def with_progress(scene: Scene, predictor: OnlinePredictor) -> Iterator[Forecast
 
 
 def evaluate(given: argparse.Namespace) -> None:
-    """Measure a network in scenes, beside forecasts that only continue the present motion."""
+    """Measure a network in scenes and compare it with simple methods."""
     settings = EvaluationSettings(
         given.moving_mps, given.collision_m, bootstrap=given.samples, seed=given.seed
     )
