@@ -12,8 +12,9 @@ from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
 from pedpred.networks.export import store_half
 from pedpred.online import OnlinePredictor, shipped
+from pedpred.online.caution import moving_shares, shortened
 from pedpred.online.network import write_description
-from pedpred.scenes import OccupancyMap
+from pedpred.scenes import OccupancyMap, Predictions
 from tests.conftest import ROOT
 from tests.exported import export
 
@@ -180,3 +181,26 @@ def test_the_example_on_a_page_runs(page, model, monkeypatch):
     exec(example, names)
     assert names["forecast"].track_id.tolist() == [4, 7]
     assert names["forecast"].position.shape == (2, 10, 2)
+
+
+def test_people_who_have_just_appeared_are_forecast_to_walk_when_they_have_clearly_moved(mixture):
+    """Noise of a few cm between two detections is no walking."""
+    noise_m = OnlinePredictor.load(mixture[0]).description.tracker.position_noise_m
+    for moved, share in ((1.9 * noise_m, 0.0), (3.0 * noise_m, 0.5), (4.1 * noise_m, 1.0)):
+        place, last = np.zeros((1, 2)), np.array([[moved, 0.0]])
+        belief = np.array([[0.01, 0.01, 1.0]])
+        new, old = np.ones(1, bool), np.zeros(1, bool)
+        assert moving_shares(place, last, new, belief, noise_m) == pytest.approx(share)
+        assert moving_shares(place, last, old, belief, noise_m) == 1.0
+        assert moving_shares(place, last, new, 0.0 * belief, noise_m) == 1.0  # velocities are known
+
+
+def test_shortened_paths_are_wider_by_what_they_lost():
+    ahead = np.arange(1, 11)[:, None] * np.array([0.3, 0.0])
+    predictions = Predictions.single(ahead[None], 0.3, np.tile(0.01 * np.eye(2), (1, 10, 1, 1)))
+    short = shortened(predictions, np.zeros((1, 2)), np.array([0.25]))
+    np.testing.assert_allclose(short.point[0], 0.25 * ahead)
+    np.testing.assert_allclose(short.covariance[0, 0, :, 0, 0], 0.01 + (0.75 * ahead[:, 0]) ** 2)
+    np.testing.assert_allclose(short.covariance[0, 0, :, 1, 1], 0.01)
+    same = shortened(predictions, np.zeros((1, 2)), np.ones(1))
+    np.testing.assert_allclose(same.path, predictions.path)

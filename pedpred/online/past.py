@@ -63,6 +63,13 @@ def seen_again(past: Arrays, seen_s: np.ndarray, time_s: float, position: np.nda
     }
 
 
+def earliest(past: Arrays, rows: np.ndarray) -> np.ndarray:
+    """The first kept detections of some people, m. [R, 2]."""
+    known = np.isfinite(past["trail_s"][rows])
+    oldest = np.take_along_axis(past["trail"][rows], known.argmax(axis=1)[:, None, None], axis=1)[:, 0]
+    return np.where(known.any(axis=1, keepdims=True), oldest, past["detection"][rows])
+
+
 def past_of(past: Arrays, rows: np.ndarray, seen_s: np.ndarray, covariance: np.ndarray) -> Past:
     """What networks read of some people.
 

@@ -14,8 +14,9 @@ from pedpred.features.observe import Neighbours, observe
 from pedpred.features.situation import situations
 from pedpred.forecasting.selection import consistent
 from pedpred.geometry import rotate
+from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shortened
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
-from pedpred.online.past import past_of, slots_for
+from pedpred.online.past import earliest, past_of, slots_for
 from pedpred.online.people import People, detected, next_ticks_s
 from pedpred.online.shipped import default_model
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
@@ -194,7 +195,18 @@ class OnlinePredictor:
         there = predictions.in_world(frame.position, frame.heading_rad)
         if not self._about.memory:  # as `pedpred.networks.forecasting` does
             there = consistent(there, frame.position, np.full(len(rows), time_s))
+        if self._people.past:
+            share = self._moving_shares(rows)
+            world, there = share[:, None, None] * world, shortened(there, frame.position, share)
         return Forecast(time_s, frame.track_id, world, there)
+
+    def _moving_shares(self, rows: np.ndarray) -> np.ndarray:
+        """See `pedpred.online.caution`. [R]."""
+        people, noise_m = self._people, self._about.tracker.position_noise_m
+        first, last = earliest(people.past, rows), people.past["detection"][rows]
+        young = (people.seen_s - people.born_s)[rows] < YOUNG_S - TIME_TOLERANCE_S
+        new = young | (people.past["age"][rows] < NEWBORN)
+        return moving_shares(first, last, new, people.covariance[rows], noise_m)
 
 
 def _checked(

@@ -1,0 +1,49 @@
+"""Caution about people who have just appeared: until they have clearly moved, they are forecast to stand.
+
+Between two detections at 10 Hz, noise of a few cm looks like walking. A forecast is drawn towards the place
+where the person is until the detections are farther apart than their noise explains, and becomes as much
+wider as it is shortened, so that what was forecast before stays within one standard deviation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pedpred.scenes import Predictions
+
+NEWBORN, YOUNG_S = 3, 0.3
+"""Who was detected at most so often, or first less than so long ago, s, counts as new."""
+_NOISE, _MOTION = 2.0, 4.0
+"""Displacements since the first detection that are noise or motion, in standard deviations of a detection."""
+
+
+def moving_shares(
+    first: np.ndarray, last: np.ndarray, new: np.ndarray, covariance: np.ndarray, noise_m: float
+) -> np.ndarray:
+    """How far motion is more than noise: 0 not at all, 1 where it is, and for people who are not new. [N].
+
+    Args:
+        first: first detection, m. [N, 2]
+        last: last detection, m. [N, 2]
+        new: who has just appeared. [N] bool
+        covariance: of the tracker's belief; 0 where velocities are known. [N, 3]
+        noise_m: standard deviation of a detection, m.
+    """
+    away = np.linalg.norm(last - first, axis=-1) / noise_m
+    share = np.clip((away - _NOISE) / (_MOTION - _NOISE), 0.0, 1.0)
+    return np.where(new & covariance.any(axis=-1), share, 1.0)
+
+
+def shortened(predictions: Predictions, position: np.ndarray, share: np.ndarray) -> Predictions:
+    """Predictions whose paths go only a share [N] of their way from where people are, m [N, 2]."""
+    here, part = position[:, None, None], share[:, None, None, None]
+    lost = (1.0 - part) * (predictions.path - here)
+    covariance = predictions.covariance
+    return replace(
+        predictions,
+        point=here[:, 0] + part[:, 0] * (predictions.point - here[:, 0]),
+        path=predictions.path - lost,
+        covariance=None if covariance is None else covariance + lost[..., None] * lost[..., None, :],
+    )
