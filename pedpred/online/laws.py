@@ -28,20 +28,25 @@ MIRRORED_M = 0.05
 
 def straight_shares(
     folder: Path, rng: np.random.Generator, rate_hz: float, seconds: float = 30.0, people: int = 16
-) -> np.ndarray:
+) -> dict[str, np.ndarray]:
     """Forecast over true displacement of straight walkers at the last step, along their way.
 
     Returns:
-        At each detection from the third one and from 1 s after birth on. [F]
+        At each detection from the third one and from 1 s after birth on [F]: "share"; "age_s", since birth;
+        and "speed_mps".
     """
     world, velocity = straight_walkers(rng, people, seconds, rate_hz)
-    shares = []
+    found: dict[str, list[np.ndarray]] = {"share": [], "age_s": [], "speed_mps": []}
     for k, (who, detections, forecast) in enumerate(world.forecasts(folder)):
-        old = (detections >= KNOWN) & ((detections - 1) / rate_hz >= 1.0)
+        age_s = (detections - 1) / rate_hz
+        old = (detections >= KNOWN) & (age_s >= 1.0)
         true = velocity[who] * forecast.dt_s * forecast.predictions.steps
         walked = forecast.position[:, -1] - world.position[k, who]
-        shares.append(((walked * true).sum(axis=-1) / (true**2).sum(axis=-1))[old])
-    return np.concatenate(shares)
+        share = (walked * true).sum(axis=-1) / (true**2).sum(axis=-1)
+        speed_mps = np.linalg.norm(velocity[who], axis=-1)
+        for name, values in (("share", share), ("age_s", age_s), ("speed_mps", speed_mps)):
+            found[name].append(values[old])
+    return {name: np.concatenate(values) for name, values in found.items()}
 
 
 def standing_errors_m(

@@ -115,7 +115,9 @@ def straight_walkers(
     apart_m = _APART_M + 2 * SPEEDS_MPS[1] * seconds
     start = apart_m * np.arange(people)[:, None] * np.array([1.0, 0.0]) + rng.uniform(-9, 9, (people, 2))
     position = start + time_s[:, None, None] * velocity
-    position[time_s[:, None] < rng.uniform(0.0, 0.5 * seconds, people)] = np.nan
+    born_s = rng.uniform(0.0, 0.5 * seconds, people)
+    born_s[0] = 0.0
+    position[time_s[:, None] < born_s] = np.nan
     return World(time_s, position, np.arange(people), free_ground()), velocity
 
 
