@@ -13,7 +13,7 @@ import numpy as np
 
 from pedpred.scenes import Predictions
 
-NEWBORN, YOUNG_S = 3, 0.3
+NEWBORN, YOUNG_S = 3, 0.5
 """Who was detected at most so often, or first less than so long ago, s, counts as new."""
 _NOISE, _MOTION = 2.0, 4.0
 """Displacements since the first detection that are noise or motion, in standard deviations of a detection."""
