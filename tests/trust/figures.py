@@ -25,10 +25,9 @@ from tests.simulated import SETTINGS, scene_of, short
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMITTED = Path(__file__).with_name("figures.json")
-MODEL = ROOT / "models" / "online" / "simulation_distilled"
+MODEL = ROOT / "models" / "online" / "default"
 TOLERANCE = 0.02
-"""Relative. Processors round differently, which a simulation amplifies with time, and multiply integer
-networks with other instructions."""
+"""Relative. Processors round differently, which a simulation amplifies with time."""
 SECONDS = 20.0  # simulated time, short enough that differences in rounding stay small
 
 
