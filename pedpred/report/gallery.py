@@ -170,8 +170,8 @@ def _training(curves: Mapping[str, pd.DataFrame], methods: Methods) -> list[Sect
     if not curves:
         return []
     caption = (
-        "Validation of every stage of training, with its last value; validation tracks are from training "
-        "layouts and places."
+        "Validation of every stage of training, with its last value, on tracks or worlds of the sets that a "
+        "network was trained on: levels of networks that are trained on different sets do not compare."
     )
     picture = Picture("training", caption, training_figure(curves, methods))
     return [Section("Training", [Pictures([picture])], "training")]

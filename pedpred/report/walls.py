@@ -25,7 +25,7 @@ LEAST_SHARE = 0.02
 """Places where at least this share of straight forecasts' points lies in obstacles are shown."""
 _MARGIN_M = 0.6
 """Ground shown around the paths, m."""
-_NEAR = 1.6
+_NEAR = 2.5
 """Names of places whose shares differ by a smaller factor are written to either side."""
 _MARKS = (("o", INK), ("s", "#009E73"), ("^", "#D55E00"), ("D", "#0072B2"))
 
