@@ -22,8 +22,9 @@ SIMPLE["kalman_cv"]["nll"] = 0.0
 
 
 def verdicts(**changes):
-    found = place_verdicts("eth", SIMPLE | {"network": OWN | changes}, "network", Promise("kalman_cv", 0.97))
-    return {verdict.what: verdict for verdict in found}
+    own = OWN | changes
+    found = place_verdicts("eth", SIMPLE | {"network": own}, "network", Promise("kalman_cv", 0.97))
+    return {verdict.what: verdict for verdict in (*found, *region_verdicts("eth", own))}
 
 
 def test_a_good_network_holds_everything():

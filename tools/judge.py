@@ -116,9 +116,12 @@ class Judgement:
         yield from self.reported()
         for place in self.places():
             scores = self.scores_at(self.folder, place)
-            remark = "trained here" if place in self.trained_on() else "unseen"
+            unseen = place not in self.trained_on()
+            remark = "unseen" if unseen else "trained here"
             figures = summaries(scores, STRONGEST, self.settings)
             yield from place_verdicts(place, figures, NETWORK, self.promises.get(place), remark)
+            if unseen:  # regions are wide enough for places that did not train the network
+                yield from region_verdicts(place, figures[NETWORK], remark)
             if against is not None:
                 yield self.no_worse(place, scores[NETWORK], self.scores_at(against, place)[NETWORK])
         if SIMULATED.exists():
@@ -148,6 +151,7 @@ class Judgement:
                 remark = f"reports/metrics/{study}.json"
                 if method in figures:
                     yield from place_verdicts(place, figures, method, self.promises.get(place), remark)
+                    yield from region_verdicts(place, figures[method], remark)
                 else:
                     yield Verdict(place, f"{method or 'network'} in {remark}", "absent", "there", False)
         rooms = metrics.get("sim", {}).get("sim_test", {}).get(method, {})

@@ -74,7 +74,7 @@ def below(about: str, what: str, value: float, most: float, remark: str = "", di
 def place_verdicts(
     place: str, figures: Figures, method: str, promise: Promise | None = None, remark: str = ""
 ) -> Iterator[Verdict]:
-    """Errors beside the simple methods, and calibration, at a real place."""
+    """Errors beside the simple methods at a real place."""
     own, reference = figures[method], figures[STRONGEST]
     simple = [figures[key] for key in (STRAIGHT_ON, STRONGEST)]
     least = min(row["ade_m"] for row in simple)
@@ -88,7 +88,6 @@ def place_verdicts(
         yield below(place, f"ADE / {promise.method}", ratio, promise.most, remark)
     if "nll" in own and "nll" in reference:
         yield below(place, f"NLL (limit: {STRONGEST})", own["nll"], reference["nll"], remark)
-    yield from region_verdicts(place, own, remark)
 
 
 def _end_of_ratio(
@@ -149,7 +148,7 @@ def law_verdicts(folder: Path, seed: int = 0, worlds: int = 5) -> Iterator[Verdi
         yield below("worlds", what, max(law(folder, rng) for rng in draws), most, digits=4)
 
 
-def latency_verdicts(folder: Path, tries: int = 3) -> Iterator[Verdict]:
+def latency_verdicts(folder: Path, tries: int = 5) -> Iterator[Verdict]:
     """Time of an update on one thread over the bound of the paper's network; the best of some tries."""
     work = paper_work()
     for count, allowed in ALLOWED.items():
