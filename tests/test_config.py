@@ -79,6 +79,7 @@ def project(tmp_path):
     for name in ["__init__.py", "config.py", "errors.py", "files.py"]:
         shutil.copy(ROOT / "pedpred" / name, tmp_path / "pedpred" / name)
     (tmp_path / "stages").mkdir()
+    (tmp_path / "stages" / "__init__.py").touch()  # as in the project, so that its own stages come first
     (tmp_path / "stages" / "look.py").write_text(STAGE)
     return tmp_path
 

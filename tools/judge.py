@@ -13,11 +13,9 @@ import argparse
 import logging
 import subprocess
 import sys
-import tarfile
 import tempfile
 from collections.abc import Iterator
 from dataclasses import asdict
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +27,9 @@ from pedpred.config import plain, read_params, row
 from pedpred.errors import PedpredError
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
 from pedpred.features.perception import sensed
-from pedpred.files import write_json
+from pedpred.files import atomic_write, write_json
 from pedpred.online.assessment import NETWORK, assess
-from pedpred.online.network import read_origin
+from pedpred.online.network import ABOUT, GRAPH, read_origin
 from pedpred.report.comparison import metrics_now
 from pedpred.scenes import Scene
 from pedpred.simulation.sensor import SensorSettings
@@ -169,13 +167,14 @@ def folder_at(given: str, folder: Path, scratch: Path) -> Path | None:
     """A model folder: the one that is named, or the judged one in a revision; None if it has none."""
     if Path(given).exists():
         return Path(given)
-    command = ["git", "archive", "--end-of-options", given, folder.as_posix()]
-    done = subprocess.run(command, capture_output=True, check=False)  # noqa: S603, a list, no shell
-    if done.returncode:
-        sys.stdout.write(f"{given} has no {folder}, so nothing is compared\n")
-        return None
-    with tarfile.open(fileobj=BytesIO(done.stdout)) as archive:
-        archive.extractall(scratch, filter="data")
+    for name in (GRAPH, ABOUT):
+        command = ["git", "show", "--end-of-options", f"{given}:{(folder / name).as_posix()}"]
+        done = subprocess.run(command, capture_output=True, check=False)  # noqa: S603, a list, no shell
+        if done.returncode:
+            sys.stdout.write(f"{given} has no {folder / name}, so nothing is compared\n")
+            return None
+        with atomic_write(scratch / folder / name) as new:
+            new.write_bytes(done.stdout)
     return scratch / folder
 
 
@@ -198,7 +197,6 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--against", help="a model folder, or a git revision that has FOLDER")
     parser.add_argument("--out", type=Path, help="write the verdicts there, JSON")
     given = parser.parse_args(arguments)
-    logging.disable(logging.WARNING)
     try:
         judgement = Judgement(given.folder, read_params(Path()))
         with tempfile.TemporaryDirectory() as scratch:
@@ -214,4 +212,5 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
+    logging.disable(logging.WARNING)
     main()

@@ -22,7 +22,7 @@ from pedpred.tracking import KalmanSettings
 
 MODEL_SCHEMA = 2
 _LARGEST_SIDE = 10_000
-_GRAPH, _ABOUT = "network.onnx", "model.json"
+GRAPH, ABOUT = "network.onnx", "model.json"
 _REMEDY = "Export the model again or copy the folder again"
 Shape = tuple[int, ...]
 
@@ -79,7 +79,7 @@ class ModelDescription:
     @property
     def reads_situations(self) -> bool:
         """Whether its inputs are those of a network without memory (`pedpred.features.situation`)."""
-        return set(self.inputs) <= set(channel_widths(self.features))
+        return not self.memory and set(self.inputs) <= set(channel_widths(self.features))
 
     def ends(self) -> tuple[dict[str, Shape], list[Shape]]:
         """Shapes per person of the graph's inputs, by name, and of its outputs, in order."""
@@ -105,11 +105,11 @@ def write_description(folder: Path, description: ModelDescription, origin: Mappi
             "weight": "probability of each mode, [people, modes]",
             "covariance": "m^2, agent frame, in each mode, [people, modes, horizon_steps, 2, 2]",
         },
-        "network_sha256": _digest(folder / _GRAPH),
+        "network_sha256": _digest(folder / GRAPH),
         **asdict(description),
         "origin": dict(origin),
     }
-    write_json(folder / _ABOUT, about)
+    write_json(folder / ABOUT, about)
 
 
 def read_description(folder: Path) -> ModelDescription:
@@ -118,14 +118,14 @@ def read_description(folder: Path) -> ModelDescription:
     Raises:
         StorageError: a file is missing, altered, or of another schema version; it names file and field.
     """
-    path = folder / _ABOUT
+    path = folder / ABOUT
     wording = partial(StorageError, path, "description", remedy=_REMEDY)
     about = read_json(path, wording)
     with translate_errors(wording):
         if about["schema"] != MODEL_SCHEMA:
             raise StorageError(path, "schema", f"{about['schema']!r}, expected {MODEL_SCHEMA}", _REMEDY)
-        if about["network_sha256"] != _digest(folder / _GRAPH):
-            raise StorageError(folder / _GRAPH, "checksum", f"it is not what {_ABOUT} describes", _REMEDY)
+        if about["network_sha256"] != _digest(folder / GRAPH):
+            raise StorageError(folder / GRAPH, "checksum", f"it is not what {ABOUT} describes", _REMEDY)
         return ModelDescription(
             tuple(about["inputs"]),
             _shapes(about["memory"]),
@@ -142,8 +142,8 @@ def read_origin(folder: Path) -> dict[str, Any]:
     Raises:
         StorageError: model.json is missing or damaged.
     """
-    wording = partial(StorageError, folder / _ABOUT, "origin", remedy=_REMEDY)
-    about = read_json(folder / _ABOUT, wording)
+    wording = partial(StorageError, folder / ABOUT, "origin", remedy=_REMEDY)
+    about = read_json(folder / ABOUT, wording)
     with translate_errors(wording):
         return dict(about["origin"])
 
@@ -163,7 +163,7 @@ class ExportedNetwork:
         """
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
-        path = folder / _GRAPH
+        path = folder / GRAPH
         with translate_errors(partial(StorageError, path, "graph", remedy=_REMEDY)):
             self._session = onnxruntime.InferenceSession(
                 str(path), options, providers=["CPUExecutionProvider"]
@@ -172,7 +172,7 @@ class ExportedNetwork:
         ends = {end.name: tuple(end.shape[1:]) for end in self._session.get_inputs()}
         sizes = [tuple(end.shape[1:]) for end in self._session.get_outputs()]
         if (ends, sizes) != description.ends():
-            raise StorageError(path, "graph", f"it has {ends} -> {sizes}, not {_ABOUT}'s", _REMEDY)
+            raise StorageError(path, "graph", f"it has {ends} -> {sizes}, not {ABOUT}'s", _REMEDY)
 
     def step(
         self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]
