@@ -9,6 +9,13 @@ folder is worse than another one, or than a revision's, beyond the interval of t
 
 from __future__ import annotations
 
+import os
+
+if __name__ == "__main__":  # before numpy is loaded: latencies are those of one thread
+    os.environ.update(
+        OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1", NUMBA_NUM_THREADS="1"
+    )
+
 import argparse
 import logging
 import subprocess
