@@ -105,6 +105,9 @@ def change_map(folder, old, new):
         (lambda f: change_map(f, "0.1", "-0.1"), "resolution_m = -0.1"),
         (lambda f: change_map(f, "- 0.0\nnegate", "- 0.5\nnegate"), "yaw is 0.5 rad"),
         (lambda f: change_map(f, "resolution", "size"), "resolution"),
+        (lambda f: change_map(f, "negate: 0", "negate: '0'"), "negate = '0', .* without quotes"),
+        (lambda f: change_map(f, "thresh: 0.65", "thresh: 65"), "occupied_thresh = 65, .* from 0 to 1"),
+        (lambda f: change_map(f, "thresh: 0.65", "thresh: .nan"), "occupied_thresh = nan"),
         (lambda f: (f / "map.pgm").write_bytes(b"P5\n9 9\n255\n"), r"map\.pgm"),
     ],
 )

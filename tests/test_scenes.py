@@ -40,12 +40,27 @@ def test_first_axis_is_x():
         (np.ones((0, 3)), [0, 0], 0.1, ShapeError, "occupied"),
         (np.ones((2, 2)), [0, 0, 0], 0.1, ShapeError, "origin"),
         (np.ones((2, 2)), [0, np.inf], 0.1, ValueRuleError, "origin"),
+        (np.ones((2, 2)), [0, 1e300], 0.1, ValueRuleError, "origin"),
         (np.ones((2, 2)), [0, 0], 0.0, ValueRuleError, "resolution_m"),
+        (np.ones((2, 2)), [0, 0], np.nan, ValueRuleError, "resolution_m"),
+        (np.broadcast_to(False, (9000, 9000)), [0, 0], 0.1, ShapeError, "at most 67108864 cells"),
     ],
 )
 def test_map_is_valid_from_birth(occupied, origin, resolution_m, error, field):
     with pytest.raises(error, match=field):
         OccupancyMap(occupied, origin, resolution_m)
+
+
+@pytest.mark.parametrize("cell", [-1, 0.01, np.nan, 254, 100, "1", None])
+def test_a_cell_that_is_neither_blocked_nor_free_is_refused(cell):
+    with pytest.raises(ValueRuleError, match=r"occupied\[0, [01]\] = .* 1 \(blocked\)"):
+        OccupancyMap([[0, cell]], [0, 0], 0.1)
+
+
+@pytest.mark.parametrize("kind", [bool, np.uint8, np.int64, np.float32])
+def test_ones_are_blocked_whatever_their_type(kind):
+    cells = np.array([[0, 1], [1, 0]], kind)
+    assert OccupancyMap(cells, [0, 0], 0.1).occupied.tolist() == [[False, True], [True, False]]
 
 
 def trajectories(**changed):
@@ -79,6 +94,9 @@ def test_trajectories_may_be_empty():
         ({"position": [[1, 1, 1]] * 3}, ShapeError, "position"),
         ({"position": [[1, 1], [2, np.nan], [0, 0]]}, ValueRuleError, r"position\[1\].*finite"),
         ({"time_s": [1.0, np.inf, 0.0]}, ValueRuleError, r"time_s\[1\].*finite"),
+        ({"time_s": [1.0, 1.7e12, 0.0]}, ValueRuleError, r"time_s\[1\] = 1700000000000.*convert ms"),
+        ({"position": [[1, 1], [2, 1.7e308], [0, 0]]}, ValueRuleError, r"position\[1\].*at most 1e\+08"),
+        ({"track_id": np.array([1, 2, 2**63], np.uint64)}, ValueRuleError, r"track_id\[2\] = 92"),
         ({"track_id": [1, 2, 1.5]}, ValueRuleError, r"track_id\[2\] = 1.5"),
         ({"time_s": [0.0, 0.0, 0.0]}, ValueRuleError, "track 1 at 0.0 s.*unique"),
         ({"goal": [[1, 1]]}, ShapeError, "goal"),

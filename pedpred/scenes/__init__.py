@@ -1,11 +1,14 @@
 """Value types: trajectories, occupancy maps, scenes and forecasts."""
 
+from pedpred.scenes.occupancy import OccupancyMap, blocked_greys
 from pedpred.scenes.placement import Placement, checked_placement
+from pedpred.scenes.predicted import BODY_M, predicted_occupancy
 from pedpred.scenes.predictions import Forecast, Predictions
-from pedpred.scenes.scene import Camera, OccupancyMap, Scene, Trajectories
+from pedpred.scenes.scene import Camera, Scene, Trajectories
 from pedpred.scenes.variants import VARIANTS
 
 __all__ = [
+    "BODY_M",
     "VARIANTS",
     "Camera",
     "Forecast",
@@ -14,5 +17,7 @@ __all__ = [
     "Predictions",
     "Scene",
     "Trajectories",
+    "blocked_greys",
     "checked_placement",
+    "predicted_occupancy",
 ]

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pedpred.scenes.scene import OccupancyMap, Scene
+from pedpred.scenes.occupancy import OccupancyMap
+from pedpred.scenes.scene import Scene
 
 MOST_MISPLACED = 0.01
 """A larger share of detections in obstacles or outside the map is warned about."""

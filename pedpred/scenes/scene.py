@@ -1,4 +1,4 @@
-"""A place: its obstacles and the trajectories recorded there."""
+"""A place: the trajectories recorded there, its obstacles and a view of it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,15 @@ import numpy as np
 
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.geometry import Homography
+from pedpred.scenes.occupancy import FARTHEST_M, OccupancyMap
 
 _LARGEST_WHOLE = 2.0**63
+_WHOLE, _PAIRS = ("track_id", "group_id", "person_id"), ("position", "velocity", "goal")
+
+LATEST_S = 2.0**32
+"""Times are seconds before this (Unix times up to 2106), so that they are exact to a microsecond."""
+
+TIME_RULE = f"it must be finite, in seconds, less than {LATEST_S:.0f} from 0: convert ms, us or ns to s"
 
 
 @dataclass(frozen=True)
@@ -17,9 +24,9 @@ class Trajectories:
     """Detections sorted by (time, track). One row is one pedestrian at one instant.
 
     Attributes:
-        time_s: time stamps, s. [M]
+        time_s: time stamps, s, less than `LATEST_S` from 0. [M]
         track_id: of the detected pedestrian. [M]
-        position: world frame, m. [M, 2]
+        position: world frame, m, at most `FARTHEST_M` from 0. [M, 2]
         velocity: true velocity, in simulations, m/s. [M, 2]
         goal: true current goal, world frame, m. [M, 2]
         desired_speed_mps: true desired speed, m/s. [M]
@@ -38,24 +45,19 @@ class Trajectories:
 
     def __post_init__(self) -> None:
         rows = len(self.time_s)
-        wide = {"position", "velocity", "goal"}
         for field in fields(self):
             value = getattr(self, field.name)
             if value is None:
                 continue
-            whole = field.name in {"track_id", "group_id", "person_id"}
             given = np.asarray(value)
-            shape = (rows, 2) if field.name in wide else (rows,)
+            shape = (rows, 2) if field.name in _PAIRS else (rows,)
             if given.shape != shape:
                 raise ShapeError(field.name, given.shape, str(shape))
-            valid = np.isfinite(given)
-            if whole:
-                valid &= (given == np.floor(given)) & (given >= -_LARGEST_WHOLE) & (given < _LARGEST_WHOLE)
+            rule, valid = _rule(field.name, given)
             if not valid.all():
                 row = int(np.argwhere(~valid)[0, 0])
-                rule = "it must be a whole number" if whole else "it must be finite"
                 raise ValueRuleError(f"{field.name}[{row}]", given[row].tolist(), rule)
-            value = given.astype(np.int64 if whole else np.float64)
+            value = given.astype(np.int64 if field.name in _WHOLE else np.float64)
             object.__setattr__(self, field.name, value)
         self._sort()
 
@@ -93,75 +95,14 @@ class Trajectories:
         return Trajectories(**{name: value[rows] for name, value in values.items() if value is not None})
 
 
-_FREE_CELL_M = 0.1
-"""Least side of a cell of a map without obstacles."""
-
-_FREE_CELLS = 1000
-"""Largest number of cells per side of such a map, so that one stray position does not need gigabytes."""
-
-
-@dataclass(frozen=True)
-class OccupancyMap:
-    """Which cells of the ground are blocked. The ground outside the map is free.
-
-    Attributes:
-        occupied: cell (i, j) spans origin + resolution * [i, i+1) x [j, j+1). [X, Y] bool
-        origin: outer corner of cell (0, 0), world frame, m. [2]
-        resolution_m: side of a cell, m.
-    """
-
-    occupied: np.ndarray
-    origin: np.ndarray
-    resolution_m: float
-
-    def __post_init__(self) -> None:
-        occupied = np.ascontiguousarray(self.occupied, dtype=bool)
-        origin = np.asarray(self.origin, dtype=np.float64)
-        if occupied.ndim != 2 or occupied.size == 0:
-            raise ShapeError("occupied", occupied.shape, "[X, Y], not empty")
-        if origin.shape != (2,):
-            raise ShapeError("origin", origin.shape, "(2,)")
-        if not np.isfinite(origin).all():
-            raise ValueRuleError("origin", origin.tolist(), "it must be finite")
-        if not 0 < self.resolution_m < np.inf:
-            raise ValueRuleError("resolution_m", self.resolution_m, "it must be positive")
-        object.__setattr__(self, "occupied", occupied)
-        object.__setattr__(self, "origin", origin)
-
-    @classmethod
-    def free_around(cls, points: np.ndarray, margin_m: float = 1.0) -> OccupancyMap:
-        """Make a map without obstacles, for a place with unknown ones.
-
-        Args:
-            points: the map contains these, world frame, m. [M, 2]
-            margin_m: ground around them, m.
-        """
-        ends = points if len(points) else np.zeros((1, 2))
-        low, high = ends.min(axis=0) - margin_m, ends.max(axis=0) + margin_m
-        resolution_m = max(_FREE_CELL_M, float((high - low).max()) / _FREE_CELLS)
-        shape = np.ceil((high - low) / resolution_m).astype(np.int64)
-        return cls(np.zeros(shape, bool), low, resolution_m)
-
-    @property
-    def extent_m(self) -> np.ndarray:
-        """Size along x and y, m, [2]."""
-        return np.array(self.occupied.shape) * self.resolution_m
-
-    def cell_of(self, points: np.ndarray) -> np.ndarray:
-        """Indices (i, j) of the cells that hold world points; may lie outside, [..., 2] int."""
-        relative = (np.asarray(points, dtype=np.float64) - self.origin) / self.resolution_m
-        return np.floor(relative).astype(np.int64)
-
-    def center_of(self, cells: np.ndarray) -> np.ndarray:
-        """World positions of cell centres, m, [..., 2]."""
-        return self.origin + (np.asarray(cells) + 0.5) * self.resolution_m
-
-    def is_occupied(self, points: np.ndarray) -> np.ndarray:
-        """Whether world points (m, [..., 2]) lie in an occupied cell; outside is free. Bool, [...]."""
-        cells = self.cell_of(points)
-        inside = np.asarray(((cells >= 0) & (cells < self.occupied.shape)).all(axis=-1))
-        cells = np.where(inside[..., None], cells, 0)
-        return inside & self.occupied[cells[..., 0], cells[..., 1]]
+def _rule(field: str, given: np.ndarray) -> tuple[str, np.ndarray]:
+    """The rule of a field of `Trajectories`, and which of some values obey it."""
+    if field in _WHOLE:
+        inside = (given >= -_LARGEST_WHOLE) & (given < _LARGEST_WHOLE)
+        return "it must be a whole number of 64 bits", inside & (given == np.floor(given))
+    if field == "time_s":
+        return TIME_RULE, (given > -LATEST_S) & (given < LATEST_S)
+    return f"it must be finite, at most {FARTHEST_M:g} from 0", (given >= -FARTHEST_M) & (given <= FARTHEST_M)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from pedpred.files import (
     write_text,
 )
 from pedpred.geometry import Homography
-from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
+from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories, blocked_greys
 
 SCENE_SCHEMA = 1
 _PAIRS = {"position": ("x_m", "y_m"), "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
@@ -160,9 +160,7 @@ def read_map(folder: Path) -> OccupancyMap:
         if Path(about["image"]).name != about["image"]:
             raise StorageError(path, "image", f"{about['image']!r}", "Put the picture beside map.yaml")
         grey = read_picture(folder / about["image"], "L", _wording(folder / about["image"], "file"))
-        shade = np.arange(256) / 255.0
-        probability = shade if about["negate"] else 1.0 - shade
-        occupied = (probability > float(about["occupied_thresh"]))[grey]
+        occupied = blocked_greys(about["negate"], about["occupied_thresh"])[grey]
         return OccupancyMap(occupied[::-1].T, np.array([x, y]), float(about["resolution"]))
 
 

@@ -1,0 +1,143 @@
+"""Obstacles on a grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.files import MOST_PIXELS
+
+FARTHEST_M = 1e8
+"""Coordinates are at most this far from the origin: farther than in any map projection of the Earth, m."""
+
+_SMALLEST_CELL_M = 1e-6
+_FREE_CELL_M = 0.1
+"""Least side of a cell of a map without obstacles."""
+
+_FREE_CELLS = 1000
+"""Largest number of cells per side of such a map, so that one stray position does not need gigabytes."""
+
+
+@dataclass(frozen=True)
+class OccupancyMap:
+    """Which cells of the ground are blocked. The ground outside the map is free.
+
+    Attributes:
+        occupied: cell (i, j) spans origin + resolution * [i, i+1) x [j, j+1). True or 1: blocked. At most
+            `MOST_PIXELS` cells. [X, Y] bool
+        origin: outer corner of cell (0, 0), world frame, m, at most `FARTHEST_M` from 0. [2]
+        resolution_m: side of a cell, m.
+
+    Raises:
+        ShapeError: the map is empty, has too many cells or another number of axes.
+        ValueRuleError: a cell is neither blocked nor free, such as -1 (unknown) or a probability.
+    """
+
+    occupied: np.ndarray
+    origin: np.ndarray
+    resolution_m: float
+
+    def __post_init__(self) -> None:
+        occupied = _blocked(self.occupied)
+        origin = np.asarray(self.origin, dtype=np.float64)
+        if origin.shape != (2,):
+            raise ShapeError("origin", origin.shape, "(2,)")
+        if not (np.abs(origin) <= FARTHEST_M).all():
+            raise ValueRuleError("origin", origin.tolist(), f"it must be within {FARTHEST_M:g} m of 0")
+        if not _SMALLEST_CELL_M <= self.resolution_m <= FARTHEST_M:
+            rule = f"it must be between {_SMALLEST_CELL_M} and {FARTHEST_M:g} m"
+            raise ValueRuleError("resolution_m", self.resolution_m, rule)
+        object.__setattr__(self, "occupied", occupied)
+        object.__setattr__(self, "origin", origin)
+
+    @classmethod
+    def free_around(
+        cls, points: np.ndarray, margin_m: float = 1.0, cell_m: float = _FREE_CELL_M
+    ) -> OccupancyMap:
+        """Make a map without obstacles, for a place with unknown ones.
+
+        Args:
+            points: the map contains these, world frame, m. [M, 2]
+            margin_m: ground around them, m.
+            cell_m: side of a cell, larger where there would be too many, m.
+        """
+        ends = points if len(points) else np.zeros((1, 2))
+        low, high = ends.min(axis=0) - margin_m, ends.max(axis=0) + margin_m
+        resolution_m = max(cell_m, float((high - low).max()) / _FREE_CELLS)
+        shape = np.ceil((high - low) / resolution_m).astype(np.int64)
+        return cls(np.zeros(shape, bool), low, resolution_m)
+
+    def free(self, cell_m: float) -> OccupancyMap:
+        """Make a map of the same ground without obstacles, in cells of another size."""
+        shape = np.ceil(self.extent_m / cell_m - 1e-9).astype(np.int64)
+        check_cells(*shape.tolist())
+        return OccupancyMap(np.zeros(shape, bool), self.origin, cell_m)
+
+    @property
+    def extent_m(self) -> np.ndarray:
+        """Size along x and y, m, [2]."""
+        return np.array(self.occupied.shape) * self.resolution_m
+
+    def cell_of(self, points: np.ndarray) -> np.ndarray:
+        """Indices (i, j) of the cells that hold world points; may lie outside, [..., 2] int."""
+        relative = (np.asarray(points, dtype=np.float64) - self.origin) / self.resolution_m
+        return np.floor(relative).astype(np.int64)
+
+    def center_of(self, cells: np.ndarray) -> np.ndarray:
+        """World positions of cell centres, m, [..., 2]."""
+        return self.origin + (np.asarray(cells) + 0.5) * self.resolution_m
+
+    def is_occupied(self, points: np.ndarray) -> np.ndarray:
+        """Whether world points (m, [..., 2]) lie in an occupied cell; outside is free. Bool, [...]."""
+        cells = self.cell_of(points)
+        inside = np.asarray(((cells >= 0) & (cells < self.occupied.shape)).all(axis=-1))
+        cells = np.where(inside[..., None], cells, 0)
+        return inside & self.occupied[cells[..., 0], cells[..., 1]]
+
+
+def check_cells(width: int, height: int) -> None:
+    """Check the size of a map before its cells are decoded.
+
+    Raises:
+        ShapeError: it is empty or has more than `MOST_PIXELS` cells.
+    """
+    if not (width > 0 and height > 0 and width * height <= MOST_PIXELS):
+        raise ShapeError("occupied", (width, height), f"[X, Y], not empty, at most {MOST_PIXELS} cells")
+
+
+def _blocked(given: Any) -> np.ndarray:
+    """Cells as bool, after a check that each is clearly blocked or free."""
+    cells = np.asarray(given)
+    if cells.ndim != 2:
+        raise ShapeError("occupied", cells.shape, "[X, Y]")
+    check_cells(*cells.shape)
+    if cells.dtype != bool:
+        clear = (cells == 0) | (cells == 1) if cells.dtype.kind in "iuf" else np.zeros(cells.shape, bool)
+        if not clear.all():
+            row, column = np.argwhere(~clear)[0].tolist()
+            rule = "cells are 1 (blocked) or 0 (free): decide about others first, such as `grid > 50`"
+            raise ValueRuleError(f"occupied[{row}, {column}]", cells[[row], [column]].tolist()[0], rule)
+    return np.ascontiguousarray(cells, dtype=bool)
+
+
+def blocked_greys(negate: Any, occupied_thresh: Any) -> np.ndarray:
+    """Which greys of a ROS map_server picture are obstacles; unknown cells are free. [256] bool.
+
+    Args:
+        negate: 0: dark is blocked; 1: bright is blocked.
+        occupied_thresh: cells whose probability of being blocked is larger are blocked.
+
+    Raises:
+        ValueRuleError: one is something else, such as text or a percentage.
+    """
+    if negate not in (0, 1):
+        raise ValueRuleError("negate", negate, "it must be 0 or 1, a number without quotes")
+    number = isinstance(occupied_thresh, (int, float)) and not isinstance(occupied_thresh, bool)
+    if not (number and 0 <= occupied_thresh <= 1):
+        rule = "it must be a probability, a number from 0 to 1: divide percentages by 100"
+        raise ValueRuleError("occupied_thresh", occupied_thresh, rule)
+    shade = np.arange(256) / 255.0
+    return np.asarray((shade if negate else 1.0 - shade) > occupied_thresh)

@@ -1,0 +1,106 @@
+"""Predicted occupancy is the probability that somebody covers a cell."""
+
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
+
+GRID = OccupancyMap(np.zeros((80, 60)), [-4.0, -3.0], 0.1)
+BODY_M = 0.3
+seeds = st.integers(0, 2**32 - 1)
+
+
+def people(seed, count=1, modes=3, steps=4, reach_m=1.5):
+    """Any few people near the origin."""
+    rng = np.random.default_rng(seed)
+    path = rng.uniform(-reach_m, reach_m, (count, modes, steps, 2))
+    root = rng.normal(0, 0.15, (count, modes, steps, 2, 2))
+    weight = np.sort(rng.dirichlet(np.ones(modes), count))[:, ::-1]
+    return Predictions(path[:, 0], path, weight, 0.3, root @ root.swapaxes(-1, -2) + 0.01 * np.eye(2))
+
+
+def drawn(predictions, count=4000):
+    """The same probability from samples."""
+    paths = predictions.sample(count, np.random.default_rng(0)).swapaxes(1, 2)
+    centre = GRID.center_of(np.argwhere(~GRID.occupied)[::97])
+    away = np.linalg.norm(paths[:, :, :, None] - centre, axis=-1) <= BODY_M
+    return 1 - (1 - away.mean(axis=2)).prod(axis=0)
+
+
+@given(seeds)
+@settings(max_examples=10, deadline=None)
+def test_it_is_the_share_of_samples_that_cover_a_cell(seed):
+    predictions = people(seed, count=2)
+    cells = predicted_occupancy(predictions, GRID).reshape(4, -1)[:, ::97]
+    np.testing.assert_allclose(cells, drawn(predictions), atol=0.08)
+
+
+@given(seeds, st.sampled_from([0.05, 0.1, 0.25, 1.0]))
+@settings(max_examples=20, deadline=None)
+def test_one_person_covers_the_area_of_a_body(seed, cell_m):
+    grid = GRID.free(cell_m)
+    covered_m2 = predicted_occupancy(people(seed), grid).sum(axis=(1, 2)) * cell_m**2
+    np.testing.assert_allclose(covered_m2, np.pi * BODY_M**2, rtol=0.01)
+
+
+@given(seeds)
+@settings(max_examples=20, deadline=None)
+def test_people_are_independent_and_their_order_does_not_matter(seed):
+    both = people(seed, count=2)
+    one, other = (1 - predicted_occupancy(both.select(np.array([row])), GRID) for row in (0, 1))
+    np.testing.assert_allclose(predicted_occupancy(both, GRID), 1 - one * other, atol=1e-6)
+    swapped = predicted_occupancy(both.select(np.array([1, 0])), GRID)
+    np.testing.assert_allclose(predicted_occupancy(both, GRID), swapped, atol=1e-6)
+
+
+@given(seeds, st.integers(-30, 30), st.integers(-30, 30))
+@settings(max_examples=20, deadline=None)
+def test_a_part_of_the_grid_has_the_same_values(seed, right, up):
+    """Also where people are partly or wholly outside the part."""
+    predictions = people(seed, count=2, reach_m=3.0)
+    part = OccupancyMap(
+        np.zeros((20, 30)), GRID.origin + 0.1 * np.array([30 + right // 2, 15 + up // 2]), 0.1
+    )
+    left, bottom = np.round((part.origin - GRID.origin) / 0.1).astype(int)
+    wide = OccupancyMap(np.zeros((180, 160)), GRID.origin - 5.0, 0.1)
+    whole = predicted_occupancy(predictions, wide)[:, 50 + left :, 50 + bottom :][:, :20, :30]
+    np.testing.assert_allclose(predicted_occupancy(predictions, part), whole, atol=1e-5)
+
+
+def test_without_covariance_a_path_is_exact():
+    here = Predictions.single(np.array([[[0.55, 0.55]]]), 0.3)
+    cells = predicted_occupancy(here, GRID)[0]
+    away = np.linalg.norm(GRID.center_of(np.indices(GRID.occupied.shape).T) - 0.55, axis=-1).T
+    assert cells[away < 0.1].min() > 0.95
+    assert cells[away > 0.65].max() == pytest.approx(0, abs=1e-3)
+    assert predicted_occupancy(Predictions.single(np.full((2, 1, 2), np.nan), 0.3), GRID).max() == 0
+
+
+def test_what_has_no_answer_is_refused():
+    huge = OccupancyMap(np.zeros((4000, 4000), bool), [0, 0], 0.1)
+    with pytest.raises(ShapeError, match="larger cells"):
+        predicted_occupancy(people(0), huge)
+    with pytest.raises(ValueRuleError, match="body_m"):
+        predicted_occupancy(people(0), GRID, np.nan)
+    agent = Predictions.single(np.zeros((1, 1, 2)), 0.3, frame="agent")
+    with pytest.raises(ValueRuleError, match="world"):
+        predicted_occupancy(agent, GRID)
+
+
+def test_cells_may_have_another_size():
+    coarse = GRID.free(0.25)
+    assert coarse.occupied.shape == (32, 24)
+    np.testing.assert_array_equal(coarse.origin, GRID.origin)
+    with pytest.raises(ShapeError, match="cells"):
+        GRID.free(1e-5)
+
+
+def test_twenty_people_take_a_fraction_of_a_frame():
+    crowd, since = people(1, count=20, modes=6, steps=10, reach_m=4.0), time.process_time()
+    predicted_occupancy(crowd, GRID)
+    assert time.process_time() - since < 1.0
