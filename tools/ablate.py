@@ -62,7 +62,7 @@ def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) ->
         said_by("dvc", "exp", "remove", *stale)
     for point, name in experiments.items():
         overrides = [f"--set-param={o}" for o in (*ablation.always, *ablation.points[point])]
-        said_by("dvc", "exp", "run", "--queue", "--name", name, *overrides, ablation.target)
+        said_by("dvc", "exp", "run", "--queue", "--name", name, *overrides, *ablation.targets)
     start, quiet = ["dvc", "queue", "start", "--jobs", str(jobs)], subprocess.DEVNULL
     subprocess.run(start, check=True, stdout=quiet, stderr=quiet)  # its workers would keep pipes open
     with tqdm(total=len(experiments), unit="point") as bar:
@@ -76,9 +76,12 @@ def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) ->
 
 
 def measures(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict]:
-    """The measures of all methods by point."""
-    shown = {p: said_by("git", "show", f"{ref}:{ablation.metrics}") for p, ref in references.items()}
-    return {point: json.loads(text)[ablation.entry] for point, text in shown.items()}
+    """The metric files that the ablation reads: point -> file -> contents."""
+    files = {ablation.metrics, *(column.metrics for column in ablation.columns.values())}
+    return {
+        point: {file: json.loads(said_by("git", "show", f"{reference}:{file}")) for file in sorted(files)}
+        for point, reference in references.items()
+    }
 
 
 def learning(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict[str, pd.DataFrame]]:

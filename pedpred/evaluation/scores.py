@@ -21,9 +21,10 @@ _PER_STEP = ("error_m", "inside", "nll")
 
 @dataclass(frozen=True)
 class EvaluationSettings:
-    """Thresholds of the metrics and size of the bootstrap; the defaults are those of published figures.
+    """Choice of modes, thresholds of the metrics and size of the bootstrap; defaults: published figures.
 
     Attributes:
+        together: networks choose the modes of people who are present together.
         moving_mps: slower people count as standing.
         collision_m: people forecast nearer than this at the same step collide.
         miss_m: a forecast whose last position is farther off than this is a miss.
@@ -31,6 +32,7 @@ class EvaluationSettings:
         seed: of the bootstrap.
     """
 
+    together: bool = True
     moving_mps: float = 0.3
     collision_m: float = 0.2
     miss_m: float = 2.0

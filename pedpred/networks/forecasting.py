@@ -35,10 +35,12 @@ class NetworkForecaster:
     Attributes:
         network: trained.
         encoder: the frozen convolutions; None for a network that does not read the grid.
+        together: people choose their modes together, see `pedpred.forecasting.selection`.
     """
 
     network: RecurrentNetwork
     encoder: GridEncoder | None
+    together: bool = True
 
     def __call__(self, request: ForecastRequest) -> Predictions:
         """World-frame predictions of the request's rows.
@@ -50,12 +52,12 @@ class NetworkForecaster:
         if not len(asked):
             return Predictions.single(np.zeros((0, sizes.horizon_steps, 2)), sizes.dt_s)
         if not self.network.state_shapes:
-            return self._together(request)
+            return self._present(request)
         predictions = self._answer(self._recalled(request), sizes.dt_s)
         return predictions.in_world(asked.position, asked.heading_rad)
 
-    def _together(self, request: ForecastRequest) -> Predictions:
-        """Predictions of a network without memory, chosen together with those of everybody present."""
+    def _present(self, request: ForecastRequest) -> Predictions:
+        """Predictions of a network without memory, for everybody present; those that are asked for."""
         row, time_s, asked = request.present()
         past, sizes, occupancy = request.past, request.sizes, request.scene.occupancy
         channels = tracked_situations(past, row, time_s, occupancy, sizes, request.max_age_s)
@@ -66,7 +68,9 @@ class NetworkForecaster:
         outputs = {name: torch.cat([part[name] for part in found])[:, 0] for name in found[0]}
         here = past.position_at(row, time_s)
         predictions = self._answer(outputs, sizes.dt_s).in_world(here, past.heading_rad[row])
-        return consistent(predictions, here, time_s).select(asked)
+        if self.together:
+            predictions = consistent(predictions, here, time_s)
+        return predictions.select(asked)
 
     def _answer(self, outputs: Tensors, dt_s: float) -> Predictions:
         """What outputs mean, agent frames."""
@@ -96,7 +100,7 @@ class NetworkForecaster:
         return [network_inputs(table, sizes, own) for table, own in pairs]
 
 
-def forecaster(network_folder: Path, autoencoder_folder: Path) -> NetworkForecaster:
+def forecaster(network_folder: Path, autoencoder_folder: Path, together: bool = True) -> NetworkForecaster:
     """The forecaster of a checkpoint; the auto-encoder is read only if the network reads the grid.
 
     Raises:
@@ -104,4 +108,4 @@ def forecaster(network_folder: Path, autoencoder_folder: Path) -> NetworkForecas
     """
     network = load_network(network_folder)
     reads_grid = "grid" in network.settings.channels_read
-    return NetworkForecaster(network, load_encoder(autoencoder_folder) if reads_grid else None)
+    return NetworkForecaster(network, load_encoder(autoencoder_folder) if reads_grid else None, together)

@@ -9,7 +9,7 @@ forecast, constant velocity.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -24,6 +24,9 @@ from pedpred.networks.gaussian import covariance_of, initial_spread, negative_lo
 from pedpred.networks.surroundings import BeamEncoder, NeighbourEncoder, motion_known, own_motion
 
 CHANNELS_READ = ("state", "history", "track", "neighbours", "beams")
+SURROUNDINGS = ("history", "neighbours", "beams")
+"""What it can do without: the past, other people, obstacles."""
+_ENCODERS = ("own", "neighbours", "beams")
 _OWN = 128
 """Units of the person's own motion."""
 
@@ -33,12 +36,15 @@ class MixtureSettings:
     """Settings of a `MixtureNetwork`.
 
     Attributes:
-        modes: K, an even number: half of them come from the mirror image.
+        modes: K; an even number if half of them come from the mirror image.
         units: of the fully connected layers behind the encoders.
         likelihood: weight of the negative log likelihoods beside the error of the point forecast.
         closest: weight of the error of the closest mode.
         sharpness: steps of a path that count as independent in its likelihood.
         balance_m: errors of people are weighed by 1 / (balance_m + error of constant velocity).
+        mirrored: whether it looks at the mirror image, too.
+        unread: those of `SURROUNDINGS` that it does not read.
+        frozen: those of its encoders whose weights stay as they are drawn: "own", "neighbours", "beams".
     """
 
     modes: int = 6
@@ -47,10 +53,16 @@ class MixtureSettings:
     closest: float = 0.3
     sharpness: float = 3.0
     balance_m: float = 0.3
+    mirrored: bool = True
+    unread: Sequence[str] = ()
+    frozen: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        if self.modes < 2 or self.modes % 2:
+        if self.modes < 1 or (self.mirrored and self.modes % 2):
             raise ValueRuleError("modes", self.modes, "use an even number: half of them are mirror images")
+        for name, known in {"unread": SURROUNDINGS, "frozen": _ENCODERS}.items():
+            if not set(getattr(self, name)) <= set(known):
+                raise ValueRuleError(name, getattr(self, name), f"known are {', '.join(known)}")
         for name in ("units", "sharpness", "balance_m"):
             if not getattr(self, name) > 0:
                 raise ValueRuleError(name, getattr(self, name), "it must be positive")
@@ -86,7 +98,7 @@ class MixtureNetwork(RecurrentNetwork):
 
     def __init__(self, settings: MixtureSettings, widths: Mapping[str, int], horizon_steps: int):
         super().__init__(settings, widths, horizon_steps)
-        half, units = settings.modes // 2, settings.units
+        half, units = settings.modes // (2 if settings.mirrored else 1), settings.units
         own = 3 + sum(widths[name] for name in ("state", "history", "track"))
         self.own = nn.Sequential(nn.Linear(own, _OWN), nn.ReLU(), nn.Linear(_OWN, _OWN), nn.ReLU())
         self.neighbours = NeighbourEncoder(_OWN)
@@ -108,6 +120,8 @@ class MixtureNetwork(RecurrentNetwork):
                 weight.mul_(0.0 if name.startswith("velocities") else 0.3)
             spread = self.heads.get_parameter("spread.bias")
             spread.copy_(initial_spread(horizon_steps).repeat(half, 1).flatten())
+        for name in settings.frozen:
+            self.get_submodule(name).requires_grad_(False)
 
     @property
     def state_shapes(self) -> dict[str, tuple[int, ...]]:
@@ -117,18 +131,25 @@ class MixtureNetwork(RecurrentNetwork):
     def forward(self, inputs: Mapping[str, Tensor], state: Tensors) -> tuple[Tensors, Tensors]:
         """Forecast after every step; see `RecurrentNetwork.forward`."""
         axes = inputs["state"].shape[:-1]
-        flat = {name: inputs[name].flatten(0, -2) for name in self.widths}
-        image = mirrored_inputs(flat)
-        both = self._look({name: torch.stack([flat[name], image[name]]).flatten(0, 1) for name in flat})
-        own, other = ({name: v.unflatten(0, (2, -1))[side] for name, v in both.items()} for side in (0, 1))
-        other = _mirrored_outputs(other)
-        outputs = {name: torch.cat([own[name], other[name]], dim=1) for name in ("modes", "weight", "spread")}
+        sides = [self._read({name: inputs[name].flatten(0, -2) for name in self.widths})]
+        if self.settings.mirrored:
+            sides.append(mirrored_inputs(sides[0]))
+        seen = self._look({name: torch.cat([side[name] for side in sides]) for name in self.widths})
+        looks = [{k: v.unflatten(0, (len(sides), -1))[n] for k, v in seen.items()} for n in range(len(sides))]
+        looks[1:] = [_mirrored_outputs(look) for look in looks[1:]]
+        outputs = {
+            name: torch.cat([look[name] for look in looks], dim=1) for name in ("modes", "weight", "spread")
+        }
         outputs["weight"] = log_softmax(outputs["weight"], dim=-1)
-        now = flat["state"][:, None].expand(-1, self.horizon_steps, -1)
-        outputs["velocities"] = now + 0.5 * (own["velocities"] + other["velocities"])
+        now = sides[0]["state"][:, None].expand(-1, self.horizon_steps, -1)
+        outputs["velocities"] = now + torch.stack([look["velocities"] for look in looks]).mean(dim=0)
         outputs["modes"] = now[:, None] + outputs["modes"]
         outputs["prior"] = now
         return {name: values.unflatten(0, axes) for name, values in outputs.items()}, {}
+
+    def _read(self, inputs: Tensors) -> Tensors:
+        """Zeros in place of what the settings leave unread. [N, width] each."""
+        return inputs | {name: torch.zeros_like(inputs[name]) for name in self.settings.unread}
 
     def _look(self, inputs: Mapping[str, Tensor]) -> Tensors:
         """Corrections, modes and their weights in some situations. [N, ...] each."""

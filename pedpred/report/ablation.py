@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -24,23 +24,35 @@ _SPREAD = "mean ± standard deviation"
 
 
 @dataclass(frozen=True)
+class Column:
+    """A further figure of an ablation's last method, for its table."""
+
+    metrics: str  # file that a target writes
+    entry: str  # in this file, such as a test set
+    figure: str = "ade_m"  # of this entry
+    over: str = ""  # divided by this method's
+
+
+@dataclass(frozen=True)
 class Ablation:
     """Experiments that differ in one respect.
 
-    `curves` are training curves to compare, method -> file that a stage before the target writes; the steps
-    to reach `within` times the first point's best validation error are reported.
+    `columns` are further figures by their titles. `curves` are training curves to compare, method -> file
+    that a stage before a target writes; the steps to reach `within` times the first point's best validation
+    error are reported.
     """
 
     title: str  # of picture and table
     axis: str  # quantity of the points; empty when their names are no numbers
-    target: str  # the pipeline's stage that is reproduced
-    metrics: str  # file that the stage writes
+    targets: Sequence[str]  # stages of the pipeline that are reproduced
+    metrics: str  # file that a target writes
     entry: str  # in this file, such as a test set
     methods: Sequence[str]  # compared in every point
     references: Sequence[str]  # methods that no point changes, shown for scale
     always: Sequence[str]  # overrides of every point
     points: Mapping[str, Sequence[str]]  # further overrides by the name of the point
     repeated: bool = False  # the points differ in their seeds alone, so their mean and spread are reported
+    columns: Mapping[str, Column] = field(default_factory=dict)
     curves: Mapping[str, str] = field(default_factory=dict)
     within: Sequence[float] = ()
 
@@ -59,7 +71,8 @@ def read_ablation(path: Path) -> Ablation:
     plain = read_yaml(path, wording)
     with translate_errors(wording):
         points = {str(name): overrides for name, overrides in plain.pop("points").items()}
-        return Ablation(**plain, points=points)
+        columns = {title: Column(**column) for title, column in plain.pop("columns", {}).items()}
+        return Ablation(**plain, points=points, columns=columns)
 
 
 def ablation_sections(asked: Path, found: Path, methods: Methods) -> list[Section]:
@@ -74,13 +87,28 @@ def ablation_sections(asked: Path, found: Path, methods: Methods) -> list[Sectio
 
 
 def point_rows(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """One row per point and method, its error and the interval, of {point: {method: figures}}."""
-    return [
-        {"point": name, "overrides": [*ablation.always, *ablation.points[name]], "method": method}
-        | {key: methods[method][key] for key in ("ade_m", "ade_m_ci95")}
-        for name, methods in measured.items()
-        for method in (*ablation.references, *ablation.methods)
-    ]
+    """One row per point and method, its error and the interval; `columns` with the last method.
+
+    Args:
+        ablation: see there.
+        measured: contents of the metric files: {point: {file: {entry: {method: figures}}}}.
+    """
+    rows = []
+    for name, files in measured.items():
+        methods = files[ablation.metrics][ablation.entry]
+        for method in (*ablation.references, *ablation.methods):
+            row = {"point": name, "overrides": [*ablation.always, *ablation.points[name]], "method": method}
+            rows.append(row | {key: methods[method][key] for key in ("ade_m", "ade_m_ci95")})
+        if ablation.columns:
+            own = {t: _figure(c, ablation.methods[-1], files) for t, c in ablation.columns.items()}
+            rows[-1]["columns"] = own
+    return rows
+
+
+def _figure(column: Column, method: str, files: Mapping[str, Any]) -> float:
+    methods = files[column.metrics][column.entry]
+    value = methods[method][column.figure]
+    return float(value / methods[column.over][column.figure] if column.over else value)
 
 
 @styled
@@ -99,6 +127,8 @@ def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]], metho
         axes.set_xscale("log")
     axes.set_xticks(list(places.values()), list(places), minor=False)
     axes.set_xticks([], minor=True)
+    if not ablation.axis:
+        axes.tick_params("x", rotation=25)
     axes.set(
         xlabel=ablation.axis, ylabel=f"ADE in {ablation.entry} [m]", title=ablation.title, ylim=(0, None)
     )
@@ -107,7 +137,7 @@ def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]], metho
 
 
 def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], methods: Methods) -> str:
-    """Write a Markdown table, a row per point."""
+    """Write a Markdown table, a row per point; then one of the columns, if there are any."""
     shown = (*ablation.references, *ablation.methods)
     cells = {
         (row["point"], row["method"]): f"{row['ade_m']:.3f} ({interval(row['ade_m_ci95'])})" for row in rows
@@ -116,7 +146,19 @@ def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], method
     if ablation.repeated:
         errors = [[row["ade_m"] for row in rows if row["method"] == method] for method in shown]
         body.append([_SPREAD, *(f"{np.mean(e):.3f} ± {np.std(e, ddof=1):.3f}" for e in errors)])
-    return markdown_table([ablation.axis or "point", *(methods[key].label for key in shown)], body)
+    table = markdown_table([ablation.axis or "point", *(methods[key].label for key in shown)], body)
+    return "\n\n".join([table, *_columns_table(ablation, rows, methods)])
+
+
+def _columns_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], methods: Methods) -> Iterator[str]:
+    if not ablation.columns:
+        return
+    own = {row["point"]: row["columns"] for row in rows if "columns" in row}
+    body = [[name, *(f"{own[name][title]:.3f}" for title in ablation.columns)] for name in ablation.points]
+    if ablation.repeated:
+        values = ([own[name][title] for name in ablation.points] for title in ablation.columns)
+        body.append([_SPREAD, *(f"{np.mean(v):.3f} ± {np.std(v, ddof=1):.3f}" for v in values)])
+    yield markdown_table([methods[ablation.methods[-1]].label, *ablation.columns], body)
 
 
 def steps_until(
