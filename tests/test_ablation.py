@@ -1,5 +1,6 @@
 """Ablations: what they ask for exists, and their points become a picture and a table."""
 
+import dataclasses
 from pathlib import Path
 
 import pandas as pd
@@ -9,6 +10,7 @@ import yaml
 from pedpred import config
 from pedpred.errors import FileError, ValueRuleError
 from pedpred.report.ablation import (
+    Column,
     ablation_figure,
     ablation_table,
     point_rows,
@@ -32,18 +34,22 @@ def test_every_point_composes_and_differs(path):
         for overrides in ablation.points.values()
     ]
     assert len(set(composed)) == len(ablation.points)
-    name, _, key = ablation.target.partition("@")
-    written = PIPELINE[name]["do"]["outs"]
-    assert ablation.metrics in [next(iter(entry)).replace("${item}", key) for entry in written]
+    written = set()
+    for name, _, key in (target.partition("@") for target in ablation.targets):
+        written |= {next(iter(entry)).replace("${item}", key) for entry in PIPELINE[name]["do"]["outs"]}
+    assert {ablation.metrics, *(column.metrics for column in ablation.columns.values())} <= written
+    tested = yaml.safe_load(composed[0])["folds"]["sim"]["simulation"]["test"]
+    assert f"simulated/{ablation.entry}" in tested
 
 
 def measured(ablation):
     methods = ("kalman_cv", "lstm_nogrid", "lstm")
     figures = ({"ade_m": 0.5 - 0.01 * k, "ade_m_ci95": [0.4, 0.6]} for k in range(len(ablation.points)))
-    return {point: dict.fromkeys(methods, own) for point, own in zip(ablation.points, figures, strict=True)}
+    points = zip(ablation.points, figures, strict=True)
+    return {p: {ablation.metrics: {ablation.entry: dict.fromkeys(methods, own)}} for p, own in points}
 
 
-@pytest.mark.parametrize("path", [ABLATIONS[0], ABLATIONS[1]], ids=["numbered", "named"])
+@pytest.mark.parametrize("path", [ABLATIONS[0], ABLATIONS[2]], ids=["numbered", "named"])
 def test_points_become_a_picture_and_a_table(path):
     ablation = read_ablation(path)
     rows = point_rows(ablation, measured(ablation))
@@ -61,6 +67,31 @@ def test_repeated_points_have_a_mean_and_a_spread():
     rows = point_rows(ablation, measured(ablation))
     last = ablation_table(ablation, rows, METHODS).splitlines()[-1]
     assert last.count("0.490 ± 0.010") == 3  # of 0.50, 0.49 and 0.48
+
+
+def test_columns_are_further_figures_of_the_last_method():
+    plain = read_ablation(ROOT / "conf" / "ablations" / "seeds.yaml")
+    columns = {
+        "of all, m": Column(plain.metrics, plain.entry),
+        "ratio at eth": Column("transfer.json", "eth", over="kalman_cv"),
+        "minADE": Column("transfer.json", "eth", "min_ade_m_k6"),
+    }
+    ablation = dataclasses.replace(plain, columns=columns)
+    files = measured(ablation)
+    for k, own in enumerate(files.values()):
+        own["transfer.json"] = {
+            "eth": {"kalman_cv": {"ade_m": 0.4}, "lstm": {"ade_m": 0.3, "min_ade_m_k6": k}}
+        }
+    rows = point_rows(ablation, files)
+    assert [row["columns"] for row in rows if "columns" in row][1] == {
+        "of all, m": 0.49,
+        "ratio at eth": pytest.approx(0.75),
+        "minADE": 1.0,
+    }
+    lines = ablation_table(ablation, rows, METHODS).splitlines()
+    assert lines[7] == "| LSTM | of all, m | ratio at eth | minADE |"
+    assert lines[9] == "| first | 0.500 | 0.750 | 0.000 |"
+    assert lines[12] == "| mean ± standard deviation | 0.490 ± 0.010 | 0.750 ± 0.000 | 1.000 ± 1.000 |"
 
 
 def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
@@ -83,7 +114,7 @@ def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
 
 
 def test_an_ablation_that_does_not_exist_is_named_beside_those_that_do():
-    known = r"\['layouts', 'pretraining', 'reach', 'seeds'\]"
+    known = r"\['layouts', 'mixture', 'pretraining', 'reach', 'seeds'\]"
     with pytest.raises(ValueRuleError, match=f"ablation = 'magic', but known ablations are {known}"):
         read_ablation(ABLATIONS[0].with_stem("magic"))
 

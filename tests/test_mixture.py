@@ -6,10 +6,12 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureSettings
 from pedpred.features.situation import channel_widths
 from pedpred.geometry import rotate
 from pedpred.networks import parse_settings
+from pedpred.networks.mixture import SURROUNDINGS
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import OccupancyMap
 
@@ -96,6 +98,32 @@ def test_an_untrained_network_continues_the_tracked_motion():
     outputs, _ = network(inputs, {})
     expected = inputs["state"][:, :, None].expand(-1, -1, 10, -1)
     torch.testing.assert_close(outputs["velocities"], expected)
+
+
+@pytest.mark.parametrize("unread", SURROUNDINGS)
+def test_what_is_left_unread_changes_nothing(unread):
+    torch.manual_seed(0)
+    sizes, about = FeatureSettings(), {"architecture": "mixture", "units": 32, "unread": [unread]}
+    inputs = {name: torch.rand(6, 2, width) for name, width in channel_widths(sizes).items()}
+    others = inputs | {unread: torch.rand_like(inputs[unread])}
+    for own, same in ((about, True), (about | {"unread": []}, False)):
+        network = parse_settings(own).build(channel_widths(sizes), 10)
+        one, other = (network(seen, {})[0]["modes"] for seen in (inputs, others))
+        assert torch.equal(one, other) == same
+
+
+def test_without_the_mirror_image_a_network_looks_once():
+    sizes = FeatureSettings()
+    own = {"architecture": "mixture", "units": 32, "modes": 3, "mirrored": False}
+    network = parse_settings(own).build(channel_widths(sizes), 10)
+    inputs = {name: torch.rand(6, 2, width) for name, width in channel_widths(sizes).items()}
+    assert network(inputs, {})[0]["modes"].shape == (6, 2, 3, 10, 2)
+
+
+@pytest.mark.parametrize("wrong", [{"modes": 3}, {"unread": ["state"]}, {"frozen": ["heads"]}])
+def test_settings_that_make_no_sense_are_named(wrong):
+    with pytest.raises(ValueRuleError, match=next(iter(wrong))):
+        parse_settings({"architecture": "mixture"} | wrong)
 
 
 def test_gradients_reach_every_weight_and_unknown_steps_give_none():

@@ -94,6 +94,16 @@ def test_a_training_goes_on_where_it_was_interrupted(folders, tmp_path):
         torch.testing.assert_close(again.network.state_dict()[name], weights, rtol=0, atol=0)
 
 
+def test_an_encoder_may_stay_as_it_was_drawn(folders):
+    settings = dataclasses.replace(NETWORK, frozen=["beams"])
+    data = load_situations(folders)
+    taught = SituationLearner(settings.build(channel_widths(SIZES), SIZES.horizon_steps), data, QUICK)
+    before = {name: weights.clone() for name, weights in taught.network.state_dict().items()}
+    train(taught, None, "train")
+    changed = {n for n, weights in taught.network.state_dict().items() if not torch.equal(weights, before[n])}
+    assert changed == {name for name in before if not name.startswith("beams.")}
+
+
 def test_it_learns_what_obstacles_mean(folders):
     taught = learner(folders, dataclasses.replace(QUICK, steps=150, validate_every=150))
     before, after = train(taught, None, "learn")
