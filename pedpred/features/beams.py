@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
-from pedpred.features.grids import threads_for
 from pedpred.scenes import OccupancyMap
 
 
@@ -30,24 +29,18 @@ def obstacle_distances(
     """
     start = (np.asarray(position, np.float64) - occupancy.origin) / occupancy.resolution_m
     found = np.empty((len(start), beams), np.float32)
-    with threads_for(len(start)):
-        _cast(
-            occupancy.occupied,
-            start,
-            np.asarray(heading_rad, np.float64),
-            range_m / occupancy.resolution_m,
-            found,
-        )
+    heading_rad = np.asarray(heading_rad, np.float64)
+    _cast(occupancy.occupied, start, heading_rad, range_m / occupancy.resolution_m, found)
     found *= np.float32(occupancy.resolution_m)
     return np.minimum(found, np.float32(range_m))
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True, nogil=True)
 def _cast(occupied, start, heading_rad, reach, found):  # pragma: no cover (compiled)
     """From cell edge to cell edge (Amanatides & Woo 1987); lengths are in cells. Writes into `found`."""
     size = occupied.shape
     beams = found.shape[1]
-    for q in prange(len(start)):
+    for q in range(len(start)):
         for b in range(beams):
             angle = heading_rad[q] + 2.0 * math.pi * b / beams
             way = (math.cos(angle), math.sin(angle))

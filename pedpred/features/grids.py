@@ -3,28 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
-from numba import get_num_threads, njit, prange, set_num_threads
+from numba import njit
 
 from pedpred.scenes import OccupancyMap
-
-PARALLEL_ROWS = 1024
-"""Fewer rows run in one thread: waking the others costs milliseconds on a busy machine."""
-
-
-@contextmanager
-def threads_for(rows: int) -> Iterator[None]:
-    """Run numba's parallel loops over `rows` rows with as many threads as pay off."""
-    before = get_num_threads()
-    set_num_threads(before if rows >= PARALLEL_ROWS else 1)
-    try:
-        yield
-    finally:
-        set_num_threads(before)
-
 
 _GATHER_BITS = np.uint64(0x0102040810204080)
 """Multiplying a little-endian word of eight bytes 0 or 1 by this collects their bits in its top byte."""
@@ -54,12 +37,11 @@ def occupancy_crops(
     start = (np.asarray(position, dtype=np.float64) - occupancy.origin) * scale
     centers = np.arange(cells) + (0.5 - 0.5 * cells)
     heading_rad = np.asarray(heading_rad, dtype=np.float64)
-    with threads_for(len(start)):
-        _crop(occupancy.occupied, start, heading_rad, centers, resolution_m * scale, crops)
+    _crop(occupancy.occupied, start, heading_rad, centers, resolution_m * scale, crops)
     return crops
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True, nogil=True)
 def _crop(occupied, start, heading_rad, centers, step, crops):  # pragma: no cover (compiled)
     """`start` and `step` are in map cells, `centers` in crop cells. Writes into `crops`.
 
@@ -68,7 +50,7 @@ def _crop(occupied, start, heading_rad, centers, step, crops):  # pragma: no cov
     size_x, size_y = occupied.shape
     flat = occupied.ravel()
     cells = len(centers)
-    for q in prange(len(start)):
+    for q in range(len(start)):
         cos, sin = math.cos(heading_rad[q]) * step, math.sin(heading_rad[q]) * step
         found = np.empty(cells * cells, np.uint8)
         index = np.empty(cells, np.int32)
@@ -126,8 +108,7 @@ def angular_grids(
         Distances, m. [Q, cells] float32
     """
     grids = np.empty((len(position), cells), dtype=np.float32)
-    with threads_for(len(position)):
-        _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids)
+    _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids)
     return grids
 
 
@@ -148,7 +129,7 @@ def _rough_angle(dx, dy):
     return -angle if dy < 0.0 else angle
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True, nogil=True)
 def _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids):
     """Find each neighbour's cone by a rough angle, or by atan2 where that lies near a cone's edge.
 
@@ -157,7 +138,7 @@ def _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_
     cells = grids.shape[1]
     cells_per_rad = cells / _TURN
     margin = _ANGLE_ERROR_RAD * cells_per_rad
-    for q in prange(len(position)):
+    for q in range(len(position)):
         x, y, heading = position[q, 0], position[q, 1], heading_rad[q]
         turned = heading % _TURN
         first, count = crowd_span[q, 0], crowd_span[q, 1] - crowd_span[q, 0]

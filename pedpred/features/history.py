@@ -16,7 +16,7 @@ PAST = 3
 """Numbers per past position: (forward, left), m, and 1 where it is known."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def spaced(time_s, age):  # pragma: no cover (compiled)
     """Which detections a history keeps: a life's first one, and each `SPACING_S` after the last kept one.
 
@@ -36,7 +36,7 @@ def spaced(time_s, age):  # pragma: no cover (compiled)
     return kept
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def past_positions(
     trail_s, trail, first, last, seen_s, seen, now_s, position, velocity, heading_rad, steps, dt_s
 ):  # pragma: no cover (compiled)

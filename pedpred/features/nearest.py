@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
-
-from pedpred.features.grids import threads_for
+from numba import njit
 
 NEIGHBOUR = 5
 """Numbers per neighbour: relative position (m) and velocity (m/s), (forward, left) each, and its weight.
@@ -46,21 +44,19 @@ def nearest_neighbours(
         Agent frame; zeros behind the last neighbour. [Q, N, NEIGHBOUR] float32
     """
     found = np.zeros((len(position), count, NEIGHBOUR), np.float32)
-    with threads_for(len(position)):
-        _collect(
-            position, heading_rad, crowd, crowd_velocity, crowd_track, own_track, crowd_span,
-            max_range_m, found,
-        )  # fmt: skip
+    _collect(
+        position, heading_rad, crowd, crowd_velocity, crowd_track, own_track, crowd_span, max_range_m, found
+    )
     return found
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True, nogil=True)
 def _collect(
     position, heading_rad, crowd, crowd_velocity, crowd_track, own_track, crowd_span, range_m, found
 ):  # pragma: no cover (compiled)
     """Insertion into a short sorted list per observer. Writes into `found`."""
     count = found.shape[1]
-    for q in prange(len(position)):
+    for q in range(len(position)):
         square, who, taken = np.empty(count), np.empty(count, np.int64), 0
         for c in range(crowd_span[q, 0], crowd_span[q, 1]):
             dx, dy = crowd[c, 0] - position[q, 0], crowd[c, 1] - position[q, 1]

@@ -134,7 +134,7 @@ def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.n
     return first[met], second[met], (regard * (1.0 - np.sqrt(square) / NEAR_M))[met]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _near_points(
     x: np.ndarray, y: np.ndarray, owner: np.ndarray, near_m: float, count: int
 ) -> tuple[np.ndarray, int]:  # pragma: no cover (compiled)

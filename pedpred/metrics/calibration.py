@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from scipy.special import logsumexp
 
 from pedpred.scenes import Predictions
@@ -94,12 +94,12 @@ def share_inside(predictions: Predictions, truth: np.ndarray) -> np.ndarray:
     return _share_inside(predictions.path - truth[:, None], root.astype(np.float64), weight, points)
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True, nogil=True)
 def _share_inside(centre, root, weight, points):  # pragma: no cover (compiled)
     """Of modes [W, K, P, 2] around the truth, with L of Sigma = L L^T [W, K, P, 2, 2]. [W, P]."""
     rows, modes, steps = centre.shape[:3]
     found = np.zeros((rows, steps))
-    for row in prange(rows):
+    for row in range(rows):
         for step in range(steps):
             here = _density(0.0, 0.0, centre[row, :, step], root[row, :, step], weight[row])
             for mode in range(modes):
@@ -112,7 +112,7 @@ def _share_inside(centre, root, weight, points):  # pragma: no cover (compiled)
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _density(x, y, centre, root, weight):  # pragma: no cover (compiled)
     """Density of some modes at a point, up to the factor 2 pi."""
     total = 0.0
