@@ -41,8 +41,17 @@ def rotated_covariance(covariance: np.ndarray, angle_rad: np.ndarray) -> np.ndar
     Returns:
         Same unit. [..., 2, 2]
     """
-    columns = rotate(np.asarray(covariance), np.asarray(angle_rad)[..., None])  # (R Sigma)^T = Sigma R^T
-    return rotate(np.swapaxes(columns, -1, -2), np.asarray(angle_rad)[..., None])
+    covariance, cos, sin = np.asarray(covariance), np.cos(angle_rad), np.sin(angle_rad)
+
+    def turned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return cos * x - sin * y, sin * x + cos * y
+
+    first = turned(covariance[..., 0, 0], covariance[..., 0, 1])  # rows of Sigma R^T
+    second = turned(covariance[..., 1, 0], covariance[..., 1, 1])
+    rotated = np.empty((*first[0].shape, 2, 2), first[0].dtype)
+    for row, pair in enumerate(zip(first, second, strict=True)):
+        rotated[..., row, 0], rotated[..., row, 1] = turned(*pair)
+    return rotated
 
 
 @dataclass(frozen=True)

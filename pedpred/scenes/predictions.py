@@ -56,8 +56,8 @@ class Predictions:
         weight = self.weight
         if rows and not (
             (weight >= 0).all()
-            and (np.diff(weight, axis=1) <= 0).all()
-            and np.allclose(weight.sum(axis=1), 1.0, rtol=0, atol=_SUM_TOLERANCE)
+            and (weight[:, 1:] <= weight[:, :-1]).all()
+            and (np.abs(weight.sum(axis=1) - 1.0) <= _SUM_TOLERANCE).all()
         ):
             raise ValueRuleError("weight", "", "weights must fall and sum to 1 in each row")
 
