@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import argparse
 import difflib
-import errno
 import functools
 import inspect
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -26,17 +25,17 @@ import yaml
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from pedpred.errors import ConfigError, FileError, PedpredError, ValueRuleError
-from pedpred.files import read_yaml, translate_errors, write_text
-
-_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
-_DISK_REMEDY = "make room on the disk or the folder writable, then run dvc repro again"
+from pedpred.errors import ConfigError, FileError, ValueRuleError, user_errors
+from pedpred.files import check_output, read_yaml, translate_errors, write_text
 
 SETS = {"simulated": "simulations", "real": "places"}
 """Kinds of scene sets and the groups of rows that describe them."""
 
 WRITTEN = (("data",), ("models",), ("reports",))
 """Folders of the project whose files stages write."""
+
+OUTPUTS = ("out", "metrics", "curve")
+"""Arguments of stages that name a file or folder to write."""
 
 LOCK, KEPT = Path("dvc.lock"), Path("build/dvc.lock")
 """Checksums of all results: the file that DVC rewrites in place, and the copy that each stage makes first."""
@@ -57,14 +56,16 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
 
         def run(cfg: DictConfig) -> None:
             logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-            with _explained(address):
+            with config_errors(address):
                 OmegaConf.resolve(cfg)
                 OmegaConf.set_struct(cfg, True)
                 OmegaConf.set_readonly(cfg, True)
+                for key in set(OUTPUTS) & set(cfg):
+                    check_output(Path(str(cfg[key])), folder=None)
                 main(cfg)
 
         if address:
-            with _explained(address):
+            with config_errors(address):
                 keep_lock(root)
                 given = declared(root, address, sys.argv[1:])
             run(given)
@@ -75,24 +76,30 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
 
 
 @contextmanager
-def _explained(address: str | None) -> Iterator[None]:
-    """End the process with the message alone where a person can repair what is wrong."""
-    try:
-        yield
-    except (ConfigAttributeError, ConfigKeyError) as error:
-        undeclared = f"stage '{address}' reads it, but dvc.yaml does not declare it under its params"
-        remedy = undeclared if address else "conf/ has no such key"
-        raise SystemExit(f"\n{ConfigError(str(error.full_key), None, remedy)}\n") from error
-    except FileError as error:
-        written = error.path.parts[:1] in WRITTEN
-        remedy = ". `dvc repro` writes it again" if written else ""
-        raise SystemExit(f"\n{type(error).__name__}: {error}{remedy}\n") from error
-    except (PedpredError, OmegaConfBaseException) as error:
-        raise SystemExit(f"\n{type(error).__name__}: {error}\n") from error
-    except OSError as error:
-        if error.errno not in _DISK:
-            raise
-        raise SystemExit(f"\n{error}. Nothing half-written was kept; {_DISK_REMEDY}\n") from error
+def config_errors(address: str | None = None) -> Iterator[None]:
+    """End the process as `user_errors` does; messages name configuration keys and stages."""
+    with user_errors():
+        try:
+            yield
+        except OmegaConfBaseException as error:
+            raise _about_key(error, address) from error
+        except FileError as error:
+            remedy = ". `dvc repro` writes it again" if error.path.parts[:1] in WRITTEN else ""
+            raise SystemExit(f"{type(error).__name__}: {error}{remedy}") from error
+
+
+def _about_key(error: OmegaConfBaseException, address: str | None) -> ConfigError:
+    """The error of a key of the configuration; of one that nobody gives it names those that there are."""
+    key = str(error.full_key)
+    if not isinstance(error, ConfigAttributeError | ConfigKeyError):
+        remedy = str(error)
+    elif address:
+        remedy = f"stage '{address}' reads it, but dvc.yaml does not declare it under its params"
+    elif "." in key:
+        remedy = f"there is no such key; there are {', '.join(map(str, error.parent_node or []))}"
+    else:
+        remedy = f"conf/ has no such key; if it is an argument of the stage, give it: +{key}=..."
+    return ConfigError(key, None, remedy)
 
 
 def read_params(root: Path) -> DictConfig:
@@ -115,6 +122,17 @@ def stage_key(cfg: DictConfig) -> str:
     if not cfg.get("name"):
         raise ConfigError("name", None, "give one, as in `python -m stages.simulate +name=main`")
     return str(cfg.name)
+
+
+def one_of(key: str, name: str, known: Mapping[str, Any]) -> Any:
+    """Return the entry that a configuration key names.
+
+    Raises:
+        ConfigError: there is none of this name.
+    """
+    if name not in known:
+        raise ConfigError(key, name, f"choose one of {', '.join(known)}")
+    return known[name]
 
 
 def plain(node: DictConfig) -> dict[str, Any]:
@@ -144,6 +162,8 @@ def configured(key: str) -> Iterator[None]:
     """
     try:
         yield
+    except OmegaConfBaseException:  # it names its key
+        raise
     except ValueRuleError as error:
         raise ConfigError(f"{key}.{error.field}", error.value, error.rule) from error
     except (TypeError, KeyError) as error:  # an argument of a settings class that is missing or unknown
@@ -204,14 +224,17 @@ def composed(conf: Path, overrides: list[str]) -> str:
         return OmegaConf.to_yaml(hydra.compose("config", overrides=overrides), resolve=True)
 
 
-def difference(written: str, text: str) -> str:
-    """A unified diff from params.yaml to what conf/ composes to; empty when they mean the same."""
-    if yaml.safe_load(written) == yaml.safe_load(text):
-        return ""
-    lines = difflib.unified_diff(
-        written.splitlines(True), text.splitlines(True), "params.yaml", "conf/ composed"
-    )
-    return "".join(lines)
+def difference(params: Path, text: str) -> str:
+    """A unified diff from params.yaml to what conf/ composes to; empty when they mean the same.
+
+    Raises:
+        ConfigError: the file is damaged.
+    """
+    with translate_errors(partial(ConfigError, "params", str(params))):
+        written = params.read_text() if params.exists() else ""
+        same = yaml.safe_load(written) == yaml.safe_load(text)
+    both = written.splitlines(True), text.splitlines(True)
+    return "" if same else "".join(difflib.unified_diff(*both, "params.yaml", "conf/ composed"))
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -221,15 +244,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--stamp", type=Path, help="with --check: write this file when all is well")
     parser.add_argument("overrides", nargs="*", help="Hydra overrides, e.g. scale=smoke")
     given = parser.parse_args(arguments)
-    params = Path("params.yaml")
-    try:
+    with config_errors():
         text = composed(Path("conf"), given.overrides)
-    except ConfigError as error:
-        sys.exit(f"\n{type(error).__name__}: {error}\n")
-    if not given.check:
-        write_text(params, text)
-        return
-    changes = difference(params.read_text() if params.exists() else "", text)
+        if not given.check:
+            write_text(Path("params.yaml"), text)
+            return
+        changes = difference(Path("params.yaml"), text)
     if changes and "DVC_EXP_NAME" not in os.environ:  # `dvc exp run` has just composed params.yaml itself
         sys.exit(f"{changes}\nparams.yaml is not what conf/ composes to: run `make params`")
     if given.stamp:

@@ -1,12 +1,15 @@
 """Errors of this package. Their constructors take facts and compose the message.
 
 A message names the file (with line or field) or the field that is wrong, the value and the rule. Libraries
-know neither configuration keys nor DVC; `pedpred.config` adds both for stages.
+know neither configuration keys nor DVC; `pedpred.config` adds both for stages. Programs run in `user_errors`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +74,13 @@ class StorageError(FileError):
         super().__init__(path, f", {field}", problem, remedy)
 
 
+class OutputError(FileError):
+    """A file or folder cannot be written where it was asked for."""
+
+    def __init__(self, path: Path, problem: str):
+        super().__init__(path, "", f"it cannot be written: {problem}", "Name another file or folder")
+
+
 class WorkerError(PedpredError):
     """A worker process was killed by the system or by a person."""
 
@@ -92,3 +102,23 @@ class FetchError(PedpredError):
             f"PEDPRED_MIRROR=/my/folder. Tried were {attempts}."
         )
         self.damaged = damaged
+
+
+@contextmanager
+def user_errors() -> Iterator[None]:
+    """End the process with a message alone where a person can repair what is wrong, or has interrupted it."""
+    try:
+        yield
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None  # as shells report the signal
+    except BrokenPipeError:  # nobody reads the output any more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(141) from None
+    except PedpredError as error:
+        raise SystemExit(f"{type(error).__name__}: {error}") from error
+    except OSError as error:
+        if error.filename is None:
+            raise
+        remedy = "Nothing half-written was kept; make room on the disk or the folder writable, and try again"
+        raise SystemExit(f"{error}. {remedy}") from error

@@ -2,7 +2,8 @@
 
 Reading: `translate_errors` turns what a decoder raises on damaged bytes into an error that names the file;
 `read_bytes`, `read_json`, `read_yaml` and `read_picture` are bounded in size.
-Writing: `atomic_write` replaces a file when the new one is complete; scratch data go to `nameless` files.
+Writing: `check_output` refuses a bad place before work begins; `atomic_write` replaces a file when the new
+one is complete; scratch data go to `nameless` files.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from pedpred.errors import FileError, PedpredError, ShapeError
+from pedpred.errors import FileError, OutputError, PedpredError, ShapeError
 
 MOST_PIXELS = 2**26
 """Limit for a picture or a map: 400 m x 400 m in cells of 5 cm."""
@@ -118,6 +119,29 @@ def read_picture(path: Path, mode: str, wording: Wording) -> np.ndarray:
         if math.prod(image.size) > MOST_PIXELS:
             raise ShapeError(path.name, image.size, f"at most {MOST_PIXELS} pixels")
         return np.asarray(image.convert(mode))
+
+
+def check_output(path: Path, folder: bool | None = False) -> None:
+    """Check that a file can be written at `path`, or a folder, before work begins; leave nothing behind.
+
+    Args:
+        path: of the output; what is there already may be replaced.
+        folder: whether it will be a folder; None: either.
+
+    Raises:
+        OutputError: something of another kind is there, or the system does not let its parent be written.
+    """
+    allowed = {False: ("file",), True: ("folder",), None: ("file", "folder")}[folder]
+    try:
+        if path.exists():
+            found = "file" if path.is_file() else "folder" if path.is_dir() else "device"
+            if found not in allowed:
+                raise OutputError(path, f"a {found} is there, and the output is a {' or '.join(allowed)}")
+        here = path.absolute()
+        inside = here if here.is_dir() else next(above for above in here.parents if above.exists())
+        tempfile.TemporaryDirectory(prefix=f".{path.name}.new-", dir=inside).cleanup()
+    except OSError as cause:
+        raise OutputError(path, cause.strerror or str(cause)) from cause
 
 
 @contextmanager

@@ -25,6 +25,7 @@ from tqdm import tqdm
 from pedpred.errors import ValueRuleError, WorkerError
 
 Result = TypeVar("Result")
+_MOST_JOBS = 1024
 
 
 def in_parallel(
@@ -35,16 +36,26 @@ def in_parallel(
     Jobs return small values and write large results to files. A progress bar of this title counts the units.
 
     Raises:
-        ValueRuleError: there is no such backend, or its package is not installed.
+        ValueRuleError: the number of jobs is none, or there is no such backend.
         WorkerError: a worker process was killed.
     """
     with backend(os.environ.get("PEDPRED_BACKEND")):
-        workers = Parallel(n_jobs=int(os.environ.get("PEDPRED_JOBS", -1)), return_as="generator")
+        workers = Parallel(n_jobs=_jobs(), return_as="generator")
         done = workers(delayed(job)(*task) for task in tasks)
         try:
             return list(tqdm(done, total=len(tasks), desc=title, unit=unit))
         except BrokenProcessPool as cause:
             raise WorkerError(title) from cause
+
+
+def _jobs() -> int:
+    """Number of jobs at a time, as joblib counts them: -1 means all cores."""
+    given = os.environ.get("PEDPRED_JOBS")
+    if not given:
+        return -1
+    if not (given.isdecimal() and 1 <= int(given) <= _MOST_JOBS):
+        raise ValueRuleError("$PEDPRED_JOBS", given, f"it must be unset or a number from 1 to {_MOST_JOBS}")
+    return int(given)
 
 
 @contextmanager
@@ -58,7 +69,13 @@ def backend(name: str | None) -> Iterator[None]:
         except ImportError as cause:
             rule = "dask is not installed: pip install 'dask[distributed]'"
             raise ValueRuleError("$PEDPRED_BACKEND", name, rule) from cause
-        with Client(), parallel_config(backend="dask"):
+        try:
+            client = Client()
+        except (OSError, ValueError) as cause:
+            address = os.environ.get("DASK_SCHEDULER_ADDRESS")
+            rule = f"no scheduler answers there: {cause}"
+            raise ValueRuleError("$DASK_SCHEDULER_ADDRESS", address, rule) from cause
+        with client, parallel_config(backend="dask"):
             yield
     else:
         raise ValueRuleError("$PEDPRED_BACKEND", name, "it must be unset or dask")

@@ -9,7 +9,7 @@ import torch
 from omegaconf import DictConfig
 
 from pedpred.baselines.registry import baselines
-from pedpred.config import SETS, configured, plain, row, stage
+from pedpred.config import SETS, configured, one_of, plain, row, stage
 from pedpred.evaluation import EvaluationSettings, Scores
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.summary import figures
@@ -19,6 +19,7 @@ from pedpred.features.perception import Perception
 from pedpred.files import write_json
 from pedpred.forecasting import Forecaster, Methods
 from pedpred.networks import forecaster
+from pedpred.simulation.fields import parsed
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.windows import write_windows
@@ -85,10 +86,10 @@ def main(cfg: DictConfig) -> None:
     out.mkdir(parents=True, exist_ok=True)  # also if no place is available
     metrics: dict = {}
     with configured("evaluation"):
-        settings = EvaluationSettings.parse(plain(cfg.evaluation))
+        settings = parsed(EvaluationSettings, plain(cfg.evaluation))
     for tested in cfg.folds[cfg.study][cfg.fold].test:
         kind, key = tested.split("/")
-        source = cfg[SETS[kind]][key]
+        source = cfg[one_of("kind", kind, SETS)][key]
         how, sizes = perception_of(cfg, source)
         walking = social_force_settings(row(cfg, "social_forces", source.social_force))
         forecasters = forecasters_of(cfg, methods, kind, settings.together)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import SETS, configured, plain, row, stage, stage_key
+from pedpred.config import SETS, configured, one_of, plain, row, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.features.perception import Perception, parse_tracker, perceived
@@ -49,7 +49,7 @@ def shard_name(folder: Path, variant: str) -> str:
 @stage
 def main(cfg: DictConfig) -> None:
     """Read data/scenes/<kind>/<name>, write data/features/<kind>/<name>, several scenes at once."""
-    key, rows = stage_key(cfg), SETS[cfg.kind]
+    key, rows = stage_key(cfg), one_of("kind", cfg.kind, SETS)
     out, source = Path(cfg.get("out", f"data/features/{cfg.kind}/{key}")), cfg[rows][key]
     if unknown := sorted(set(source.variants) - set(VARIANTS)):
         raise ConfigError(f"{rows}.{key}.variants", unknown, f"choose among {', '.join(VARIANTS)}")

@@ -5,8 +5,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import configured, plain, stage, stage_key
-from pedpred.errors import ConfigError
+from pedpred.config import configured, one_of, plain, stage, stage_key
 from pedpred.scenes import Scene, checked_placement
 from pedpred.sources import SOURCES
 from pedpred.sources.mirrors import NOTE
@@ -18,14 +17,13 @@ def main(cfg: DictConfig) -> None:
     """Write data/scenes/real/<name>."""
     name = stage_key(cfg)
     place = cfg.places[name]
-    if place.source not in SOURCES:
-        raise ConfigError(f"places.{name}.source", place.source, f"choose one of {', '.join(SOURCES)}")
+    read = one_of(f"places.{name}.source", place.source, SOURCES)
     note = Path(place.folder, NOTE)
     if note.exists():
         scene = Scene.without_people(name, f"{note} says why")
     else:
         with configured(f"places.{name}.settings"):
-            scene = SOURCES[place.source](Path(place.folder), name, plain(place.settings))
+            scene = read(Path(place.folder), name, plain(place.settings))
         logging.getLogger(__name__).info("%s: %s", name, checked_placement(scene))
     write_scene(scene, Path(cfg.get("out") or f"data/scenes/real/{name}"))
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from pedpred.config import configured, plain, row, stage, stage_key
+from pedpred.config import configured, one_of, plain, row, stage, stage_key
 from pedpred.features import FeatureSettings
 from pedpred.simulation.fields import parsed
 from pedpred.simulation.sensor import SensorSettings
@@ -70,7 +70,7 @@ def viewed_rows(folder: Path, number: int, *arguments: Any) -> Rows:
 @stage
 def main(cfg: DictConfig) -> None:
     """Write data/situations/<kind>/<name>, several worlds or viewings at once."""
-    key = stage_key(cfg)
+    key, jobs_of = stage_key(cfg), one_of("kind", cfg.kind, {"simulated": simulated_jobs, "real": real_jobs})
     out = Path(cfg.get("out") or f"data/situations/{cfg.kind}/{key}")
     sizes = (
         plain(cfg.protocol) | plain(cfg.features) | {"noncausal": False}
@@ -80,7 +80,7 @@ def main(cfg: DictConfig) -> None:
         of_channels = FeatureSettings(**sizes)
     with configured("situations.rows"):
         recipe = Recipe(parsed(RowSettings, plain(cfg.situations.rows)), of_channels, standstill_mps)
-    jobs = (simulated_jobs if cfg.kind == "simulated" else real_jobs)(cfg, key, recipe)
+    jobs = jobs_of(cfg, key, recipe)
     in_parallel(rows_into, [(out, name, make, *rest) for name, make, rest in jobs], f"rows of {key}", "world")
     write_situations_manifest(out, of_channels, [name for name, _, _ in jobs])
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 from omegaconf import DictConfig
 
-from pedpred.config import configured, plain, stage, stage_key
+from pedpred.config import configured, one_of, plain, stage, stage_key
 from pedpred.networks import parse_settings
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.shards import has_rows
@@ -29,7 +29,7 @@ def main(cfg: DictConfig) -> None:
     """
     name = stage_key(cfg)
     torch.set_num_threads(cfg.training.threads)
-    phase = plain(cfg.training[cfg.phase])
+    start, phase = one_of("phase", cfg.phase, PREVIOUS), plain(cfg.training[cfg.phase])
     folded = "fold" in cfg
     named = cfg.folds.real[cfg.fold].train if folded else []
     sets = [part for part in named if has_rows(Path("data/features", part))] if folded else [cfg.data]
@@ -43,7 +43,7 @@ def main(cfg: DictConfig) -> None:
     label, kind = (f"{cfg.phase}_{cfg.fold}", "real") if folded else (cfg.phase, "sim")
     out = Path(cfg.get("out", f"models/folds/{cfg.fold}/{name}" if folded else f"models/{cfg.phase}/{name}"))
     curve_path = Path(cfg.get("curve", f"reports/curves/{kind}/{label}_{name}.tsv"))
-    previous = Path(PREVIOUS[cfg.phase].format(name=name))
+    previous = Path(start.format(name=name))
     if not sets:
         copy_phase(previous, out, curve_path)
         return

@@ -133,6 +133,20 @@ def test_errors_of_settings_get_the_configuration_key(error, message):
         raise error
 
 
+def test_an_unknown_row_is_refused_with_the_names_of_those_that_exist():
+    cfg = OmegaConf.create({"places": {"eth": 1, "hotel": 2}})
+    OmegaConf.set_struct(cfg, True)
+    for key in ("places", "kind"):
+        with (
+            pytest.raises(SystemExit, match=r"eth, hotel"),
+            config.config_errors(),
+            config.configured("places"),
+        ):
+            cfg.places.zara if key == "places" else config.one_of("kind", "zara", cfg.places)
+    with pytest.raises(SystemExit, match=r"give it: \+kind="), config.config_errors():
+        _ = cfg.kind
+
+
 def test_a_stage_is_told_its_name_by_its_command():
     assert config.stage_key(OmegaConf.create({"name": "lstm"})) == "lstm"
     with pytest.raises(ConfigError, match="give one"):
@@ -175,6 +189,14 @@ def test_reading_an_undeclared_key_ends_the_stage_with_its_name(project):
     assert "Traceback" not in run.stderr
 
 
+@pytest.mark.parametrize("out", ["/dev/full", "params.yaml/seen.txt", f"{'x' * 300}", "/proc/seen.txt"])
+def test_a_stage_refuses_an_output_that_cannot_be_written_before_it_works(project, out):
+    run = python(project, "stages.look", f"+out={out}", DVC_STAGE="plain")
+    assert run.returncode == 1
+    assert "OutputError" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
 def test_by_hand_a_stage_composes_conf_with_its_overrides(project):
     run = python(project, "stages.look", "training.rate=0.5", "+out=mine.txt", "+name=eth", "hydra.run.dir=.")
     assert run.returncode == 0, run.stderr
@@ -208,6 +230,16 @@ def test_the_check_fails_with_a_diff_after_an_edit_under_conf(project):
     assert "-  pedestrians: 20\n+  pedestrians: 21" in run.stderr
     assert "make params" in run.stderr
     assert not (project / "data" / "checked").exists()
+
+
+@pytest.mark.parametrize("damage", [b"{", b"\xff\xfe", b"a: [1"])
+def test_a_damaged_params_yaml_is_named(project, damage):
+    (project / "params.yaml").write_bytes(damage)
+    run = python(project, "pedpred.config", "--check")
+    assert run.returncode == 1
+    assert "ConfigError" in run.stderr
+    assert "params.yaml" in run.stderr
+    assert "Traceback" not in run.stderr
 
 
 def test_inside_an_experiment_the_overridden_params_pass_the_check(project):

@@ -1,6 +1,7 @@
 """Measures: hand-computed values, and no dependence on order or batch."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -162,6 +163,23 @@ def test_everybody_at_a_window_moves_along_once():
     assert set(asked.time_s) == set(people.time_s)
     for name in ("track_id", "time_s", "position"):
         np.testing.assert_array_equal(getattr(people, name)[answers], getattr(asked, name))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"bootstrap": 0}, {"bootstrap": 10**9}, {"seed": -1}, {"moving_mps": np.nan}]
+)
+def test_settings_outside_their_range_are_refused(wrong):
+    with pytest.raises(ValueRuleError, match=next(iter(wrong))):
+        EvaluationSettings(**wrong)
+
+
+def test_figures_that_are_no_number_are_null():
+    """One replicate may draw no track that has a value; JSON has no NaN."""
+    values = np.array([1.0, *[np.nan] * 9])
+    scores = Scores(np.arange(10), {"ade_m": values}, np.zeros((10, 2)), *[np.zeros((10, 0))] * 2)
+    for seed in range(9):
+        found = summaries({"m": scores}, "m", EvaluationSettings(bootstrap=1, seed=seed))
+        json.dumps(found, allow_nan=False)
 
 
 def test_unknown_baselines_and_settings_are_named():

@@ -99,6 +99,8 @@ def test_a_few_lost_windows_are_counted_silently(caplog):
 def test_a_recording_that_is_slower_than_truth_allows_says_so():
     with pytest.raises(ValueRuleError, match=r"none of .* is left in walk: .* more than 0\.6 s apart"):
         compare(asked(walked(0.8)), {}, SETTINGS)
+    with pytest.raises(ValueRuleError, match=r"are usually 0\.8 s apart \(time stamps must be in seconds\)"):
+        compare(asked(walked(0.8)), {}, SETTINGS)
     slow = asked(walked(0.8), FeatureSettings(truth_gap_s=1.0))
     assert len(slow.rows) > 50
 

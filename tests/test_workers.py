@@ -77,6 +77,26 @@ def test_an_error_crosses_the_border_of_a_process(kind):
     assert (type(other), str(other), vars(other)) == (kind, str(error), vars(error))
 
 
+@pytest.mark.parametrize("jobs", ["0", "-3", "abc", "1e9", "100000"])
+def test_a_number_of_jobs_that_is_none_is_named(jobs, monkeypatch):
+    monkeypatch.setenv("PEDPRED_JOBS", jobs)
+    with pytest.raises(errors.ValueRuleError, match=rf"PEDPRED_JOBS = '{jobs}', but .* from 1 to"):
+        in_parallel(print, [()], "nothing", "task")
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "abacus://1:1"])
+def test_a_cluster_that_does_not_answer_is_named(address, monkeypatch):
+    monkeypatch.setenv("PEDPRED_BACKEND", "dask")
+    monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", address)
+    quick = {"scheduler-address": address, "distributed.comm.timeouts.connect": "1s"}
+    said = f"{address}.*no scheduler answers"
+    with (
+        dask.config.set(quick),
+        pytest.raises(errors.ValueRuleError, match=said),
+    ):
+        in_parallel(print, [()], "nothing", "task")
+
+
 def test_a_backend_that_does_not_exist_is_named(monkeypatch):
     monkeypatch.setenv("PEDPRED_BACKEND", "abacus")
     named = "PEDPRED_BACKEND = 'abacus', but it must be unset or dask"

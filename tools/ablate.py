@@ -19,9 +19,8 @@ from pathlib import Path
 import pandas as pd
 from tqdm import tqdm
 
-from pedpred.config import plain, read_params
-from pedpred.errors import PedpredError
-from pedpred.files import write_json, write_text
+from pedpred.config import config_errors, plain, read_params
+from pedpred.files import check_output, write_json, write_text
 from pedpred.forecasting import Methods
 from pedpred.report.ablation import (
     Ablation,
@@ -96,6 +95,7 @@ def learning(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dic
     }
 
 
+@config_errors()
 def main() -> None:
     """Run all points, write the figures."""
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
@@ -103,10 +103,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="points at a time")
     parser.add_argument("--out", type=Path, default=Path("reports/ablations"))
     options = parser.parse_args()
-    try:
-        ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
-    except PedpredError as error:
-        raise SystemExit(f"{type(error).__name__}: {error}") from error
+    ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
+    check_output(options.out, folder=True)
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
     references = reproduced(ablation, experiments, options.jobs)
     rows = point_rows(ablation, measures(ablation, references))

@@ -9,20 +9,18 @@ import argparse
 import sys
 from pathlib import Path
 
-from pedpred.errors import PedpredError
+from pedpred.errors import user_errors
 from pedpred.report.comparison import changes, changes_table, metrics_at, metrics_now
 
 
+@user_errors()
 def main() -> None:
     """Print the comparison; fail when something got worse beyond its interval."""
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
     parser.add_argument("revision", help="a commit, branch or tag")
     parser.add_argument("--folder", type=Path, default=Path("reports/metrics"))
     options = parser.parse_args()
-    try:
-        found = changes(metrics_at(options.revision, options.folder), metrics_now(options.folder))
-    except PedpredError as error:
-        raise SystemExit(f"{type(error).__name__}: {error}") from error
+    found = changes(metrics_at(options.revision, options.folder), metrics_now(options.folder))
     sys.stdout.write(f"{changes_table(found)}\n")
     sys.exit(int(any(change.verdict == "worse" for change in found)))
 

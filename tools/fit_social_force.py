@@ -16,10 +16,11 @@ from scipy.optimize import minimize
 
 from pedpred.baselines.social_force import InitialState, initial_state
 from pedpred.baselines.together import present_at
-from pedpred.config import read_params, row
+from pedpred.config import config_errors, read_params, row
 from pedpred.errors import ShapeError
 from pedpred.evaluation.scores import true_paths
 from pedpred.evaluation.windows import window_request
+from pedpred.files import check_output
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import read_scene
 from stages.features import perception_of
@@ -138,6 +139,7 @@ def fit_place(place: str, model: SocialForceSettings, trials: int) -> Fit:
     return fit_forces(start, asked, true_paths(request.asked, dt_s), model, dt_s, trials)
 
 
+@config_errors()
 def main(arguments: list[str] | None = None) -> None:
     """Read data/scenes/real/<place>, write the row."""
     parser = argparse.ArgumentParser(prog="python -m tools.fit_social_force", description=__doc__)
@@ -146,6 +148,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--trials", type=int, default=300, help="parameter sets to try (300: 2 minutes)")
     parser.add_argument("--out", type=Path, default=Path("conf/social_forces/walking.yaml"), help="rows")
     given = parser.parse_args(arguments)
+    check_output(given.out)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     model = social_force_settings(row(read_params(Path()), "social_forces", given.base))
     fit = fit_place(given.place, model, given.trials)

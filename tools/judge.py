@@ -39,6 +39,7 @@ from pedpred.online.assessment import NETWORK, assess
 from pedpred.online.network import ABOUT, GRAPH, read_origin
 from pedpred.report.comparison import metrics_now
 from pedpred.scenes import Scene
+from pedpred.simulation.fields import parsed
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
 from tools.verdicts import (
@@ -85,7 +86,7 @@ class Judgement:
     def __init__(self, folder: Path, params: DictConfig):
         self.folder, self.params = folder, params
         self.origin = read_origin(folder)
-        self.settings = EvaluationSettings.parse(plain(params.evaluation))
+        self.settings = parsed(EvaluationSettings, plain(params.evaluation))
         self.promises = {place: Promise(**own) for place, own in plain(params.online.promises).items()}
 
     def places(self) -> dict[str, Path]:

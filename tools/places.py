@@ -6,9 +6,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from pedpred.config import read_params
+from pedpred.config import config_errors, read_params
 
 
+@config_errors()
 def main(arguments: list[str] | None = None) -> None:
     """Read params.yaml, write to standard output the names of places that some place's settings refer to."""
     parser = argparse.ArgumentParser(prog="python -m tools.places", description=__doc__)

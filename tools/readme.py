@@ -14,8 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from pedpred.config import config_errors, plain, read_params
 from pedpred.errors import StorageError
 from pedpred.files import atomic_write, read_json
 from pedpred.forecasting import Methods
@@ -133,7 +132,7 @@ def pages(root: Path) -> dict[Path, str]:
     Raises:
         StorageError: a metric file is missing or damaged.
     """
-    params = yaml.safe_load((root / "params.yaml").read_text())
+    params = plain(read_params(root))
     studies = {}
     for study in _TRAININGS:
         path = root / "reports" / "metrics" / f"{study}.json"
@@ -145,6 +144,7 @@ def pages(root: Path) -> dict[Path, str]:
     return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}
 
 
+@config_errors()
 def main() -> None:
     """Write the tables, or fail when some are out of date."""
     parser = argparse.ArgumentParser(prog="python -m tools.readme", description=__doc__.partition(":")[0])

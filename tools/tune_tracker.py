@@ -10,8 +10,9 @@ import argparse
 import logging
 from pathlib import Path
 
-from pedpred.config import read_params, row
+from pedpred.config import config_errors, read_params, row
 from pedpred.features.perception import sensed
+from pedpred.files import check_output
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import log_likelihood, tune_kalman
@@ -31,6 +32,7 @@ tuned_on_{place}:
 """
 
 
+@config_errors()
 def main(arguments: list[str] | None = None) -> None:
     """Read data/scenes/real/<place>, write its row of conf/trackers/kalman.yaml."""
     parser = argparse.ArgumentParser(prog="python -m tools.tune_tracker", description=__doc__)
@@ -38,6 +40,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--ahead", type=int, default=_AHEAD, help="detections that are forecast")
     parser.add_argument("--out", type=Path, default=Path("conf/trackers/kalman.yaml"), help="file of rows")
     given = parser.parse_args(arguments)
+    check_output(given.out)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     params = read_params(Path())
     sensor = SensorSettings(**row(params, "sensors", params.places[given.place].sensor))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from pedpred.metrics import METRICS, Metric, MetricScene
 from pedpred.metrics.calibration import mixture_nll, share_inside
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import OccupancyMap, Predictions
+from pedpred.simulation.fields import check_ranges
 
 _PER_STEP = ("error_m", "inside", "nll")
 
@@ -40,21 +40,8 @@ class EvaluationSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("moving_mps", "collision_m", "miss_m", "bootstrap"):
-            if not getattr(self, name) > 0:
-                raise ValueRuleError(name, getattr(self, name), "it must be positive")
-
-    @classmethod
-    def parse(cls, plain: Mapping[str, Any]) -> EvaluationSettings:
-        """Build from a plain dictionary.
-
-        Raises:
-            ValueRuleError: a name is unknown or a value breaks its rule.
-        """
-        known = [field.name for field in fields(cls)]
-        for name in plain.keys() - set(known):
-            raise ValueRuleError("evaluation", name, f"known settings are {known}")
-        return cls(**plain)
+        check_ranges(self, dict.fromkeys(("moving_mps", "collision_m", "miss_m"), "(0, inf)"))
+        check_ranges(self, {"bootstrap": "[1, 100000]", "seed": "[0, inf)"})
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,8 @@ class TrackBootstrap:
         counts = np.bincount(self.track[valid], minlength=self.tracks)
         total = self.weight @ counts
         some = total > 0
+        if not some.any():
+            return float("nan"), float("nan")
         low, high = np.percentile((self.weight @ sums)[some] / total[some], [2.5, 97.5])
         return float(low), float(high)
 
@@ -126,8 +128,8 @@ def _per_step(scores: Scores) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Round to plain JSON numbers, so that a metric file can be read and compared."""
+    """Round to plain JSON numbers, so that a metric file can be read and compared; None where it is none."""
     if isinstance(value, (int, np.integer)):
         return int(value)
     rounded = np.round(np.asarray(value, dtype=np.float64), _DIGITS)
-    return rounded.tolist()
+    return np.ma.masked_invalid(rounded).tolist()

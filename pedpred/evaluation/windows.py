@@ -72,11 +72,22 @@ def count_without_truth(table: FeatureTable, sizes: FeatureSettings, place: str)
     gap = f"between detections more than {sizes.truth_gap_s:g} s apart (truth_gap_s) there is no truth"
     if not len(windows):
         nobody = f"nobody in {place} is detected {sizes.min_history + 1} times and {ahead_s:g} s longer"
-        raise ValueRuleError("windows", 0, f"none of {lost} is left in {place}: {gap}" if lost else nobody)
+        nobody += f" without being lost for more than {sizes.lost_after_s:g} s"
+        cause = f"none of {lost} is left in {place}: {gap}" if lost else nobody
+        raise ValueRuleError("windows", 0, cause + _usual(table))
     eligible = len(windows) + lost
     if lost > _WORTH_SAYING * eligible:
         _LOG.warning("%s: %d of %d windows are lost: %s", place, lost, eligible, gap)
     return lost
+
+
+def _usual(table: FeatureTable) -> str:
+    """Say how often people are detected, which tells whether the times are what they should be."""
+    same = np.diff(table.track_id) == 0
+    if not same.any():
+        return ""
+    usual_s = float(np.median(np.diff(table.time_s)[same]))
+    return f"; detections of a person are usually {usual_s:g} s apart (time stamps must be in seconds)"
 
 
 def _with_history(table: FeatureTable, sizes: FeatureSettings) -> np.ndarray:

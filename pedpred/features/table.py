@@ -64,6 +64,9 @@ class FeatureSettings:
                 raise ValueRuleError(
                     field.name, value, f"it must be a positive {kind} below {_LARGEST_SETTING}"
                 )
+        for name in ("grid_cells", "beams"):  # crops are stored in whole bytes, beams turned by quarters
+            if getattr(self, name) % 4:
+                raise ValueRuleError(name, getattr(self, name), "it must be a multiple of 4")
 
 
 @dataclass(frozen=True)
