@@ -1,5 +1,7 @@
 """Laws of a network without memory, online, whatever its weights are."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -7,13 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
+from pedpred.evaluation.windows import window_request
 from pedpred.features import FeatureSettings
+from pedpred.features.perception import Perception
 from pedpred.features.situation import channel_widths
 from pedpred.geometry import rotate
-from pedpred.networks import parse_settings
+from pedpred.networks import NetworkForecaster, parse_settings
 from pedpred.networks.mixture import SURROUNDINGS
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import OccupancyMap
+from tests.exported import TRACKER
+from tests.worlds import walled_scene
 
 FRAMES, PEOPLE = 8, 5
 
@@ -110,6 +116,16 @@ def test_what_is_left_unread_changes_nothing(unread):
         network = parse_settings(own).build(channel_widths(sizes), 10)
         one, other = (network(seen, {})[0]["modes"] for seen in (inputs, others))
         assert torch.equal(one, other) == same
+
+
+def test_people_who_choose_alone_keep_their_weights(mixture):
+    scene = walled_scene(np.random.default_rng(1), 0.3, tracks=20, detections=15)
+    request = window_request(scene, Perception(TRACKER, 0.2), FeatureSettings())
+    request = dataclasses.replace(request, rows=np.arange(len(request.table)))
+    together, alone = (NetworkForecaster(*mixture[1:], choice)(request) for choice in (True, False))
+    np.testing.assert_array_equal(together.point, alone.point)
+    assert (together.weight != alone.weight).any()
+    np.testing.assert_array_equal(np.sort(together.path[..., -1, 0]), np.sort(alone.path[..., -1, 0]))
 
 
 def test_without_the_mirror_image_a_network_looks_once():
