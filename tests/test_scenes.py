@@ -76,6 +76,13 @@ def test_recording_is_sorted_by_time_then_track():
     assert sorted_.group_id.tolist() == [7, 8, 7]
 
 
+@pytest.mark.parametrize("kind", [np.int64, np.uint64])
+def test_large_track_ids_are_exact(kind):
+    ids = [2**53, 2**53 + 1, 2**63 - 1]
+    given = Trajectories(np.zeros(3), np.array(ids, kind), np.zeros((3, 2)))
+    assert given.track_id.tolist() == ids
+
+
 def test_selected_rows_stay_together():
     first = trajectories(goal=[[1, 2], [3, 4], [5, 6]])
     second = first.select(first.track_id == 1)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.features import Pedestrians
+from pedpred.online.frame import Frame
 from pedpred.online.past import Arrays, first_seen, seen_again
 from pedpred.tracking import Belief, KalmanSettings, born, updated
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -72,6 +73,11 @@ class People:
         position = self.position[rows] + (time_s - self.seen_s[rows])[:, None] * self.velocity[rows]
         return Pedestrians(self.track_id[rows], position, self.heading_rad[rows], self.velocity[rows])
 
+    def stepped(self, rows: np.ndarray, memory: Arrays) -> People:
+        """Everybody after a step of the network of some of them, with their memory [R, ...] after it."""
+        whole = {name: _written(values, rows, memory[name]) for name, values in self.memory.items()}
+        return replace(self, ticks=_written(self.ticks, rows, self.ticks[rows] + 1), memory=whole)
+
     def together(self, others: People) -> People:
         """Both groups, by track."""
         order = np.argsort(np.concatenate([self.track_id, others.track_id]))
@@ -87,28 +93,16 @@ class People:
         return People(**values, **named)
 
 
-def detected(
-    people: People,
-    time_s: float,
-    track_id: np.ndarray,
-    position: np.ndarray,
-    velocity: np.ndarray | None,
-    tracker: KalmanSettings,
-    standstill_mps: float,
-) -> People:
+def detected(people: People, frame: Frame, tracker: KalmanSettings, standstill_mps: float) -> People:
     """People after the detections of one instant; an unknown id is added.
 
     Args:
         people: before, at an earlier instant.
-        time_s: s.
-        track_id: unique. [D]
-        position: world frame, m. [D, 2]
-        velocity: true velocities, if the source has them; then nothing is filtered. [D, 2] m/s
+        frame: the detections; where it has velocities, nothing is filtered.
         tracker: noise of the filter.
         standstill_mps: below this speed the heading is held.
     """
-    order = np.argsort(track_id)
-    track_id, position = track_id[order], position[order]
+    time_s, track_id, position, velocity = vars(frame).values()
     known = np.isin(track_id, people.track_id)
     rows = np.searchsorted(people.track_id, track_id[known])
     before = Belief(people.position[rows], people.velocity[rows], people.covariance[rows])
@@ -116,7 +110,6 @@ def detected(
     q, r = tracker.acceleration_noise, tracker.position_noise_m
     again = updated(before, time_s - people.seen_s[rows], position[known], q, r)
     if velocity is not None:
-        velocity = velocity[order]
         first = Belief(position[~known], velocity[~known], np.zeros((int((~known).sum()), 3)))
         again = Belief(position[known], velocity[known], np.zeros((len(rows), 3)))
     heading, walked = _heading(again.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)

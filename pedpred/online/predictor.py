@@ -8,18 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureSettings, Pedestrians, unpack_crops
 from pedpred.features.observe import Neighbours, observe
 from pedpred.features.situation import situations
 from pedpred.forecasting.selection import consistent
 from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shortened
+from pedpred.online.frame import Frame
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.past import earliest, past_of, slots_for
 from pedpred.online.people import People, detected, next_ticks_s
 from pedpred.online.shipped import default_model
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
+from pedpred.simulation.fields import check_ranges
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LOG = logging.getLogger(__name__)
@@ -37,6 +39,9 @@ class OnlineSettings:
 
     max_age_s: float = 0.5
     snap_s: float = 0.05
+
+    def __post_init__(self) -> None:
+        check_ranges(self, dict.fromkeys(("max_age_s", "snap_s"), "[0, inf)"))
 
     @classmethod
     def as_offline(cls, features: FeatureSettings, detection_dt_s: float) -> OnlineSettings:
@@ -84,92 +89,112 @@ class OnlinePredictor:
 
     def reset(self) -> None:
         """Forget everybody; the map stays."""
-        slots = slots_for(self.features) if self._about.reads_situations else 0
-        self._people = People.nobody(self._about.memory, slots)
-        self._now = -np.inf
-        self._last = self._forecast(np.zeros(0, int), *self._network.nobody(), 0.0)
+        self._people, self._now, self._jumps = self._nobody(), -np.inf, 0
+        self._last = self._forecast(self._people, np.zeros(0, int), *self._network.nobody(), 0.0)
+
+    def _nobody(self) -> People:
+        return People.nobody(
+            self._about.memory, slots_for(self.features) if self._about.reads_situations else 0
+        )
 
     def set_map(self, occupancy: OccupancyMap) -> None:
-        """Use these static obstacles from now on; without a map everything is free."""
+        """Use these static obstacles from now on; without a map everything is free.
+
+        Raises:
+            ValueRuleError: it is no map; the one before stays.
+        """
+        given: object = occupancy
+        if not isinstance(given, OccupancyMap):
+            rule = "it must be an OccupancyMap; OccupancyMap.free_around(points) has no obstacles"
+            raise ValueRuleError("occupancy", given, rule)
         self._map = occupancy
 
     def update(
         self, time_s: float, track_id: np.ndarray, position: np.ndarray, velocity: np.ndarray | None = None
     ) -> Forecast:
-        """Take the detections of one instant, give everybody's forecast.
+        """Take the detections of one instant, give everybody's forecast. Its arrays are read-only.
 
         A frame that is not later than the last one is dropped, with a warning, and the last forecast is
         returned again. Somebody who is not detected is extrapolated for `max_age_s`, and forgotten after the
-        model's `lost_after_s`; an id that comes back later is a new person.
+        model's `lost_after_s`; an id that comes back later is a new person. Where time jumps by more than
+        `lost_after_s`, forward or backward, everybody is forgotten: a false stamp costs two such starts.
 
         Args:
             time_s: of the frame, s; any rate, also an irregular one.
-            track_id: whole numbers, each at most once. [D]
-            position: world frame, m. [D, 2]
+            track_id: whole numbers of 64 bits, each at most once. [D]
+            position: world frame, m; ranges are those of `Trajectories`. [D, 2]
             velocity: true velocities, for sources that know them; otherwise positions are filtered. [D, 2]
 
         Raises:
-            ValueRuleError, ShapeError: something is no number or an id appears twice; nothing has changed.
+            ValueRuleError, ShapeError: something is no number, out of range, or an id appears twice.
+            After any error everything is as it was before the call.
         """
-        track_id, position, velocity = _checked(time_s, track_id, position, velocity)
-        if time_s <= self._now + TIME_TOLERANCE_S:
-            _LOG.warning("frame at %s s dropped: the last one was at %s s", time_s, self._now)
+        frame = Frame.checked(time_s, track_id, position, velocity)
+        now, longest_s = frame.time_s, self.features.lost_after_s + TIME_TOLERANCE_S
+        if abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S:
+            _LOG.warning("frame at %s s dropped: the last one was at %s s", now, self._now)
             return self._last
-        self._make_up(time_s - self._settings.snap_s)
-        lost = time_s - self._people.seen_s > self.features.lost_after_s + TIME_TOLERANCE_S
-        known, about = self._people.select(~lost) if lost.any() else self._people, self._about
-        self._people = detected(
-            known, time_s, track_id, position, velocity, about.tracker, about.standstill_mps
-        )
-        self._now = time_s
-        self._last = self._predict(time_s)
-        return self._last
+        people, jumps = self._people, self._jumps
+        if len(people) and abs(now - self._now) > longest_s:
+            if now < self._now or not jumps:  # of long gaps the first one
+                text = "time jumps from %s s to %s s: everybody is forgotten. Times are seconds"
+                _LOG.warning(text, self._now, now)
+            people, jumps = self._nobody(), jumps + 1
+        people = self._made_up(people, now - self._settings.snap_s)
+        lost = now - people.seen_s > longest_s
+        people = people.select(~lost) if lost.any() else people
+        people = detected(people, frame, self._about.tracker, self._about.standstill_mps)
+        people, forecast = self._predicted(people, now)
+        self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
+        return forecast
 
-    def _make_up(self, until_s: float) -> None:
-        """Take the steps that were due before a frame, each at its own instant."""
-        while len(self._people):
-            due = self._due()
+    def _made_up(self, people: People, until_s: float) -> People:
+        """People after the steps that were due before a frame, each at its own instant."""
+        while len(people):
+            due = self._due(people)
             first = due.min()
             if not first < until_s - TIME_TOLERANCE_S:
-                return
+                break
             person = np.flatnonzero(due <= first + TIME_TOLERANCE_S)
-            self._step(person, first, np.ones(len(person), bool))
+            people, _, _ = self._step(people, person, first, np.ones(len(person), bool))
+        return people
 
-    def _due(self) -> np.ndarray:
+    def _due(self, people: People) -> np.ndarray:
         """Time of everybody's next step, s; infinite if the person is forgotten before. [N]."""
-        due = next_ticks_s(self._people, self.features.dt_s)
-        gone = due > self._people.seen_s + self.features.lost_after_s
+        due = next_ticks_s(people, self.features.dt_s)
+        gone = due > people.seen_s + self.features.lost_after_s
         return np.where(gone, np.inf, due)
 
-    def _predict(self, time_s: float) -> Forecast:
+    def _predicted(self, people: People, time_s: float) -> tuple[People, Forecast]:
         """Forecast everybody present; those whose step is due now take it."""
-        due = self._due() <= time_s + TIME_TOLERANCE_S
-        there = self._people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S
+        due = self._due(people) <= time_s + TIME_TOLERANCE_S
+        there = people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S
         person = np.flatnonzero(due | there)
-        predictions, velocities = self._step(person, time_s, due[person])
+        people, predictions, velocities = self._step(people, person, time_s, due[person])
         given = np.flatnonzero(there[person])
-        return self._forecast(person[given], predictions.select(given), velocities[given], time_s)
+        rows = person[given]
+        return people, self._forecast(people, rows, predictions.select(given), velocities[given], time_s)
 
-    def _step(self, person: np.ndarray, time_s: float, keep: np.ndarray) -> tuple[Predictions, np.ndarray]:
-        """Run the network for some people and store the step where `keep`.
+    def _step(
+        self, people: People, person: np.ndarray, time_s: float, keep: np.ndarray
+    ) -> tuple[People, Predictions, np.ndarray]:
+        """Run the network for some people.
 
         Returns:
-            Predictions and velocities of `ExportedNetwork.step`, R rows.
+            People after the step of those to `keep`; predictions and velocities of `ExportedNetwork.step`, R
+            rows.
         """
-        people = self._people
         if not len(person):
-            return self._network.nobody()
-        inputs = self._inputs(people.at(person, time_s), time_s)
+            return people, *self._network.nobody()
+        inputs = self._inputs(people, people.at(person, time_s), time_s)
         memory = {name: values[person] for name, values in people.memory.items()}
         predictions, velocities, after = self._network.step(inputs, memory)
-        for name, values in after.items():
-            people.memory[name][person[keep]] = values[keep]
-        people.ticks[person[keep]] += 1
-        return predictions, velocities
+        kept = {name: values[keep] for name, values in after.items()}
+        return people.stepped(person[keep], kept), predictions, velocities
 
-    def _inputs(self, observers: Pedestrians, time_s: float) -> dict[str, np.ndarray]:
+    def _inputs(self, people: People, observers: Pedestrians, time_s: float) -> dict[str, np.ndarray]:
         """The network's inputs, name -> [R, ...] float32."""
-        people, sizes = self._people, self.features
+        sizes = self.features
         age_s = time_s - people.seen_s
         crowd = people.at(np.flatnonzero(age_s <= self._settings.max_age_s + TIME_TOLERANCE_S), time_s)
         around = Neighbours.together(crowd, len(observers))
@@ -188,51 +213,27 @@ class OnlinePredictor:
         return {name: inputs[name] for name in self._about.inputs}
 
     def _forecast(
-        self, rows: np.ndarray, predictions: Predictions, velocities: np.ndarray, time_s: float
+        self,
+        people: People,
+        rows: np.ndarray,
+        predictions: Predictions,
+        velocities: np.ndarray,
+        time_s: float,
     ) -> Forecast:
-        frame = self._people.at(rows, time_s)
+        frame = people.at(rows, time_s)
         world = rotate(velocities.astype(np.float64), frame.heading_rad[:, None])
         there = predictions.in_world(frame.position, frame.heading_rad)
         if not self._about.memory:  # as `pedpred.networks.forecasting` does
             there = consistent(there, frame.position, np.full(len(rows), time_s))
-        if self._people.past:
-            share = self._moving_shares(rows)
+        if people.past:
+            share = self._moving_shares(people, rows)
             world, there = share[:, None, None] * world, shortened(there, frame.position, share)
-        return Forecast(time_s, frame.track_id, world, there)
+        return Forecast(time_s, frame.track_id, world, there).locked()
 
-    def _moving_shares(self, rows: np.ndarray) -> np.ndarray:
+    def _moving_shares(self, people: People, rows: np.ndarray) -> np.ndarray:
         """See `pedpred.online.caution`. [R]."""
-        people, noise_m = self._people, self._about.tracker.position_noise_m
+        noise_m = self._about.tracker.position_noise_m
         first, last = earliest(people.past, rows), people.past["detection"][rows]
         young = (people.seen_s - people.born_s)[rows] < YOUNG_S - TIME_TOLERANCE_S
         new = young | (people.past["age"][rows] < NEWBORN)
         return moving_shares(first, last, new, people.covariance[rows], noise_m)
-
-
-def _checked(
-    time_s: float, track_id: np.ndarray, position: np.ndarray, velocity: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """The arguments of a frame as arrays."""
-    if not np.isfinite(time_s):
-        raise ValueRuleError("time_s", time_s, "it must be finite")
-    track_id = np.asarray(track_id)
-    if track_id.ndim != 1 or (len(track_id) and not np.issubdtype(track_id.dtype, np.integer)):
-        raise ValueRuleError("track_id", track_id.tolist(), "it must be a list of whole numbers")
-    names, counts = np.unique(track_id, return_counts=True)
-    if (counts > 1).any():
-        raise ValueRuleError("track_id", int(names[counts > 1][0]), "it must appear once in a frame")
-    position = _pairs("position", position, len(track_id))
-    velocity = None if velocity is None else _pairs("velocity", velocity, len(track_id))
-    return track_id.astype(np.int64), position, velocity
-
-
-def _pairs(name: str, value: np.ndarray, rows: int) -> np.ndarray:
-    """Finite numbers, [rows, 2]; an empty frame may come in any shape."""
-    value = np.asarray(value, dtype=np.float64)
-    value = value.reshape(0, 2) if not value.size else value
-    if value.shape != (rows, 2):
-        raise ShapeError(name, value.shape, f"({rows}, 2)")
-    if not np.isfinite(value).all():
-        row = int(np.argwhere(~np.isfinite(value))[0, 0])
-        raise ValueRuleError(f"{name}[{row}]", value[row].tolist(), "it must be finite")
-    return value

@@ -4,7 +4,7 @@ from pedpred.scenes.occupancy import OccupancyMap, blocked_greys
 from pedpred.scenes.placement import Placement, checked_placement
 from pedpred.scenes.predicted import BODY_M, predicted_occupancy
 from pedpred.scenes.predictions import Forecast, Predictions
-from pedpred.scenes.scene import Camera, Scene, Trajectories
+from pedpred.scenes.scene import Camera, Scene, Trajectories, rule_of
 from pedpred.scenes.variants import VARIANTS
 
 __all__ = [
@@ -20,4 +20,5 @@ __all__ = [
     "blocked_greys",
     "checked_placement",
     "predicted_occupancy",
+    "rule_of",
 ]

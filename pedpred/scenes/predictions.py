@@ -76,7 +76,7 @@ class Predictions:
         Raises:
             ShapeError: some parts have covariances, others have none.
         """
-        arrays = [part._arrays() for part in parts]
+        arrays = [part.arrays() for part in parts]
         if any(own.keys() != arrays[0].keys() for own in arrays):
             raise ShapeError("covariance", (), "all parts or none to have it")
         joined: dict[str, Any] = {n: np.concatenate([own[n] for own in arrays]) for n in arrays[0]}
@@ -123,9 +123,10 @@ class Predictions:
 
     def select(self, rows: np.ndarray) -> Predictions:
         """The predictions of some people (mask or indices)."""
-        return replace(self, **{name: values[rows] for name, values in self._arrays().items()})
+        return replace(self, **{name: values[rows] for name, values in self.arrays().items()})
 
-    def _arrays(self) -> dict[str, Any]:
+    def arrays(self) -> dict[str, Any]:
+        """The fields that are arrays, by name; all have a row per person."""
         return {name: values for name, values in vars(self).items() if isinstance(values, np.ndarray)}
 
     def in_world(self, position: np.ndarray, heading_rad: np.ndarray) -> Predictions:
@@ -172,6 +173,12 @@ class Forecast:
 
     def __len__(self) -> int:
         return len(self.track_id)
+
+    def locked(self) -> Forecast:
+        """Make its arrays read-only, so that it can be given to several users; itself."""
+        for values in (self.track_id, self.velocity, *self.predictions.arrays().values()):
+            values.flags.writeable = False
+        return self
 
     @property
     def dt_s(self) -> float:

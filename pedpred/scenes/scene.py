@@ -10,13 +10,11 @@ from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.scenes.occupancy import FARTHEST_M, OccupancyMap
 
-_LARGEST_WHOLE = 2.0**63
+_LARGEST_WHOLE = 2**63 - 1
 _WHOLE, _PAIRS = ("track_id", "group_id", "person_id"), ("position", "velocity", "goal")
 
 LATEST_S = 2.0**32
 """Times are seconds before this (Unix times up to 2106), so that they are exact to a microsecond."""
-
-TIME_RULE = f"it must be finite, in seconds, less than {LATEST_S:.0f} from 0: convert ms, us or ns to s"
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Trajectories:
             shape = (rows, 2) if field.name in _PAIRS else (rows,)
             if given.shape != shape:
                 raise ShapeError(field.name, given.shape, str(shape))
-            rule, valid = _rule(field.name, given)
+            rule, valid = rule_of(field.name, given)
             if not valid.all():
                 row = int(np.argwhere(~valid)[0, 0])
                 raise ValueRuleError(f"{field.name}[{row}]", given[row].tolist(), rule)
@@ -95,13 +93,16 @@ class Trajectories:
         return Trajectories(**{name: value[rows] for name, value in values.items() if value is not None})
 
 
-def _rule(field: str, given: np.ndarray) -> tuple[str, np.ndarray]:
-    """The rule of a field of `Trajectories`, and which of some values obey it."""
+def rule_of(field: str, given: np.ndarray) -> tuple[str, np.ndarray]:
+    """The rule of a field of `Trajectories`, and which of some values obey it, each one a bool."""
     if field in _WHOLE:
-        inside = (given >= -_LARGEST_WHOLE) & (given < _LARGEST_WHOLE)
-        return "it must be a whole number of 64 bits", inside & (given == np.floor(given))
+        valid = given <= _LARGEST_WHOLE
+        if given.dtype.kind not in "iu":
+            valid &= (given >= -_LARGEST_WHOLE) & (given == np.floor(given)) & (given != _LARGEST_WHOLE)
+        return "it must be a whole number of 64 bits", valid
     if field == "time_s":
-        return TIME_RULE, (given > -LATEST_S) & (given < LATEST_S)
+        rule = f"it must be finite, in seconds, less than {LATEST_S:.0f} from 0: convert ms, us or ns to s"
+        return rule, (given > -LATEST_S) & (given < LATEST_S)
     return f"it must be finite, at most {FARTHEST_M:g} from 0", (given >= -FARTHEST_M) & (given <= FARTHEST_M)
 
 

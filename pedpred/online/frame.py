@@ -1,0 +1,71 @@
+"""The detections of one instant, checked before anything depends on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.scenes import rule_of
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Copies of the arguments of `OnlinePredictor.update`.
+
+    Attributes:
+        time_s: of the frame, s.
+        track_id: rising. [D] int64
+        position: world frame, m. [D, 2]
+        velocity: true velocities, or None. [D, 2] m/s
+    """
+
+    time_s: float
+    track_id: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray | None
+
+    @classmethod
+    def checked(
+        cls, time_s: object, track_id: object, position: object, velocity: object | None = None
+    ) -> Frame:
+        """Convert and sort the arguments; the ranges are those of `Trajectories`.
+
+        Raises:
+            ValueRuleError, ShapeError: something is no number or out of range, or an id appears twice.
+        """
+        now, names = np.asarray(time_s), np.asarray(track_id)
+        if now.shape or now.dtype.kind not in "iuf":
+            raise ValueRuleError("time_s", time_s, "it must be one number")
+        _check("time_s", now)
+        if names.ndim != 1 or (len(names) and names.dtype.kind not in "iu"):
+            raise ValueRuleError("track_id", names.tolist(), "it must be a list of whole numbers of 64 bits")
+        _check("track_id", names)
+        several, counts = np.unique(names, return_counts=True)
+        if (counts > 1).any():
+            raise ValueRuleError("track_id", int(several[counts > 1][0]), "it must appear once in a frame")
+        order = np.argsort(names)
+        return cls(
+            float(now),
+            names[order].astype(np.int64),
+            _pairs("position", position, len(names))[order],
+            None if velocity is None else _pairs("velocity", velocity, len(names))[order],
+        )
+
+
+def _pairs(name: str, value: object, rows: int) -> np.ndarray:
+    """Numbers, [rows, 2]; an empty frame may come in any shape."""
+    pairs = np.asarray(value, dtype=np.float64)
+    pairs = pairs.reshape(0, 2) if not pairs.size else pairs
+    if pairs.shape != (rows, 2):
+        raise ShapeError(name, pairs.shape, f"({rows}, 2)")
+    _check(name, pairs)
+    return pairs
+
+
+def _check(name: str, values: np.ndarray) -> None:
+    rule, valid = rule_of(name, values)
+    if not valid.all():
+        row = np.argwhere(~valid)[0, :1].tolist()
+        raise ValueRuleError(f"{name}{row or ''}", values[tuple(row)].tolist(), rule)

@@ -1,0 +1,134 @@
+"""Odd times, ids and coordinates: refused before anything changes, or answered; no stream ends for ever."""
+
+import logging
+import time
+
+import numpy as np
+import pytest
+
+from pedpred.errors import PedpredError, ShapeError, ValueRuleError
+from pedpred.online import OnlinePredictor, OnlineSettings
+
+
+def walked(robot, times, track=1):
+    """The last forecast of somebody who walks along x at 1 m/s."""
+    for now in times:
+        last = robot.update(now, [track], [[float(now) % 1000.0, 0.0]])
+    return last
+
+
+@pytest.fixture(params=["model", "mixture"])
+def folder(request):
+    """With and without memory."""
+    return request.getfixturevalue(request.param)[0]
+
+
+@pytest.mark.parametrize(
+    ("frame", "error", "named"),
+    [
+        ((np.nan, [1], [[0, 0]]), ValueRuleError, "time_s"),
+        ((1.7e12, [1], [[0, 0]]), ValueRuleError, "time_s = 1700000000000.0.*convert ms, us or ns to s"),
+        ((1e21, [1], [[0, 0]]), ValueRuleError, "time_s"),
+        (([2.0], [1], [[0, 0]]), ValueRuleError, "one number"),
+        (("2", [1], [[0, 0]]), ValueRuleError, "one number"),
+        ((None, [1], [[0, 0]]), ValueRuleError, "one number"),
+        ((2.0, [1, 1], [[0, 0], [1, 1]]), ValueRuleError, "track_id"),
+        ((2.0, [1.5], [[0, 0]]), ValueRuleError, "track_id"),
+        ((2.0, np.array([1, 2**64 - 1], np.uint64), [[0, 0]] * 2), ValueRuleError, r"track_id\[1\] = 18446"),
+        ((2.0, [1, 2], [[0, 0], [np.nan, 0]]), ValueRuleError, r"position\[1\]"),
+        ((2.0, [1, 2], [[0, 0], [1.7e308, 0]]), ValueRuleError, r"position\[1\].*at most 1e\+08"),
+        ((2.0, [1], [[0, 0]], [[1e300, 0]]), ValueRuleError, r"velocity\[0\]"),
+        ((2.0, [1, 2], [[0, 0]]), ShapeError, "position"),
+    ],
+)
+def test_a_bad_frame_is_refused_and_changes_nothing(folder, frame, error, named):
+    robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
+    for predictor in (robot, other):
+        predictor.update(1.0, [1], [[0.0, 0.0]])
+    with pytest.raises(error, match=named):
+        robot.update(*frame)
+    a, b = (predictor.update(1.3, [1], [[0.4, 0.0]]) for predictor in (robot, other))
+    np.testing.assert_array_equal(a.position, b.position)
+
+
+def test_a_frame_that_fails_half_way_is_not_consumed(folder, monkeypatch):
+    robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
+    for predictor in (robot, other):
+        walked(predictor, (0.0, 0.2, 0.4))
+    with monkeypatch.context() as patch:
+        patch.setattr(robot, "_inputs", lambda *_: (_ for _ in ()).throw(MemoryError))
+        with pytest.raises(MemoryError):
+            robot.update(1.5, [1, 2], [[1.5, 0.0], [3.0, 0.0]])
+    with pytest.raises(ValueRuleError, match="OccupancyMap"):
+        robot.set_map(None)
+    a, b = (walked(predictor, (1.5, 1.8)) for predictor in (robot, other))
+    np.testing.assert_array_equal(a.track_id, b.track_id)
+    np.testing.assert_array_equal(a.position, b.position)
+
+
+@pytest.mark.parametrize("false_s", [1e6, 2.0**32 - 1, -1e6])
+def test_a_false_stamp_costs_a_fresh_start_and_no_more(folder, false_s, caplog):
+    robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
+    walked(robot, (0.0, 0.2, 0.4))
+    with caplog.at_level(logging.WARNING):
+        assert len(robot.update(false_s, [1], [[0.5, 0.0]])) == 1
+        a, b = (walked(predictor, (0.6, 0.8, 1.0)) for predictor in (robot, other))
+    np.testing.assert_array_equal(a.position, b.position)
+    assert f"jumps from 0.4 s to {false_s} s" in caplog.text
+
+
+def test_stamps_in_milliseconds_are_told_once(folder, caplog):
+    with caplog.at_level(logging.WARNING):
+        walked(OnlinePredictor.load(folder), range(0, 4000, 400))
+    assert caplog.text.count("Times are seconds") == 1
+
+
+@pytest.mark.parametrize("start_s", [0.0, 2.0**32 - 10, -(2.0**32) + 10])
+def test_a_frame_takes_as_long_at_any_time(folder, start_s):
+    robot = OnlinePredictor.load(folder)
+    walked(robot, (0.0,))
+    since = time.process_time()
+    for k in range(10):
+        robot.update(start_s + k / 3 if k % 2 else 500.0 * k, [1], [[0.0, 0.0]])
+    assert time.process_time() - since < 2.0
+
+
+def test_arguments_and_answers_are_nobody_elses(folder):
+    """Writing into what was passed changes nothing; what is returned cannot be written into."""
+    robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
+    now, names, here = np.array(0.0), np.array([1, 2]), np.zeros((2, 2))
+    for _ in range(4):
+        forecast = robot.update(now, names, here, here)
+        expected = other.update(float(now), [1, 2], here.tolist(), here.tolist())
+        assert isinstance(forecast.time_s, float)
+        np.testing.assert_array_equal(forecast.position, expected.position)
+        now += 0.2
+        here += 0.1
+        names += 1
+        names -= 1
+    dropped = robot.update(0.0, [1], [[0.0, 0.0]])
+    for answer in (forecast, dropped):
+        for values in (answer.track_id, answer.velocity, answer.position, answer.predictions.path):
+            with pytest.raises(ValueError, match="read-only"):
+                values[:] = 7
+
+
+def test_neighbouring_large_ids_stay_apart(folder):
+    robot = OnlinePredictor.load(folder)
+    ids = np.array([2**53, 2**53 + 1, 2**63 - 1], np.uint64)
+    assert robot.update(0.0, ids, np.eye(3)[:, :2]).track_id.tolist() == ids.tolist()
+
+
+def test_a_detection_that_jumps_far_leaves_finite_forecasts(folder):
+    robot = OnlinePredictor.load(folder)
+    for k in range(12):
+        far = 9e7 if k == 5 else 0.0
+        forecast = robot.update(0.1 * k, [1, 2], [[0.1 * k + far, -far], [2.0, 0.1 * k]])
+        assert np.isfinite(forecast.predictions.path).all()
+        assert np.abs(forecast.position[1]).max() < 50
+
+
+@pytest.mark.parametrize("wrong", [{"max_age_s": np.nan}, {"max_age_s": -1.0}, {"snap_s": np.inf}])
+def test_settings_are_valid_from_birth(wrong):
+    with pytest.raises(PedpredError, match=next(iter(wrong))):
+        OnlineSettings(**wrong)
