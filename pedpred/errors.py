@@ -33,6 +33,7 @@ class ShapeError(PedpredError):
 
     def __init__(self, field: str, shape: Sequence[int], expected: str):
         super().__init__(f"{field} has shape {tuple(shape)}, expected {expected}")
+        self.field = field
 
 
 class ValueRuleError(PedpredError):
@@ -48,6 +49,7 @@ class ConfigError(PedpredError):
 
     def __init__(self, key: str, value: object, remedy: str):
         super().__init__(f"configuration key '{key}' = {value!r}: {remedy}")
+        self.field, self.value = key, value
 
 
 class FileError(PedpredError):
@@ -65,6 +67,7 @@ class SourceError(FileError):
         self, path: Path, line: int | None, problem: str, remedy: str = "Correct the file or fetch it again"
     ):
         super().__init__(path, "" if line is None else f", line {line}", problem, remedy)
+        self.line = line
 
 
 class StorageError(FileError):
@@ -72,6 +75,7 @@ class StorageError(FileError):
 
     def __init__(self, path: Path, field: str, problem: str, remedy: str = ""):
         super().__init__(path, f", {field}", problem, remedy)
+        self.field = field
 
 
 class OutputError(FileError):

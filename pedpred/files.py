@@ -1,7 +1,7 @@
 """Bounded reading and atomic writing of files.
 
 Reading: `translate_errors` turns what a decoder raises on damaged bytes into an error that names the file;
-`read_bytes`, `read_json`, `read_yaml` and `read_picture` are bounded in size.
+`read_bytes`, `read_lines`, `read_json`, `read_yaml` and `read_picture` are bounded in size.
 Writing: `check_output` refuses a bad place before work begins; `atomic_write` replaces a file when the new
 one is complete; scratch data go to `nameless` files.
 """
@@ -36,6 +36,7 @@ SCRATCH = Path("build")
 _LARGEST_BYTES = 2**30
 _LARGEST_JSON_BYTES = 2**22
 _LARGEST_YAML_BYTES = 2**18
+_LONGEST_LINE = 2**16
 _LONGEST_PROBLEM = 600
 _PICTURES = ("PNG", "PPM", "BMP", "JPEG")  # formats that are decoded here, not by another program
 
@@ -79,6 +80,25 @@ def read_bytes(path: Path, largest: int = _LARGEST_BYTES) -> bytes:
         raise ShapeError("file", (size,), f"at most {largest} bytes")
     with path.open("rb") as file:
         return file.read(size)
+
+
+def read_lines(path: Path, encoding: str = "utf-8-sig") -> Iterator[tuple[int, str]]:
+    """Number (from 1) and content of each line that is not blank; only one is in memory.
+
+    Raises:
+        OSError: the file cannot be read.
+        UnicodeError: it is no text in this encoding.
+        ShapeError: a line is too long for a text file.
+    """
+    with path.open(encoding=encoding) as file:
+        for number in itertools.count(1):
+            line = file.readline(_LONGEST_LINE)
+            if len(line) == _LONGEST_LINE:
+                raise ShapeError(f"line {number}", (len(line),), f"fewer than {_LONGEST_LINE} characters")
+            if not line:
+                return
+            if not line.isspace():
+                yield number, line
 
 
 def read_json(path: Path, wording: Wording) -> dict[str, Any]:

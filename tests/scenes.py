@@ -9,7 +9,8 @@ from hypothesis.extra.numpy import arrays
 
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
-from pedpred.storage.scenes import tracks_table, write_scene
+from pedpred.storage.scenes import write_scene
+from pedpred.storage.tracks import tracks_table
 
 number = st.floats(-1e6, 1e6)
 
@@ -50,6 +51,7 @@ def assert_same(left, right):
 
 def write_as_table(scene, folder, **options):
     """Write a scene folder as somebody else would: detections as CSV, and no map."""
+    (folder / "tracks.csv").unlink(missing_ok=True)
     write_scene(scene, folder)
     for name in ("tracks.parquet", "map.yaml", "map.pgm"):
         (folder / name).unlink()

@@ -117,7 +117,7 @@ def test_four_columns_other_languages_and_windows(folder):
 
 
 TRACKS = [
-    (("1\t4\t", "1\t"), 4, "4 columns, expected 5 as before"),
+    (("1\t4\t", "1\t"), 4, "4 columns, expected 5: id frame x y z"),
     (("1\t0\t0.5\t1\t1.7", "1 0 0.5"), 3, "expected id frame x y and perhaps z"),
     (("3.5", "three"), 5, "x = 'three' is not a number"),
     (("3.5", "nan"), 5, "x = 'nan', but it must be finite"),

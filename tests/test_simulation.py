@@ -15,7 +15,7 @@ from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
 from pedpred.simulation.simulator import desired_speeds, rollout, simulate, visiting_plans
 from pedpred.simulation.walking import count_walking
-from pedpred.storage.scenes import tracks_table
+from pedpred.storage.tracks import tracks_table
 from tests.simulated import (
     CLUTTER,
     DRAWN,

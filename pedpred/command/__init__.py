@@ -15,8 +15,8 @@ from pedpred.errors import PedpredError
 from pedpred.evaluation import EvaluationSettings
 
 _SCENE = (
-    "a scene folder, an MCAP recording, a ROS bag, a CSV file with time, id, x, y, or a text file with "
-    "id, frame, x, y as PeTrack, JuPedSim and PedPy write it"
+    "a scene folder, an MCAP recording, a ROS bag, a table (.csv, .tsv, .txt) with time, id, x, y, a text "
+    "with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or an .ndjson file of TrajNet++"
 )
 
 
@@ -52,7 +52,10 @@ def _output(command: argparse.ArgumentParser, what: str, required: bool = True) 
 
 def _reading(command: argparse.ArgumentParser) -> None:
     command.add_argument("--topic", help="of a bag's people, if several topics carry people")
-    command.add_argument("--frame-rate", type=float, help="of a text file that does not say it, Hz")
+    named = "columns of a table in order, in place of its header, such as time,id,x,y; others are ignored"
+    command.add_argument("--columns", help=named)
+    counted = "of frame numbers, in a file that does not say it, Hz"
+    command.add_argument("--rate", "--frame-rate", type=float, help=counted)
     replaced = "a folder with map.yaml or a geometry file of JuPedSim (.xml), which replaces the map"
     command.add_argument("--map", type=Path, help=replaced)
     end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"

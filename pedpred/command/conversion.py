@@ -10,16 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.ros import is_bag, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
-from pedpred.scenes import OccupancyMap, Scene, checked_placement
-from pedpred.sources.jupedsim import read_tracks
+from pedpred.scenes import Scene, checked_placement
+from pedpred.sources.single_file import FORMATS, read_file
 from pedpred.sources.walls import occupancy_of, read_walls
-from pedpred.storage.scenes import read_map, read_scene, read_tracks_csv, write_scene
-
-_NAMELESS = (".csv", ".txt")
-"""Files of tracks alone, which have neither a name nor a map of their own."""
+from pedpred.storage.scenes import read_map, read_scene, write_scene
+from pedpred.storage.tables import TableOptions
 
 _CELL_M, _WALL_M, _OPEN_END_M = 0.05, 3.0, 6.0
 """Of maps made from geometry files, m: side of a cell, thickness of walls, corridors beyond open ends."""
@@ -51,14 +49,18 @@ def info(given: argparse.Namespace) -> None:
 
 def convert(given: argparse.Namespace) -> None:
     """Write a scene as MCAP (a name that ends in .mcap) or as a scene folder."""
+    if given.output.suffix not in ("", ".mcap"):
+        raise ValueRuleError(
+            "output", str(given.output), "a name ends in .mcap, or is that of a scene folder"
+        )
     refuse_overwriting(given.output, given.force)
     scene = _read_given(given)
-    if given.scene.suffix in _NAMELESS:
+    if given.scene.suffix in FORMATS:  # without a name of its own
         scene = replace(scene, name=given.output.stem)
     _log.info("%s: %s", scene.name, checked_placement(scene))
     if given.output.suffix == ".mcap":
         write_recording(scene, given.output)
-        write_layout(scene.occupancy, set(), given.output.with_suffix(".foxglove.json"))
+        write_layout(scene.occupancy, set(), layout_of(given.output))
     else:
         write_scene(scene, given.output)
 
@@ -69,7 +71,8 @@ def _read_given(given: argparse.Namespace) -> Scene:
     Raises:
         ValueRuleError: open ends are given without a geometry file.
     """
-    scene = read_any(given.scene, given.topic, given.frame_rate)
+    columns = None if given.columns is None else tuple(given.columns.split(","))
+    scene = read_any(given.scene, given.topic, TableOptions(columns, given.rate))
     if given.map is not None and given.map.suffix == ".xml":
         edges = [[end[:2], end[2:]] for end in given.open_end]
         ground = occupancy_of(read_walls(given.map), _CELL_M, _WALL_M, edges, _OPEN_END_M)
@@ -79,19 +82,25 @@ def _read_given(given: argparse.Namespace) -> Scene:
     return scene if given.map is None else replace(scene, occupancy=read_map(given.map))
 
 
+def layout_of(recording: Path) -> Path:
+    """Path of the layout for Foxglove that is written beside a recording."""
+    return recording.with_suffix(".foxglove.json")
+
+
 def refuse_overwriting(path: Path, force: bool) -> None:
-    """End the command if `path` exists and `--force` is not given."""
-    if path.exists() and not force:
-        sys.exit(f"{path} is there already; --force replaces it")
+    """End the command if an output, or the layout beside a recording, exists and `--force` is not given."""
+    for output in (path, layout_of(path)) if path.suffix == ".mcap" else (path,):
+        if output.exists() and not force:
+            sys.exit(f"{output} is there already; --force replaces it")
 
 
-def read_any(path: Path, topic: str | None = None, frame_rate_hz: float | None = None) -> Scene:
-    """Read a scene folder, a table or text file of tracks (on free ground), a recording or a ROS bag.
+def read_any(path: Path, topic: str | None = None, options: TableOptions | None = None) -> Scene:
+    """Read a scene folder, a file of tracks (on free ground), a recording or a ROS bag.
 
     Args:
         path: its name determines the format.
         topic: of a bag's people; an .mcap file is read as a bag if one is given.
-        frame_rate_hz: of a text file, needed if it does not say it.
+        options: what a table or text does not say itself.
 
     Raises:
         StorageError, SourceError: the file is missing, damaged or of another format.
@@ -100,11 +109,4 @@ def read_any(path: Path, topic: str | None = None, frame_rate_hz: float | None =
         return read_bag(path, topic)
     if path.is_dir():
         return read_scene(path)
-    if path.suffix not in _NAMELESS:
-        return read_recording(path)
-    trajectories = read_tracks_csv(path) if path.suffix == ".csv" else read_tracks(path, frame_rate_hz)
-    try:
-        dt_s = trajectories.usual_interval_s()
-    except ValueRuleError as cause:
-        raise StorageError(path, "table", str(cause), "A track needs several detections") from cause
-    return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
+    return read_file(path, options) if path.suffix in FORMATS else read_recording(path)

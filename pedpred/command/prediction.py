@@ -13,7 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pedpred.baselines.present_motion import STRONGEST
-from pedpred.command.conversion import read_any, refuse_overwriting
+from pedpred.command.conversion import layout_of, read_any, refuse_overwriting
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
 from pedpred.files import write_json
@@ -34,12 +34,14 @@ _SHOWN = ("ade_m", "fde_m", "moving_ade_m", "nll", "obstacle_share", "collision_
 def predict(given: argparse.Namespace) -> None:
     """Replay a scene frame by frame and write it with the forecasts as MCAP."""
     output = given.output or Path(f"{given.scene.stem}_forecasts.mcap")
+    if output.suffix != ".mcap":
+        raise ValueRuleError("output", str(output), "the name of a recording ends in .mcap")
     refuse_overwriting(output, given.force)
     scene = read_any(given.scene)
     predictor = robot_for(scene, given.model)
     windows = as_windows(scene, with_progress(scene, predictor), _METHOD, predictor.features)
     write_recording(scene, output, windows, {_METHOD: _COLOUR})
-    write_layout(scene.occupancy, set(), output.with_suffix(".foxglove.json"))
+    write_layout(scene.occupancy, set(), layout_of(output))
     _log.info("%s: recorded with forecasts in %s", scene.name, output)
 
 

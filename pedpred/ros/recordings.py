@@ -27,7 +27,7 @@ from pedpred.ros.scene_messages import (
     people_rows,
 )
 from pedpred.scenes import Scene
-from pedpred.storage.scenes import tracks_of, tracks_table
+from pedpred.storage.tracks import tracks_of, tracks_table
 from pedpred.storage.windows import EvaluationWindows
 
 _SCENE_RECORD = "pedpred.scene"

@@ -25,7 +25,7 @@ from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import read_picture, translate_errors
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
-from pedpred.sources.text import numbers, text_rows, whole_number
+from pedpred.storage.text import check_unique, numbers, read_numbers, text_rows
 
 COLUMNS = ("frame", "id", "pos_x", "pos_z", "pos_y", "v_x", "v_z", "v_y")
 ALONE = -1
@@ -99,21 +99,12 @@ def _check_settings(settings: Mapping[str, Any]) -> None:
 
 
 def _read_annotations(path: Path) -> _Annotations:
-    frames, tracks, positions, lines = [], [], [], []
-    seen: dict[tuple[int, int], int] = {}
-    for line, fields in text_rows(path):
-        values = dict(zip(COLUMNS, numbers(path, line, fields, COLUMNS), strict=True))
-        key = whole_number(path, line, "frame", values), whole_number(path, line, "id", values)
-        if key in seen:
-            raise SourceError(path, line, f"frame {key[0]} and id {key[1]} again, first in line {seen[key]}")
-        seen[key] = line
-        frames.append(key[0])
-        tracks.append(key[1])
-        positions.append((values["pos_x"], values["pos_y"]))
-        lines.append(line)
-    if not lines:
+    columns = read_numbers(path, text_rows(path), COLUMNS, {name: name for name in COLUMNS})
+    if not len(columns["line"]):
         raise SourceError(path, None, "no annotations, the file is empty")
-    return _Annotations(np.array(frames), np.array(tracks), np.array(positions), np.array(lines))
+    check_unique(path, columns, "frame", "id")
+    position = np.stack([columns["pos_x"], columns["pos_y"]], axis=-1)
+    return _Annotations(columns["frame"], columns["id"], position, columns["line"])
 
 
 def _read_homography(path: Path) -> Homography:

@@ -11,8 +11,9 @@ Columns after the fourth are not used. `pedpred.sources.walls` reads the geometr
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,12 @@ import numpy as np
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.scenes import Scene, Trajectories
-from pedpred.sources.text import numbers, text_rows, whole_number
 from pedpred.sources.walls import UNITS, occupancy_of, read_walls
+from pedpred.storage.text import Row, check_unique, read_numbers, text_rows
 
 COLUMNS = ("id", "frame", "x", "y")
+_NAMES = ("track_id", "frame", "x_m", "y_m")
+_MOST_COMMENTS = 1000
 _SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
 _RATE = re.compile(r"(?:frame[ _-]?rate|fps)\W*(\d+(?:\.\d+)?)", re.IGNORECASE)
 _UNIT = re.compile(r"(?:\bx */ *|\bin )(c|centi)?m", re.IGNORECASE)
@@ -67,29 +70,30 @@ def read_tracks(path: Path, frame_rate_hz: float | None = None) -> Trajectories:
         SourceError: the file is missing or wrong; it names line and value.
     """
     comments: list[str] = []
-    rows: list[tuple[int, int, float, float]] = []
-    seen: dict[tuple[int, int], int] = {}
-    width = 0
-    for line, fields in text_rows(path, "utf-8-sig"):
-        if fields[0].startswith("#"):
-            comments.append(" ".join(fields))
-            continue
-        width = width or len(fields)
-        if len(fields) != width or width < len(COLUMNS):
-            expected = f"{width} as before" if width >= len(COLUMNS) else f"{' '.join(COLUMNS)} and perhaps z"
-            raise SourceError(path, line, f"{len(fields)} columns, expected {expected}")
-        values = dict(zip(COLUMNS, numbers(path, line, fields[: len(COLUMNS)], COLUMNS), strict=True))
-        key = whole_number(path, line, "id", values), whole_number(path, line, "frame", values)
-        if key in seen:
-            raise SourceError(path, line, f"id {key[0]} and frame {key[1]} again, first in line {seen[key]}")
-        seen[key] = line
-        rows.append((*key, values["x"], values["y"]))
-    if not rows:
+    rows = _without_comments(text_rows(path), comments)
+    line, first = next(rows, (None, []))
+    if line is None:
         raise SourceError(path, None, "no detections, the file is empty")
+    if len(first) < len(COLUMNS):
+        expected = f"expected {' '.join(COLUMNS)} and perhaps z"
+        raise SourceError(path, line, f"{len(first)} columns, {expected}")
+    titles = (*COLUMNS, "z", *(f"column_{n}" for n in range(6, len(first) + 1)))[: len(first)]
+    wanted = dict(zip(COLUMNS, _NAMES, strict=True))
+    columns = read_numbers(path, chain([(line, first)], rows), titles, wanted)
+    check_unique(path, columns, "track_id", "frame")
     rate_hz, unit_m = _frame_rate_hz(path, comments, frame_rate_hz), _unit_m(path, comments)
-    track, frame, x, y = map(np.array, zip(*rows, strict=True))
+    position = unit_m * np.stack([columns["x_m"], columns["y_m"]], axis=-1)
     with translate_errors(partial(SourceError, path, None)):
-        return Trajectories(frame / rate_hz, track, unit_m * np.stack([x, y], axis=-1))
+        return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
+
+
+def _without_comments(rows: Iterable[Row], comments: list[str]) -> Iterator[Row]:
+    """Yield the rows, and collect what the comments say."""
+    for line, fields in rows:
+        if not fields[0].startswith("#"):
+            yield line, fields
+        elif len(comments) < _MOST_COMMENTS:
+            comments.append(" ".join(fields))
 
 
 def _frame_rate_hz(path: Path, comments: list[str], given: float | None) -> float:

@@ -21,7 +21,7 @@ import numpy as np
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import read_bytes, translate_errors
 from pedpred.scenes import OccupancyMap
-from pedpred.sources.text import numbers
+from pedpred.storage.text import numbers
 
 UNITS = {"m": 1.0, "cm": 0.01}
 """Units of length by their names in files, m."""

@@ -19,6 +19,8 @@ from pedpred.files import atomic_write, translate_errors
 _VERSION_KEY = b"pedpred.schema"
 _ABOUT_KEY = b"pedpred.about"
 _REMEDY = "Write it again"
+_LARGEST_BYTES, _DENSEST = 2**27, 64
+"""Limits for the decoded columns of a row group: this size, or this multiple of the file's size."""
 _NUMBERS = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
 
 
@@ -107,6 +109,16 @@ def read_about(path: Path) -> dict[str, Any]:
         return json.loads(pq.read_schema(path).metadata[_ABOUT_KEY])
 
 
+def column_names(path: Path) -> list[str]:
+    """Names of the columns of a file.
+
+    Raises:
+        StorageError: the file is missing or damaged.
+    """
+    with translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)):
+        return pq.read_schema(path).names
+
+
 def count_rows(path: Path) -> int:
     """Number of rows of a file.
 
@@ -144,7 +156,13 @@ def read_blocks(
         pq.ParquetFile(path, page_checksum_verification=True) as file,
     ):
         _check(path, file.schema_arrow, shapes, version)
+        row_bytes = sum(_width_bytes(path, file.schema_arrow.field(name)) for name in shapes)
+        largest = max(_LARGEST_BYTES, _DENSEST * path.stat().st_size)
         for group in range(file.num_row_groups):
+            rows = file.metadata.row_group(group).num_rows
+            if rows * row_bytes > largest:
+                problem = f"{rows} rows of {row_bytes} bytes, but at most {largest} bytes are decoded at once"
+                raise StorageError(path, "file", problem, _REMEDY)
             table = file.read_row_group(group, columns=list(shapes))
             yield {name: _read_column(path, name, table, shape) for name, shape in shapes.items()}
 
@@ -156,6 +174,15 @@ def _check(path: Path, schema: pa.Schema, names: Iterable[str], version: int | N
     for name in names:
         if name not in schema.names:
             raise StorageError(path, f"column {name}", "it is missing", _REMEDY)
+
+
+def _width_bytes(path: Path, field: pa.Field) -> int:
+    """Bytes of a column per row; only numbers, and lists and bytes of fixed length, are decoded."""
+    kind = field.type.value_type if pa.types.is_fixed_size_list(field.type) else field.type
+    if not any(known(kind) for known in (*_NUMBERS, pa.types.is_fixed_size_binary)):
+        raise StorageError(path, f"column {field.name}", f"{field.type}, not numbers", _REMEDY)
+    count = field.type.list_size if pa.types.is_fixed_size_list(field.type) else 1
+    return count * -(-kind.bit_width // 8)
 
 
 def _leaf(field: pa.Field) -> str:
@@ -177,7 +204,8 @@ def _read_column(path: Path, name: str, table: pa.Table, shape: tuple[int, ...])
     try:
         return _from_arrow(column, shape)
     except ValueError as cause:
-        problem = f"its type {column.type} ({column.null_count} nulls) does not fit the shape {shape}"
+        missing = f" with {column.null_count} missing values" if column.null_count else ""
+        problem = f"{column.type}{missing}, expected numbers of shape {shape} in each row"
         raise StorageError(path, f"column {name}", problem, _REMEDY) from cause
 
 

@@ -8,12 +8,10 @@ A scene *set* is a folder of scene folders (the arrangements of one simulated se
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import yaml
 from PIL import Image
 
@@ -30,19 +28,25 @@ from pedpred.files import (
 )
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories, blocked_greys
+from pedpred.storage.tables import read_table
+from pedpred.storage.tracks import read_parquet_tracks, write_parquet_tracks
 
 SCENE_SCHEMA = 1
-_PAIRS = {"position": ("x_m", "y_m"), "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
-_SHORT_NAMES = {"time": "time_s", "id": "track_id", "x": "x_m", "y": "y_m"}
-"""Alternative column names in CSV files; the units are the same."""
 _OCCUPIED, _FREE = 0, 254
 _REMEDY = "Correct the file or write the scene again"
+_ONE = "Remove one of them, or write to another folder"
 
 
 def write_scene(scene: Scene, folder: Path) -> None:
-    """Write a scene; `read_scene` returns an equal one."""
-    with atomic_write(folder / "tracks.parquet") as new:
-        tracks_table(scene.trajectories).to_parquet(new, index=False, compression="zstd")
+    """Write a scene; `read_scene` returns an equal one.
+
+    Raises:
+        StorageError: the folder holds a table of tracks, which is not replaced.
+    """
+    if (folder / "tracks.csv").exists():
+        problem = "tracks.parquet would contradict it as soon as one of them changes"
+        raise StorageError(folder / "tracks.csv", "file", problem, _ONE)
+    write_parquet_tracks(scene.trajectories, folder / "tracks.parquet")
     write_map(scene.occupancy, folder)
     about: dict[str, object] = {
         "schema": SCENE_SCHEMA,
@@ -95,40 +99,6 @@ def read_scenes(folder: Path) -> Iterator[Scene]:
     return (read_scene(path) for path in scene_folders(folder))
 
 
-def tracks_table(trajectories: Trajectories) -> pd.DataFrame:
-    """Return trajectories as columns with units in their names."""
-    columns: dict[str, np.ndarray] = {}
-    for field in fields(trajectories):
-        value = getattr(trajectories, field.name)
-        if value is None:
-            continue
-        for column, part in zip(_PAIRS.get(field.name, (field.name,)), np.atleast_2d(value.T), strict=True):
-            columns[column] = part
-    return pd.DataFrame(columns)
-
-
-def tracks_of(table: pd.DataFrame, path: Path) -> Trajectories:
-    """Return the trajectories in a table of `tracks_table`; `path` is the file for error messages.
-
-    Raises:
-        StorageError: a column is missing or holds no numbers; it is named.
-    """
-    values: dict[str, np.ndarray] = {}
-    for field in fields(Trajectories):
-        columns = _PAIRS.get(field.name, (field.name,))
-        missing = [column for column in columns if column not in table]
-        if missing and field.name in ("time_s", "track_id", "position"):
-            raise StorageError(path, f"column {missing[0]}", "it is missing", _REMEDY)
-        if not missing:
-            for column in columns:
-                if not pd.api.types.is_numeric_dtype(table[column]):
-                    raise StorageError(
-                        path, f"column {column}", f"{table[column].dtype}, not numbers", _REMEDY
-                    )
-            values[field.name] = table[columns[0] if len(columns) == 1 else list(columns)].to_numpy()
-    return Trajectories(**values)
-
-
 def write_map(occupancy: OccupancyMap, folder: Path) -> None:
     """Write the ROS map_server pair `map.yaml` + `map.pgm` (row 0 is the largest y)."""
     grey = np.where(occupancy.occupied.T[::-1], _OCCUPIED, _FREE).astype(np.uint8)
@@ -164,24 +134,14 @@ def read_map(folder: Path) -> OccupancyMap:
         return OccupancyMap(occupied[::-1].T, np.array([x, y]), float(about["resolution"]))
 
 
-def read_tracks_csv(path: Path) -> Trajectories:
-    """Detections from CSV with a header: `time`, `id`, `x`, `y` or the names of tracks.parquet, in any order.
-
-    Raises:
-        StorageError: the file is no table, or a column is missing or holds no numbers; it is named.
-    """
-    with translate_errors(_wording(path, "file")):
-        table = pd.read_csv(path, skipinitialspace=True)
-        table = table.astype(np.float64) if table.empty else table  # no rows, no types
-        return tracks_of(table.rename(columns=_SHORT_NAMES), path)
-
-
 def _read_tracks(folder: Path) -> Trajectories:
-    path = folder / "tracks.parquet"
-    if not path.exists() and (folder / "tracks.csv").exists():
-        return read_tracks_csv(folder / "tracks.csv")
-    with translate_errors(_wording(path, "file")):
-        return tracks_of(pd.read_parquet(path), path)
+    """Read the file that holds the tracks; a folder with two would show whichever is out of date."""
+    path, table = folder / "tracks.parquet", folder / "tracks.csv"
+    if table.exists():
+        if path.exists():
+            raise StorageError(table, "file", f"{path.name} is here too, and only one can be right", _ONE)
+        return read_table(table)
+    return read_parquet_tracks(path)
 
 
 def _write_picture(picture: np.ndarray, path: Path) -> None:

@@ -1,0 +1,75 @@
+"""Files of TrajNet++ (Kothari et al. 2021): a JSON object per line, `{"track": {"f", "p", "x", "y"}}`.
+
+`f` is a frame, `p` a pedestrian, x and y are metres. Lines `{"scene": {"fps", ...}}` say how often people
+were annotated: the usual number of frames between two detections of a track lasts 1 / fps.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pedpred.errors import SourceError
+from pedpred.files import translate_errors
+from pedpred.scenes import Trajectories
+from pedpred.storage.tables import TableOptions
+from pedpred.storage.text import Row, check_unique, read_numbers, text_lines
+
+_FIELDS = {"f": "frame", "p": "track_id", "x": "x_m", "y": "y_m"}
+
+
+def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories:
+    """Read the detections in a file of TrajNet++.
+
+    Args:
+        path: the file.
+        options: its `rate_hz` is the number of frames per second, instead of `fps` of the scenes.
+
+    Raises:
+        SourceError: the file is missing or wrong, or holds forecasts; it names line and value.
+    """
+    rates: set[float] = set()
+    columns = read_numbers(path, _rows(path, rates), tuple(_FIELDS), _FIELDS)
+    if not len(columns["line"]):
+        raise SourceError(
+            path, None, "no line with a track, such as " + '{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}'
+        )
+    check_unique(path, columns, "track_id", "frame")
+    position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
+    with translate_errors(partial(SourceError, path, None)):
+        by_frame = Trajectories(columns["frame"], columns["track_id"], position)
+        if options is not None and options.rate_hz is not None:
+            return Trajectories(columns["frame"] / options.rate_hz, columns["track_id"], position)
+        if len(rates) != 1 or not 0.0 < min(rates) < np.inf:
+            found = ", ".join(f"{rate:g}" for rate in sorted(rates)[:5]) or "none"
+            raise SourceError(
+                path, None, f"fps of the scenes: {found}", "Say how many frames a second has: --rate"
+            )
+        rate_hz = by_frame.usual_interval_s() * rates.pop()
+        return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
+
+
+def _rows(path: Path, rates: set[float]) -> Iterator[Row]:
+    """Yield the fields of each track line, and collect the rates of the scenes."""
+    for line, text in text_lines(path):
+        with translate_errors(partial(SourceError, path, line)):
+            content = json.loads(text)
+            track = content.get("track")
+            if track is None:
+                if "fps" in content.get("scene", {}) and len(rates) < 2:
+                    rates.add(float(content["scene"]["fps"]))
+                continue
+            if track.get("prediction_number") is not None:
+                raise SourceError(path, line, "a forecast (prediction_number), but only detections are read")
+            fields = [_written(track[name]) for name in _FIELDS]
+        yield line, fields
+
+
+def _written(value: Any) -> str:
+    """Write a number as in a table; anything else becomes what is no number."""
+    return repr(value) if type(value) in (int, float) else f"'{value}'"[:80]

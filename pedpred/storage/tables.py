@@ -1,0 +1,179 @@
+"""Tables of tracks as text: a line per detection, columns named by a header or by the caller.
+
+Separators are commas, semicolons, tabs or blanks; lines that begin with `#` are comments, unless they are the
+header. Columns with other names than those of `NAMES` and of `Trajectories` are not used.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.files import translate_errors
+from pedpred.scenes import Trajectories
+from pedpred.storage.text import Row, check_unique, read_numbers, text_lines
+from pedpred.storage.tracks import TRACK_COLUMNS, tracks_of
+
+NAMES = {
+    "time_s": ("t", "time", "time_s", "timestamp"),
+    "time_ms": ("t_ms", "time_ms", "timestamp_ms"),
+    "frame": ("frame", "frame_id"),
+    "track_id": ("id", "track", "track_id", "ped_id", "agent_id"),
+    "x_m": ("x", "x_m", "pos_x"),
+    "y_m": ("y", "y_m", "pos_y"),
+}
+"""What the columns may be called; upper and lower case are the same."""
+
+_KNOWN = {alias: name for name, aliases in NAMES.items() for alias in aliases}
+_KNOWN |= {name: name for name in TRACK_COLUMNS}
+_CLOCKS = ("time_s", "time_ms", "frame")
+_SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
+_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
+
+
+@dataclass(frozen=True)
+class TableOptions:
+    """What a table does not say itself.
+
+    Attributes:
+        columns: their names in order, in place of a header; None: the header has them.
+        rate_hz: of frame numbers; None: the file says it, or has times.
+    """
+
+    columns: tuple[str, ...] | None = None
+    rate_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.columns is not None:
+            _wanted(self.columns)
+        if self.rate_hz is not None and not _SLOWEST_HZ <= self.rate_hz <= _FASTEST_HZ:
+            raise ValueRuleError("rate_hz", self.rate_hz, "it must be a number from 0.001 to 1000000 Hz")
+
+
+def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
+    """Read the detections in a table.
+
+    Args:
+        path: the file.
+        options: what it does not say itself.
+
+    Raises:
+        SourceError: it is no such table; it names the line and the value, or what was found as header.
+    """
+    options = options or TableOptions()
+    header, rows = _opened(path, options)
+    try:
+        wanted = _wanted(header)
+    except ValueRuleError as cause:
+        raise SourceError(
+            path, None, cause.rule, "Rename columns, or name all in order: --columns"
+        ) from cause
+    columns = read_numbers(path, rows, header, wanted)
+    with translate_errors(lambda problem: SourceError(path, None, problem)):
+        _set_time(path, columns, options.rate_hz)
+        check_unique(path, columns, "track_id", "time_s")
+        del columns["line"]
+        return tracks_of(columns, path)
+
+
+def has_header(path: Path) -> bool:
+    """Whether the first line that is no comment begins with a word.
+
+    Raises:
+        SourceError: the file is missing or no text.
+    """
+    first = next((text for _, text in text_lines(path) if not text.startswith("#")), "0")
+    return not _is_number(_split(first, _separator(first))[0])
+
+
+def _opened(path: Path, options: TableOptions) -> tuple[Sequence[str], Iterator[Row]]:
+    """Find the titles of the columns; the rows are read on demand."""
+    lines = text_lines(path)
+    for line, text in lines:
+        separator = _separator(text)
+        titles = [title.strip() for title in _split(text.lstrip("#"), separator)]
+        if text.startswith("#") and (options.columns or not _names_tracks(titles)):
+            continue
+        is_header = not _holds_numbers(titles, options.columns)
+        if not is_header and options.columns is None:
+            problem = f"no header, the first line is {text.strip()[:80]!r}"
+            raise SourceError(path, line, problem, "Name the columns in order, such as --columns time,id,x,y")
+        given = lines if is_header else chain([(line, text)], lines)
+        rows = ((n, _split(other, separator)) for n, other in given if not other.startswith("#"))
+        return options.columns or titles, rows
+    raise SourceError(path, None, "no detections, the file is empty")
+
+
+def _holds_numbers(fields: Sequence[str], columns: Sequence[str] | None) -> bool:
+    """Whether a line is no header: all its fields are numbers, or one in a column that the caller names."""
+    if columns is None:
+        return all(map(_is_number, fields))
+    return any(
+        _is_number(field) for title, field in zip(columns, fields, strict=False) if title in _wanted(columns)
+    )
+
+
+def _separator(text: str) -> str | None:
+    return next((separator for separator in _SEPARATORS if separator in text), None)
+
+
+def _split(text: str, separator: str | None) -> Sequence[str]:
+    """Fields of a line; None: blanks separate them."""
+    if '"' in text:
+        return next(csv.reader([text], delimiter=separator or " ", skipinitialspace=True))
+    return text.split(separator)
+
+
+def _is_number(field: str) -> bool:
+    try:
+        return np.isfinite(float(field))
+    except ValueError:
+        return False
+
+
+def _names_tracks(titles: Sequence[str]) -> bool:
+    try:
+        return bool(_wanted(titles))
+    except ValueRuleError:
+        return False
+
+
+def _wanted(titles: Sequence[str]) -> dict[str, str]:
+    """Title -> name of the columns that hold tracks.
+
+    Raises:
+        ValueRuleError: one is missing or there twice.
+    """
+    named: dict[str, str] = {}
+    for title in titles:
+        if name := _KNOWN.get(title.lower()):
+            if name in named:
+                raise ValueRuleError("columns", titles, f"columns {named[name]} and {title} are both {name}")
+            named[name] = title
+    clock = next((name for name in _CLOCKS if name in named), "time_s")
+    for name in (clock, "track_id", "x_m", "y_m"):
+        if name not in named:
+            aliases = [alias for n in (_CLOCKS if name == clock else (name,)) for alias in NAMES[n]]
+            rule = f"no column for {name}, which may be called {', '.join(aliases)}"
+            found = " | ".join(titles)[:200]
+            separators = "commas, semicolons, tabs or blanks between them"
+            raise ValueRuleError("columns", titles, f"{rule}. Found were {found}; expected {separators}")
+    return {title: name for name, title in named.items() if name == clock or name not in _CLOCKS}
+
+
+def _set_time(path: Path, columns: dict[str, np.ndarray], rate_hz: float | None) -> None:
+    """Make `time_s` of milliseconds or frames."""
+    if "time_ms" in columns:
+        columns["time_s"] = columns.pop("time_ms") / 1000.0
+    elif "frame" in columns:
+        if rate_hz is None:
+            raise SourceError(
+                path, None, "frame numbers, but no rate", "Say how many frames a second has: --rate"
+            )
+        columns["time_s"] = columns.pop("frame") / rate_hz

@@ -1,0 +1,165 @@
+"""Numbers in text files: bounded, exact, with errors that say in which line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.errors import SourceError
+from pedpred.files import read_lines, translate_errors
+
+Row = tuple[int, Sequence[str]]
+"""Line number (from 1) and fields of a line."""
+
+MOST_NUMBERS = 2**24
+"""Limit for the numbers of a table, 128 MiB: four million detections with time, id, x and y."""
+
+_WHOLE = ("id", "track_id", "frame", "group_id", "person_id")
+_EXACT = 2**53  # floats of larger whole numbers are rounded
+_BLOCK_ROWS = 2**14
+
+
+def text_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Line number (from 1) and content of each line that is not blank.
+
+    Raises:
+        SourceError: the file is missing, or no text.
+    """
+    if not path.exists():
+        raise SourceError(path, None, "the file is missing")
+    with translate_errors(lambda problem: SourceError(path, None, f"not a readable text file ({problem})")):
+        yield from read_lines(path)
+
+
+def text_rows(path: Path) -> Iterator[Row]:
+    """Line number and blank-separated fields of each line that has any; errors of `text_lines`."""
+    return ((line, content.split()) for line, content in text_lines(path))
+
+
+def number(path: Path, line: int, column: str, field: str) -> float:
+    """The finite number in a field.
+
+    Raises:
+        SourceError: it is something else.
+    """
+    try:
+        value = float(field)
+    except ValueError as cause:
+        raise SourceError(path, line, f"{column} = {field.strip()!r} is not a number") from cause
+    if not math.isfinite(value):
+        raise SourceError(path, line, f"{column} = {field.strip()!r}, but it must be finite")
+    return value
+
+
+def whole_number(path: Path, line: int, column: str, field: str) -> int:
+    """The whole number of 64 bits in a field, exactly.
+
+    Raises:
+        SourceError: it is something else, or written as a fraction too large to be exact.
+    """
+    try:
+        value = int(field)
+    except ValueError:
+        fraction = number(path, line, column, field)
+        if not fraction.is_integer() or abs(fraction) > _EXACT:
+            raise SourceError(path, line, f"{column} = {fraction!r}, but it must be a whole number") from None
+        value = int(fraction)
+    if not -(2**63) <= value < 2**63:
+        raise SourceError(path, line, f"{column} = {value}, but it must be a whole number of 64 bits")
+    return value
+
+
+def check_width(path: Path, line: int, fields: Sequence[str], columns: Sequence[str]) -> None:
+    """Check that a line has a field for each column.
+
+    Raises:
+        SourceError: it does not.
+    """
+    if len(fields) != len(columns):
+        problem = f"{len(fields)} columns, expected {len(columns)}: {' '.join(columns)}"
+        raise SourceError(path, line, problem)
+
+
+def numbers(path: Path, line: int, fields: Sequence[str], columns: Sequence[str]) -> list[float]:
+    """The finite numbers of one line, one for each named column; errors of `number` and `check_width`."""
+    check_width(path, line, fields, columns)
+    return [number(path, line, column, field) for column, field in zip(columns, fields, strict=True)]
+
+
+def read_numbers(
+    path: Path, rows: Iterable[Row], titles: Sequence[str], wanted: Mapping[str, str]
+) -> dict[str, np.ndarray]:
+    """Read some columns of a table.
+
+    Args:
+        path: the file, for errors.
+        rows: its lines.
+        titles: of all columns, as the file has them.
+        wanted: title -> name of the columns to read; names of ids and frames hold whole numbers.
+
+    Returns:
+        Name -> column, [M] int64 or float64, and `line`.
+
+    Raises:
+        SourceError: there are too many rows, or one has another number of columns or something else than a
+            number; it names the line.
+    """
+    types = {
+        name: np.int64 if name in (*_WHOLE, "line") else np.float64 for name in ("line", *wanted.values())
+    }
+    parts: dict[str, list[np.ndarray]] = {name: [np.zeros(0, kind)] for name, kind in types.items()}
+    rows, most_rows, count = iter(rows), MOST_NUMBERS // len(parts), 0
+    while block := list(islice(rows, _BLOCK_ROWS)):
+        count += len(block)
+        if count > most_rows:
+            raise SourceError(path, block[-1][0], f"more than {most_rows} rows", "Divide the file")
+        for line, fields in block:
+            check_width(path, line, fields, titles)
+        lines = [line for line, _ in block]
+        parts["line"].append(np.array(lines))
+        for title, column in zip(titles, zip(*(fields for _, fields in block), strict=True), strict=True):
+            if title in wanted:
+                parts[wanted[title]].append(_parsed(path, lines, title, column, wanted[title] in _WHOLE))
+    return {name: np.concatenate(parts.pop(name)) for name in list(parts)}
+
+
+def _parsed(path: Path, lines: list[int], title: str, column: Sequence[str], whole: bool) -> np.ndarray:
+    """Convert a column at once, or field by field where that fails, to name the line."""
+    convert: Callable[[str], float] = int if whole else float
+    try:
+        values = np.fromiter(map(convert, column), np.int64 if whole else np.float64, len(column))
+        if whole or np.isfinite(values).all():
+            return values
+    except (ValueError, OverflowError):
+        pass
+    slow = partial(whole_number if whole else number, path)
+    return np.array([slow(line, title, field) for line, field in zip(lines, column, strict=True)])
+
+
+def check_unique(path: Path, columns: Mapping[str, np.ndarray], first: str, second: str) -> None:
+    """Check that no two rows of `read_numbers` have the same pair of values.
+
+    Args:
+        path: the file, for errors.
+        columns: of `read_numbers`.
+        first: name of the first column of the pair.
+        second: of the second.
+
+    Raises:
+        SourceError: two have; it names both lines.
+    """
+    one, other = columns[first], columns[second]
+    order = np.lexsort((other, one))  # stable: of equal rows the earlier line comes first
+    again = np.flatnonzero((np.diff(one[order]) == 0) & (np.diff(other[order]) == 0))
+    if len(again):
+        row = int(again[np.argmin(columns["line"][order[again + 1]])])
+        here, earlier = order[row + 1], order[row]
+        found = f"{first} {one[here]} and {second} {other[here]} again"
+        raise SourceError(
+            path, int(columns["line"][here]), f"{found}, first in line {columns['line'][earlier]}"
+        )

@@ -1,0 +1,133 @@
+"""Recordings in single files: TrajNet++, texts and tables, and clocks that count something else."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pedpred.command import main
+from pedpred.errors import SourceError
+from pedpred.scenes import Trajectories
+from pedpred.sources.single_file import FORMATS, read_file
+from pedpred.sources.trajnet import read_ndjson
+from pedpred.storage.scenes import read_scene
+from pedpred.storage.tables import TableOptions
+from tests.scenes import assert_same
+
+ROWS = [(k, who, 0.5 * k + who, -0.25 * k) for k in range(5) for who in (3, 7)]
+TRACKS = Trajectories([0.5 * k for k, *_ in ROWS], [r[1] for r in ROWS], [r[2:] for r in ROWS])
+SCENE = {"scene": {"id": 0, "p": 3, "s": 0, "e": 24, "fps": 2.0}}
+
+
+def write_ndjson(path, rows=ROWS, scenes=(SCENE,)):
+    """Every sixth frame was annotated, twice a second."""
+    tracks = [{"track": {"f": 6 * k, "p": who, "x": x, "y": y}} for k, who, x, y in rows]
+    path.write_text("\n".join(json.dumps(content) for content in (*scenes, *tracks)))
+    return path
+
+
+def test_trajnet_is_read(tmp_path):
+    path = write_ndjson(tmp_path / "walk.ndjson")
+    assert_same(read_ndjson(path), TRACKS)
+    assert_same(read_ndjson(write_ndjson(path, scenes=()), TableOptions(rate_hz=12.0)), TRACKS)
+    assert read_file(write_ndjson(path)).detection_dt_s == 0.5
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ('"f": 6, "p": 3', '"f": 6.5, "p": 3', "line 4: f = 6.5, but it must be a whole number"),
+        ('"f": 6, "p": 3', '"f": 0, "p": 3', "line 4: track_id 3 and frame 0 again, first in line 2"),
+        ('"x": 3.5', '"x": "far"', "line 4: x = \"'far'\" is not a number"),
+        ('"x": 3.5', '"x": NaN', "line 4: x = 'nan', but it must be finite"),
+        ('"x": 3.5, ', "", "line 4: 'x' is missing"),
+        ('"x": 3.5', '"prediction_number": 0, "x": 3.5', "line 4: a forecast"),
+        ('{"track": {"f": 6, "p": 3', '["track", {"f": 6, "p": 3', "line 4: JSONDecodeError"),
+        ('"fps": 2.0', '"fps": 0', r"fps of the scenes: 0.*--rate"),
+        (json.dumps(SCENE), "", r"fps of the scenes: none.*--rate"),
+    ],
+)
+def test_what_is_wrong_with_trajnet_is_said(tmp_path, old, new, named):
+    path = write_ndjson(tmp_path / "walk.ndjson")
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(SourceError, match=named):
+        read_ndjson(path)
+
+
+def write_table(path, rows, header="time,id,x,y"):
+    path.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows)]))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"),
+    [(1000, "milliseconds"), (10**6, "microseconds"), (10**9, "nanoseconds"), (12, "frame numbers")],
+)
+def test_a_clock_that_does_not_count_seconds_is_recognised(tmp_path, factor, unit):
+    start = 1_700_000_000
+    rows = [(start * factor + k * factor // 2, *rest) for k, *rest in ROWS]
+    with pytest.raises(SourceError, match=f"looks like .*{unit}.*seconds"):
+        read_file(write_table(tmp_path / "walk.csv", rows))
+
+
+@pytest.mark.parametrize("header", ["# framerate: 2\n# id frame x/m y/m", "time id x y"])
+def test_a_text_is_that_of_a_laboratory_or_a_table(tmp_path, header):
+    path = tmp_path / "walk.txt"
+    order = (lambda k, who: (who, k)) if "frame" in header else (lambda k, who: (k / 2, who))
+    lines = [" ".join(map(str, (*order(k, who), x, y))) for k, who, x, y in ROWS]
+    path.write_text("\n".join([header, *lines]))
+    assert_same(read_file(path).trajectories, TRACKS)
+
+
+def test_nobody_twice_is_said(tmp_path):
+    with pytest.raises(
+        SourceError, match=r"walk\.csv: .*no pedestrian was detected twice.*several detections"
+    ):
+        read_file(write_table(tmp_path / "walk.csv", ROWS[:2]))
+
+
+def test_the_command_takes_columns_and_a_rate(tmp_path):
+    path = tmp_path / "walk.csv"
+    path.write_text("\n".join(";".join(map(str, (who, k, "a", x, y))) for k, who, x, y in ROWS))
+    options = ["--columns", "id,frame,_,x,y", "--rate", "2"]
+    main(["convert", str(path), "-o", str(tmp_path / "walk"), *options])
+    assert_same(read_scene(tmp_path / "walk").trajectories, TRACKS)
+    with pytest.raises(SystemExit, match=r"no header.*--columns"):
+        main(["info", str(path)])
+
+
+@pytest.mark.parametrize("command", ["convert", "predict"])
+def test_a_layout_beside_a_recording_is_not_overwritten_unasked(tmp_path, command):
+    path = write_table(tmp_path / "walk.csv", [(k / 2, *rest) for k, *rest in ROWS])
+    (tmp_path / "out.foxglove.json").write_text("precious")
+    with pytest.raises(SystemExit, match=r"out\.foxglove\.json is there already; --force"):
+        main([command, str(path), "-o", str(tmp_path / "out.mcap")])
+    assert (tmp_path / "out.foxglove.json").read_text() == "precious"
+    assert not (tmp_path / "out.mcap").exists()
+
+
+@pytest.mark.parametrize(("command", "name"), [("convert", "x.csv"), ("predict", "x"), ("predict", "x.csv")])
+def test_the_name_of_an_output_says_what_it_is(tmp_path, command, name):
+    path = write_table(tmp_path / "walk.csv", [(k / 2, *rest) for k, *rest in ROWS])
+    with pytest.raises(SystemExit, match=r"ends in \.mcap"):
+        main([command, str(path), "-o", str(tmp_path / name)])
+    assert not (tmp_path / name).exists()
+
+
+def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch):
+    monkeypatch.setattr("pedpred.storage.text.MOST_NUMBERS", 20)
+    write_table(tmp_path / "walk.csv", [(k / 2, *rest) for k, *rest in ROWS])
+    (tmp_path / "walk.tsv").write_text((tmp_path / "walk.csv").read_text())
+    (tmp_path / "walk.txt").write_text("\n".join(f"{who} {k} {x} {y}" for k, who, x, y in ROWS))
+    write_ndjson(tmp_path / "walk.ndjson")
+    for suffix in FORMATS:
+        with pytest.raises(SourceError, match="more than 4 rows"):
+            read_file(tmp_path / f"walk{suffix}", TableOptions(rate_hz=2.0))
+
+
+def test_a_scene_is_named_after_its_file_and_lies_on_free_ground(tmp_path):
+    scene = read_file(write_table(tmp_path / "walk.csv", [(k / 2, *rest) for k, *rest in ROWS]))
+    assert (scene.name, scene.detection_dt_s) == ("walk", 0.5)
+    assert not scene.occupancy.occupied.any()
+    assert np.ptp(scene.trajectories.time_s) == 2.0
