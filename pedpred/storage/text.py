@@ -16,8 +16,8 @@ from pedpred.files import read_lines, translate_errors
 Row = tuple[int, Sequence[str]]
 """Line number (from 1) and fields of a line."""
 
-MOST_NUMBERS = 2**24
-"""Limit for the numbers of a table, 128 MiB: four million detections with time, id, x and y."""
+MOST_NUMBERS = 10_000_000
+"""Limit for the numbers of a table, 80 MB: two million detections with time, id, x and y."""
 
 _WHOLE = ("id", "track_id", "frame", "group_id", "person_id")
 _EXACT = 2**53  # floats of larger whole numbers are rounded
