@@ -9,7 +9,7 @@ from pedpred.errors import SourceError, ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.sources.jupedsim import read_tracks
 from pedpred.sources.trajnet import read_ndjson
-from pedpred.storage.tables import TableOptions, has_header, read_table
+from pedpred.storage.tables import IN_SECONDS, TableOptions, has_header, read_table
 
 _LONGEST_S = 5.0
 """Longest usual time between two detections of a pedestrian that can be seconds."""
@@ -34,8 +34,7 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
     for least, unit in _TOO_LONG.items():
         if dt_s >= least:
             problem = f"a track is usually detected every {dt_s:g} s: this looks like {unit}"
-            remedy = "Times are seconds; call the column time_ms, or frame and give --rate"
-            raise SourceError(path, None, problem, remedy)
+            raise SourceError(path, None, problem, IN_SECONDS)
     return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
 
 

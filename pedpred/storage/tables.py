@@ -17,6 +17,7 @@ import numpy as np
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
+from pedpred.scenes.scene import LATEST_S
 from pedpred.storage.text import Row, check_unique, read_numbers, text_lines
 from pedpred.storage.tracks import TRACK_COLUMNS, tracks_of
 
@@ -30,10 +31,14 @@ NAMES = {
 }
 """What the columns may be called; upper and lower case are the same."""
 
+IN_SECONDS = "Times are seconds; call the column time_ms, or frame and give --rate"
+
 _KNOWN = {alias: name for name, aliases in NAMES.items() for alias in aliases}
 _KNOWN |= {name: name for name in TRACK_COLUMNS}
 _CLOCKS = ("time_s", "time_ms", "frame")
 _SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
+_PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
+_LONG_AGO_S = 1e8  # Unix times are later
 _SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
 
 
@@ -173,7 +178,12 @@ def _set_time(path: Path, columns: dict[str, np.ndarray], rate_hz: float | None)
         columns["time_s"] = columns.pop("time_ms") / 1000.0
     elif "frame" in columns:
         if rate_hz is None:
-            raise SourceError(
-                path, None, "frame numbers, but no rate", "Say how many frames a second has: --rate"
-            )
+            remedy = "Say how many frames a second has: --rate"
+            raise SourceError(path, None, "frame numbers, but no rate", remedy)
         columns["time_s"] = columns.pop("frame") / rate_hz
+    largest = np.abs(columns["time_s"]).max(initial=0.0)
+    if largest >= LATEST_S:
+        unit = next(
+            (unit for unit, parts in _PARTS.items() if largest >= _LONG_AGO_S * parts), "milliseconds"
+        )
+        raise SourceError(path, None, f"the time {largest:.10g} looks like {unit}", IN_SECONDS)
