@@ -3,12 +3,14 @@
 import json
 import logging
 import shutil
+from dataclasses import replace
 
 import numpy as np
+import onnx
 import pytest
 import torch
 
-from pedpred.errors import StorageError
+from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
 from pedpred.networks.export import store_half
 from pedpred.online import OnlinePredictor, shipped
@@ -92,8 +94,11 @@ def test_an_altered_model_folder_is_refused(model, tmp_path):
     whole = {name: (model[0] / name).read_bytes() for name in ("network.onnx", "model.json")}
     about = json.loads(whole["model.json"])
     altered = {"schema: 99": about | {"schema": 99}}
+    altered["description_sha256' is missing"] = {k: v for k, v in about.items() if k != "description_sha256"}
     for field in ("tracker", "memory", "network_sha256"):
-        altered[field] = {name: value for name, value in about.items() if name != field}
+        without = {name: value for name, value in about.items() if name != field}
+        altered[rf"(?#without {field})model\.json, checksum"] = without
+    altered[r"model\.json, checksum"] = about | {"features": about["features"] | {"dt_s": 0.4}}
     changes = {named: {"model.json": json.dumps(plain).encode()} for named, plain in altered.items()}
     changes[r"network\.onnx, checksum"] = {"network.onnx": whole["network.onnx"][:-7]}
     for named, changed in changes.items():
@@ -104,6 +109,34 @@ def test_an_altered_model_folder_is_refused(model, tmp_path):
     (tmp_path / "model.json").write_bytes(whole["model.json"])
     (tmp_path / "network.onnx").unlink()
     with pytest.raises(StorageError, match=r"network\.onnx"):
+        OnlinePredictor.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("dt_s", 1e-9),
+        ("horizon_steps", 9999),
+        ("lost_after_s", 9999.0),
+        ("beams", 9999),
+        ("history_steps", 999),
+    ],
+)
+def test_a_description_of_absurd_size_is_refused(model, field, value):
+    about = OnlinePredictor.load(model[0]).description
+    with pytest.raises(ValueRuleError, match=field):
+        replace(about, features=replace(about.features, **{field: value}))
+    with pytest.raises(ValueRuleError, match="memory"):
+        replace(about, memory={"h": (9999, 9999)})
+
+
+def test_weights_in_other_files_are_refused(model, tmp_path, monkeypatch):
+    """Checksums do not cover them."""
+    graph = onnx.load(model[0] / "network.onnx")
+    onnx.save_model(graph, tmp_path / "network.onnx", save_as_external_data=True, location="weights.bin")
+    write_description(tmp_path, OnlinePredictor.load(model[0]).description, {})
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(StorageError, match=r"network\.onnx, graph.*weights\.bin"):
         OnlinePredictor.load(tmp_path)
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import math
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -18,10 +21,28 @@ from pedpred.features.situation import channel_widths
 from pedpred.files import read_bytes, read_json, translate_errors, write_json
 from pedpred.forecasting.tensors import TENSORS, predictions_of
 from pedpred.scenes import Predictions
+from pedpred.simulation.fields import check_ranges
 from pedpred.tracking import KalmanSettings
 
-MODEL_SCHEMA = 2
-_LARGEST_SIDE = 10_000
+MODEL_SCHEMA = 3
+_LARGEST_MEMORY = 100_000
+_EXTERNAL = "session.model_external_initializers_file_folder_path"
+_CHECKSUM = "description_sha256"
+_SIZES = {
+    "dt_s": "[0.01, 10]",
+    "horizon_steps": "[1, 1000]",
+    "grid_cells": "[1, 1000]",
+    "grid_resolution_m": "[0.001, 10]",
+    "angular_cells": "[1, 3600]",
+    "max_range_m": "(0, 100]",
+    "history_steps": "[1, 100]",
+    "neighbours": "[1, 1000]",
+    "neighbour_range_m": "(0, 100]",
+    "beams": "[1, 3600]",
+    "beam_range_m": "(0, 100]",
+    "lost_after_s": "(0, 60]",
+}
+"""What a robot can compute between two frames."""
 GRAPH, ABOUT = "network.onnx", "model.json"
 _REMEDY = "Export the model again or copy the folder again"
 Shape = tuple[int, ...]
@@ -60,12 +81,14 @@ class ModelDescription:
     standstill_mps: float
 
     def __post_init__(self) -> None:
+        check_ranges(self.features, _SIZES)
+        check_ranges(self, {"standstill_mps": "[0, 100]"})
         known = sensor_shapes(self.features)
         if set(self.inputs) - set(known) or not self.inputs:
             raise ValueRuleError("inputs", self.inputs, f"known inputs are {list(known)}")
         for name, shape in self.memory.items():
-            if not all(0 < side <= _LARGEST_SIDE for side in shape):
-                raise ValueRuleError(f"memory.{name}", shape, f"sides must be between 1 and {_LARGEST_SIDE}")
+            if min(shape, default=1) < 1 or math.prod(shape) > _LARGEST_MEMORY:
+                raise ValueRuleError(f"memory.{name}", shape, f"it must have 1 to {_LARGEST_MEMORY} numbers")
         modes = self.outputs.get("weight", (1,))[0]
         allowed = output_shapes(self.features.horizon_steps, modes)
         if "velocities" not in self.outputs or ("path" in self.outputs) != ("weight" in self.outputs):
@@ -73,8 +96,6 @@ class ModelDescription:
         for name, shape in self.outputs.items():
             if shape != allowed.get(name):
                 raise ValueRuleError(f"outputs.{name}", shape, f"known outputs are {allowed}")
-        if not 0 <= self.standstill_mps < np.inf:
-            raise ValueRuleError("standstill_mps", self.standstill_mps, "it must not be negative")
 
     @property
     def reads_situations(self) -> bool:
@@ -89,7 +110,7 @@ class ModelDescription:
 
 
 def write_description(folder: Path, description: ModelDescription, origin: Mapping[str, object]) -> None:
-    """Describe `folder`'s network.onnx in model.json, with its checksum and where it comes from."""
+    """Describe `folder`'s network.onnx in model.json, with checksums of both and where it comes from."""
     about = {
         "schema": MODEL_SCHEMA,
         "units": {
@@ -105,11 +126,11 @@ def write_description(folder: Path, description: ModelDescription, origin: Mappi
             "weight": "probability of each mode, [people, modes]",
             "covariance": "m^2, agent frame, in each mode, [people, modes, horizon_steps, 2, 2]",
         },
-        "network_sha256": _digest(folder / GRAPH),
+        "network_sha256": _digest(read_bytes(folder / GRAPH)),
         **asdict(description),
         "origin": dict(origin),
     }
-    write_json(folder / ABOUT, about)
+    write_json(folder / ABOUT, about | {_CHECKSUM: _digest_of(about)})
 
 
 def read_description(folder: Path) -> ModelDescription:
@@ -118,13 +139,9 @@ def read_description(folder: Path) -> ModelDescription:
     Raises:
         StorageError: a file is missing, altered, or of another schema version; it names file and field.
     """
-    path = folder / ABOUT
-    wording = partial(StorageError, path, "description", remedy=_REMEDY)
-    about = read_json(path, wording)
-    with translate_errors(wording):
-        if about["schema"] != MODEL_SCHEMA:
-            raise StorageError(path, "schema", f"{about['schema']!r}, expected {MODEL_SCHEMA}", _REMEDY)
-        if about["network_sha256"] != _digest(folder / GRAPH):
+    about = _read_about(folder)
+    with translate_errors(partial(StorageError, folder / ABOUT, "description", remedy=_REMEDY)):
+        if about["network_sha256"] != _digest(read_bytes(folder / GRAPH)):
             raise StorageError(folder / GRAPH, "checksum", f"it is not what {ABOUT} describes", _REMEDY)
         return ModelDescription(
             tuple(about["inputs"]),
@@ -140,12 +157,31 @@ def read_origin(folder: Path) -> dict[str, Any]:
     """Where a model folder's network comes from, as the stage `export` notes it.
 
     Raises:
-        StorageError: model.json is missing or damaged.
+        StorageError: model.json is missing or altered.
     """
-    wording = partial(StorageError, folder / ABOUT, "origin", remedy=_REMEDY)
-    about = read_json(folder / ABOUT, wording)
+    return dict(_read_about(folder)["origin"])
+
+
+def _read_about(folder: Path) -> dict[str, Any]:
+    """What model.json says, after a check that it is what was written."""
+    path = folder / ABOUT
+    wording = partial(StorageError, path, "description", remedy=_REMEDY)
+    about = read_json(path, wording)
     with translate_errors(wording):
-        return dict(about["origin"])
+        if about["schema"] != MODEL_SCHEMA:
+            raise StorageError(path, "schema", f"{about['schema']!r}, expected {MODEL_SCHEMA}", _REMEDY)
+        if about.pop(_CHECKSUM) != _digest_of(about):
+            raise StorageError(path, "checksum", "its values are not those that were written", _REMEDY)
+    return about
+
+
+def _digest_of(about: Mapping[str, Any]) -> str:
+    """The checksum of the values in model.json, whatever their order and layout."""
+    return _digest(json.dumps(about, sort_keys=True).encode())
+
+
+def _digest(raw: bytes) -> str:
+    return hashlib.sha256(raw).hexdigest()
 
 
 def _shapes(plain: Mapping[str, list[int]]) -> dict[str, Shape]:
@@ -159,14 +195,16 @@ class ExportedNetwork:
         """Load the graph.
 
         Raises:
-            StorageError: it is missing or damaged, or its inputs and outputs are not those described.
+            StorageError: it is missing or damaged, its inputs and outputs are not those described, or weights
+                are in other files.
         """
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.add_session_config_entry(_EXTERNAL, os.devnull)  # no weights beside the graph are read
         path = folder / GRAPH
         with translate_errors(partial(StorageError, path, "graph", remedy=_REMEDY)):
             self._session = onnxruntime.InferenceSession(
-                str(path), options, providers=["CPUExecutionProvider"]
+                read_bytes(path), options, providers=["CPUExecutionProvider"]
             )
         self._about = description
         ends = {end.name: tuple(end.shape[1:]) for end in self._session.get_inputs()}
@@ -198,7 +236,3 @@ class ExportedNetwork:
     def _answer(self, values: list[np.ndarray]) -> tuple[Predictions, np.ndarray]:
         tensors = dict(zip(self._about.outputs, values, strict=True))
         return predictions_of(tensors, self._about.features.dt_s), tensors["velocities"]
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(read_bytes(path)).hexdigest()
