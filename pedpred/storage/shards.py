@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 
@@ -12,22 +12,14 @@ import numpy as np
 
 from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.files import read_json, translate_errors, write_json
+from pedpred.files import translate_errors
 from pedpred.storage.columns import PAIRS, count_rows, join_pairs, read_blocks, split_pairs, write_blocks
+from pedpred.storage.manifests import Column, check_types, read_manifest_of, shapes_of, write_about
 
 FEATURE_SCHEMA = 3
 _NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
 """Byte-stream-split makes these 5-45 % smaller, and those that hold their values up to 3 times larger."""
 _REMEDY = "Write it again"
-
-
-@dataclass(frozen=True)
-class Column:
-    """What one field of the feature table looks like on disk: type, trailing axes, unit and frame."""
-
-    dtype: str
-    shape: tuple[int, ...] = ()
-    unit: str = ""
 
 
 def columns_of(settings: FeatureSettings) -> dict[str, Column]:
@@ -73,13 +65,8 @@ def write_manifest(folder: Path, settings: FeatureSettings, scenes: Mapping[str,
         settings: that they were made with.
         scenes: the scene folder behind each shard, by name.
     """
-    about = {
-        "schema": FEATURE_SCHEMA,
-        "settings": asdict(settings),
-        "columns": {name: asdict(column) for name, column in columns_of(settings).items()},
-        "shards": {name: {"scene_sha256": _digest(scene)} for name, scene in sorted(scenes.items())},
-    }
-    write_json(folder / "manifest.json", about)
+    shards = {name: {"scene_sha256": _digest(scene)} for name, scene in sorted(scenes.items())}
+    write_about(folder, FEATURE_SCHEMA, settings, columns_of(settings), {"shards": shards})
 
 
 def _digest(scene: Path) -> str:
@@ -96,14 +83,9 @@ def read_manifest(folder: Path) -> tuple[FeatureSettings, dict[str, str]]:
     Raises:
         StorageError: the manifest is missing, damaged or of another schema version.
     """
-    path = folder / "manifest.json"
-    wording = partial(StorageError, path, "manifest", remedy=_REMEDY)
-    about = read_json(path, wording)
-    with translate_errors(wording):
-        if about["schema"] != FEATURE_SCHEMA:
-            raise StorageError(path, "schema", f"{about['schema']!r}, expected {FEATURE_SCHEMA}", _REMEDY)
-        scenes = {name: str(shard["scene_sha256"]) for name, shard in about["shards"].items()}
-        return FeatureSettings(**about["settings"]), scenes
+    settings, shards = read_manifest_of(folder, FEATURE_SCHEMA, "shards")
+    with translate_errors(partial(StorageError, folder / "manifest.json", "shards", remedy=_REMEDY)):
+        return settings, {name: str(shard["scene_sha256"]) for name, shard in shards.items()}
 
 
 def has_rows(folder: Path) -> bool:
@@ -144,12 +126,8 @@ def read_crops(folder: Path, name: str, settings: FeatureSettings) -> Iterator[n
 def _blocks(
     path: Path, wanted: Mapping[str, Column], version: int | None = FEATURE_SCHEMA
 ) -> Iterator[dict[str, np.ndarray]]:
-    shapes = {name: column.shape for name, column in wanted.items()}
-    for columns in read_blocks(path, shapes, version):
-        for name, column in wanted.items():
-            if columns[name].dtype != column.dtype:
-                problem = f"it is {columns[name].dtype}, expected {column.dtype}"
-                raise StorageError(path, f"column {name}", problem, _REMEDY)
+    for columns in read_blocks(path, shapes_of(wanted), version):
+        check_types(path, columns, wanted)
         yield columns
 
 

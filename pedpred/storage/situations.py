@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
@@ -12,9 +11,9 @@ import numpy as np
 from pedpred.errors import StorageError
 from pedpred.features.situation import channel_widths
 from pedpred.features.table import FeatureSettings
-from pedpred.files import read_json, translate_errors, write_json
+from pedpred.files import translate_errors
 from pedpred.storage.columns import read_columns, write_blocks
-from pedpred.storage.shards import Column
+from pedpred.storage.manifests import Column, check_types, read_manifest_of, shapes_of, write_about
 
 SITUATION_SCHEMA = 1
 _REMEDY = "Write it again"
@@ -60,9 +59,7 @@ def write_situations_manifest(folder: Path, sizes: FeatureSettings, names: Seque
         sizes: that the rows were made with.
         names: of the worlds or viewings; none where a recording is not available.
     """
-    columns = {name: asdict(column) for name, column in situation_columns(sizes).items()}
-    about = {"schema": SITUATION_SCHEMA, "settings": asdict(sizes), "columns": columns, "names": list(names)}
-    write_json(folder / "manifest.json", about)
+    write_about(folder, SITUATION_SCHEMA, sizes, situation_columns(sizes), {"names": list(names)})
 
 
 def read_situations_manifest(folder: Path) -> tuple[FeatureSettings, list[str]]:
@@ -71,13 +68,9 @@ def read_situations_manifest(folder: Path) -> tuple[FeatureSettings, list[str]]:
     Raises:
         StorageError: the manifest is missing, damaged or of another schema version.
     """
-    path = folder / "manifest.json"
-    wording = partial(StorageError, path, "manifest", remedy=_REMEDY)
-    about = read_json(path, wording)
-    with translate_errors(wording):
-        if about["schema"] != SITUATION_SCHEMA:
-            raise StorageError(path, "schema", f"{about['schema']!r}, expected {SITUATION_SCHEMA}", _REMEDY)
-        return FeatureSettings(**about["settings"]), [str(name) for name in about["names"]]
+    sizes, names = read_manifest_of(folder, SITUATION_SCHEMA, "names")
+    with translate_errors(partial(StorageError, folder / "manifest.json", "names", remedy=_REMEDY)):
+        return sizes, [str(name) for name in names]
 
 
 def read_situations(folder: Path, name: str, sizes: FeatureSettings) -> dict[str, np.ndarray]:
@@ -91,9 +84,6 @@ def read_situations(folder: Path, name: str, sizes: FeatureSettings) -> dict[str
             another type or size; it names file and field.
     """
     path, wanted = folder / f"{name}.parquet", situation_columns(sizes)
-    columns = read_columns(path, {key: column.shape for key, column in wanted.items()}, SITUATION_SCHEMA)
-    for key, column in wanted.items():
-        if columns[key].dtype != column.dtype:
-            problem = f"it is {columns[key].dtype}, expected {column.dtype}"
-            raise StorageError(path, f"column {key}", problem, _REMEDY)
+    columns = read_columns(path, shapes_of(wanted), SITUATION_SCHEMA)
+    check_types(path, columns, wanted)
     return columns

@@ -1,0 +1,84 @@
+"""The manifest of a folder of Parquet files: schema version, sizes, columns with types and units, files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pedpred.errors import StorageError
+from pedpred.features.table import FeatureSettings
+from pedpred.files import read_json, translate_errors, write_json
+
+_REMEDY = "Write it again"
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column looks like on disk: type, trailing axes, unit and frame."""
+
+    dtype: str
+    shape: tuple[int, ...] = ()
+    unit: str = ""
+
+
+def shapes_of(wanted: Mapping[str, Column]) -> dict[str, tuple[int, ...]]:
+    """Trailing axes of columns, by name."""
+    return {name: column.shape for name, column in wanted.items()}
+
+
+def check_types(path: Path, columns: Mapping[str, np.ndarray], wanted: Mapping[str, Column]) -> None:
+    """Check the types of columns that were read from a file.
+
+    Raises:
+        StorageError: one has another type; it is named.
+    """
+    for name, column in wanted.items():
+        if columns[name].dtype != column.dtype:
+            problem = f"it is {columns[name].dtype}, expected {column.dtype}"
+            raise StorageError(path, f"column {name}", problem, _REMEDY)
+
+
+def write_about(
+    folder: Path,
+    schema: int,
+    sizes: FeatureSettings,
+    columns: Mapping[str, Column],
+    files: Mapping[str, Any],
+) -> None:
+    """Write `manifest.json`.
+
+    Args:
+        folder: of the files.
+        schema: version of the columns' meaning.
+        sizes: that the rows were made with.
+        columns: of each file.
+        files: one entry, which names them.
+    """
+    listed = {name: asdict(column) for name, column in columns.items()}
+    about = {"schema": schema, "settings": asdict(sizes), "columns": listed, **files}
+    write_json(folder / "manifest.json", about)
+
+
+def read_manifest_of(folder: Path, schema: int, files: str) -> tuple[FeatureSettings, Any]:
+    """Read the sizes of a folder, and the entry that names its files.
+
+    Args:
+        folder: of the files.
+        schema: expected version.
+        files: name of the entry.
+
+    Raises:
+        StorageError: the manifest is missing, damaged or of another schema version.
+    """
+    path = folder / "manifest.json"
+    wording = partial(StorageError, path, "manifest", remedy=_REMEDY)
+    about = read_json(path, wording)
+    with translate_errors(wording):
+        if about["schema"] != schema:
+            raise StorageError(path, "schema", f"{about['schema']!r}, expected {schema}", _REMEDY)
+        return FeatureSettings(**about["settings"]), about[files]
