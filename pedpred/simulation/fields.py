@@ -64,7 +64,8 @@ def check_ranges(settings: Any, ranges: Mapping[str, str]) -> None:
     """Check that numeric fields lie in their intervals; both ends of a range must, in rising order.
 
     Args:
-        settings: a dataclass or named tuple; fields annotated as int must hold whole numbers.
+        settings: a dataclass or named tuple; fields annotated as int must hold whole numbers, those annotated
+            with `...` any number of them, in any order.
         ranges: field name -> interval such as "(0, 1]".
 
     Raises:
@@ -72,14 +73,18 @@ def check_ranges(settings: Any, ranges: Mapping[str, str]) -> None:
     """
     for name, interval in ranges.items():
         value, annotation = getattr(settings, name), str(type(settings).__annotations__[name])
-        pair = annotation.startswith(("Range", "tuple"))
-        ends = value if pair and isinstance(value, (tuple, list)) and len(value) == 2 else [value]
+        listed = "..." in annotation
+        pair = annotation.startswith(("Range", "tuple")) and not listed
+        several = isinstance(value, (tuple, list)) and (len(value) == 2 if pair else listed)
+        ends = value if several else [value]
         numbers = (int,) if "int" in annotation else (int, float)
-        fits = len(ends) == 1 + pair and all(
+        counted = several and len(ends) > 0 if listed else len(ends) == 1 + pair
+        fits = counted and all(
             isinstance(end, numbers) and not isinstance(end, bool) and _inside(end, interval) for end in ends
         )
-        if not fits or ends[0] > ends[-1]:
-            what = "two rising numbers" if pair else "a whole number" if "int" in annotation else "a number"
+        if not fits or (pair and ends[0] > ends[1]):
+            one = "a whole number" if "int" in annotation else "a number"
+            what = "two rising numbers" if pair else "some numbers" if listed else one
             raise ValueRuleError(name, value, f"it must be {what} in {interval}")
 
 

@@ -49,8 +49,8 @@ class ForceSettings(NamedTuple):
 
 _POSITIVE = ("relaxation_time_s", "speed_cap", "pedestrian_range_m", "border_range_m")
 FORCE_RANGES = {
-    **dict.fromkeys(ForceSettings._fields, "[0, inf)"),
-    **dict.fromkeys(_POSITIVE, "(0, inf)"),
+    **dict.fromkeys(ForceSettings._fields, "[0, 10000]"),
+    **dict.fromkeys(_POSITIVE, "(0, 100]"),
     "sight_cosine": "[-1, 1]",
     "unseen_weight": "[0, 1]",
 }

@@ -12,6 +12,9 @@ from pedpred.errors import ValueRuleError
 from pedpred.simulation.fields import Range, check_ranges, parsed
 from pedpred.simulation.forces import FORCE_RANGES, ForceSettings
 
+_NARROWEST = 0.1
+"""Least width of the range of speeds, in deviations: at least 2 % of the draws lie in it."""
+
 
 @dataclass(frozen=True)
 class RoutingSettings:
@@ -32,7 +35,7 @@ class RoutingSettings:
 
     def __post_init__(self) -> None:
         lengths = ("resolution_m", "narrow_m", "comfortable_m")
-        check_ranges(self, dict.fromkeys(lengths, "(0, inf)") | {"slowest": "(0, 1]"})
+        check_ranges(self, dict.fromkeys(lengths, "(0, 100]") | {"slowest": "(0, 1]"})
         if not self.narrow_m < self.comfortable_m:
             raise ValueRuleError("narrow_m", self.narrow_m, "it must be less than comfortable_m")
 
@@ -44,7 +47,7 @@ class CrowdSettings:
     Attributes:
         mean_speed_mps: mean of the desired speeds.
         speed_deviation_mps: their standard deviation.
-        speed_range_mps: speeds outside are drawn again; contains the mean.
+        speed_range_mps: speeds outside are drawn again; contains the mean, and a share of the draws.
         targets: size of a room's pool of targets.
         target_spacing_m: least distance between two targets.
         least_leg_m: least distance between successive targets (less only where none is farther).
@@ -65,11 +68,14 @@ class CrowdSettings:
 
     def __post_init__(self) -> None:
         names = ("mean_speed_mps", "speed_deviation_mps", "speed_range_mps", "reach_m")
-        check_ranges(self, dict.fromkeys(names, "(0, inf)"))
+        check_ranges(self, dict.fromkeys(names, "(0, 10]"))
         names = ("target_spacing_m", "least_leg_m", "clearance_m", "spacing_m")
-        check_ranges(self, dict.fromkeys(names, "[0, inf)") | {"targets": "[2, inf)"})
+        check_ranges(self, dict.fromkeys(names, "[0, 1000]") | {"targets": "[2, 1000]"})
         if not self.speed_range_mps[0] <= self.mean_speed_mps <= self.speed_range_mps[1]:
             raise ValueRuleError("speed_range_mps", self.speed_range_mps, "it must contain mean_speed_mps")
+        if self.speed_range_mps[1] - self.speed_range_mps[0] < _NARROWEST * self.speed_deviation_mps:
+            rule = f"it must be at least {_NARROWEST} speed_deviation_mps wide: other draws are repeated"
+            raise ValueRuleError("speed_range_mps", self.speed_range_mps, rule)
 
 
 @dataclass(frozen=True)
@@ -91,8 +97,8 @@ class ClockSettings:
     noise_hold_s: float
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"step_s": "(0, 0.1]", "warm_up_s": "[0, inf)", "noise_mps2": "[0, inf)"})
-        check_ranges(self, {"record_s": "(0, inf)", "noise_hold_s": "(0, inf)"})
+        check_ranges(self, {"step_s": "[0.001, 0.1]", "warm_up_s": "[0, 3600]", "noise_mps2": "[0, 100]"})
+        check_ranges(self, {"record_s": "(0, 60]", "noise_hold_s": "(0, 60]"})
         for name in ("record_s", "noise_hold_s"):
             value = getattr(self, name)
             if round(value / self.step_s) < 1 or abs(value / self.step_s - round(value / self.step_s)) > 1e-6:
@@ -126,6 +132,9 @@ class SocialForceSettings:
             check_ranges(self.forces, FORCE_RANGES)
         except ValueRuleError as cause:
             raise ValueRuleError(f"forces.{cause.field}", cause.value, cause.rule) from cause
+        if (time_s := self.forces.relaxation_time_s) < self.clock.step_s:
+            rule = f"it must be at least clock.step_s = {self.clock.step_s}, otherwise velocities oscillate"
+            raise ValueRuleError("forces.relaxation_time_s", time_s, rule)
 
 
 def social_force_settings(plain: Mapping[str, Any]) -> SocialForceSettings:

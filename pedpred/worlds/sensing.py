@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.fields import Range
 from pedpred.simulation.sensor import measured
@@ -68,8 +67,7 @@ class SensingSettings:
     views: Mapping[str, ViewSettings] = field(default_factory=usual_views, metadata={"parse": parsed_views})
 
     def __post_init__(self) -> None:
-        if not self.rates_hz or not all(0 < rate <= 100 for rate in self.rates_hz):
-            raise ValueRuleError("rates_hz", self.rates_hz, "numbers in (0, 100] are needed")
+        check_intervals(self, {"(0, 100]": "rates_hz"})
         check_intervals(self, {"[0, inf)": "jitter_s late_s sway_m tempo drift_m", "[0, 1)": "drop_out"})
         check_intervals(self, {"(0, inf)": "noise_m quantum_m", "(0, 1]": "switch"})
 

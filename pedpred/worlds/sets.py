@@ -69,11 +69,8 @@ class ViewingSettings:
     noise_m: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"[1, inf)": "viewings rows"})
-        for name, least in {"thinnings": 0.1, "thinned_noise_m": 0.0, "noise_m": 0.0}.items():
-            values = getattr(self, name)
-            if not values or min(values) < least:
-                raise ValueRuleError(name, values, f"numbers of at least {least} are needed")
+        check_intervals(self, {"[1, inf)": "viewings rows", "[0.1, inf)": "thinnings"})
+        check_intervals(self, {"[0, inf)": "thinned_noise_m noise_m"})
 
 
 def world_rows(
