@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import logging
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -13,31 +14,14 @@ from rosbags.highlevel import AnyReader
 
 from pedpred.errors import SourceError
 from pedpred.files import read_yaml, translate_errors
+from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.mcap_reader import McapReader
 from pedpred.ros.message_types import MAP, TYPES, known_types
+from pedpred.ros.people import ADAPTERS, TrackNumbers, usable
 from pedpred.ros.scene_messages import map_of_grid, seconds
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 
-Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
-"""A message -> (name, position with x and y in m) of every person in it."""
-
-
-def _poses(message: Any) -> Iterator[tuple[object, Any]]:
-    """Poses have no names: the index in the list identifies the person."""
-    return ((index, pose.position) for index, pose in enumerate(message.poses))
-
-
-ADAPTERS: dict[str, Adapter] = {
-    "people_msgs/msg/People": lambda m: ((p.name, p.position) for p in m.people),
-    "spencer_tracking_msgs/msg/TrackedPersons": lambda m: (
-        (t.track_id, t.pose.pose.position) for t in m.tracks
-    ),
-    "hunav_msgs/msg/Agents": lambda m: ((a.id, a.position.position) for a in m.agents),
-    "vision_msgs/msg/Detection3DArray": lambda m: ((d.id, d.bbox.center.position) for d in m.detections),
-    "geometry_msgs/msg/PoseArray": _poses,
-}
-"""The supported message types. All have a header with stamp and frame."""
-
+_log = logging.getLogger(__name__)
 _GRID = TYPES[MAP]
 _REMEDY = f"A bag may hold {', '.join(sorted(ADAPTERS))} for people and {_GRID} for the map"
 _MCAP_REMEDY = "Record it with `ros2 bag record`, or repair it with the `mcap` command line tool"
@@ -48,12 +32,15 @@ def is_bag(path: Path) -> bool:
     return path.suffix in (".bag", ".db3") or (path / "metadata.yaml").exists()
 
 
-def read_bag(path: Path, topic: str | None = None) -> Scene:
+def read_bag(path: Path, topic: str | None = None, transform: Transform | None = None) -> Scene:
     """Read the people and the map of a bag. Times are the messages' stamps.
+
+    Detections without a place, and second ones of a track in one instant, are left out with a warning.
 
     Args:
         path: a .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
         topic: of the people; optional where only one topic carries people.
+        transform: of the people's frame, where it is not the map's.
 
     Returns:
         The scene, named after the file. The last map counts; without one the ground is free.
@@ -67,24 +54,27 @@ def read_bag(path: Path, topic: str | None = None) -> Scene:
         connections = bag.connections
         source = _people_topic(path, connections, topic)
         maps = [connection for connection in connections if connection.msgtype == _GRID]
-        grid, frames, rows, numbers = None, set(), [], TrackNumbers()
+        last, frames, rows, numbers = None, set(), [], TrackNumbers()
         for connection, _, raw in bag.messages(connections=[source, *maps]):
-            message = bag.deserialize(raw, connection.msgtype)
-            frames.add(message.header.frame_id.lstrip("/"))
             if connection.msgtype == _GRID:
-                grid = message
+                last = raw
                 continue
-            time_s = seconds(message.header.stamp)
-            for name, position in ADAPTERS[connection.msgtype](message):
-                rows.append((time_s, numbers.number(name), position.x, position.y))
-        if len(frames) > 1:
-            raise problem(
-                f"people and map are in several frames, {sorted(frames)}", "Record them in one frame"
-            )
-        table = np.array(rows, dtype=np.float64).reshape(-1, 4)
-        trajectories = Trajectories(table[:, 0], table[:, 1], table[:, 2:])
-        free = OccupancyMap.free_around(trajectories.position)
-        occupancy = free if grid is None else map_of_grid(grid)
+            message = bag.deserialize(raw, connection.msgtype)
+            frames.add(message.header.frame_id)
+            now = seconds(message.header.stamp)
+            for name, place in ADAPTERS[connection.msgtype](message):
+                rows.append((now, numbers.number(name), place.x, place.y))
+        grid = None if last is None else bag.deserialize(last, _GRID)
+        check_frames(frames, grid and grid.header.frame_id, transform)
+        times, tracks, *places = zip(*rows, strict=True) if rows else [()] * 4
+        time_s, track_id = np.array(times, dtype=np.float64), np.array(tracks, dtype=np.int64)
+        position = np.array(places, dtype=np.float64).reshape(2, -1).T
+        kept, left_out = usable(time_s, track_id, position)
+        if left_out:
+            _log.warning("%s: %s", path, left_out)
+        trajectories = Trajectories(time_s[kept], track_id[kept], position[kept])
+        trajectories = trajectories if transform is None else transform.moved(trajectories)
+        occupancy = OccupancyMap.free_around(trajectories.position) if grid is None else map_of_grid(grid)
         return Scene(path.stem, trajectories, occupancy, trajectories.usual_interval_s())
 
 
@@ -124,17 +114,3 @@ def _people_topic(path: Path, connections: Sequence[Any], topic: str | None) -> 
     found = {c.topic: c.msgtype for c in (carriers or connections)}
     lack = "several topics carry people: choose one" if carriers else "no topic carries people"
     raise SourceError(path, None, f"{lack}, among {found}", _REMEDY)
-
-
-class TrackNumbers:
-    """Track numbers for names: a decimal number keeps its value, other names get -1, -2, ... in order."""
-
-    def __init__(self) -> None:
-        self._given: dict[str, int] = {}
-
-    def number(self, name: object) -> int:
-        """The number of a name, the same on every call."""
-        text = str(name)
-        if text.isascii() and text.isdecimal():
-            return int(text)
-        return self._given.setdefault(text, -1 - len(self._given))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -14,9 +15,11 @@ from mcap.writer import Writer
 
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import atomic_write, translate_errors
+from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.markers import Colour, markers_message
 from pedpred.ros.mcap_reader import McapReader
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition, known_types, serialize
+from pedpred.ros.people import usable
 from pedpred.ros.scene_messages import (
     Content,
     frames_message,
@@ -30,6 +33,7 @@ from pedpred.scenes import Scene
 from pedpred.storage.tracks import tracks_of, tracks_table
 from pedpred.storage.windows import EvaluationWindows
 
+_log = logging.getLogger(__name__)
 _SCENE_RECORD = "pedpred.scene"
 """Name of the metadata record with the values that no message holds exactly."""
 _CHUNK_BYTES = 256 * 1024
@@ -40,21 +44,25 @@ _REMEDY = f"A recording is an MCAP file with {TYPES[MAP]} on {MAP} and {TYPES[PE
 _NOBODY = {name: np.zeros(0) for name in ("time_s", "track_id", "x_m", "y_m")}
 
 
-def read_recording(path: Path) -> Scene:
+def read_recording(path: Path, transform: Transform | None = None) -> Scene:
     """Read a recording of `write_recording`, or any other with the same topics and types.
 
     A file that is cut is read up to the cut, with a warning. A recording of another writer is named after the
     file, its resolution is the shortest decimal that rounds to the map's float32, and the time between
-    detections is the median.
+    detections is the median. Detections without a place, and second ones of a track in one instant, are left
+    out with a warning.
+
+    Args:
+        path: the file.
+        transform: of the people's frame, where it is not the map's.
 
     Raises:
         SourceError: the file is no MCAP file or damaged, a topic is missing or has another type, or the
             messages make no scene.
     """
     problem = partial(SourceError, path, None, remedy=_REMEDY)
-    bag, grid = McapReader([path]), None
     rows: list[dict[str, Any]] = []
-    topics: set[str] = set()
+    bag, last, topics, frames = McapReader([path]), b"", set(), set()
     with translate_errors(lambda cause: problem(f"damaged, {cause}")):
         for connection, _, raw in bag.messages():
             topic, kind = connection.topic, connection.msgtype
@@ -63,10 +71,11 @@ def read_recording(path: Path) -> Scene:
                 continue
             if kind != TYPES[topic]:
                 raise problem(f"{topic} carries {kind}")
-            message = known_types().deserialize_cdr(raw, kind)  # whatever definition the file has
             if topic == MAP:
-                grid = message
+                last = raw
                 continue
+            message = known_types().deserialize_cdr(raw, kind)  # whatever definition the file has
+            frames.add(message.header.frame_id)
             with translate_errors(problem):
                 rows += people_rows(message)
     for topic in (MAP, PEOPLE):
@@ -74,7 +83,15 @@ def read_recording(path: Path) -> Scene:
             raise problem(f"nothing on {topic}, only on {sorted(topics)}")
     about = bag.metadata.get(_SCENE_RECORD, {})
     with translate_errors(problem):
-        trajectories = tracks_of(pd.DataFrame(rows or _NOBODY), path)
+        grid = known_types().deserialize_cdr(last, TYPES[MAP])
+        check_frames(frames, grid.header.frame_id, transform)
+        table = pd.DataFrame(rows or _NOBODY)
+        time_s, track_id = table["time_s"].to_numpy(), table["track_id"].to_numpy()
+        kept, left_out = usable(time_s, track_id, table[["x_m", "y_m"]].to_numpy())
+        if left_out:
+            _log.warning("%s: %s", path, left_out)
+        trajectories = tracks_of(table[kept], path)
+        trajectories = trajectories if transform is None else transform.moved(trajectories)
         occupancy = map_of_grid(grid, about.get("resolution_m"))
         dt_s = float(about.get("detection_dt_s") or trajectories.usual_interval_s())
         return Scene(about.get("name", path.stem), trajectories, occupancy, dt_s)

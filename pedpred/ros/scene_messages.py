@@ -14,6 +14,7 @@ import pandas as pd
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap
+from pedpred.scenes.occupancy import check_cells
 
 Content = dict[str, Any]
 """Fields of a message."""
@@ -71,19 +72,24 @@ def map_message(occupancy: OccupancyMap, time_ns: int) -> Content:
             "height": height,
             "origin": {"position": point(occupancy.origin), "orientation": {"w": 1.0}},
         },
-        "data": np.where(occupancy.occupied.T, _OCCUPIED, _FREE).ravel(),
+        "data": np.where(occupancy.occupied.T, np.int8(_OCCUPIED), np.int8(_FREE)).ravel(),
     }
 
 
 def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
-    """The map of a nav_msgs/OccupancyGrid; unknown cells (-1) are free.
+    """The map of a nav_msgs/OccupancyGrid; cells above 50 are blocked, unknown ones (-1) are free.
 
     Args:
         message: the decoded message.
         resolution_m: exact side of a cell as text; by default the shortest decimal that rounds to the
             message's float32.
+
+    Raises:
+        ShapeError: the map is empty or has too many cells.
+        ValueRuleError: it is turned.
     """
     info = message.info
+    check_cells(info.width, info.height)
     turn = info.origin.orientation
     if turn.x or turn.y or turn.z:
         raise ValueRuleError(
@@ -129,11 +135,13 @@ def people_rows(message: Any) -> Iterator[dict[str, Any]]:
     The stamp has whole nanoseconds, a tag `time_s` is exact. Unknown velocities are left out.
 
     Raises:
-        ValueRuleError: a name is no whole number.
+        ValueRuleError: a name is no whole number, or written in another way than usual.
     """
     for person in message.people:
-        if not person.name.lstrip("-").isdecimal():
-            raise ValueRuleError("name", repr(person.name), "people need whole numbers for names")
+        if not (person.name.lstrip("-").isdecimal() and str(int(person.name)) == person.name):
+            raise ValueRuleError(
+                "name", repr(person.name), "people need whole numbers without leading zeros for names"
+            )
         row = {"time_s": seconds(message.header.stamp), "track_id": int(person.name)}
         row |= {"x_m": person.position.x, "y_m": person.position.y}
         if not np.isnan([person.velocity.x, person.velocity.y]).all():

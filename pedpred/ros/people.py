@@ -1,0 +1,70 @@
+"""Messages of tracked people -> detections; who has no place or is named twice is left out and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from pedpred.scenes import rule_of
+
+Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
+"""A message -> (name, position with x and y in m) of every person in it."""
+
+_LARGEST = 2**63 - 1
+
+
+def _poses(message: Any) -> Iterator[tuple[object, Any]]:
+    """Poses have no names: the index in the list identifies the person."""
+    return ((index, pose.position) for index, pose in enumerate(message.poses))
+
+
+ADAPTERS: dict[str, Adapter] = {
+    "people_msgs/msg/People": lambda m: ((p.name, p.position) for p in m.people),
+    "spencer_tracking_msgs/msg/TrackedPersons": lambda m: (
+        (t.track_id, t.pose.pose.position) for t in m.tracks
+    ),
+    "hunav_msgs/msg/Agents": lambda m: ((a.id, a.position.position) for a in m.agents),
+    "vision_msgs/msg/Detection3DArray": lambda m: ((d.id, d.bbox.center.position) for d in m.detections),
+    "geometry_msgs/msg/PoseArray": _poses,
+}
+"""The supported message types. All have a header with stamp and frame."""
+
+
+class TrackNumbers:
+    """Track numbers for names: 7 keeps its value; other names, also 007, get -1, -2, ... in order."""
+
+    def __init__(self) -> None:
+        self._given: dict[str, int] = {}
+
+    def number(self, name: object) -> int:
+        """The number of a name, the same on every call, of 64 bits; different names have different ones."""
+        text = str(name)
+        if text.isascii() and text.isdecimal() and text == str(int(text)) and int(text) <= _LARGEST:
+            return int(text)
+        return self._given.setdefault(text, -1 - len(self._given))
+
+
+def usable(time_s: np.ndarray, track_id: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, str]:
+    """Which detections have a place, and of several of one track in one instant are the first.
+
+    Args:
+        time_s: s. [M]
+        track_id: [M] int64
+        position: m. [M, 2]
+
+    Returns:
+        [M] bool, and what is wrong with the others, with time and track; empty if there are none.
+    """
+    placed = rule_of("position", position)[1].all(axis=1)
+    order = np.lexsort((~placed, track_id, time_s))  # stable: the first one of several comes first
+    again = np.zeros(len(order), bool)
+    again[order[1:]] = (np.diff(time_s[order]) == 0) & (np.diff(track_id[order]) == 0)
+    lacks = {"without a place": ~placed, "of a track that was there already": placed & again}
+    texts = [
+        f"{lack.sum()} {what}, the first at {time_s[lack][0]} s (track {track_id[lack][0]})"
+        for what, lack in lacks.items()
+        if lack.any()
+    ]
+    return placed & ~again, f"left out of {len(order)} detections: {'; '.join(texts)}" if texts else ""

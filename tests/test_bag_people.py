@@ -1,0 +1,117 @@
+"""People of a bag: names, places, frames and maps that are odd are told apart, counted or refused."""
+
+import logging
+from dataclasses import replace
+from types import SimpleNamespace as Message
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores
+
+from pedpred.errors import ShapeError, SourceError, ValueRuleError
+from pedpred.ros import (
+    TrackNumbers,
+    Transform,
+    map_of_grid,
+    read_bag,
+    read_recording,
+    usable,
+    write_recording,
+)
+from pedpred.scenes import Trajectories
+from tests.test_bags import Store
+from tests.worlds import walled_scene
+
+PEOPLE = "people_msgs/msg/People"
+
+
+@pytest.fixture(scope="module")
+def store():
+    return Store(Stores.ROS2_HUMBLE)
+
+
+def bag(store, path, *instants, frame="map", kind=PEOPLE, grid=True):
+    """Write a bag; an instant is (time, {name: (x, y)}) or (time, [(name, (x, y)), ...])."""
+    messages = [("/costmap", "nav_msgs/msg/OccupancyGrid", store.grid())] if grid else []
+    for time_s, people in instants:
+        header = store.header(time_s, frame)
+        here = people.items() if isinstance(people, dict) else people
+        several = [store._one("people_msgs/msg/Person", who, store.pose(*at), header) for who, at in here]
+        messages.append(("/people", kind, store.make(kind, header=header, people=several)))
+    store.write(path, messages)
+    return path
+
+
+@given(st.lists(st.text(max_size=3) | st.integers(-(2**70), 2**70).map(str) | st.just("007"), unique=True))
+def test_different_names_are_different_tracks(names):
+    numbers = TrackNumbers()
+    once, again = ([numbers.number(name) for name in names] for _ in "ab")
+    assert once == again
+    assert len(set(once)) == len(names)
+    assert all(-(2**63) <= number < 2**63 for number in once)
+
+
+def test_names_that_look_alike_stay_apart_in_a_bag(store, tmp_path):
+    names = ["7", "007", str(2**53), str(2**53 + 1), str(2**64 - 1)]
+    here = {name: (float(k), 0.0) for k, name in enumerate(names)}
+    people = read_bag(bag(store, tmp_path / "bag", (0.0, here), (0.5, here))).trajectories
+    of = {track: people.position[people.track_id == track, 0].tolist() for track in set(people.track_id)}
+    assert of == {7: [0, 0], -1: [1, 1], 2**53: [2, 2], 2**53 + 1: [3, 3], -2: [4, 4]}
+
+
+def test_odd_detections_are_left_out_with_their_time(store, tmp_path, caplog):
+    twice = [("3", (1.0, 1.0)), ("3", (9.0, 9.0)), ("5", (2.0, 0.0))]
+    instants = [(0.0, twice), (0.5, {"3": (np.nan, 0.0), "5": (2.5, 0.0)}), (1.0, {"5": (1e300, 0.0)})]
+    with caplog.at_level(logging.WARNING):
+        people = read_bag(bag(store, tmp_path / "bag", *instants, (0.5, {"5": (7.0, 7.0)}))).trajectories
+    assert people.time_s.tolist() == [0, 0, 0.5]
+    assert people.position.tolist() == [[1, 1], [2, 0], [2.5, 0]]
+    assert "of 7 detections" in caplog.text
+    assert "2 without a place, the first at 0.5 s (track 3)" in caplog.text
+    assert "2 of a track that was there already, the first at 0.0 s (track 3)" in caplog.text
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 2), st.sampled_from([0.0, 1.0, np.nan]))))
+def test_what_is_usable_makes_trajectories_and_nothing_else_is_lost(rows):
+    time_s, track_id, x = (
+        (np.array(column, float) for column in zip(*rows, strict=True)) if rows else [np.zeros(0)] * 3
+    )
+    position = np.stack([x, np.zeros_like(x)], axis=-1)
+    kept, left_out = usable(time_s, track_id.astype(np.int64), position)
+    Trajectories(time_s[kept], track_id[kept], position[kept])
+    pairs = {(t, track) for t, track, at in rows if np.isfinite(at)}
+    assert kept.sum() == len(pairs)
+    assert bool(left_out) == (len(pairs) < len(rows))
+
+
+def test_people_in_another_frame_need_its_pose(store, tmp_path):
+    steps = [(0.0, {"3": (1.0, 0.0)}), (0.5, {"3": (2.0, 0.0)})]
+    path = bag(store, tmp_path / "bag", *steps, frame="odom")
+    with pytest.raises(SourceError, match=r"people in 'odom', map in 'map'.*x, y and yaw"):
+        read_bag(path)
+    people = read_bag(path, transform=Transform(10.0, 20.0, np.pi / 2)).trajectories
+    np.testing.assert_allclose(people.position, [[10, 21], [10, 22]])
+    assert len(read_bag(bag(store, tmp_path / "bare", *steps, frame="odom", grid=False)).trajectories) == 2
+
+
+def test_a_transform_moves_all_vectors(tmp_path):
+    scene = walled_scene(np.random.default_rng(0), truth=True)
+    scene = replace(scene, trajectories=replace(scene.trajectories, goal=scene.trajectories.position))
+    write_recording(scene, tmp_path / "x.mcap")
+    turned = read_recording(tmp_path / "x.mcap", Transform(1.0, 2.0, np.pi / 2)).trajectories
+    was, quarter = scene.trajectories, np.array([[0, 1], [-1, 0]])
+    np.testing.assert_allclose(turned.velocity, was.velocity @ quarter, atol=1e-9)
+    for name in ("position", "goal"):
+        np.testing.assert_allclose(getattr(turned, name), getattr(was, name) @ quarter + [1, 2], atol=1e-9)
+    with pytest.raises(ValueRuleError, match="yaw_rad = nan"):
+        Transform(0.0, 0.0, np.nan)
+
+
+def test_a_map_is_refused_before_its_cells_are_decoded():
+    """The same bound as that of every map, so that what can be written can be read."""
+    turn, corner = Message(x=0.0, y=0.0, z=0.0, w=1.0), Message(x=0.0, y=0.0)
+    info = Message(width=9000, height=9000, resolution=0.1, origin=Message(position=corner, orientation=turn))
+    with pytest.raises(ShapeError, match="at most 67108864 cells"):
+        map_of_grid(Message(info=info))  # it has no data
