@@ -21,14 +21,14 @@ from torch.nn.functional import log_softmax
 from pedpred.errors import ValueRuleError
 from pedpred.networks.contract import Loss, RecurrentNetwork, Tensors, displacements, mean_over
 from pedpred.networks.gaussian import covariance_of, initial_spread, negative_log_density, spread_of
+from pedpred.networks.mirror import mirrored_inputs, mirrored_outputs
 from pedpred.networks.surroundings import BeamEncoder, NeighbourEncoder, motion_known, own_motion
 
 CHANNELS_READ = ("state", "history", "track", "neighbours", "beams")
 SURROUNDINGS = ("history", "neighbours", "beams")
 """What it can do without: the past, other people, obstacles."""
 _ENCODERS = ("own", "neighbours", "beams")
-_OWN = 128
-"""Units of the person's own motion."""
+_POSITIVE = ("units", "motion_units", "neighbour_units", "obstacle_units", "sharpness", "balance_m")
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,9 @@ class MixtureSettings:
     Attributes:
         modes: K; an even number if half of them come from the mirror image.
         units: of the fully connected layers behind the encoders.
+        motion_units: of the encoder of the person's own motion.
+        neighbour_units: of the encoder of each neighbour.
+        obstacle_units: of the encoder of the obstacles.
         likelihood: weight of the negative log likelihoods beside the error of the point forecast.
         closest: weight of the error of the closest mode.
         sharpness: steps of a path that count as independent in its likelihood.
@@ -49,6 +52,9 @@ class MixtureSettings:
 
     modes: int = 6
     units: int = 384
+    motion_units: int = 128
+    neighbour_units: int = 96
+    obstacle_units: int = 128
     likelihood: float = 0.1
     closest: float = 0.3
     sharpness: float = 3.0
@@ -63,7 +69,7 @@ class MixtureSettings:
         for name, known in {"unread": SURROUNDINGS, "frozen": _ENCODERS}.items():
             if not set(getattr(self, name)) <= set(known):
                 raise ValueRuleError(name, getattr(self, name), f"known are {', '.join(known)}")
-        for name in ("units", "sharpness", "balance_m"):
+        for name in _POSITIVE:
             if not getattr(self, name) > 0:
                 raise ValueRuleError(name, getattr(self, name), "it must be positive")
 
@@ -100,10 +106,11 @@ class MixtureNetwork(RecurrentNetwork):
         super().__init__(settings, widths, horizon_steps)
         half, units = settings.modes // (2 if settings.mirrored else 1), settings.units
         own = 3 + sum(widths[name] for name in ("state", "history", "track"))
-        self.own = nn.Sequential(nn.Linear(own, _OWN), nn.ReLU(), nn.Linear(_OWN, _OWN), nn.ReLU())
-        self.neighbours = NeighbourEncoder(_OWN)
-        self.beams = BeamEncoder(widths["beams"])
-        fused = _OWN + self.neighbours.units + self.beams.units
+        motion = settings.motion_units
+        self.own = nn.Sequential(nn.Linear(own, motion), nn.ReLU(), nn.Linear(motion, motion), nn.ReLU())
+        self.neighbours = NeighbourEncoder(motion, settings.neighbour_units)
+        self.beams = BeamEncoder(widths["beams"], settings.obstacle_units)
+        fused = motion + self.neighbours.units + self.beams.units
         self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise((fused, units, units, units)))
         steps = (horizon_steps,)
         self.shapes = {
@@ -136,7 +143,7 @@ class MixtureNetwork(RecurrentNetwork):
             sides.append(mirrored_inputs(sides[0]))
         seen = self._look({name: torch.cat([side[name] for side in sides]) for name in self.widths})
         looks = [{k: v.unflatten(0, (len(sides), -1))[n] for k, v in seen.items()} for n in range(len(sides))]
-        looks[1:] = [_mirrored_outputs(look) for look in looks[1:]]
+        looks[1:] = [mirrored_outputs(look) for look in looks[1:]]
         outputs = {
             name: torch.cat([look[name] for look in looks], dim=1) for name in ("modes", "weight", "spread")
         }
@@ -235,23 +242,3 @@ def _length(vectors: Tensor) -> Tensor:
 def _over_steps(values: Tensor, known: Tensor) -> Tensor:
     """Mean over the known steps of each row; 0 where there is none. [..., P] and [..., P] bool -> [...]."""
     return (values * known).sum(dim=-1) / known.sum(dim=-1).clamp(min=1)
-
-
-def mirrored_inputs(inputs: Mapping[str, Tensor]) -> Tensors:
-    """The channels of a world whose left and right are exchanged. [N, width] each."""
-    left = {"state": (1.0, -1.0), "history": (1.0, -1.0, 1.0), "track": (1.0, -1.0, 1.0, 1.0, 1.0, 1.0)}
-    left["neighbours"] = (1.0, -1.0, 1.0, -1.0, 1.0)
-    mirrored = {name: _times(inputs[name], sign) for name, sign in left.items()}
-    mirrored["beams"] = inputs["beams"].flip(-1).roll(1, -1)  # beam 0 points along the heading
-    return mirrored
-
-
-def _mirrored_outputs(outputs: Tensors) -> Tensors:
-    """What the outputs in a mirrored world mean in the world."""
-    left = {"velocities": (1.0, -1.0), "modes": (1.0, -1.0), "weight": (1.0,), "spread": (1.0, 1.0, -1.0)}
-    return {name: outputs[name] * outputs[name].new_tensor(sign) for name, sign in left.items()}
-
-
-def _times(values: Tensor, sign: tuple[float, ...]) -> Tensor:
-    """Rows of len(sign) numbers side by side, each number times its sign. [N, width]."""
-    return (values.unflatten(-1, (-1, len(sign))) * values.new_tensor(sign)).flatten(-2)

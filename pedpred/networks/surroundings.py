@@ -43,7 +43,7 @@ class NeighbourEncoder(nn.Module):
         units: of the result.
     """
 
-    def __init__(self, own: int, units: int = 96):
+    def __init__(self, own: int, units: int):
         super().__init__()
         self.units = 2 * units
         self.first, self.second = nn.Linear(10, units), nn.Linear(units, units)
@@ -81,7 +81,7 @@ class BeamEncoder(nn.Module):
         units: of the result.
     """
 
-    def __init__(self, beams: int, units: int = 128):
+    def __init__(self, beams: int, units: int):
         super().__init__()
         self.units = units
         self.patch, self.join = nn.Linear(16, 32), nn.Linear(beams // 4 * 32, units)
