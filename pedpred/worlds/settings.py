@@ -47,7 +47,7 @@ class LoneSettings:
     Attributes:
         people: their number.
         standing_share: share of those who stand.
-        speed_mps: of the others.
+        speed_mps: of the others; log-uniform, since slow people are the hardest to tell from standing ones.
     """
 
     people: int = 24
@@ -55,7 +55,7 @@ class LoneSettings:
     speed_mps: Range = (0.2, 2.6)
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"[1, inf)": "people", "[0, inf)": "speed_mps"})
+        check_intervals(self, {"[1, inf)": "people", "(0, inf)": "speed_mps"})
 
 
 @dataclass(frozen=True)
