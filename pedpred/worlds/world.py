@@ -175,7 +175,8 @@ def _lone_people(name: str, settings: WorldSettings, rng: np.random.Generator) -
     """People far from each other who walk at constant velocities, or stand."""
     count, records = settings.lone.people, round(settings.duration_s / RECORD_S)
     stands = rng.random(count) < settings.lone.standing_share
-    speed = np.exp(rng.uniform(*np.log(settings.lone.speed_mps), count)) * ~stands
+    slowest, fastest = np.log(settings.lone.speed_mps)
+    speed = np.exp(rng.uniform(slowest, fastest, count)) * ~stands
     angle = rng.uniform(0.0, 2 * np.pi, count)
     velocity = np.stack([np.cos(angle), np.sin(angle)], axis=1) * speed[:, None]
     time_s, person = np.repeat(np.arange(records) * RECORD_S, count), np.tile(np.arange(count), records)
