@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from pedpred.compiled import compiled
 from pedpred.scenes import OccupancyMap
 
 _ALONG = 1e-12
@@ -40,7 +40,7 @@ def obstacle_distances(
     return np.minimum(found, np.float32(range_m))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _cast(cells, shape, start, heading_rad, turns, reach, found):  # pragma: no cover (compiled)
     """From cell edge to cell edge (Amanatides & Woo 1987); lengths are in cells. Writes into `found`."""
     for q in range(len(start)):
@@ -73,7 +73,7 @@ def _cast(cells, shape, start, heading_rad, turns, reach, found):  # pragma: no 
                     break
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _above(start, way, size, reach):  # pragma: no cover (compiled)
     """From where to where along a beam one coordinate is that of the map; lengths are in cells."""
     if abs(way) < _ALONG:
@@ -82,7 +82,7 @@ def _above(start, way, size, reach):  # pragma: no cover (compiled)
     return max(0.0, min(one, other)), min(reach, max(one, other))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _edges(x, i, way, enter):  # pragma: no cover (compiled)
     """Where a beam crosses the next edge between cells along one axis, and how far apart edges are."""
     if abs(way) <= _ALONG:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from pedpred.compiled import compiled
 from pedpred.scenes import OccupancyMap
 
 _GATHER_BITS = np.uint64(0x0102040810204080)
@@ -41,7 +41,7 @@ def occupancy_crops(
     return crops
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _crop(occupied, start, heading_rad, centers, step, crops):  # pragma: no cover (compiled)
     """`start` and `step` are in map cells, `centers` in crop cells. Writes into `crops`.
 
@@ -112,7 +112,7 @@ def angular_grids(
     return grids
 
 
-@njit(cache=True, inline="always")
+@compiled
 def _rough_angle(dx, dy):
     """Direction of a vector, rad, in [-pi, pi]; without branches, so that the compiler vectorises it.
 
@@ -129,7 +129,7 @@ def _rough_angle(dx, dy):
     return -angle if dy < 0.0 else angle
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_range_m, grids):
     """Find each neighbour's cone by a rough angle, or by atan2 where that lies near a cone's edge.
 

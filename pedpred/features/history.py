@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from pedpred.compiled import compiled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 SPACING_S = 0.05
@@ -16,7 +16,7 @@ PAST = 3
 """Numbers per past position: (forward, left), m, and 1 where it is known."""
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def spaced(time_s, age):  # pragma: no cover (compiled)
     """Which detections a history keeps: a life's first one, and each `SPACING_S` after the last kept one.
 
@@ -78,7 +78,7 @@ def past_positions(
     return past
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _look_back(
     trail_s, trail, first, last, seen_s, seen, now_s, position, velocity, heading_rad, dt_s, past
 ):  # pragma: no cover (compiled)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from pedpred.compiled import compiled
 
 NEIGHBOUR = 5
 """Numbers per neighbour: relative position (m) and velocity (m/s), (forward, left) each, and its weight.
@@ -50,7 +51,7 @@ def nearest_neighbours(
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _collect(
     position, heading_rad, crowd, crowd_velocity, crowd_track, own_track, crowd_span, range_m, found
 ):  # pragma: no cover (compiled)

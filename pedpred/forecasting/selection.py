@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
+from pedpred.compiled import compiled
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -132,7 +132,7 @@ def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.n
         count = found
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _meetings(path, low, high, position, least, pair, closeness):  # pragma: no cover (compiled)
     """Number of conflicts; those for which there is room are written into `pair` and `closeness`.
 
@@ -180,7 +180,7 @@ def _meetings(path, low, high, position, least, pair, closeness):  # pragma: no 
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _apart(low, high, other_low, other_high):  # pragma: no cover (compiled)
     """Whether two intervals keep the distance."""
     return low - other_high >= NEAR_M or other_low - high >= NEAR_M

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from scipy.special import logsumexp
 
+from pedpred.compiled import compiled
 from pedpred.scenes import Predictions
 
 _POINTS = 64
@@ -94,7 +94,7 @@ def share_inside(predictions: Predictions, truth: np.ndarray) -> np.ndarray:
     return _share_inside(predictions.path - truth[:, None], root.astype(np.float64), weight, points)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _share_inside(centre, root, weight, points):  # pragma: no cover (compiled)
     """Of modes [W, K, P, 2] around the truth, with L of Sigma = L L^T [W, K, P, 2, 2]. [W, P]."""
     rows, modes, steps = centre.shape[:3]
@@ -112,7 +112,7 @@ def _share_inside(centre, root, weight, points):  # pragma: no cover (compiled)
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _density(x, y, centre, root, weight):  # pragma: no cover (compiled)
     """Density of some modes at a point, up to the factor 2 pi."""
     total = 0.0

@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from pedpred.compiled import compiled
 
 _SMALLEST_AXIS_M = 1e-3  # as in forces.py
 WEAKEST_PUSH_MPS2 = 1e-3  # weaker repulsion is neglected; the noise is 300 times as strong
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _corner(x, y, origin, resolution, shape_x, shape_y):
     """Lower cell and weights of the bilinear interpolation at (x, y); constant beyond the centres."""
     u = min(max((x - origin[0]) / resolution - 0.5, 0.0), shape_x - 1.0)
@@ -27,7 +28,7 @@ def _corner(x, y, origin, resolution, shape_x, shape_y):
     return i, j, u - i, v - j
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _blend(values, i, j, p, q):
     """Bilinear mean of the four values around a point."""
     i2, j2 = min(i + 1, values.shape[0] - 1), min(j + 1, values.shape[1] - 1)
@@ -36,7 +37,7 @@ def _blend(values, i, j, p, q):
     return (1.0 - p) * low + p * high
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _unit(x, y):
     length = math.sqrt(x * x + y * y)
     if length < 1e-9:
@@ -44,7 +45,7 @@ def _unit(x, y):
     return x / length, y / length
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def border(x, y, ground):
     """Distance to the nearest obstacle point and its gradient."""
     shape = ground.distance.shape
@@ -54,7 +55,7 @@ def border(x, y, ground):
     return _blend(ground.distance, i, j, p, q), away_x, away_y
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def way(x, y, goal, routes):
     """Unit vector of the desired direction to a goal; straight to it where the field is 0."""
     shape = routes.direction.shape
@@ -66,7 +67,7 @@ def way(x, y, goal, routes):
     return e_x, e_y
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def interaction_range_m(stride_m, forces):
     """Distance beyond which repulsion is neglected if no stride s exceeds `stride_m`.
 
@@ -78,7 +79,7 @@ def interaction_range_m(stride_m, forces):
     return 0.5 * stride_m + math.sqrt(axis * axis + 0.25 * stride_m * stride_m) + _SMALLEST_AXIS_M
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _cells(position, side):
     """Square cells around the crowd: lower corner, side, first person of each, next person in the same.
 
@@ -95,7 +96,7 @@ def _cells(position, side):
     return low_x, low_y, side, first, following
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _push(r_x, r_y, y_x, y_y, e_x, e_y, forces):
     """`forces.pedestrian_repulsion` times `forces.sight_weight` for one pair."""
     a_x, a_y = r_x - y_x, r_y - y_y
@@ -111,7 +112,7 @@ def _push(r_x, r_y, y_x, y_y, e_x, e_y, forces):
     return f_x, f_y
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _pedestrians(n, position, stride, direction, range_m, cells, forces):
     """Sum of the repulsions on pedestrian n by all within a range."""
     low_x, low_y, side, first, following = cells
@@ -131,7 +132,7 @@ def _pedestrians(n, position, stride, direction, range_m, cells, forces):
     return total_x, total_y
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def accelerations(position, velocity, direction, desired_speed, ground, forces, out):
     """Write the sum of all forces on a crowd (N > 0) to `out`. Helbing & Molnar 1995, eq. 9. [N, 2] m/s^2."""
     stride, longest = np.empty_like(position), 0.0
@@ -151,7 +152,7 @@ def accelerations(position, velocity, direction, desired_speed, ground, forces, 
         out[n, 1] = drive_y + wall * away_y + f_y
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def accompany(n, position, velocity, direction, group, forces):
     """Group force on pedestrian n (Moussaid et al. 2010), m/s^2."""
     others, sum_x, sum_y, push_x, push_y = 0, 0.0, 0.0, 0.0, 0.0
@@ -174,7 +175,7 @@ def accompany(n, position, velocity, direction, group, forces):
     return f_x, f_y
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _blocked(x, y, ground):
     i = math.floor((x - ground.origin[0]) / ground.resolution_m)
     j = math.floor((y - ground.origin[1]) / ground.resolution_m)
@@ -182,7 +183,7 @@ def _blocked(x, y, ground):
     return 0 <= i < shape[0] and 0 <= j < shape[1] and ground.occupied[i, j]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _move(n, position, velocity, dt, ground):
     """Take the step, or its component along x or y that enters no obstacle; adapt the velocity."""
     x, y = position[n, 0], position[n, 1]
@@ -198,7 +199,7 @@ def _move(n, position, velocity, dt, ground):
     position[n, 0], position[n, 1] = next_x, next_y
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _heading(n, crowd, routes, reach_m):
     """Switch to the next target if the current one is reached; return the desired direction of n."""
     x, y = crowd.position[n, 0], crowd.position[n, 1]
@@ -211,7 +212,7 @@ def _heading(n, crowd, routes, reach_m):
     return way(x, y, plan[leg], routes)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def advance(crowd, noise, clock, ground, routes, forces, reach_m):
     """Simulate a `Crowd` by the steps of a `Clock`; its position, velocity and leg are changed in place.
 
@@ -235,9 +236,10 @@ def advance(crowd, noise, clock, ground, routes, forces, reach_m):
             if crowd.group[n] >= 0:
                 f_x, f_y = accompany(n, position, velocity, direction, crowd.group, forces)
                 acceleration[n, 0], acceleration[n, 1] = acceleration[n, 0] + f_x, acceleration[n, 1] + f_y
-        if len(noise) > 0:
-            acceleration += noise[step // clock.hold]
         for n in range(count):
+            if len(noise) > 0:
+                acceleration[n, 0] += noise[step // clock.hold, n, 0]
+                acceleration[n, 1] += noise[step // clock.hold, n, 1]
             v_x = velocity[n, 0] + acceleration[n, 0] * clock.dt_s
             v_y = velocity[n, 1] + acceleration[n, 1] * clock.dt_s
             speed, most = math.sqrt(v_x * v_x + v_y * v_y), forces.speed_cap * crowd.desired_speed[n]
@@ -246,5 +248,8 @@ def advance(crowd, noise, clock, ground, routes, forces, reach_m):
             _move(n, position, velocity, clock.dt_s, ground)
         if (step + 1) % clock.every == 0:
             row = (step + 1) // clock.every - 1
-            positions[row], velocities[row], legs[row] = position, velocity, crowd.leg
+            for n in range(count):  # number by number: assigning arrays takes seconds to compile
+                positions[row, n, 0], positions[row, n, 1] = position[n, 0], position[n, 1]
+                velocities[row, n, 0], velocities[row, n, 1] = velocity[n, 0], velocity[n, 1]
+                legs[row, n] = crowd.leg[n]
     return positions, velocities, legs

@@ -21,8 +21,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from pedpred.compiled import compiled
 from pedpred.simulation.kernel import border, way
 
 SPEED_CAP = 1.3  # largest speed, as a share of the desired one
@@ -39,13 +39,13 @@ _TOUCH_M = 0.08  # nobody walks towards an obstacle that is closer
 _EDGE_CELLS = 0.4  # the interpolated distance may be 0.35 cells inside the corner of an occupied cell
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _unit(x, y):
     length = math.sqrt(x * x + y * y) + _SMALL
     return x / length, y / length
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _enter(now, next_, entered, active, present, state, journeys, traits, model, routes, rng):
     """Let people in whose time has come and whose place is free; return the next to come and the number."""
     entry = journeys.entry
@@ -73,7 +73,7 @@ def _enter(now, next_, entered, active, present, state, journeys, traits, model,
     return next_, present
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _arrives(n, now, state, journeys, model, routes):
     """Switch to the next target if the present one is reached; return whether the last one is."""
     plan, leg = journeys.plan[n], state.leg[n]
@@ -89,7 +89,7 @@ def _arrives(n, now, state, journeys, model, routes):
     return False
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _decide(n, now, dt, renew, state, journeys, traits, model, routes, rng):
     """Update desired direction, wander, random acceleration and stops."""
     x, y = way(state.position[n, 0], state.position[n, 1], journeys.plan[n, state.leg[n]], routes)
@@ -105,7 +105,7 @@ def _decide(n, now, dt, renew, state, journeys, traits, model, routes, rng):
         state.until[n] = now + traits.stop_s[n] * rng.standard_exponential()
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _push(n, m, x, y, d, state, traits, model):
     """Influence of person m on n at the vector (x, y) and distance d: on direction or acceleration."""
     e_x, e_y = state.desired[n, 0], state.desired[n, 1]
@@ -127,7 +127,7 @@ def _push(n, m, x, y, d, state, traits, model):
     return f_x + touch * x, f_y + touch * y
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _others(n, active, group, state, traits, model):
     """Sum of the influences on n; vector to the mean of its group, and how many members are near."""
     p_x, p_y, g_x, g_y, members = 0.0, 0.0, 0.0, 0.0, 0
@@ -146,7 +146,7 @@ def _others(n, active, group, state, traits, model):
     return p_x, p_y, g_x / max(members, 1), g_y / max(members, 1), members
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _gap(n, active, e_x, e_y, position, radius_m):
     """Distance between the bodies of n and of the nearest person ahead, m; may be negative."""
     gap = 1e9
@@ -159,7 +159,7 @@ def _gap(n, active, e_x, e_y, position, radius_m):
     return gap
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _beside(to_x, to_y, e_x, e_y):
     """Direction, as a share of the pull, that brings a member beside its group at (to_x, to_y)."""
     aside = e_x * to_y - e_y * to_x
@@ -168,7 +168,7 @@ def _beside(to_x, to_y, e_x, e_y):
     return -pull * e_y, pull * e_x
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _accelerate(n, now, dt, active, group, state, traits, model, ground):
     """Write the acceleration of n, m/s^2."""
     e_x, e_y = state.desired[n, 0], state.desired[n, 1]
@@ -200,7 +200,7 @@ def _accelerate(n, now, dt, active, group, state, traits, model, ground):
     state.acceleration[n, 1] = (speed * w_y - state.velocity[n, 1]) / tau + f_y + shake * state.noise[n, 1]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _step(n, dt, state, most, ground):
     """Semi-implicit Euler step with capped speed; along obstacles, never into them."""
     x, y = state.position[n, 0], state.position[n, 1]
@@ -219,7 +219,7 @@ def _step(n, dt, state, most, ground):
     state.position[n, 0], state.position[n, 1] = x + v_x * dt, y + v_y * dt
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def walk(journeys, state, traits, model, clock, ground, routes, rng):
     """Simulate people who come, walk and leave.
 
@@ -255,6 +255,7 @@ def walk(journeys, state, traits, model, clock, ground, routes, rng):
         if (step + 1) % clock.every == 0:
             for n in active[:present]:
                 keys[rows, 0], keys[rows, 1], keys[rows, 2] = (step + 1) // clock.every - 1, n, state.leg[n]
-                values[rows, :2], values[rows, 2:] = state.position[n], state.velocity[n]
+                values[rows, 0], values[rows, 1] = state.position[n, 0], state.position[n, 1]
+                values[rows, 2], values[rows, 3] = state.velocity[n, 0], state.velocity[n, 1]
                 rows += 1
     return keys[:rows, 0], keys[:rows, 1], keys[:rows, 2], values[:rows]

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from pedpred.compiled import compiled
 from pedpred.errors import ValueRuleError
 
 _SOURCES = 8  # columns that a prediction uses, at most
@@ -127,7 +127,7 @@ def _fitted(known: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return chosen, np.rint(_UNIT * weights).astype(np.int64)
 
 
-@njit(cache=True)
+@compiled
 def _rounded(values, expected, memory, before, step, kept):
     """How many steps values lie beside their prediction, and what that decodes to; [W, 2] int each."""
     codes, decoded = np.zeros(values.shape, np.int64), np.zeros(values.shape, np.int64)
@@ -141,7 +141,7 @@ def _rounded(values, expected, memory, before, step, kept):
     return codes, decoded
 
 
-@njit(cache=True)
+@compiled
 def _arithmetic(values, contexts, count):
     """Adaptive binary arithmetic code of numbers [N] in contexts 0 to `count` - 1 [N]. [bytes] uint8.
 

@@ -1,0 +1,71 @@
+"""Compiled loops: one thread, whoever calls them; the first time is announced and takes seconds."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+MANY = """
+import os, sys, threading
+import numpy as np
+from pedpred.features import FeatureSettings, Neighbours, Pedestrians, observe
+from pedpred.scenes import OccupancyMap
+
+rng = np.random.default_rng(0)
+people = Pedestrians(np.arange(3000), rng.uniform(0, 60, (3000, 2)), np.zeros(3000), np.ones((3000, 2)))
+ground = OccupancyMap(rng.random((600, 600)) < 0.1, np.zeros(2), 0.1)
+
+def seen():
+    return observe(people, Neighbours.together(people, 3000), ground, FeatureSettings())
+
+threads = len(os.listdir("/proc/self/task"))
+first = seen()
+"""
+ENDS = {
+    "no thread is started": "sys.exit(len(os.listdir('/proc/self/task')) - threads)",
+    "a forked process may go on": """
+child = os.fork()
+if not child:
+    os._exit(int(not np.array_equal(seen().occupancy, first.occupancy)))
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+""",
+    "two threads may call at once": """
+found = []
+both = [threading.Thread(target=lambda: found.extend(seen().occupancy for _ in range(20))) for _ in range(2)]
+for one in both:
+    one.start()
+for one in both:
+    one.join()
+sys.exit(sum(not np.array_equal(own, first.occupancy) for own in found) + abs(len(found) - 40))
+""",
+}
+FIRST = """
+import time
+import numpy as np
+from pedpred.online import OnlinePredictor
+
+before = time.process_time()
+OnlinePredictor.load().update(0.0, np.arange(4), np.random.default_rng(0).uniform(0, 5, (4, 2)))
+print(time.process_time() - before)
+"""
+
+
+def run(script, **environment):
+    command = [sys.executable, "-c", script]
+    return subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
+@pytest.mark.parametrize("end", ENDS)
+def test_loops_run_in_the_calling_thread(end):
+    done = run(MANY + ENDS[end], NUMBA_NUM_THREADS="4", OMP_NUM_THREADS="4")
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_first_forecast_takes_less_than_10_s_of_work_and_says_why(tmp_path):
+    new, again = (run(FIRST, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2))
+    assert float(new.stdout) < 10.0, new.stderr
+    assert new.stderr.count("compiling") == 1
+    assert float(again.stdout) < 1.0
+    assert not again.stderr
