@@ -12,8 +12,7 @@ Collision-free speed model (Tordeux, Chraibi & Seyfried 2016), with inertia of d
 Here l = r_n + r_m is the sum of the radii, s the weight of what is seen, and the speed w is limited by the
 headway T: w <= max(0, d - l) / T for everybody ahead within 0.95 l of the own line. w is 0 during a stop;
 wander and speed are Ornstein-Uhlenbeck processes. Members of a group slow down or hurry to stay level
-and are pulled to 0.5 to 0.9 m beside the others. numba's cache does not notice changes of the functions
-that are imported from `simulation.kernel`.
+and are pulled to 0.5 to 0.9 m beside the others. numba's cache misses changes of `simulation.kernel`.
 """
 
 from __future__ import annotations
@@ -255,7 +254,7 @@ def walk(journeys, state, traits, model, clock, ground, routes, rng):
         if (step + 1) % clock.every == 0:
             for n in active[:present]:
                 keys[rows, 0], keys[rows, 1], keys[rows, 2] = (step + 1) // clock.every - 1, n, state.leg[n]
-                values[rows, 0], values[rows, 1] = state.position[n, 0], state.position[n, 1]
-                values[rows, 2], values[rows, 3] = state.velocity[n, 0], state.velocity[n, 1]
+                for k in range(2):
+                    values[rows, k], values[rows, k + 2] = state.position[n, k], state.velocity[n, k]
                 rows += 1
     return keys[:rows, 0], keys[:rows, 1], keys[:rows, 2], values[:rows]
