@@ -18,7 +18,7 @@ _REMEDY = "Write it again"
 
 
 @dataclass(frozen=True)
-class Column:
+class StoredColumn:
     """What a column looks like on disk: type, trailing axes, unit and frame."""
 
     dtype: str
@@ -26,12 +26,12 @@ class Column:
     unit: str = ""
 
 
-def shapes_of(wanted: Mapping[str, Column]) -> dict[str, tuple[int, ...]]:
+def shapes_of(wanted: Mapping[str, StoredColumn]) -> dict[str, tuple[int, ...]]:
     """Trailing axes of columns, by name."""
     return {name: column.shape for name, column in wanted.items()}
 
 
-def check_types(path: Path, columns: Mapping[str, np.ndarray], wanted: Mapping[str, Column]) -> None:
+def check_types(path: Path, columns: Mapping[str, np.ndarray], wanted: Mapping[str, StoredColumn]) -> None:
     """Check the types of columns that were read from a file.
 
     Raises:
@@ -47,7 +47,7 @@ def write_about(
     folder: Path,
     schema: int,
     sizes: FeatureSettings,
-    columns: Mapping[str, Column],
+    columns: Mapping[str, StoredColumn],
     files: Mapping[str, Any],
 ) -> None:
     """Write `manifest.json`.

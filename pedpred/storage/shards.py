@@ -14,7 +14,7 @@ from pedpred.errors import StorageError
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.files import translate_errors
 from pedpred.storage.columns import PAIRS, count_rows, join_pairs, read_blocks, split_pairs, write_blocks
-from pedpred.storage.manifests import Column, check_types, read_manifest_of, shapes_of, write_about
+from pedpred.storage.manifests import StoredColumn, check_types, read_manifest_of, shapes_of, write_about
 
 FEATURE_SCHEMA = 3
 _NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
@@ -22,25 +22,25 @@ _NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
 _REMEDY = "Write it again"
 
 
-def columns_of(settings: FeatureSettings) -> dict[str, Column]:
+def columns_of(settings: FeatureSettings) -> dict[str, StoredColumn]:
     """Every column of a shard, pairs split into x and y."""
     bits = "bits, cell (i forward, j left) is bit i * grid_cells + j, least significant first"
     cones = "m, cone k covers [k, k+1) * 2 pi / angular_cells counter-clockwise from the heading"
     by_field = {
-        "track_id": Column("int64"),
-        "phase": Column("int8"),
-        "step": Column("int32", unit="dt_s since the first step of (track_id, phase)"),
-        "time_s": Column("float64", unit="s"),
-        "position": Column("float64", unit="m, world"),
-        "heading_rad": Column("float64", unit="rad, counter-clockwise from world x"),
-        "velocity": Column("float32", unit="m/s, agent frame (forward, left)"),
-        "last_position": Column("float64", unit="m, world"),
-        "last_velocity": Column("float64", unit="m/s, world"),
-        "last_acceleration": Column("float64", unit="m/s^2, world"),
-        "occupancy": Column("uint8", (settings.grid_cells**2 // 8,), bits),
-        "angular_grid": Column("float32", (settings.angular_cells,), cones),
-        "future": Column("float32", (settings.horizon_steps, 2), "m/s, agent frame, row-major"),
-        "future_steps": Column("int8", unit="steps of future that are known"),
+        "track_id": StoredColumn("int64"),
+        "phase": StoredColumn("int8"),
+        "step": StoredColumn("int32", unit="dt_s since the first step of (track_id, phase)"),
+        "time_s": StoredColumn("float64", unit="s"),
+        "position": StoredColumn("float64", unit="m, world"),
+        "heading_rad": StoredColumn("float64", unit="rad, counter-clockwise from world x"),
+        "velocity": StoredColumn("float32", unit="m/s, agent frame (forward, left)"),
+        "last_position": StoredColumn("float64", unit="m, world"),
+        "last_velocity": StoredColumn("float64", unit="m/s, world"),
+        "last_acceleration": StoredColumn("float64", unit="m/s^2, world"),
+        "occupancy": StoredColumn("uint8", (settings.grid_cells**2 // 8,), bits),
+        "angular_grid": StoredColumn("float32", (settings.angular_cells,), cones),
+        "future": StoredColumn("float32", (settings.horizon_steps, 2), "m/s, agent frame, row-major"),
+        "future_steps": StoredColumn("int8", unit="steps of future that are known"),
     }
     return {name: about for field, about in by_field.items() for name in PAIRS.get(field, (field,))}
 
@@ -124,7 +124,7 @@ def read_crops(folder: Path, name: str, settings: FeatureSettings) -> Iterator[n
 
 
 def _blocks(
-    path: Path, wanted: Mapping[str, Column], version: int | None = FEATURE_SCHEMA
+    path: Path, wanted: Mapping[str, StoredColumn], version: int | None = FEATURE_SCHEMA
 ) -> Iterator[dict[str, np.ndarray]]:
     for columns in read_blocks(path, shapes_of(wanted), version):
         check_types(path, columns, wanted)
@@ -138,5 +138,5 @@ def write_embeddings(blocks: Iterable[np.ndarray], folder: Path, name: str) -> N
 
 def read_embeddings(folder: Path, name: str) -> Iterator[np.ndarray]:
     """Read the encoder's outputs of one scene, block by block: [m, C] float16; errors of `read_blocks`."""
-    wanted = {"embedding": Column("float16", (-1,))}
+    wanted = {"embedding": StoredColumn("float16", (-1,))}
     return (columns["embedding"] for columns in _blocks(folder / f"{name}.parquet", wanted, version=None))

@@ -13,7 +13,7 @@ from pedpred.features.situation import channel_widths
 from pedpred.features.table import FeatureSettings
 from pedpred.files import translate_errors
 from pedpred.storage.columns import read_columns, write_blocks
-from pedpred.storage.manifests import Column, check_types, read_manifest_of, shapes_of, write_about
+from pedpred.storage.manifests import StoredColumn, check_types, read_manifest_of, shapes_of, write_about
 
 SITUATION_SCHEMA = 1
 _REMEDY = "Write it again"
@@ -27,14 +27,14 @@ _ABOUT = {
 }
 
 
-def situation_columns(sizes: FeatureSettings) -> dict[str, Column]:
+def situation_columns(sizes: FeatureSettings) -> dict[str, StoredColumn]:
     """Every column: the channels of `features.situation` and the targets. Agent frame."""
     channels = {
-        name: Column("float16" if name in _HALF else "float32", (width,), _ABOUT[name])
+        name: StoredColumn("float16" if name in _HALF else "float32", (width,), _ABOUT[name])
         for name, width in channel_widths(sizes).items()
     }
     return channels | {
-        "future": Column("float32", (sizes.horizon_steps, 2), "m/s (forward, left), row-major")
+        "future": StoredColumn("float32", (sizes.horizon_steps, 2), "m/s (forward, left), row-major")
     }
 
 

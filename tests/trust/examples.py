@@ -1,6 +1,7 @@
 """Small intact examples of what pedpred reads, and how each is read."""
 
 import hashlib
+import json
 import shutil
 from dataclasses import fields
 from pathlib import Path
@@ -20,6 +21,7 @@ from pedpred.report import measures
 from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
+from pedpred.sources.single_file import read_file
 from pedpred.storage.columns import split_pairs
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import read_manifest, read_shard, write_manifest, write_shard
@@ -71,6 +73,24 @@ def make_scene(folder: Path) -> None:
 
 def make_table(folder: Path) -> None:
     write_as_table(place(), folder, float_format="%.3f")
+
+
+TABLES = ("walk.csv", "walk.tsv", "walk.txt", "walk.ndjson")
+
+
+def make_tables(folder: Path) -> None:
+    """The same people in every format of a single file."""
+    rows = [(0.4 * k, who, 0.5 * k, who) for k in range(10) for who in (1, 2)]
+    for name, separator in {"walk.csv": ";", "walk.tsv": "\t", "walk.txt": " "}.items():
+        lines = [("time", "id", "x", "y"), *rows]
+        (folder / name).write_text("\n".join(separator.join(map(str, row)) for row in lines))
+    tracks = [{"track": {"f": round(10 * t), "p": who, "x": x, "y": y}} for t, who, x, y in rows]
+    lines = [{"scene": {"id": 0, "fps": 2.5}}, *tracks]
+    (folder / "walk.ndjson").write_text("\n".join(map(json.dumps, lines)))
+
+
+def read_tables(folder: Path) -> object:
+    return [read_file(folder / name) for name in TABLES]
 
 
 def make_ewap(folder: Path) -> None:

@@ -112,6 +112,25 @@ def json_field(raw: bytes, rng: np.random.Generator) -> bytes:
     return json.dumps(field(json.loads(raw), rng)).encode()
 
 
+def json_lines(raw: bytes, rng: np.random.Generator) -> bytes:
+    """Apply `field` to the object in one line."""
+    lines = raw.splitlines(keepends=True)
+    line = int(rng.integers(len(lines)))
+    return b"".join([*lines[:line], json_field(lines[line], rng) + b"\n", *lines[line + 1 :]])
+
+
+def table_row(raw: bytes, rng: np.random.Generator) -> bytes:
+    """Remove, repeat or change a field of one line, whatever separates them."""
+    lines = raw.splitlines()
+    line = int(rng.integers(len(lines)))
+    separator = next((mark for mark in (b";", b"\t", b",") if mark in lines[line]), b" ")
+    fields = lines[line].split(separator)
+    place, what = int(rng.integers(len(fields))), int(rng.integers(3))
+    changed = ([], fields[place : place + 1] * 2, [NUMBERS[int(rng.integers(len(NUMBERS)))]])[what]
+    lines[line] = separator.join([*fields[:place], *changed, *fields[place + 1 :]])
+    return b"\n".join(lines)
+
+
 def yaml_field(raw: bytes, rng: np.random.Generator) -> bytes:
     return yaml.safe_dump(field(yaml.safe_load(raw), rng)).encode()
 
@@ -160,6 +179,10 @@ def parquet_column(raw: bytes, rng: np.random.Generator) -> bytes:
 STRUCTURED: dict[str, Mutation] = {
     "json": json_field,
     "yaml": yaml_field,
+    "ndjson": json_lines,
+    "csv": table_row,
+    "tsv": table_row,
+    "txt": table_row,
     "safetensors": safetensors_field,
     "parquet": parquet_column,
 }

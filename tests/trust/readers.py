@@ -69,6 +69,7 @@ READERS = {
     "map": Reader(examples.make_scene, ("map.yaml", "map.pgm"), read_map),
     "scene": Reader(examples.make_scene, ("scene.json", "tracks.parquet", "reference.png"), read_scene),
     "scene_folder": Reader(examples.make_table, ("tracks.csv", "scene.json"), source("scene_folder", {})),
+    "tables": Reader(examples.make_tables, examples.TABLES, examples.read_tables),
     "features": Reader(examples.make_features, ("manifest.json", "place.parquet"), examples.read_features),
     "situations": Reader(
         examples.make_situations, ("manifest.json", "place.parquet"), examples.read_all_situations

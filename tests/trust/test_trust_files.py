@@ -41,7 +41,7 @@ def test_damage_is_reproducible_and_of_every_kind():
     assert len(set(once)) > 100
     assert sum(mutated == raw for mutated in once) < 20
     assert {kind.__name__ for kind in BYTES} >= {"flip", "truncate", "swap", "insert", "number"}
-    assert set(STRUCTURED) == {"json", "yaml", "safetensors", "parquet"}
+    assert set(STRUCTURED) == {"json", "ndjson", "yaml", "safetensors", "parquet", "csv", "tsv", "txt"}
 
 
 def raising(error):

@@ -17,7 +17,7 @@ from tests.trust.readers import Reader
 
 READ, REFUSED, LOST = "read", "refused", "lost"
 SLOWEST_S = 5.0  # limit of CPU time for a damaged file of some kB
-MOST_MEMORY_BYTES = 2**30  # limit of additional memory
+MOST_MEMORY_BYTES = 500 * 2**20  # limit of additional memory
 
 
 class Bench:
