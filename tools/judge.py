@@ -61,6 +61,7 @@ YARDSTICK = Path("models/online/simulation")
 """The paper's network, where it is exported."""
 _ROBOT = "robot"  # the row of conf/sensors for simulated rooms
 _TITLES = ("", "about", "what", "found", "limit", "remark")
+_WIDTHS = (4, 18, 44, 30, 24, 0)
 
 
 def scores_in(
@@ -186,16 +187,20 @@ def folder_at(given: str, folder: Path, scratch: Path) -> Path | None:
     return scratch / folder
 
 
-def table(verdicts: list[Verdict]) -> str:
-    """The verdicts as aligned text, the broken promises once more at the end."""
-    cells = [_TITLES] + [
-        ("pass" if v.holds else "FAIL", v.about, v.what, v.found, v.limit, v.remark) for v in verdicts
-    ]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    lines = ["  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)).rstrip() for line in cells]
-    broken = [line for line, v in zip(lines[1:], verdicts, strict=True) if not v.holds]
-    summary = f"{len(verdicts) - len(broken)} of {len(verdicts)} promises hold"
-    return "\n".join([*lines, "", summary, *broken, ""])
+def line(verdict: Verdict) -> str:
+    """A verdict as a row of the table."""
+    kept = "pass" if verdict.holds else "FAIL"
+    return _row(kept, verdict.about, verdict.what, verdict.found, verdict.limit, verdict.remark)
+
+
+def _row(*cells: str) -> str:
+    return "  ".join(c.ljust(w) for c, w in zip(cells, _WIDTHS, strict=True)).rstrip() + "\n"
+
+
+def summary(verdicts: list[Verdict]) -> str:
+    """How many promises hold, and the broken ones."""
+    broken = [line(verdict) for verdict in verdicts if not verdict.holds]
+    return f"\n{len(verdicts) - len(broken)} of {len(verdicts)} promises hold\n{''.join(broken)}"
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -209,10 +214,15 @@ def main(arguments: list[str] | None = None) -> None:
         judgement = Judgement(given.folder, read_params(Path()))
         with tempfile.TemporaryDirectory() as scratch:
             against = folder_at(given.against, given.folder, Path(scratch)) if given.against else None
-            verdicts = list(judgement.verdicts(against))
+            sys.stdout.write(_row(*_TITLES))
+            verdicts = []
+            for verdict in judgement.verdicts(against):
+                verdicts.append(verdict)
+                sys.stdout.write(line(verdict))
+                sys.stdout.flush()
     except PedpredError as error:
         raise SystemExit(f"{type(error).__name__}: {error}") from error
-    sys.stdout.write(table(verdicts))
+    sys.stdout.write(summary(verdicts))
     if given.out is not None:
         found: dict[str, Any] = {"folder": given.folder.as_posix(), "verdicts": [asdict(v) for v in verdicts]}
         write_json(given.out, found)
