@@ -15,6 +15,7 @@ import numpy as np
 
 from pedpred.errors import ShapeError
 from pedpred.metrics.calibration import mixture_nll
+from pedpred.metrics.energy import energy_scores
 from pedpred.metrics.paths import displacement, too_close
 from pedpred.scenes import OccupancyMap, Predictions
 
@@ -115,17 +116,11 @@ def energy_score(predictions: Predictions, truth: np.ndarray, scene: MetricScene
     where it has one, the same standard normal numbers for all windows. ES of a single path without
     covariance equals its ADE.
     """
-    modes, weight = predictions.path[:, :, None], predictions.weight
+    noise, root = np.zeros((1, 2)), np.zeros((*predictions.path.shape, 2))
     if predictions.covariance is not None:
-        noise = np.random.default_rng(0).standard_normal((_DRAWS, 1, 2, 1))
-        modes = modes + (np.linalg.cholesky(predictions.covariance)[:, :, None] @ noise)[..., 0]
-    far = displacement(modes, truth[:, None, None]).mean(axis=(2, 3))  # [W, K, draws, P] -> [W, K]
-    score = (weight * far).sum(axis=1)
-    for i in range(predictions.modes):
-        for j in range(predictions.modes):  # shifted by one draw, the two are independent
-            apart = displacement(modes[:, i], np.roll(modes[:, j], 1, axis=1)).mean(axis=(1, 2))
-            score -= 0.5 * weight[:, i] * weight[:, j] * apart
-    return score
+        noise = np.random.default_rng(0).standard_normal((_DRAWS, 2))
+        root = np.linalg.cholesky(predictions.covariance)
+    return energy_scores(predictions.path, root, predictions.weight, noise, truth)
 
 
 def in_obstacle(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
