@@ -8,6 +8,7 @@ import pytest
 from pedpred.command import main
 from pedpred.errors import SourceError
 from pedpred.scenes import Trajectories
+from pedpred.sources.scene_folder import read_folder
 from pedpred.sources.single_file import FORMATS, read_file
 from pedpred.sources.trajnet import read_ndjson
 from pedpred.storage.scenes import read_scene
@@ -69,6 +70,15 @@ def test_a_clock_that_does_not_count_seconds_is_recognised(tmp_path, factor, uni
         rows = [(start * factor + k * factor // 2, *rest) for k, *rest in ROWS]
         with pytest.raises(SourceError, match=f"looks like .*{unit}.*seconds"):
             read_file(write_table(tmp_path / "walk.csv", rows))
+
+
+def test_the_clock_of_a_folder_of_ones_own_is_checked_too(tmp_path):
+    main(["convert", str(write_ndjson(tmp_path / "walk.ndjson")), "-o", str(tmp_path / "own")])
+    assert read_folder(tmp_path / "own", "mine", {}).name == "mine"
+    (tmp_path / "own/tracks.parquet").unlink()
+    write_table(tmp_path / "own/tracks.csv", [(500 * k, *rest) for k, *rest in ROWS])
+    with pytest.raises(SourceError, match="looks like milliseconds"):
+        read_folder(tmp_path / "own", "mine", {})
 
 
 @pytest.mark.parametrize("header", ["# framerate: 2\n# id frame x/m y/m", "time id x y"])

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene
+from pedpred.sources.single_file import check_clock
 from pedpred.storage.scenes import read_scene
 
 
@@ -22,8 +24,12 @@ def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
 
     Raises:
         StorageError: a file is missing or cannot be understood; the message names file and field.
+        SourceError: the times are no seconds.
         ValueRuleError: there are settings.
     """
     if settings:
         raise ValueRuleError("settings", dict(settings), "a scene folder has none")
-    return replace(read_scene(folder), name=name)
+    scene = read_scene(folder)
+    with suppress(ValueRuleError):  # nobody was detected twice
+        check_clock(folder, scene.trajectories.usual_interval_s())
+    return replace(scene, name=name)

@@ -31,11 +31,20 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
         dt_s = trajectories.usual_interval_s()
     except ValueRuleError as cause:
         raise SourceError(path, None, str(cause), "A track needs several detections") from cause
+    check_clock(path, dt_s)
+    return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
+
+
+def check_clock(path: Path, dt_s: float) -> None:
+    """Check that the usual time between two detections of a track can be seconds.
+
+    Raises:
+        SourceError: it is too long; the message names what it looks like.
+    """
     for least, unit in _TOO_LONG.items():
         if dt_s >= least:
             problem = f"a track is usually detected every {dt_s:g} s: this looks like {unit}"
             raise SourceError(path, None, problem, IN_SECONDS)
-    return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
 
 
 def _read_text(path: Path, options: TableOptions) -> Trajectories:
