@@ -49,7 +49,7 @@ def measured(ablation):
     return {p: {ablation.metrics: {ablation.entry: dict.fromkeys(methods, own)}} for p, own in points}
 
 
-@pytest.mark.parametrize("path", [ABLATIONS[0], ABLATIONS[2]], ids=["numbered", "named"])
+@pytest.mark.parametrize("path", [ABLATIONS[0], ABLATIONS[3]], ids=["numbered", "named"])
 def test_points_become_a_picture_and_a_table(path):
     ablation = read_ablation(path)
     rows = point_rows(ablation, measured(ablation))
@@ -114,7 +114,7 @@ def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
 
 
 def test_an_ablation_that_does_not_exist_is_named_beside_those_that_do():
-    known = r"\['layouts', 'mixture', 'pretraining', 'reach', 'seeds'\]"
+    known = r"\['layouts', 'mixture', 'mixture_modes', 'pretraining', 'reach', 'seeds'\]"
     with pytest.raises(ValueRuleError, match=f"ablation = 'magic', but known ablations are {known}"):
         read_ablation(ABLATIONS[0].with_stem("magic"))
 
