@@ -98,6 +98,9 @@ def test_cells_may_have_another_size():
     np.testing.assert_array_equal(coarse.origin, GRID.origin)
     with pytest.raises(ShapeError, match="cells"):
         GRID.free(1e-5)
+    for wrong in (0.0, -1.0, np.nan):
+        with pytest.raises(ValueRuleError, match="cell_m"):
+            GRID.free(wrong)
 
 
 def test_twenty_people_take_a_fraction_of_a_frame():

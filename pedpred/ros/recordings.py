@@ -20,7 +20,16 @@ from pedpred.ros.markers import Colour, markers_message
 from pedpred.ros.mcap_reader import McapReader
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition, known_types, serialize
 from pedpred.ros.people import usable
+from pedpred.ros.planning import (
+    GRID_TYPE,
+    PREDICTIONS,
+    PREDICTIONS_TYPE,
+    grid_messages,
+    grid_topic,
+    predictions_message,
+)
 from pedpred.ros.scene_messages import (
+    FRAME,
     Content,
     frames_message,
     map_message,
@@ -102,6 +111,8 @@ def write_recording(
     path: Path,
     windows: EvaluationWindows | None = None,
     colours: Mapping[str, Colour] | None = None,
+    planned: str | None = None,
+    cell_m: float | None = None,
 ) -> None:
     """Write a scene, and forecasts in it, as MCAP with ROS 2 messages (profile `ros2`, CDR).
 
@@ -113,31 +124,49 @@ def write_recording(
         path: the file.
         windows: forecasts of this scene, drawn in `/markers`.
         colours: which methods of `windows` to draw, and how; none by default.
+        planned: the method whose forecasts planners find in `/predictions`, see `pedpred.ros.planning`.
+        cell_m: side of the cells of its predicted occupancy, which is left out by default, m.
 
     Raises:
         ValueRuleError: a time cannot be a ROS stamp, or a method has no forecasts.
     """
-    unknown = sorted(set(colours or ()) - set(windows.predictions if windows else ()))
+    asked = {*(colours or ()), *({planned} if planned else ())}
+    unknown = sorted(asked - set(windows.predictions if windows else ()))
     if unknown:
-        raise ValueRuleError("colours", unknown[0], f"scene {scene.name} has no forecasts of it")
+        raise ValueRuleError("method", unknown[0], f"scene {scene.name} has no forecasts of it")
     about = {"name": scene.name, "detection_dt_s": repr(float(scene.detection_dt_s))}
     about["resolution_m"] = repr(float(scene.occupancy.resolution_m))
     with atomic_write(path) as new, new.open("wb") as stream:
         writer = Writer(stream, chunk_size=_CHUNK_BYTES)
         writer.start(profile="ros2")
         writer.add_metadata(_SCENE_RECORD, about)
-        channels = {}
-        for topic, kind in TYPES.items():
-            schema = writer.register_schema(kind, SchemaEncoding.ROS2, definition(kind).encode())
-            channels[topic] = writer.register_channel(topic, "cdr", schema)
-        for count, (time_ns, topic, content) in enumerate(_messages(scene, windows, colours or {})):
-            data = serialize(TYPES[topic], content)
+        types, schemas, channels = _types(windows, planned, cell_m), {}, {}
+        for kind in dict.fromkeys(types.values()):
+            schemas[kind] = writer.register_schema(kind, SchemaEncoding.ROS2, definition(kind).encode())
+        for topic, kind in types.items():
+            channels[topic] = writer.register_channel(topic, "cdr", schemas[kind])
+        messages = _messages(scene, windows, colours or {}, planned, cell_m)
+        for count, (time_ns, topic, content) in enumerate(messages):
+            data = serialize(types[topic], content)
             writer.add_message(channels[topic], time_ns, data, publish_time=time_ns, sequence=count)
         writer.finish()
 
 
+def _types(windows: EvaluationWindows | None, planned: str | None, cell_m: float | None) -> dict[str, str]:
+    """Topic -> type of all messages in a recording."""
+    if windows is None or planned is None:
+        return TYPES
+    steps = windows.predictions[planned].steps if cell_m is not None else 0
+    grids = {grid_topic(step + 1): GRID_TYPE for step in range(steps)}
+    return TYPES | {PREDICTIONS: PREDICTIONS_TYPE} | grids
+
+
 def _messages(
-    scene: Scene, windows: EvaluationWindows | None, colours: Mapping[str, Colour]
+    scene: Scene,
+    windows: EvaluationWindows | None,
+    colours: Mapping[str, Colour],
+    planned: str | None,
+    cell_m: float | None,
 ) -> Iterator[tuple[int, str, Content]]:
     """(time in ns, topic, message) in order of time, the map and the frames first.
 
@@ -149,6 +178,7 @@ def _messages(
     present = nanoseconds(windows.time_s if windows else np.zeros(0))
     latest = np.searchsorted(instants, present + _SAME_INSTANT_NS, side="right") - 1
     start_ns = int(instants[0])
+    ground = None if cell_m is None else scene.occupancy.free(cell_m)
     yield start_ns, FRAMES, frames_message(start_ns)
     yield start_ns, MAP, map_message(scene.occupancy, start_ns)
     for index, time_ns in enumerate(instants.tolist()):
@@ -156,3 +186,9 @@ def _messages(
         rows = np.flatnonzero(latest == index)
         yield time_ns, PEOPLE, people_message(here, time_ns)
         yield time_ns, MARKERS, markers_message(here, windows, rows, colours, time_ns)
+        if windows is not None and planned is not None:
+            forecasts = windows.predictions[planned].select(rows)
+            yield time_ns, PREDICTIONS, predictions_message(windows.track_id[rows], forecasts, time_ns, FRAME)
+            if ground is not None:
+                for topic, content in grid_messages(forecasts, ground, time_ns, FRAME).items():
+                    yield time_ns, topic, content

@@ -62,17 +62,19 @@ def point(position: np.ndarray, height_m: float = 0.0) -> Content:
 
 def map_message(occupancy: OccupancyMap, time_ns: int) -> Content:
     """nav_msgs/OccupancyGrid: rows along x, the first at the smallest y."""
+    data = np.where(occupancy.occupied.T, np.int8(_OCCUPIED), np.int8(_FREE)).ravel()
+    return {"header": header(time_ns), "info": map_info(occupancy, time_ns), "data": data}
+
+
+def map_info(occupancy: OccupancyMap, time_ns: int) -> Content:
+    """nav_msgs/MapMetaData: the cells of a map."""
     width, height = occupancy.occupied.shape
     return {
-        "header": header(time_ns),
-        "info": {
-            "map_load_time": stamp(time_ns),
-            "resolution": occupancy.resolution_m,
-            "width": width,
-            "height": height,
-            "origin": {"position": point(occupancy.origin), "orientation": {"w": 1.0}},
-        },
-        "data": np.where(occupancy.occupied.T, np.int8(_OCCUPIED), np.int8(_FREE)).ravel(),
+        "map_load_time": stamp(time_ns),
+        "resolution": occupancy.resolution_m,
+        "width": width,
+        "height": height,
+        "origin": {"position": point(occupancy.origin), "orientation": {"w": 1.0}},
     }
 
 

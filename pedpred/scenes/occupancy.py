@@ -47,9 +47,7 @@ class OccupancyMap:
             raise ShapeError("origin", origin.shape, "(2,)")
         if not (np.abs(origin) <= FARTHEST_M).all():
             raise ValueRuleError("origin", origin.tolist(), f"it must be within {FARTHEST_M:g} m of 0")
-        if not _SMALLEST_CELL_M <= self.resolution_m <= FARTHEST_M:
-            rule = f"it must be between {_SMALLEST_CELL_M} and {FARTHEST_M:g} m"
-            raise ValueRuleError("resolution_m", self.resolution_m, rule)
+        _check_side("resolution_m", self.resolution_m)
         object.__setattr__(self, "occupied", occupied)
         object.__setattr__(self, "origin", origin)
 
@@ -72,6 +70,7 @@ class OccupancyMap:
 
     def free(self, cell_m: float) -> OccupancyMap:
         """Make a map of the same ground without obstacles, in cells of another size."""
+        _check_side("cell_m", cell_m)
         shape = np.ceil(self.extent_m / cell_m - 1e-9).astype(np.int64)
         check_cells(*shape.tolist())
         return OccupancyMap(np.zeros(shape, bool), self.origin, cell_m)
@@ -96,6 +95,11 @@ class OccupancyMap:
         inside = np.asarray(((cells >= 0) & (cells < self.occupied.shape)).all(axis=-1))
         cells = np.where(inside[..., None], cells, 0)
         return inside & self.occupied[cells[..., 0], cells[..., 1]]
+
+
+def _check_side(field: str, side_m: float) -> None:
+    if not _SMALLEST_CELL_M <= side_m <= FARTHEST_M:
+        raise ValueRuleError(field, side_m, f"it must be between {_SMALLEST_CELL_M} and {FARTHEST_M:g} m")
 
 
 def check_cells(width: int, height: int) -> None:

@@ -1,0 +1,104 @@
+"""Forecasts as messages that planners read: a table of modes, and grids of predicted occupancy.
+
+The table is a sensor_msgs/PointCloud2, one point per person, mode and step: no standard type holds modes with
+weights and covariances of every step, and every ROS installation reads this one (`sensor_msgs_py`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pedpred.ros.message_types import MAP, TYPES
+from pedpred.ros.scene_messages import Content, header, map_info
+from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
+
+PREDICTIONS = "/predictions"
+PREDICTIONS_TYPE, GRID_TYPE = "sensor_msgs/msg/PointCloud2", TYPES[MAP]
+
+_COLUMNS = {
+    "x": "<f8",
+    "y": "<f8",
+    "z": "<f8",
+    "track_id": "<u4",
+    "track_high": "<i4",
+    "mode": "<u2",
+    "step": "<u2",
+    "time_s": "<f4",
+    "weight": "<f4",
+    "cov_xx": "<f4",
+    "cov_xy": "<f4",
+    "cov_yy": "<f4",
+}
+ROW = np.dtype(list(_COLUMNS.items()))
+"""Columns of `/predictions`: x, y in m, z 0. The track is track_high * 2^32 + track_id. Mode 0 is the most
+likely one. Steps count from 1, `time_s` after the stamp. Covariances are those within a mode, m^2, or NaN.
+"""
+
+_DATATYPES = {"<u2": 4, "<i4": 5, "<u4": 6, "<f4": 7, "<f8": 8}
+"""The constants of sensor_msgs/PointField."""
+
+
+def grid_topic(step: int) -> str:
+    """Topic of the predicted occupancy at a step, from 1."""
+    return f"/predicted_occupancy/step_{step}"
+
+
+def prediction_rows(track_id: np.ndarray, predictions: Predictions) -> np.ndarray:
+    """The table of all people [N] with their modes and steps. [N * K * P] of `ROW`."""
+    shape = (len(predictions), predictions.modes, predictions.steps)
+    person, mode, step = (index.ravel() for index in np.indices(shape))
+    rows = np.zeros(len(person), ROW)
+    rows["x"], rows["y"] = predictions.path.reshape(-1, 2).T
+    rows["track_id"], rows["track_high"] = (track_id & 0xFFFFFFFF)[person], (track_id >> 32)[person]
+    rows["mode"], rows["step"], rows["time_s"] = mode, step + 1, (step + 1) * predictions.dt_s
+    rows["weight"] = predictions.weight[person, mode]
+    unknown = np.full((*shape, 2, 2), np.nan)
+    covariance = unknown if predictions.covariance is None else predictions.covariance
+    spread = covariance.reshape(-1, 2, 2)
+    rows["cov_xx"], rows["cov_xy"], rows["cov_yy"] = spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
+    return rows
+
+
+def predictions_message(track_id: np.ndarray, predictions: Predictions, time_ns: int, frame: str) -> Content:
+    """sensor_msgs/PointCloud2: the table of some people's forecasts at an instant.
+
+    Args:
+        track_id: [N] int64
+        predictions: world frame. N rows.
+        time_ns: the present.
+        frame: name of the world frame.
+    """
+    rows = prediction_rows(track_id, predictions)
+    ends = np.cumsum([ROW[name].itemsize for name in _COLUMNS]).tolist()
+    fields = [
+        {"name": name, "offset": offset, "datatype": _DATATYPES[kind], "count": 1}
+        for (name, kind), offset in zip(_COLUMNS.items(), [0, *ends[:-1]], strict=True)
+    ]
+    sizes = {"height": 1, "width": len(rows), "point_step": ROW.itemsize, "row_step": rows.nbytes}
+    data = np.frombuffer(rows.tobytes(), np.uint8)
+    dense = predictions.covariance is not None
+    return {"header": header(time_ns, frame), "fields": fields, **sizes, "data": data, "is_dense": dense}
+
+
+def grid_messages(
+    predictions: Predictions, ground: OccupancyMap, time_ns: int, frame: str
+) -> dict[str, Content]:
+    """Topic -> nav_msgs/OccupancyGrid of each step: how likely somebody is in a cell, in per cent.
+
+    The stamp of a grid is the time that it is about, its `map_load_time` the present. Static obstacles are
+    not in it.
+
+    Args:
+        predictions: world frame.
+        ground: the cells; its obstacles do not matter.
+        time_ns: the present.
+        frame: name of the world frame.
+    """
+    shares = predicted_occupancy(predictions, ground)
+    per_cent = np.rint(100 * shares).astype(np.int8)
+    messages = {}
+    for step, cells in enumerate(per_cent, start=1):
+        then_ns = time_ns + round(step * predictions.dt_s * 1e9)
+        info = map_info(ground, time_ns)
+        messages[grid_topic(step)] = {"header": header(then_ns, frame), "info": info, "data": cells.T.ravel()}
+    return messages
