@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -54,6 +55,11 @@ print(time.process_time() - before)
 def run(script, **environment):
     command = [sys.executable, "-c", script]
     return subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=False)
+
+
+def test_loops_are_compiled_in_one_way():
+    sources = (Path(__file__).parents[1] / "pedpred").rglob("*.py")
+    assert [path.name for path in sources if "from numba" in path.read_text()] == ["compiled.py"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from pedpred.compiled import compiled
 
 
-@njit(cache=True)
+@compiled
 def energy_scores(
     path: np.ndarray, root: np.ndarray, weight: np.ndarray, noise: np.ndarray, truth: np.ndarray
 ) -> np.ndarray:  # pragma: no cover (compiled)
