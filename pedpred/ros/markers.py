@@ -10,7 +10,7 @@ import pandas as pd
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import radius2
 from pedpred.ros.scene_messages import Content, header, point
-from pedpred.scenes import Predictions
+from pedpred.scenes import Forecast, Predictions
 from pedpred.storage.windows import EvaluationWindows
 
 Colour = tuple[float, float, float]
@@ -60,6 +60,15 @@ def markers_message(
     if windows is not None:
         markers += _window_markers(windows, rows, colours)
     return {"markers": [{"header": header(time_ns)} | marker for marker in markers]}
+
+
+def forecast_message(forecast: Forecast, colour: Colour, time_ns: int, frame: str) -> Content:
+    """visualization_msgs/MarkerArray: all paths of a forecast; it replaces the picture before."""
+    markers: list[Content] = [{"action": _DELETE_ALL, "pose": _UNTURNED}]
+    start = forecast.position[:, 0] - forecast.dt_s * forecast.velocity[:, 0]
+    for row, track in enumerate(forecast.track_id):
+        markers += _forecast_markers("pedpred", forecast.predictions, row, track, start[row], colour)
+    return {"markers": [{"header": header(time_ns, frame)} | marker for marker in markers]}
 
 
 def _window_markers(
