@@ -52,7 +52,7 @@ class Scores:
         track: of each window, for the bootstrap. [W]
         values: metric -> value of each window, NaN where it does not apply. {key: [W]}
         error_m: displacement at each forecast step, m. [W, P]
-        inside: see `metrics.calibration.share_inside`; no columns from a method without covariances.
+        inside: see `metrics.calibration.share_inside`; no columns without covariances or if not asked for.
             [W, P] or [W, 0]
         nll: negative log likelihood of the truth, nats; no columns likewise. [W, P] or [W, 0]
         without_truth: number of detections that are no windows because their truth has gaps.
@@ -96,6 +96,7 @@ def score(
     track: np.ndarray,
     scene: MetricScene,
     metrics: Mapping[str, Metric] = METRICS,
+    regions: bool = True,
 ) -> Scores:
     """Measure one forecaster in one scene.
 
@@ -105,6 +106,7 @@ def score(
         track: of each window. [W]
         scene: of the windows.
         metrics: which ones.
+        regions: measure which share of the probability lies nearer than the truth, the slowest of all.
 
     Raises:
         ValueRuleError: a window has no forecast.
@@ -113,7 +115,7 @@ def score(
         raise ValueRuleError("predictions", "not finite", "a method must forecast every window")
     inside = nll = np.zeros((len(predictions), 0))
     if predictions.covariance is not None:
-        inside = share_inside(predictions, truth)
+        inside = share_inside(predictions, truth) if regions else inside
         nll = mixture_nll(predictions, truth)
     values = {key: metric.value(predictions, truth, scene) for key, metric in metrics.items()}
     return Scores(track, values, displacement(predictions.point, truth), inside, nll)

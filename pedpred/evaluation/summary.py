@@ -122,6 +122,7 @@ def _per_step(scores: Scores) -> dict[str, Any]:
     values |= {f"per_step_q{q}_m": own for q, own in zip((25, 50, 75), quartiles, strict=True)}
     if scores.nll.shape[1]:
         values["per_step_nll"] = scores.nll.mean(axis=0)
+    if scores.inside.shape[1]:
         for share in REGIONS:
             values[f"per_step_coverage_{100 * share:.0f}"] = coverage(scores.inside, share)
     return values

@@ -29,7 +29,9 @@ def squared_mahalanobis(error: np.ndarray, covariance: np.ndarray) -> np.ndarray
     Returns:
         [...]
     """
-    return (error * np.linalg.solve(covariance, error[..., None])[..., 0]).sum(axis=-1)
+    (a, b), (_, d) = np.moveaxis(covariance, (-2, -1), (0, 1))
+    x, y = error[..., 0], error[..., 1]
+    return (d * x * x - 2.0 * b * x * y + a * y * y) / (a * d - b * b)
 
 
 def negative_log_likelihood(distance2: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -98,30 +100,52 @@ def share_inside(predictions: Predictions, truth: np.ndarray) -> np.ndarray:
 def _share_inside(centre, root, weight, points):  # pragma: no cover (compiled)
     """Of modes [W, K, P, 2] around the truth, with L of Sigma = L L^T [W, K, P, 2, 2]. [W, P]."""
     rows, modes, steps = centre.shape[:3]
-    found = np.zeros((rows, steps))
+    found, modes_there = np.zeros((rows, steps)), np.empty((modes, 8))
     for row in range(rows):
         for step in range(steps):
-            here = _density(0.0, 0.0, centre[row, :, step], root[row, :, step], weight[row])
+            here = left = 0.0
             for mode in range(modes):
-                own = root[row, mode, step]
+                own = modes_there[mode]  # mean, L, density at the mean (without 2 pi), inverse diagonal of L
+                own[0], own[1] = centre[row, mode, step, 0], centre[row, mode, step, 1]
+                own[2], own[3] = root[row, mode, step, 0, 0], root[row, mode, step, 1, 0]
+                own[4] = root[row, mode, step, 1, 1]
+                own[5] = weight[row, mode] / (own[2] * own[4])
+                own[6], own[7] = 1.0 / own[2], 1.0 / own[4]
+                here += _density(0.0, 0.0, modes_there, mode)
+                left += own[5]
+            for mode in range(modes):
+                inside = 0
                 for k in range(len(points)):
-                    x = centre[row, mode, step, 0] + own[0, 0] * points[k, 0]
-                    y = centre[row, mode, step, 1] + own[1, 0] * points[k, 0] + own[1, 1] * points[k, 1]
-                    if _density(x, y, centre[row, :, step], root[row, :, step], weight[row]) > here:
-                        found[row, step] += weight[row, mode] / len(points)
+                    x = modes_there[mode, 0] + modes_there[mode, 2] * points[k, 0]
+                    y = modes_there[mode, 1] + modes_there[mode, 3] * points[k, 0]
+                    y += modes_there[mode, 4] * points[k, 1]
+                    inside += _denser(x, y, modes_there, mode, left, here)
+                found[row, step] += weight[row, mode] * inside / len(points)
     return found
 
 
 @compiled
-def _density(x, y, centre, root, weight):  # pragma: no cover (compiled)
-    """Density of some modes at a point, up to the factor 2 pi."""
+def _denser(x, y, modes_there, first, left, here):  # pragma: no cover (compiled)
+    """Whether the density at a point exceeds `here`; stops as soon as the other modes cannot change it."""
     total = 0.0
-    for mode in range(len(weight)):
-        a, b, c = root[mode, 0, 0], root[mode, 1, 0], root[mode, 1, 1]
-        u = (x - centre[mode, 0]) / a
-        v = (y - centre[mode, 1] - b * u) / c
-        total += weight[mode] * math.exp(-0.5 * (u * u + v * v)) / (a * c)
-    return total
+    for n in range(len(modes_there)):
+        mode = first if n == 0 else n - 1 if n <= first else n
+        if total + left <= here:
+            return False
+        total += _density(x, y, modes_there, mode)
+        left -= modes_there[mode, 5]
+        if total > here:
+            return True
+    return False
+
+
+@compiled
+def _density(x, y, modes_there, mode):  # pragma: no cover (compiled)
+    """Density of a mode at a point, up to the factor 2 pi."""
+    u = (x - modes_there[mode, 0]) * modes_there[mode, 6]
+    v = (y - modes_there[mode, 1] - modes_there[mode, 3] * u) * modes_there[mode, 7]
+    away = 0.5 * (u * u + v * v)
+    return modes_there[mode, 5] * math.exp(-away) if away < 40.0 else 0.0  # below rounding
 
 
 def coverage(inside: np.ndarray, share: float) -> np.ndarray:
