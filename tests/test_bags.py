@@ -231,7 +231,7 @@ def test_a_chunk_that_would_fill_the_memory_is_refused(compression, honest, tmp_
         Chunk(compression, squeezed[compression](), 0, 0, 0, claimed).write(builder)
         stream.write(builder.end())
         stream.write(MCAP0_MAGIC)
-    with pytest.raises(SourceError, match=r"bomb\.mcap.*at most 268435456 bytes"):
+    with pytest.raises(SourceError, match=r"bomb\.mcap.*at most 134217728 bytes"):
         read_bag(tmp_path / "bomb.mcap")
 
 

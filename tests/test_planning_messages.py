@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.ros import read_recording, write_recording
+from pedpred.ros import check_recordable, read_recording, write_recording
 from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros.planning import (
     GRID_TYPE,
@@ -109,6 +109,8 @@ def test_a_recording_carries_what_planners_read(tmp_path):
 )
 def test_absurd_cells_are_refused_and_leave_no_file(tmp_path, cell_m, error):
     scene = small_scene()
+    with pytest.raises(error, match="cell"):
+        check_recordable(scene, STEPS, cell_m)
     with pytest.raises(error, match="cell"):
         write_recording(scene, tmp_path / "x.mcap", walking_on(scene), planned="lstm", cell_m=cell_m)
     with pytest.raises(ValueRuleError, match="cv"):

@@ -16,7 +16,7 @@ from pedpred.errors import SourceError, ValueRuleError
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.report.animation import Animation, busiest_start, positions_at, write_animation
-from pedpred.ros import read_recording, write_recording
+from pedpred.ros import check_recordable, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
 from pedpred.scenes import OccupancyMap, Predictions, Trajectories
@@ -235,8 +235,9 @@ def test_what_cannot_be_written_is_named(tmp_path):
     with pytest.raises(ValueRuleError, match="lstm"):
         write_recording(scene, tmp_path / "x.mcap", None, SHOWN)
     early = replace(scene, trajectories=replace(scene.trajectories, time_s=scene.trajectories.time_s - 100))
-    with pytest.raises(ValueRuleError, match="time_s = -"):
-        write_recording(early, tmp_path / "x.mcap")
+    for refusing in (check_recordable, lambda scene: write_recording(scene, tmp_path / "x.mcap")):
+        with pytest.raises(ValueRuleError, match="time_s = -"):
+            refusing(early)
 
 
 def test_the_layout_shows_the_topics_that_are_written(tmp_path):

@@ -6,13 +6,14 @@ Positions are in the world frame, called `map` (its parent `world` coincides wit
 from pedpred.ros.bags import is_bag, read_bag
 from pedpred.ros.frames import Transform
 from pedpred.ros.people import ADAPTERS, TrackNumbers, usable
-from pedpred.ros.recordings import read_recording, write_recording
+from pedpred.ros.recordings import check_recordable, read_recording, write_recording
 from pedpred.ros.scene_messages import map_of_grid, seconds
 
 __all__ = [
     "ADAPTERS",
     "TrackNumbers",
     "Transform",
+    "check_recordable",
     "is_bag",
     "map_of_grid",
     "read_bag",

@@ -27,8 +27,8 @@ from pedpred.ros.message_types import known_types
 _RECORD_HEAD = struct.Struct("<BQ")
 """Kind of a record and the length of its content."""
 _LARGEST_RECORD_BYTES = 2**30
-_LARGEST_CHUNK_BYTES = 2**28
-"""Limit of a chunk's uncompressed size; usual writers make chunks of some MiB."""
+_LARGEST_CHUNK_BYTES = 2**27
+"""Limit of a chunk's uncompressed size; usual writers make chunks of some MiB, and the largest map has 64."""
 _IDL_PART = "=" * 80 + "\n"
 _REMEDY = "Give the name of an MCAP file"
 

@@ -38,7 +38,7 @@ from pedpred.ros.scene_messages import (
     people_message,
     people_rows,
 )
-from pedpred.scenes import Scene
+from pedpred.scenes import Predictions, Scene, predicted_occupancy
 from pedpred.storage.tracks import tracks_of, tracks_table
 from pedpred.storage.windows import EvaluationWindows
 
@@ -104,6 +104,19 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
         occupancy = map_of_grid(grid, about.get("resolution_m"))
         dt_s = float(about.get("detection_dt_s") or trajectories.usual_interval_s())
         return Scene(about.get("name", path.stem), trajectories, occupancy, dt_s)
+
+
+def check_recordable(scene: Scene, steps: int = 1, cell_m: float | None = None) -> None:
+    """Check before a long replay that `write_recording` can write a scene and forecasts of some steps in it.
+
+    Raises:
+        ValueRuleError: a time cannot be a ROS stamp, or the side of a cell is no length.
+        ShapeError: the cells of all steps are too many.
+    """
+    nanoseconds(scene.trajectories.time_s)
+    if cell_m is not None:
+        nobody = Predictions.single(np.zeros((0, steps, 2)), 1.0)
+        predicted_occupancy(nobody, scene.occupancy.free(cell_m))
 
 
 def write_recording(
