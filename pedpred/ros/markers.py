@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import radius2
@@ -38,7 +39,7 @@ def namespaces(method: str) -> tuple[str, str, str]:
 
 
 def markers_message(
-    people: pd.DataFrame,
+    people: Mapping[str, list[Any]],
     windows: EvaluationWindows | None,
     rows: np.ndarray,
     colours: Mapping[str, Colour],
@@ -47,19 +48,20 @@ def markers_message(
     """visualization_msgs/MarkerArray: a complete picture, which replaces the one before.
 
     Args:
-        people: rows of `tracks_table` at this instant, drawn as cylinders.
+        people: columns of `tracks_table` at this instant, drawn as cylinders.
         windows: forecasts of the scene, or None.
         rows: its windows at this instant. [n] int
         colours: of each method to be drawn; its name is the markers' namespace.
         time_ns: the instant.
     """
     markers: list[Content] = [{"action": _DELETE_ALL, "pose": _UNTURNED}]
-    for track, x, y in people[["track_id", "x_m", "y_m"]].itertuples(index=False):
+    for track, x, y in zip(people["track_id"], people["x_m"], people["y_m"], strict=True):
         pose = {"position": {"x": x, "y": y, "z": _PERSON_M["z"] / 2}}
         markers.append(_marker("people", track, _CYLINDER, _PERSON_M, _INK, 0.6) | {"pose": _UNTURNED | pose})
     if windows is not None:
         markers += _window_markers(windows, rows, colours)
-    return {"markers": [{"header": header(time_ns)} | marker for marker in markers]}
+    here = {"header": header(time_ns)}
+    return {"markers": [here | marker for marker in markers]}
 
 
 def forecast_message(forecast: Forecast, colour: Colour, time_ns: int, frame: str) -> Content:
@@ -128,5 +130,11 @@ def _marker(namespace: str, number: int, shape: int, scale: Content, colour: Col
         "action": _ADD,
         "pose": _UNTURNED,
         "scale": scale,
-        "color": dict(zip("rgba", (*colour, alpha), strict=True)),
+        "color": _rgba(colour, alpha),
     }
+
+
+@lru_cache
+def _rgba(colour: Colour, alpha: float) -> Content:
+    """std_msgs/ColorRGBA, one object for all markers that have it."""
+    return dict(zip("rgba", (*colour, alpha), strict=True))

@@ -55,27 +55,39 @@ def serialize(kind: str, content: Mapping[str, Any]) -> bytes:
         kind: its type.
         content: nested dictionaries of fields; missing fields are zero, empty or false.
     """
-    return bytes(known_types().serialize_cdr(_message(kind, content), kind, little_endian=True))
+    message = _message(kind, content, {})
+    return bytes(known_types().serialize_cdr(message, kind, little_endian=True))
 
 
-def _message(kind: str, content: Mapping[str, Any]) -> Any:
-    fields = known_types().fielddefs[kind][1]
-    values = {
-        name: _value(node, about, content[name]) if name in content else _default(node, about)
-        for name, (node, about) in fields
-    }
-    return known_types().types[kind](**values)
+_Built = dict[tuple[str, int], Any]
+"""Messages by type and the identity of their content: what occurs in many places is built once."""
 
 
-def _value(node: Nodetype, about: Any, content: Any) -> Any:
+def _message(kind: str, content: Mapping[str, Any], built: _Built) -> Any:
+    key = kind, id(content)
+    if key not in built:
+        make, fields, usual = _plan(kind)
+        given = {name: _value(*fields[name], value, built) for name, value in content.items()}
+        built[key] = make(**(usual | given))
+    return built[key]
+
+
+@cache
+def _plan(kind: str) -> tuple[Any, dict[str, tuple[Nodetype, Any]], dict[str, Any]]:
+    """Constructor of a message, definitions of its fields, and their values where they are missing."""
+    fields = dict(known_types().fielddefs[kind][1])
+    return known_types().types[kind], fields, {name: _default(*about) for name, about in fields.items()}
+
+
+def _value(node: Nodetype, about: Any, content: Any, built: _Built) -> Any:
     """The value of a field as rosbags takes it; `about` is the second part of rosbags' field definition."""
     if node == Nodetype.BASE:
         return content
     if node == Nodetype.NAME:
-        return _message(about, content)
+        return _message(about, content, built)
     item, inner = about[0]
     if item == Nodetype.NAME:
-        return [_message(inner, part) for part in content]
+        return [_message(inner, part, built) for part in content]
     return list(content) if inner[0] == "string" else np.asarray(content, inner[0])
 
 
@@ -84,4 +96,4 @@ def _default(node: Nodetype, about: Any) -> Any:
     """The value of a missing field; serialising changes no message, so that all may share it."""
     if node == Nodetype.BASE:
         return _EMPTY.get(about[0], 0)
-    return _value(node, about, {} if node == Nodetype.NAME else ())
+    return _value(node, about, {} if node == Nodetype.NAME else (), {})

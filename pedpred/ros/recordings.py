@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from mcap.well_known import SchemaEncoding
 from mcap.writer import Writer
+from tqdm import tqdm
 
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import atomic_write, translate_errors
@@ -185,18 +186,23 @@ def _messages(
 
     Forecasts are drawn at the latest detection up to their present.
     """
-    people = tracks_table(scene.trajectories)
+    table = tracks_table(scene.trajectories)
+    people = {str(name): table[name].to_numpy() for name in table}
     detected = nanoseconds(scene.trajectories.time_s)
     instants = np.unique(detected) if len(detected) else np.zeros(1, np.int64)
     present = nanoseconds(windows.time_s if windows else np.zeros(0))
     latest = np.searchsorted(instants, present + _SAME_INSTANT_NS, side="right") - 1
+    order = np.argsort(latest, kind="stable")
+    drawn = np.searchsorted(latest[order], np.arange(len(instants) + 1))
+    ends = np.searchsorted(detected, instants, side="right")
     start_ns = int(instants[0])
     ground = None if cell_m is None else scene.occupancy.free(cell_m)
     yield start_ns, FRAMES, frames_message(start_ns)
     yield start_ns, MAP, map_message(scene.occupancy, start_ns)
-    for index, time_ns in enumerate(instants.tolist()):
-        here = people.iloc[slice(*np.searchsorted(detected, [time_ns, time_ns + 1]))]
-        rows = np.flatnonzero(latest == index)
+    first = 0
+    for index, time_ns in enumerate(tqdm(instants.tolist(), desc="record", unit="instant", disable=None)):
+        here = {name: values[first : ends[index]].tolist() for name, values in people.items()}
+        first, rows = ends[index], order[drawn[index] : drawn[index + 1]]
         yield time_ns, PEOPLE, people_message(here, time_ns)
         yield time_ns, MARKERS, markers_message(here, windows, rows, colours, time_ns)
         if windows is not None and planned is not None:

@@ -6,11 +6,10 @@ is in a person's tags, as text that Python reads back exactly; an unknown veloci
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap
@@ -112,8 +111,8 @@ def frames_message(time_ns: int) -> Content:
     }
 
 
-def people_message(people: pd.DataFrame, time_ns: int) -> Content:
-    """people_msgs/People: the rows of `tracks_table` at one instant."""
+def people_message(people: Mapping[str, list[Any]], time_ns: int) -> Content:
+    """people_msgs/People: the columns of `tracks_table` at one instant."""
     tags = [name for name in _TAGS if name in people]
     return {
         "header": header(time_ns),
@@ -126,7 +125,9 @@ def people_message(people: pd.DataFrame, time_ns: int) -> Content:
                 "tagnames": tags,
                 "tags": [repr(row[tag]) for tag in tags],
             }
-            for row in people.to_dict("records")
+            for row in (
+                dict(zip(people, values, strict=True)) for values in zip(*people.values(), strict=True)
+            )
         ],
     }
 
