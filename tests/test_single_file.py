@@ -107,6 +107,17 @@ def test_the_command_takes_columns_and_a_rate(tmp_path):
         main(["info", str(path)])
 
 
+def test_a_folder_with_a_table_is_not_converted_into_itself(tmp_path):
+    """Otherwise later corrections of the table would lose against what was converted."""
+    main(["convert", str(write_ndjson(tmp_path / "walk.ndjson")), "-o", str(tmp_path / "own")])
+    (tmp_path / "own/tracks.parquet").unlink()
+    write_table(tmp_path / "own/tracks.csv", [(k / 2, *rest) for k, *rest in ROWS])
+    before = {path.name: path.read_bytes() for path in (tmp_path / "own").iterdir()}
+    with pytest.raises(SystemExit, match=r"tracks\.csv.*write to another folder"):
+        main(["convert", str(tmp_path / "own"), "-o", str(tmp_path / "own"), "--force"])
+    assert {path.name: path.read_bytes() for path in (tmp_path / "own").iterdir()} == before
+
+
 @pytest.mark.parametrize("command", ["convert", "predict"])
 def test_a_layout_beside_a_recording_is_not_overwritten_unasked(tmp_path, command):
     path = write_table(tmp_path / "walk.csv", [(k / 2, *rest) for k, *rest in ROWS])
