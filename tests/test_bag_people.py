@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores
 
+from pedpred.command import main
 from pedpred.errors import ShapeError, SourceError, ValueRuleError
 from pedpred.ros import (
     TrackNumbers,
@@ -20,7 +21,9 @@ from pedpred.ros import (
     usable,
     write_recording,
 )
-from pedpred.scenes import Trajectories
+from pedpred.scenes import Trajectories, checked_placement
+from pedpred.storage.scenes import read_scene, write_scene
+from pedpred.storage.tracks import tracks_table
 from tests.test_bags import Store
 from tests.worlds import walled_scene
 
@@ -107,6 +110,24 @@ def test_a_transform_moves_all_vectors(tmp_path):
         np.testing.assert_allclose(getattr(turned, name), getattr(was, name) @ quarter + [1, 2], atol=1e-9)
     with pytest.raises(ValueRuleError, match="yaw_rad = nan"):
         Transform(0.0, 0.0, np.nan)
+
+
+@pytest.mark.parametrize("kind", ["csv", "mcap", "folder", "bag"])
+def test_the_command_takes_people_of_another_frame(kind, store, tmp_path):
+    scene = walled_scene(np.random.default_rng(0), detections=12)
+    given, out = tmp_path / {"bag": "given"}.get(kind, f"given.{kind}"), tmp_path / "moved"
+    if kind == "bag":
+        bag(store, given, (0.0, {"1": (1.0, 0.0)}), (0.5, {"1": (2.0, 0.0)}), frame="odom")
+        scene = replace(scene, trajectories=Trajectories([0.0, 0.5], [1, 1], [[1.0, 0.0], [2.0, 0.0]]))
+    elif kind == "mcap":
+        write_recording(scene, given)
+    else:
+        write_scene(scene, given if kind == "folder" else tmp_path)
+        tracks_table(scene.trajectories).to_csv(tmp_path / "given.csv", index=False)
+    main(["convert", str(given), "-o", str(out), "--transform", "10", "20", "0"])
+    moved = read_scene(out)
+    np.testing.assert_allclose(moved.trajectories.position, np.add(scene.trajectories.position, [10, 20]))
+    assert kind != "csv" or checked_placement(moved).outside == 0
 
 
 def test_a_map_is_refused_before_its_cells_are_decoded():

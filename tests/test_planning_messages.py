@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pedpred.command import main
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.ros import check_recordable, read_recording, write_recording
 from pedpred.ros.message_types import known_types, serialize
@@ -18,6 +19,7 @@ from pedpred.ros.planning import (
     predictions_message,
 )
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
+from pedpred.storage.scenes import write_scene
 from tests.scenes import assert_same
 from tests.test_recording import STEPS, contents, small_scene, walking_on
 
@@ -116,3 +118,23 @@ def test_absurd_cells_are_refused_and_leave_no_file(tmp_path, cell_m, error):
     with pytest.raises(ValueRuleError, match="cv"):
         write_recording(scene, tmp_path / "x.mcap", walking_on(scene), planned="cv")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_predict_writes_what_planners_read(tmp_path, mixture):
+    write_scene(small_scene(), tmp_path / "hall")
+    arguments = [
+        "predict",
+        str(tmp_path / "hall"),
+        "--model",
+        str(mixture[0]),
+        "-o",
+        str(tmp_path / "x.mcap"),
+    ]
+    with pytest.raises(SystemExit, match="cell_m = -1"):
+        main([*arguments, "--grid", "-1"])
+    main([*arguments, "--grid", "0.5"])
+    rows = table_of(contents(tmp_path / "x.mcap", PREDICTIONS)[-1])
+    assert rows["mode"].max() == 3
+    first = (rows["step"] == 1) & (rows["track_id"] == rows["track_id"][0])
+    assert rows["weight"][first].sum() == pytest.approx(1)
+    assert max(max(grid.data) for grid in contents(tmp_path / "x.mcap", grid_topic(1))) > 50

@@ -31,6 +31,8 @@ def parser() -> argparse.ArgumentParser:
     command = _add(commands, predict)
     _output(command, "an MCAP file (default: NAME_forecasts.mcap in the current folder)", required=False)
     _model(command)
+    grid = "also write the predicted occupancy of every step, in cells of this size, m"
+    command.add_argument("--grid", type=float, metavar="M", help=grid)
     command = _add(commands, evaluate, scenes="+")
     _model(command)
     _measures(command)
@@ -52,6 +54,8 @@ def _output(command: argparse.ArgumentParser, what: str, required: bool = True) 
 
 def _reading(command: argparse.ArgumentParser) -> None:
     command.add_argument("--topic", help="of a bag's people, if several topics carry people")
+    pose = "pose of the people's frame in the map's frame, if they differ, m, m, rad"
+    command.add_argument("--transform", type=float, nargs=3, metavar=("X", "Y", "YAW"), help=pose)
     named = "columns of a table in order, in place of its header, such as time,id,x,y; others are ignored"
     command.add_argument("--columns", help=named)
     counted = "of frame numbers, in a file that does not say it, Hz"

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.ros import is_bag, read_bag, read_recording, write_recording
+from pedpred.ros import Transform, is_bag, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
-from pedpred.scenes import Scene, checked_placement
+from pedpred.scenes import OccupancyMap, Scene, checked_placement
 from pedpred.sources.single_file import FORMATS, read_file
 from pedpred.sources.walls import occupancy_of, read_walls
 from pedpred.storage.scenes import read_map, read_scene, write_scene
@@ -72,7 +72,8 @@ def _read_given(given: argparse.Namespace) -> Scene:
         ValueRuleError: open ends are given without a geometry file.
     """
     columns = None if given.columns is None else tuple(given.columns.split(","))
-    scene = read_any(given.scene, given.topic, TableOptions(columns, given.rate))
+    transform = None if given.transform is None else Transform(*given.transform)
+    scene = read_any(given.scene, given.topic, TableOptions(columns, given.rate), transform)
     if given.map is not None and given.map.suffix == ".xml":
         edges = [[end[:2], end[2:]] for end in given.open_end]
         ground = occupancy_of(read_walls(given.map), _CELL_M, _WALL_M, edges, _OPEN_END_M)
@@ -94,19 +95,30 @@ def refuse_overwriting(path: Path, force: bool) -> None:
             sys.exit(f"{output} is there already; --force replaces it")
 
 
-def read_any(path: Path, topic: str | None = None, options: TableOptions | None = None) -> Scene:
+def read_any(
+    path: Path,
+    topic: str | None = None,
+    options: TableOptions | None = None,
+    transform: Transform | None = None,
+) -> Scene:
     """Read a scene folder, a file of tracks (on free ground), a recording or a ROS bag.
 
     Args:
         path: its name determines the format.
         topic: of a bag's people; an .mcap file is read as a bag if one is given.
         options: what a table or text does not say itself.
+        transform: of the people's frame, where it is not the map's.
 
     Raises:
         StorageError, SourceError: the file is missing, damaged or of another format.
     """
     if is_bag(path) or (path.suffix == ".mcap" and topic is not None):
-        return read_bag(path, topic)
-    if path.is_dir():
-        return read_scene(path)
-    return read_file(path, options) if path.suffix in FORMATS else read_recording(path)
+        return read_bag(path, topic, transform)
+    if path.suffix not in FORMATS and not path.is_dir():
+        return read_recording(path, transform)
+    scene = read_scene(path) if path.is_dir() else read_file(path, options)
+    if transform is None:
+        return scene
+    people = transform.moved(scene.trajectories)
+    ground = scene.occupancy if path.is_dir() else OccupancyMap.free_around(people.position)
+    return replace(scene, trajectories=people, occupancy=ground)

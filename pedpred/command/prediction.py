@@ -21,7 +21,7 @@ from pedpred.metrics import METRICS
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.assessment import assess
 from pedpred.online.replay import as_windows, replayed
-from pedpred.ros import write_recording
+from pedpred.ros import check_recordable, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import Forecast, Scene
 
@@ -39,8 +39,9 @@ def predict(given: argparse.Namespace) -> None:
     refuse_overwriting(output, given.force)
     scene = read_any(given.scene)
     predictor = robot_for(scene, given.model)
+    check_recordable(scene, predictor.features.horizon_steps, given.grid)
     windows = as_windows(scene, with_progress(scene, predictor), _METHOD, predictor.features)
-    write_recording(scene, output, windows, {_METHOD: _COLOUR})
+    write_recording(scene, output, windows, {_METHOD: _COLOUR}, planned=_METHOD, cell_m=given.grid)
     write_layout(scene.occupancy, set(), layout_of(output))
     _log.info("%s: recorded with forecasts in %s", scene.name, output)
 
