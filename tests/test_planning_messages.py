@@ -137,4 +137,4 @@ def test_predict_writes_what_planners_read(tmp_path, mixture):
     assert rows["mode"].max() == 3
     first = (rows["step"] == 1) & (rows["track_id"] == rows["track_id"][0])
     assert rows["weight"][first].sum() == pytest.approx(1)
-    assert max(max(grid.data) for grid in contents(tmp_path / "x.mcap", grid_topic(1))) > 50
+    assert max(max(grid.data) for grid in contents(tmp_path / "x.mcap", grid_topic(1))) > 0
