@@ -126,6 +126,8 @@ def test_a_description_of_absurd_size_is_refused(model, field, value):
     about = OnlinePredictor.load(model[0]).description
     with pytest.raises(ValueRuleError, match=field):
         replace(about, features=replace(about.features, **{field: value}))
+    with pytest.raises(ValueRuleError, match="position_noise_m"):
+        replace(about, tracker=replace(about.tracker, position_noise_m=1e300))
     with pytest.raises(ValueRuleError, match="memory"):
         replace(about, memory={"h": (9999, 9999)})
 

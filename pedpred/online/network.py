@@ -43,6 +43,7 @@ _SIZES = {
     "lost_after_s": "(0, 60]",
 }
 """What a robot can compute between two frames."""
+_NOISE = {"acceleration_noise": "(0, 1000]", "position_noise_m": "(0, 100]", "initial_speed_mps": "(0, 100]"}
 GRAPH, ABOUT = "network.onnx", "model.json"
 _REMEDY = "Export the model again or copy the folder again"
 Shape = tuple[int, ...]
@@ -82,6 +83,7 @@ class ModelDescription:
 
     def __post_init__(self) -> None:
         check_ranges(self.features, _SIZES)
+        check_ranges(self.tracker, _NOISE)
         check_ranges(self, {"standstill_mps": "[0, 100]"})
         known = sensor_shapes(self.features)
         if set(self.inputs) - set(known) or not self.inputs:
