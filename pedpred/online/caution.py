@@ -38,6 +38,8 @@ def moving_shares(
 
 def shortened(predictions: Predictions, position: np.ndarray, share: np.ndarray) -> Predictions:
     """Predictions whose paths go only a share [N] of their way from where people are, m [N, 2]."""
+    if (share == 1.0).all():
+        return predictions
     here, part = position[:, None, None], share[:, None, None, None]
     lost = (1.0 - part) * (predictions.path - here)
     covariance = predictions.covariance
