@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks.timing import keep, tell
+from benchmarks.timing import keep, needed, tell
 from pedpred.config import read_params
 from pedpred.evaluation.scores import true_paths
 from pedpred.evaluation.summary import TrackBootstrap
@@ -86,6 +86,9 @@ def main() -> None:
     parser.add_argument("--rooms", type=int, default=3, help="at most so many of either kind")
     parser.add_argument("--json", type=Path, help="write the figures there")
     options = parser.parse_args()
+    needed(options.model, "dvc repro export")
+    needed(Path("data/features/simulated/main"), "dvc repro features_simulated@main")
+    needed(Path("data/features/simulated/sim_test"), "dvc repro features_simulated@sim_test")
     table = list(rows(options.model, options.rooms))
     tell("The distilled export beside the full one, the same windows", table)
     keep({"distilled": table}, options.json)

@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 from tqdm import tqdm
 
+from benchmarks.timing import needed
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import read_origin
 from pedpred.online.replay import predictions_at, replayed
@@ -36,8 +37,9 @@ def differences(model: Path) -> Iterator[dict[str, Any]]:
         tracked = kind == "simulated" or params["places"][data]["tracker"] == origin["tracker"]
         if weights != origin["networks"] or not tracked:
             continue
+        forecasts_of = Path("data/forecasts", row["fold"], f"{name}.parquet")
+        windows = read_windows(needed(forecasts_of, "make reproduce"))
         scene = read_scene(Path("data/scenes", row["scene"]))
-        windows = read_windows(Path("data/forecasts", row["fold"], f"{name}.parquet"))
         features, _ = read_manifest(Path("data/features", kind, data))
         settings = OnlineSettings.as_offline(features, scene.detection_dt_s)
         robot = OnlinePredictor.load(model, settings)

@@ -35,6 +35,13 @@ class Usage:
     anonymous_mib: float | None
 
 
+def needed(path: Path, command: str) -> Path:
+    """A path that is not in git; ends the program with the command that makes it, if that has not run."""
+    if not path.exists():
+        sys.exit(f"{path} is missing; make it: {command}")
+    return path
+
+
 def median_ms(function: Callable[[], object], budget_s: float = 1.0) -> float:
     """Measure the median wall time of a call, ms, after one warm-up call; at least five calls."""
     function()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.online import ALLOWED, matrix_rate, measured_updates, paper_work
+from benchmarks.online import ALLOWED, calmest, paper_work
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.metrics.calibration import shown_steps
 from pedpred.online import laws
@@ -152,10 +152,8 @@ def latency_verdicts(folder: Path, tries: int = 5) -> Iterator[Verdict]:
     """Time of an update on one thread over the bound of the paper's network; the best of some tries."""
     work = paper_work()
     for count, allowed in ALLOWED.items():
-        ratios, times = [], []
-        for _ in range(tries):
-            rate = matrix_rate()
-            times.append(float(np.median(measured_updates(folder, count, 60)["update"])))
-            ratios.append(times[-1] / (count * work / rate * 1e3))
-        remark = f"{min(times):.1f} ms"
-        yield below(f"{count} people", "update / bound of the paper's network", min(ratios), allowed, remark)
+        rate, times = calmest(folder, count, 60, tries)
+        median = float(np.median(times["update"]))
+        ratio = median / (count * work / rate * 1e3)
+        remark = f"{median:.1f} ms"
+        yield below(f"{count} people", "update / bound of the paper's network", ratio, allowed, remark)
