@@ -38,6 +38,9 @@ def folder(request):
         ((2.0, [1, 2], [[0, 0], [np.nan, 0]]), ValueRuleError, r"position\[1\]"),
         ((2.0, [1, 2], [[0, 0], [1.7e308, 0]]), ValueRuleError, r"position\[1\].*at most 1e\+08"),
         ((2.0, [1], [[0, 0]], [[1e300, 0]]), ValueRuleError, r"velocity\[0\]"),
+        ((2.0, [1, 2], [[0, 0], [1]]), ValueRuleError, "position.*numbers"),
+        ((2.0, [1], [["a", "b"]]), ValueRuleError, "position.*numbers"),
+        ((2.0, [1], [[10**400, 0]]), ValueRuleError, "position.*numbers"),
         ((2.0, [1, 2], [[0, 0]]), ShapeError, "position"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,15 +28,13 @@ class Frame:
     velocity: np.ndarray | None
 
     @classmethod
-    def checked(
-        cls, time_s: object, track_id: object, position: object, velocity: object | None = None
-    ) -> Frame:
+    def checked(cls, time_s: Any, track_id: Any, position: Any, velocity: Any = None) -> Frame:
         """Convert and sort the arguments; the ranges are those of `Trajectories`.
 
         Raises:
             ValueRuleError, ShapeError: something is no number or out of range, or an id appears twice.
         """
-        now, names = np.asarray(time_s), np.asarray(track_id)
+        now, names = _array("time_s", time_s), _array("track_id", track_id)
         if now.shape or now.dtype.kind not in "iuf":
             raise ValueRuleError("time_s", time_s, "it must be one number")
         _check("time_s", now)
@@ -54,14 +53,21 @@ class Frame:
         )
 
 
-def _pairs(name: str, value: object, rows: int) -> np.ndarray:
+def _pairs(name: str, value: Any, rows: int) -> np.ndarray:
     """Numbers, [rows, 2]; an empty frame may come in any shape."""
-    pairs = np.asarray(value, dtype=np.float64)
+    pairs = _array(name, value, np.float64)
     pairs = pairs.reshape(0, 2) if not pairs.size else pairs
     if pairs.shape != (rows, 2):
         raise ShapeError(name, pairs.shape, f"({rows}, 2)")
     _check(name, pairs)
     return pairs
+
+
+def _array(name: str, value: Any, kind: type | None = None) -> np.ndarray:
+    try:
+        return np.asarray(value, kind)
+    except (OverflowError, TypeError, ValueError) as cause:
+        raise ValueRuleError(name, value, "it must be numbers, as many in each row") from cause
 
 
 def _check(name: str, values: np.ndarray) -> None:
