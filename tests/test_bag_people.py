@@ -130,9 +130,22 @@ def test_the_command_takes_people_of_another_frame(kind, store, tmp_path):
     assert kind != "csv" or checked_placement(moved).outside == 0
 
 
+def sized(width, height):
+    turn, corner = Message(x=0.0, y=0.0, z=0.0, w=1.0), Message(x=0.0, y=0.0)
+    origin = Message(position=corner, orientation=turn)
+    return Message(width=width, height=height, resolution=0.1, origin=origin)
+
+
+def test_unknown_cells_are_free_and_other_values_are_percentages():
+    read = map_of_grid(Message(info=sized(5, 1), data=np.array([-1, 0, 50, 51, 100], np.int8)))
+    assert read.occupied[:, 0].tolist() == [False, False, False, True, True]
+    for odd in (-2, 127):
+        with pytest.raises(ValueRuleError, match=f"data = {odd}, but cells are -1"):
+            map_of_grid(Message(info=sized(2, 1), data=np.array([0, odd], np.int8)))
+
+
 def test_a_map_is_refused_before_its_cells_are_decoded():
     """The same bound as that of every map, so that what can be written can be read."""
-    turn, corner = Message(x=0.0, y=0.0, z=0.0, w=1.0), Message(x=0.0, y=0.0)
-    info = Message(width=9000, height=9000, resolution=0.1, origin=Message(position=corner, orientation=turn))
+    info = sized(9000, 9000)
     with pytest.raises(ShapeError, match="at most 67108864 cells"):
         map_of_grid(Message(info=info))  # it has no data

@@ -22,7 +22,7 @@ FRAME, WORLD = "map", "world"
 
 _TAGS = ("time_s", "goal_x_m", "goal_y_m", "desired_speed_mps", "group_id")
 """Columns of `tracks_table` that become tags."""
-_OCCUPIED, _FREE = 100, 0
+_OCCUPIED, _FREE, _UNKNOWN = 100, 0, -1
 _LATEST_S = 2**31
 
 
@@ -87,7 +87,7 @@ def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
 
     Raises:
         ShapeError: the map is empty or has too many cells.
-        ValueRuleError: it is turned.
+        ValueRuleError: it is turned, or a cell is neither unknown nor a percentage.
     """
     info = message.info
     check_cells(info.width, info.height)
@@ -97,6 +97,10 @@ def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
             "origin.orientation", [turn.x, turn.y, turn.z, turn.w], "maps must not be turned"
         )
     cells = np.asarray(message.data).reshape(info.height, info.width).T
+    for value in (cells.min(), cells.max()):
+        if not _UNKNOWN <= value <= _OCCUPIED:
+            rule = "cells are -1 (unknown) or 0 to 100 (per cent); publish raw costs as an OccupancyGrid"
+            raise ValueRuleError("data", int(value), rule)
     origin = np.array([info.origin.position.x, info.origin.position.y])
     return OccupancyMap(
         cells > _OCCUPIED / 2, origin, float(resolution_m or str(np.float32(info.resolution)))
