@@ -81,7 +81,7 @@ def test_an_error_is_a_sentence_that_names_the_file(command, tmp_path, monkeypat
 
 
 def test_help_is_there_and_needs_no_torch():
-    checked = "import sys, pedpred.command; assert 'torch' not in sys.modules; "
+    checked = "import sys, pedpred.command.arguments; assert 'torch' not in sys.modules; "
     command = [sys.executable, "-c", checked + "pedpred.command.main(['--help'])"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stderr
@@ -90,7 +90,7 @@ def test_help_is_there_and_needs_no_torch():
 
 def test_no_message_names_the_pipeline_that_made_the_files():
     names = "[m.__file__ for name, m in sys.modules.items() if name.startswith('pedpred')]"
-    script = f"import sys, pedpred.command; print(*{names})"
+    script = f"import sys, pedpred.command.arguments; print(*{names})"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     files = [Path(name) for name in done.stdout.split()]
     assert len(files) > 30

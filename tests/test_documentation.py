@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pedpred.command import main, parser
+from pedpred.command import main
+from pedpred.command.arguments import parser
 from pedpred.config import composed
 from pedpred.forecasting import Methods
 from pedpred.online import shipped

@@ -17,7 +17,6 @@ from pedpred.features.perception import Perception, parse_tracker
 from pedpred.networks import NetworkForecaster
 from pedpred.online import OnlinePredictor
 from pedpred.online.assessment import assess
-from pedpred.online.replay import replayed
 from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings
 from tests.exported import TRACKER
@@ -58,7 +57,7 @@ def test_jittered_detections_keep_as_many_windows_in_the_pipeline_and_in_the_com
         assert seconds_of_windows == pytest.approx(27.0 - 3 * scene.detection_dt_s, abs=scene.detection_dt_s)
         _, pipeline = compare(request, {"network": NetworkForecaster(network, encoder)}, SETTINGS)
         robot = OnlinePredictor.load(folder)
-        command = assess(scene, robot, replayed(scene, robot), SETTINGS)
+        command = assess(scene, robot, SETTINGS)
         assert len(command["network"].track) == len(pipeline["network"].track) == len(request.rows)
         assert pipeline["network"].without_truth == 0
     assert len(asked(noisy).rows) == pytest.approx(len(asked(rare).rows), rel=0.01)

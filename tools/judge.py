@@ -29,7 +29,7 @@ from typing import Any
 from omegaconf import DictConfig
 
 from pedpred.baselines.present_motion import STRONGEST
-from pedpred.command.prediction import robot_for, with_progress
+from pedpred.command.prediction import robot_for
 from pedpred.config import plain, read_params, row
 from pedpred.errors import PedpredError
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
@@ -68,9 +68,7 @@ def scores_in(
     scene: Scene, folder: Path, sensor: SensorSettings, settings: EvaluationSettings
 ) -> dict[str, Scores]:
     """Scores of a model folder and of simple methods in a scene that a sensor looks at."""
-    seen = sensed(scene, sensor)
-    robot = robot_for(seen, folder)
-    return assess(scene, robot, with_progress(seen, robot), settings, sensor)
+    return assess(scene, robot_for(sensed(scene, sensor), folder), settings, sensor)
 
 
 class Judgement:

@@ -28,7 +28,7 @@ _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id")
 
 def info(given: argparse.Namespace) -> None:
     """Describe the content of a scene."""
-    scene = _read_given(given)
+    scene = read_given(given)
     trajectories, occupancy = scene.trajectories, scene.occupancy
     tracks, instants = (len(np.unique(values)) for values in (trajectories.track_id, trajectories.time_s))
     span_s = float(np.ptp(trajectories.time_s)) if len(trajectories) else 0.0
@@ -54,7 +54,7 @@ def convert(given: argparse.Namespace) -> None:
             "output", str(given.output), "a name ends in .mcap, or is that of a scene folder"
         )
     refuse_overwriting(given.output, given.force)
-    scene = _read_given(given)
+    scene = read_given(given)
     if given.scene.suffix in FORMATS:  # without a name of its own
         scene = replace(scene, name=given.output.stem)
     _log.info("%s: %s", scene.name, checked_placement(scene))
@@ -65,7 +65,7 @@ def convert(given: argparse.Namespace) -> None:
         write_scene(scene, given.output)
 
 
-def _read_given(given: argparse.Namespace) -> Scene:
+def read_given(given: argparse.Namespace) -> Scene:
     """Read the scene that the arguments name, on the map that they name.
 
     Raises:

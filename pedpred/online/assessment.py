@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+import numpy as np
+from tqdm import tqdm
+
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.evaluation import EvaluationSettings, Scores
-from pedpred.evaluation.compare import compare
-from pedpred.evaluation.windows import window_request
-from pedpred.features.perception import Perception
-from pedpred.forecasting import ForecastRequest
+from pedpred.evaluation import EvaluationSettings, Scores, score
+from pedpred.evaluation.scores import metric_scene, true_paths
+from pedpred.evaluation.windows import count_without_truth, window_request
+from pedpred.features.perception import Perception, sensed
+from pedpred.forecasting import Forecaster, ForecastRequest
+from pedpred.online.batch import predictions_at_once
 from pedpred.online.predictor import OnlinePredictor
-from pedpred.online.replay import predictions_at
-from pedpred.scenes import Forecast, Predictions, Scene
+from pedpred.online.replay import predictions_at, replayed
+from pedpred.scenes import Predictions, Scene
 from pedpred.simulation.sensor import SensorSettings
 
 NETWORK = "network"
@@ -23,9 +27,11 @@ NETWORK = "network"
 def assess(
     scene: Scene,
     predictor: OnlinePredictor,
-    forecasts: Iterable[Forecast],
     settings: EvaluationSettings,
     sensor: SensorSettings | None = None,
+    others: Mapping[str, Forecaster] | None = None,
+    answered: Callable[[ForecastRequest], np.ndarray] | None = None,
+    regions: bool = True,
 ) -> dict[str, Scores]:
     """Measure the network in a scene, beside the baselines that continue the present motion.
 
@@ -35,9 +41,11 @@ def assess(
     Args:
         scene: detections at any rate, regular or not.
         predictor: its tracker and window sizes are used for all methods.
-        forecasts: of its replay of the scene, as the sensor detects it.
         settings: thresholds of the metrics.
         sensor: between the scene and the tracker; None for a perfect one.
+        others: further methods by name.
+        answered: which windows count, [W] bool; None: all.
+        regions: see `score`.
 
     Raises:
         ValueRuleError: the scene has no window.
@@ -45,15 +53,34 @@ def assess(
     Returns:
         The scores of each method in the same windows.
     """
-    about, sizes = predictor.description, predictor.features
-
-    def replayed_network(request: ForecastRequest) -> Predictions:
-        asked = request.asked
-        return predictions_at(forecasts, asked.track_id, asked.time_s, sizes.horizon_steps, sizes.dt_s)
-
-    methods = {key: make() for key, make in PRESENT_MOTION.items()} | {NETWORK: replayed_network}
-    how = Perception(about.tracker, about.standstill_mps, sensor or SensorSettings())
-    request = window_request(scene, how, sizes)
+    about, sizes, sensor = predictor.description, predictor.features, sensor or SensorSettings()
+    request = window_request(scene, Perception(about.tracker, about.standstill_mps, sensor), sizes)
+    without_truth = count_without_truth(request.table, sizes, scene.name)
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.
-    _, scores = compare(replace(request, tracker=None), methods, settings)
-    return scores
+    request = replace(request, tracker=None)
+    if answered is not None:
+        request = replace(request, rows=request.rows[answered(request)])
+
+    def network(asked: ForecastRequest) -> Predictions:
+        if about.reads_situations:
+            return predictions_at_once(predictor, asked, f"forecast {scene.name}")
+        return _replayed(sensed(scene, sensor), predictor, asked)
+
+    methods = {key: make() for key, make in PRESENT_MOTION.items()} | {NETWORK: network} | dict(others or {})
+    windows, truth = request.asked, true_paths(request.asked, sizes.dt_s)
+    known = metric_scene(windows, scene.occupancy, settings)
+    return {
+        name: replace(
+            score(method(request), truth, windows.track_id, known, regions=regions),
+            without_truth=without_truth,
+        )
+        for name, method in methods.items()
+    }
+
+
+def _replayed(seen: Scene, predictor: OnlinePredictor, request: ForecastRequest) -> Predictions:
+    """Forecasts of a network with memory, frame by frame."""
+    frames = len(np.unique(seen.trajectories.time_s))
+    forecasts = tqdm(replayed(seen, predictor), total=frames, desc=f"replay {seen.name}", unit="frame")
+    asked, sizes = request.asked, request.sizes
+    return predictions_at(forecasts, asked.track_id, asked.time_s, sizes.horizon_steps, sizes.dt_s)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from pedpred.online.people import People, detected, next_ticks_s
 from pedpred.online.shipped import default_model
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
 from pedpred.simulation.fields import check_ranges
+from pedpred.tracking import KalmanSettings
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LOG = logging.getLogger(__name__)
@@ -35,10 +36,12 @@ class OnlineSettings:
     Attributes:
         max_age_s: a person is present while the last detection is at most this old, s.
         snap_s: a step that became due at most this long before a frame is taken with the frame, s.
+        tracker: noise of the detections and of walking; None: what the model folder says.
     """
 
     max_age_s: float = 0.5
     snap_s: float = 0.05
+    tracker: KalmanSettings | None = None
 
     def __post_init__(self) -> None:
         check_ranges(self, dict.fromkeys(("max_age_s", "snap_s"), "[0, inf)"))
@@ -63,6 +66,7 @@ class OnlinePredictor:
         self._about = read_description(folder)
         self._network = ExportedNetwork(folder, self._about)
         self._settings = settings or OnlineSettings()
+        self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
         self._map = _NO_MAP
         self.reset()
 
@@ -79,8 +83,18 @@ class OnlinePredictor:
 
     @property
     def description(self) -> ModelDescription:
-        """What the model folder says about its network."""
+        """What the model folder says about its network, with the tracker that is used."""
         return self._about
+
+    @property
+    def network(self) -> ExportedNetwork:
+        """The network of the model folder."""
+        return self._network
+
+    @property
+    def settings(self) -> OnlineSettings:
+        """How detections are treated."""
+        return self._settings
 
     @property
     def features(self) -> FeatureSettings:

@@ -18,7 +18,6 @@ from pedpred.features.perception import Perception
 from pedpred.files import write_json
 from pedpred.metrics.paths import displacement
 from pedpred.online.assessment import assess
-from pedpred.online.replay import replayed
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scene
 from tests.simulated import SETTINGS, scene_of, short
@@ -33,8 +32,7 @@ SECONDS = 20.0  # simulated time, short enough that differences in rounding stay
 
 def as_on_a_robot(scene: Scene) -> dict[str, float]:
     """Mean errors of the committed network and of the methods of present motion, m."""
-    predictor = robot_for(scene, MODEL)
-    scores = assess(scene, predictor, replayed(scene, predictor), EvaluationSettings())
+    scores = assess(scene, robot_for(scene, MODEL), EvaluationSettings())
     return {method: round(float(own.error_m.mean()), 5) for method, own in scores.items()}
 
 

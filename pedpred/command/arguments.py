@@ -1,0 +1,168 @@
+"""Arguments of `pedpred`, and their checks before any work begins."""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pedpred import command as package
+from pedpred.command.conversion import convert, info, layout_of, refuse_overwriting
+from pedpred.command.evaluation import evaluate
+from pedpred.command.prediction import predict
+from pedpred.errors import FileError, OutputError, ValueRuleError
+from pedpred.evaluation import EvaluationSettings
+from pedpred.files import check_output
+from pedpred.online.network import read_description
+
+_SCENE = (
+    "a scene folder, an MCAP recording, a ROS bag, a table (.csv, .tsv, .txt) with time, id, x, y, a text "
+    "with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or an .ndjson file of TrajNet++"
+)
+_TRACKER = "a YAML file with acceleration_noise, position_noise_m and initial_speed_mps, as in conf/trackers"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Make the arguments of all subcommands."""
+    top = argparse.ArgumentParser(prog="pedpred", description=package.__doc__)
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+    _add(commands, info, scenes="+").set_defaults(action=_each(info))
+    command = _add(commands, convert)
+    _output(command, "an MCAP file (.mcap) or a new scene folder")
+    command = _add(commands, predict)
+    _output(command, "an MCAP file (default: NAME_forecasts.mcap in the current folder)", required=False)
+    _model(command, _TRACKER)
+    grid = "also write the predicted occupancy of every step, in cells of this size, m"
+    command.add_argument("--grid", type=_number(float, 0.01, 10.0), metavar="M", help=grid)
+    command = _add(commands, evaluate, scenes="+")
+    _model(command, f"{_TRACKER}; or `tune`: fit it to the recording itself")
+    _conditions(command)
+    _measures(command)
+    return top
+
+
+def check(given: argparse.Namespace) -> None:
+    """Check whatever can be checked before work begins: inputs exist, outputs can be written.
+
+    Raises:
+        PedpredError: something is wrong with an argument.
+    """
+    scenes = given.scene if isinstance(given.scene, list) else [given.scene]
+    named = [getattr(given, name, None) for name in ("map", "model", "tracker", "forecasts")]
+    inputs = [*scenes, *(path for path in named if isinstance(path, Path))]
+    for path in inputs:
+        if not path.exists():
+            raise FileError(path, "", "there is no such file or folder", "Correct the name")
+    if given.action is predict and given.output is None:
+        given.output = Path(f"{given.scene.stem}_forecasts.mcap")
+    if output := getattr(given, "output", None):
+        refuse_overwriting(output, given.force)
+        recording = output.suffix == ".mcap"
+        _check_output(output, inputs, folder=not recording)
+        if recording:
+            _check_output(layout_of(output), inputs)
+    if figures := getattr(given, "json", None):
+        _check_output(figures, inputs)
+    if model := getattr(given, "model", None):
+        read_description(model)
+    if getattr(given, "forecasts", None) and len(scenes) > 1:
+        raise ValueRuleError("--forecasts", str(given.forecasts), "give the one scene that they are about")
+
+
+def _check_output(path: Path, inputs: list[Path], folder: bool = False) -> None:
+    check_output(path, folder)
+    if any(path.exists() and path.samefile(other) for other in inputs):
+        raise OutputError(path, "it is an input of this command")
+
+
+def _each(action: Callable[[argparse.Namespace], None]) -> Callable[[argparse.Namespace], None]:
+    """Do something for each of several scenes."""
+
+    def for_all(given: argparse.Namespace) -> None:
+        for number, scene in enumerate(given.scene):
+            one = copy.copy(given)
+            one.scene = scene
+            sys.stdout.write("\n" if number else "")
+            action(one)
+
+    return for_all
+
+
+def _number(kind: type, least: float, most: float) -> Callable[[str], float]:
+    """A number of a kind, from `least` to `most`."""
+
+    def number(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        if not least <= value <= most:
+            what = "a whole number" if kind is int else "a number"
+            raise argparse.ArgumentTypeError(f"{text!r}: it must be {what} from {least:g} to {most:g}")
+        return value
+
+    return number
+
+
+def _path(text: str) -> Path:
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the name is empty")
+    return Path(text)
+
+
+def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: str | None = None) -> Any:
+    """Add a subcommand named after its function, which reads one scene or several."""
+    command = commands.add_parser(action.__name__, help=action.__doc__, description=action.__doc__)
+    command.set_defaults(action=action)
+    command.add_argument("scene", type=_path, nargs=scenes, help=_SCENE)
+    command.add_argument("--topic", help="of a bag's people, if several topics carry people")
+    pose = "pose of the people's frame in the map's frame, if they differ, m, m, rad"
+    command.add_argument("--transform", type=float, nargs=3, metavar=("X", "Y", "YAW"), help=pose)
+    named = "columns of a table in order, in place of its header, such as time,id,x,y; others are ignored"
+    command.add_argument("--columns", help=named)
+    counted = "of frame numbers, in a file that does not say it, Hz"
+    command.add_argument("--rate", "--frame-rate", type=float, help=counted)
+    replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml), which replaces the map"
+    command.add_argument("--map", type=_path, help=replaced)
+    end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"
+    ends = ("X1", "Y1", "X2", "Y2")
+    command.add_argument(
+        "--open-end", type=float, nargs=4, metavar=ends, action="append", default=[], help=end
+    )
+    return command
+
+
+def _output(command: argparse.ArgumentParser, what: str, required: bool = True) -> None:
+    command.add_argument("-o", "--output", type=_path, required=required, help=what)
+    command.add_argument("--force", action="store_true", help="replace an existing file")
+
+
+def _model(command: argparse.ArgumentParser, tracker: str) -> None:
+    command.add_argument("--model", type=_path, help="a model folder (default: the one of the package)")
+    command.add_argument("--tracker", type=lambda text: text if text == "tune" else _path(text), help=tracker)
+
+
+def _conditions(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--no-map", action="store_true", help="without obstacles")
+    command.add_argument("--alone", action="store_true", help="everybody alone, without the other people")
+    theirs = "measure somebody else's forecasts too: a table with track, time, mode, weight, step, x, y, or "
+    command.add_argument("--forecasts", type=_path, help=f"{theirs}the .ndjson predictions of TrajNet++")
+    step = "time between two steps of such a table, s (default: that of the model)"
+    command.add_argument("--step-s", type=_number(float, 0.01, 10.0), help=step)
+
+
+def _measures(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--json", type=_path, help="write all figures there")
+    usual = EvaluationSettings()
+    slow = f"slower pedestrians count as standing, m/s (default {usual.moving_mps:g})"
+    speed, near_m = _number(float, 1e-6, 1e6), _number(float, 1e-6, 1e6)
+    command.add_argument("--moving-mps", type=speed, default=usual.moving_mps, help=slow)
+    near = f"forecast paths nearer than this collide, m (default {usual.collision_m:g})"
+    command.add_argument("--collision-m", type=near_m, default=usual.collision_m, help=near)
+    samples, seed = _number(int, 1, 100_000), _number(int, 0, 2**63)
+    command.add_argument("--samples", type=samples, default=1000, help="bootstrap replicates (default 1000)")
+    command.add_argument("--seed", type=seed, default=0, help="of the bootstrap (default 0)")

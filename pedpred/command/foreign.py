@@ -1,0 +1,177 @@
+"""Forecasts that somebody else made, read from a table or from predictions in the form of TrajNet++."""
+
+from __future__ import annotations
+
+import csv
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.command.trajnet import trajnet_columns
+from pedpred.errors import SourceError
+from pedpred.forecasting import ForecastRequest
+from pedpred.scenes import Predictions
+from pedpred.storage.text import read_numbers, text_lines
+
+COLUMNS = ("track", "time", "mode", "weight", "step", "x", "y")
+"""A row per step of each mode: whose forecast, made when (s), and where the person will be (world, m)."""
+
+_SAME_S = 0.005
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ForeignForecasts:
+    """Forecasts of some people at some instants, in a world frame. A forecaster of the windows it answers.
+
+    Attributes:
+        source: the file.
+        track_id: whose, rising. [F]
+        time_s: when each was made, rising within a track, s. [F]
+        path: modes, the most likely first, m. [F, K, S, 2]
+        weight: of the modes. [F, K]
+        step_s: time between two steps, s; None: that of the windows.
+    """
+
+    source: Path
+    track_id: np.ndarray
+    time_s: np.ndarray
+    path: np.ndarray
+    weight: np.ndarray
+    step_s: float | None
+
+    @property
+    def name(self) -> str:
+        """What the method is called."""
+        return self.source.stem
+
+    def answered(self, request: ForecastRequest) -> np.ndarray:
+        """Which windows have a forecast, made within 5 ms of them. [W] bool.
+
+        Raises:
+            SourceError: none has.
+        """
+        asked = request.asked
+        found = self._rows(asked.track_id, asked.time_s) >= 0
+        if not found.any():
+            windows, own = _span(asked.track_id, asked.time_s), _span(self.track_id, self.time_s)
+            problem = f"no forecast belongs to a window of {request.scene.name}: forecasts are of {own}, "
+            remedy = "Ids and times must be those of the recording"
+            raise SourceError(self.source, None, f"{problem}windows of {windows}", remedy)
+        if not found.all():
+            text = "%s has forecasts for %d of %d windows; all methods are compared there"
+            _LOG.info(text, self.source, found.sum(), len(found))
+        return found
+
+    def __call__(self, request: ForecastRequest) -> Predictions:
+        """The forecasts at the steps of the windows, interpolated from the last detection on."""
+        asked, ahead_s, dt_s = request.asked, request.ahead_s, request.sizes.dt_s
+        steps = self.path.shape[2]
+        knots_s = np.arange(steps + 1) * (self.step_s or dt_s)
+        if knots_s[-1] < ahead_s[-1] - _SAME_S:
+            problem = f"forecasts reach {knots_s[-1]:g} s ahead, and windows need {ahead_s[-1]:g} s"
+            raise SourceError(self.source, None, problem, "Steps of a table may be longer: --step-s")
+        rows = self._rows(asked.track_id, asked.time_s)
+        start = np.broadcast_to(asked.last_position[:, None, None], (len(rows), self.weight.shape[1], 1, 2))
+        known = np.concatenate([start, self.path[rows]], axis=2)
+        after = np.clip(np.searchsorted(knots_s, ahead_s - 1e-9), 1, steps)
+        part = ((ahead_s - knots_s[after - 1]) / (knots_s[after] - knots_s[after - 1]))[:, None]
+        path = (1.0 - part) * known[:, :, after - 1] + part * known[:, :, after]
+        return Predictions(path[:, 0], path, self.weight[rows], dt_s)
+
+    def _rows(self, track_id: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        """Row of the forecast of each window, -1 where there is none. [W]."""
+        rows = np.full(len(track_id), -1)
+        for track in np.unique(track_id):
+            first, last = np.searchsorted(self.track_id, [track, track + 1])
+            if first < last:
+                asked = np.flatnonzero(track_id == track)
+                right = np.clip(np.searchsorted(self.time_s[first:last], time_s[asked]), 1, last - first)
+                near = first + np.stack([right - 1, np.minimum(right, last - first - 1)])
+                gaps = np.abs(self.time_s[near] - time_s[asked])
+                best = np.take_along_axis(near, gaps.argmin(axis=0)[None], axis=0)[0]
+                rows[asked] = np.where(gaps.min(axis=0) <= _SAME_S, best, -1)
+        return rows
+
+
+def _span(track_id: np.ndarray, time_s: np.ndarray) -> str:
+    some = ", ".join(map(str, np.unique(track_id)[:3].tolist()))
+    return f"{len(np.unique(track_id))} tracks ({some} ...) at {time_s.min():g} to {time_s.max():g} s"
+
+
+def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
+    """Read a table with the columns `COLUMNS` and a header, or .ndjson predictions of TrajNet++.
+
+    Args:
+        path: the file.
+        step_s: time between two steps of a table, s; None: that of the windows.
+
+    Raises:
+        SourceError: the file cannot be understood; it names the line, or whose forecast is wrong.
+    """
+    if path.suffix == ".ndjson":
+        columns, step_s = trajnet_columns(path)
+    else:
+        columns = _table_columns(path)
+    if not len(columns["line"]):
+        raise SourceError(path, None, "no forecasts")
+    names = ("track_id", "time", "mode", "step")
+    order = np.lexsort([columns[name] for name in reversed(names)])
+    keys = np.stack([columns[name][order].astype(np.float64) for name in names], axis=-1)
+    begins = np.append(True, (keys[1:, :2] != keys[:-1, :2]).any(axis=1))
+    modes, steps = (len(np.unique(columns[name])) for name in ("mode", "step"))
+    expected = np.stack(np.meshgrid(np.unique(columns["mode"]), np.arange(1, steps + 1), indexing="ij"), -1)
+    whole = np.flatnonzero(begins)
+    counts = np.diff(np.append(whole, len(order)))
+    fits = counts == modes * steps
+    if fits.all():
+        fits = (keys[:, 2:].reshape(-1, modes, steps, 2) == expected).all(axis=(1, 2, 3))
+    if not fits.all():
+        row = order[whole[np.flatnonzero(~fits)[0]]]
+        problem = f"the forecast of track {columns['track_id'][row]} at {columns['time'][row]:g} s"
+        needed = f"needs each step from 1 to {steps} once in each of {modes} modes, as the others have it"
+        raise SourceError(path, int(columns["line"][row]), f"{problem} {needed}")
+    return _forecasts(path, columns, order, (len(whole), modes, steps), step_s)
+
+
+def _forecasts(
+    path: Path,
+    columns: dict[str, np.ndarray],
+    order: np.ndarray,
+    shape: tuple[int, int, int],
+    step_s: float | None,
+) -> ForeignForecasts:
+    """Put sorted rows together, the most likely modes first."""
+    paths = np.stack([columns["x"], columns["y"]], axis=-1)[order].reshape(*shape, 2)
+    weights = columns["weight"][order].reshape(shape)
+    total = weights[..., 0].sum(axis=1)
+    wrong = (weights < 0).any(axis=(1, 2)) | (weights != weights[..., :1]).any(axis=(1, 2)) | ~(total > 0)
+    if wrong.any():
+        row = order[np.flatnonzero(wrong)[0] * shape[1] * shape[2]]
+        rule = "weights are the same at all steps of a mode, not negative, and not all 0"
+        raise SourceError(path, int(columns["line"][row]), f"weight = {columns['weight'][row]:g}, but {rule}")
+    weight = weights[..., 0] / total[:, None]
+    likely = np.argsort(-weight, axis=1, kind="stable")
+    rows = np.arange(shape[0])[:, None]
+    first = order[:: shape[1] * shape[2]]
+    return ForeignForecasts(
+        path,
+        columns["track_id"][first],
+        columns["time"][first],
+        paths[rows, likely],
+        weight[rows, likely],
+        step_s,
+    )
+
+
+def _table_columns(path: Path) -> dict[str, np.ndarray]:
+    lines = text_lines(path)
+    _, header = next(lines, (1, ""))
+    titles = [title.strip() for title in next(csv.reader([header]), [])]
+    if missing := [name for name in COLUMNS if name not in titles]:
+        problem = f"no column {missing[0]}; found were {', '.join(titles)[:200]}"
+        raise SourceError(path, 1, problem, f"The header is {','.join(COLUMNS)}")
+    rows = ((line, next(csv.reader([text]))) for line, text in lines)
+    return read_numbers(path, rows, titles, {name: name for name in COLUMNS} | {"track": "track_id"})

@@ -1,0 +1,72 @@
+"""Figures of `pedpred evaluate` as text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pedpred.baselines.present_motion import PRESENT_MOTION
+from pedpred.evaluation import EvaluationSettings, Scores, summaries
+from pedpred.metrics import METRICS
+
+_SHOWN = (*("ade_m", "fde_m", "moving_ade_m", "standing_ade_m", "nll", "obstacle_share", "collision_share"),)
+
+
+def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str, Scores]) -> str:
+    """Write the figures of a scene.
+
+    Args:
+        name: of the scene.
+        rows: method -> figure -> value.
+        scores: of the same methods.
+    """
+    some, own = next(iter(rows.values())), next(iter(scores.values()))
+    first, *others = _SHOWN
+    titles = [f"{METRICS[key].label} {METRICS[key].unit}" for key in _SHOWN]
+    cells: list[Sequence[str]] = [("method", titles[0], "95 % interval", *titles[1:])]
+    for method, row in rows.items():
+        interval = " - ".join(_cell(first, end) for end in row[f"{first}_ci95"])
+        cells.append((method, _cell(first, row[first]), interval, *(_cell(k, row.get(k)) for k in others)))
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
+    moving = int(np.isfinite(own.values["moving_ade_m"]).sum())
+    split = f"{moving} of people who move, {some['windows'] - moving} of people who stand"
+    lost = some["eligible"] - some["windows"]
+    without = f"; {lost} more without truth" if lost else ""
+    about = f"{name}: {some['windows']} windows of {some['tracks']} tracks ({split}{without})"
+    return "\n".join([about, *lines, "", ""])
+
+
+def _cell(key: str, value: float | None) -> str:
+    """Write a figure with the digits of its unit."""
+    if value is None:
+        return "-"
+    return f"{100 * value:.1f}" if METRICS[key].unit == "%" else f"{value:.3f}"
+
+
+def verdict(scores: Mapping[str, Scores], settings: EvaluationSettings) -> str:
+    """Say of every other method whether its ADE is lower than that of the best simple method.
+
+    Args:
+        scores: by method, in the same windows.
+        settings: of the bootstrap.
+    """
+    key = "ade_m"
+    best = min(PRESENT_MOTION, key=lambda method: float(scores[method].values[key].mean()))
+    others = [method for method in scores if method not in PRESENT_MOTION]
+    rows = summaries({method: scores[method] for method in (best, *others)}, best, settings)
+    return "".join(_sentence(method, best, rows[method], rows[best][key]) for method in others)
+
+
+def _sentence(method: str, best: str, row: Mapping[str, Any], reference_m: float) -> str:
+    difference = row["ade_m_minus_reference"]
+    low, high = row["ade_m_minus_reference_ci95"]
+    if low is None or low <= 0 <= high:
+        found = f"no clear difference from {best}"
+    else:
+        found = f"{'better' if difference < 0 else 'worse'} than {best}"
+    relative = f", {100 * difference / reference_m:+.0f} %" if reference_m else ""
+    interval = f"95 % interval {_cell('ade_m', low)} to {_cell('ade_m', high)}"
+    return f"{method}: {found}, the best simple method: ADE {difference:+.3f} m{relative} ({interval})\n"

@@ -1,0 +1,74 @@
+"""Predictions in the form of TrajNet++ (Kothari et al. 2021) as columns of a table of forecasts.
+
+A line is `{"scene": {"id", "p", "s", "e", "fps"}}` or `{"track": {"f", "p", "x", "y", "prediction_number",
+"scene_id"}}`. Each scene is about its pedestrian p; predictions of other pedestrians in it are left out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.errors import SourceError
+from pedpred.files import translate_errors
+from pedpred.storage.text import Row, read_numbers, text_lines
+
+_FIELDS = {
+    "p": "track_id",
+    "f": "frame",
+    "scene_id": "scene",
+    "prediction_number": "mode",
+    "x": "x",
+    "y": "y",
+}
+
+
+def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
+    """Read predictions; their modes are equally likely.
+
+    Returns:
+        The columns of a table of forecasts, and the time between two steps, s.
+
+    Raises:
+        SourceError: the file is missing or wrong, or holds no predictions.
+    """
+    about: dict[int, tuple[int, float]] = {}
+    columns = read_numbers(path, _rows(path, about), tuple(_FIELDS), _FIELDS)
+    if not len(columns["line"]):
+        raise SourceError(path, None, "no prediction: no track of a scene has a prediction_number")
+    rates = {fps for _, fps in about.values()}
+    if len(rates) != 1 or not 0.0 < min(rates) < np.inf:
+        raise SourceError(path, None, f"fps of the scenes: {sorted(rates)[:5]}", "All must have the same one")
+    scenes, scene = np.unique(columns.pop("scene"), return_inverse=True)
+    primary = np.array([about.get(int(number), (None, 0.0))[0] for number in scenes], dtype=object)
+    kept = primary[scene] == columns["track_id"]
+    scene, columns = scene[kept], {name: values[kept] for name, values in columns.items()}
+    frame, step_s = columns.pop("frame"), 1.0 / rates.pop()
+    frames = np.unique(frame)
+    apart = float(np.median(np.diff(frames))) if len(frames) > 1 else 1.0
+    first = np.full(len(scenes), np.inf)
+    np.minimum.at(first, scene, frame)
+    columns["time"] = (first[scene] / apart - 1.0) * step_s
+    columns["step"] = (frame - first[scene]) / apart + 1.0
+    columns["weight"] = np.ones(len(frame))
+    return columns, step_s
+
+
+def _rows(path: Path, about: dict[int, tuple[int, float]]) -> Iterator[Row]:
+    """Yield the fields of each prediction; collect the pedestrian and the rate of each scene."""
+    for line, text in text_lines(path):
+        with translate_errors(partial(SourceError, path, line)):
+            content = json.loads(text)
+            if "scene" in content:
+                scene = content["scene"]
+                about[int(scene["id"])] = int(scene["p"]), float(scene["fps"])
+                continue
+            track = content["track"]
+            if track.get("prediction_number") is None:
+                continue
+            fields = [repr(track[name]) for name in _FIELDS]
+        yield line, fields

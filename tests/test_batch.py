@@ -1,0 +1,36 @@
+"""Forecasts of many instants at once equal those of a replay."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pedpred.evaluation.windows import window_request
+from pedpred.features.perception import Perception
+from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.batch import predictions_at_once
+from pedpred.online.replay import predictions_at, replayed
+from pedpred.scenes import Scene
+from pedpred.simulation.sensor import SensorSettings
+from tests.worlds import walled_scene
+
+
+def both(scene: Scene, predictor: OnlinePredictor):
+    about, sizes = predictor.description, predictor.features
+    request = window_request(scene, Perception(about.tracker, 0.2, SensorSettings()), sizes)
+    asked = request.asked
+    slow = predictions_at(replayed(scene, predictor), asked.track_id, asked.time_s, 10, sizes.dt_s)
+    return slow, predictions_at_once(predictor, request, "")
+
+
+@pytest.mark.parametrize(("dt_s", "max_age_s"), [(0.4, 0.5), (0.1, 0.5), (0.07, 0.0)])
+def test_all_at_once_is_a_replay(mixture, dt_s, max_age_s):
+    """Gaps, crowds and people who have just appeared included."""
+    rng = np.random.default_rng(3)
+    scene = walled_scene(rng, dt_s, detections=round(12 / dt_s), tracks=5)
+    seen = rng.random(len(scene.trajectories)) < 0.9
+    scene = dataclasses.replace(scene, trajectories=scene.trajectories.select(seen))
+    slow, fast = both(scene, OnlinePredictor.load(mixture[0], OnlineSettings(max_age_s)))
+    assert len(slow) > 20
+    for name in ("point", "path", "weight", "covariance"):
+        np.testing.assert_allclose(getattr(fast, name), getattr(slow, name), atol=2e-4, err_msg=name)
