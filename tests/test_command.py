@@ -1,6 +1,5 @@
 """The command line: scenes in, recordings and folders out, errors without a traceback."""
 
-import dataclasses
 import json
 import shlex
 import subprocess
@@ -117,24 +116,6 @@ def test_own_tracks_in_a_table_are_measured(tmp_path, model, capsys):
         errors += [] if k < 3 else [np.linalg.norm(forecast.position - truth, axis=-1).mean()]
     assert figures["network"]["ade_m"] == pytest.approx(np.mean(errors), abs=1e-4)
     assert "hall: 24 windows of 2 tracks" in capsys.readouterr().out
-
-
-def test_several_scenes_are_pooled(tmp_path, model):
-    world = walled_scene(np.random.default_rng(2), 0.4, detections=35, tracks=2)
-    folders, out = [tmp_path / "walled", tmp_path / "other"], tmp_path / "e.json"
-    for folder in folders:
-        write_scene(dataclasses.replace(world, name=folder.name), folder)
-    main(["evaluate", *map(str, folders), "--model", str(model[0]), "--json", str(out)])
-    figures = json.loads(out.read_text())
-    one, both = figures["walled"]["network"], figures["all"]["network"]
-    assert both["ade_m"] == pytest.approx(one["ade_m"])
-    assert (both["windows"], both["tracks"]) == (2 * one["windows"], 2 * one["tracks"])
-
-
-def test_a_scene_that_is_too_short_to_measure_says_so(tmp_path, model):
-    (tmp_path / "hall.csv").write_text("time,id,x,y\n0,1,0,0\n0.4,1,0.4,0\n")
-    with pytest.raises(SystemExit, match="nobody in hall is detected 4 times"):
-        main(["evaluate", str(tmp_path / "hall.csv"), "--model", str(model[0])])
 
 
 def test_what_counts_is_what_the_published_metrics_count():

@@ -60,11 +60,11 @@ def check(given: argparse.Namespace) -> None:
     if given.action is predict and given.output is None:
         given.output = Path(f"{given.scene.stem}_forecasts.mcap")
     if output := getattr(given, "output", None):
-        refuse_overwriting(output, given.force)
         recording = output.suffix == ".mcap"
         _check_output(output, inputs, folder=not recording)
         if recording:
             _check_output(layout_of(output), inputs)
+        refuse_overwriting(output, given.force)
     if figures := getattr(given, "json", None):
         _check_output(figures, inputs)
     if model := getattr(given, "model", None):

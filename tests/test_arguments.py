@@ -1,0 +1,126 @@
+"""Bad arguments, outputs and interruptions of the command line: a sentence, before any work begins."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pedpred.command import evaluation as measuring
+from pedpred.command import main, prediction
+from pedpred.errors import OutputError
+from pedpred.files import check_output
+from tests.conftest import ROOT
+
+SCENE = str(ROOT / "examples/crossing")
+BELOW = ["file", "/dev/full", "/proc", "x" * 300]
+"""Nothing can be written below these."""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A folder with a file and a folder in it; whoever begins to work there fails."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("precious")
+
+    def worked(*given, **more):
+        pytest.fail("work has begun")
+
+    for module in (prediction, measuring):
+        monkeypatch.setattr(module, "read_given", worked)
+    monkeypatch.setattr("pedpred.command.conversion.read_given", worked)
+    return tmp_path
+
+
+def said(capsys, *arguments):
+    """What a command says before it ends with an error."""
+    with pytest.raises(SystemExit) as ended:
+        main([str(argument) for argument in arguments])
+    assert ended.value.code not in (0, None)
+    text = str(ended.value.code) + capsys.readouterr().err
+    assert "Traceback" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("command", "output"),
+    [
+        *(("convert -o", name) for name in ("", " ", "file", "/dev/full", "taken.mcap", "x.txt")),
+        *(("predict -o", name) for name in ("", ".", "folder", "/dev/full", "taken.mcap", "x", "x.json")),
+        *(("evaluate --json", name) for name in ("", " ", ".", "folder", "/dev/full", "x" * 300)),
+        *(("convert -o", f"{name}/{x}") for name in BELOW for x in ("x", "x.mcap")),
+        *(("predict -o", f"{name}/x.mcap") for name in BELOW),
+        *(("evaluate --json", f"{name}/x") for name in BELOW),
+    ],
+)
+def test_an_output_that_cannot_be_written_is_refused_before_work(command, output, here, capsys):
+    (here / "taken.mcap").mkdir()
+    action, option = command.split()
+    text = said(capsys, action, SCENE, option, output, *(["--force"] if option == "-o" else []))
+    assert any(words in text for words in ("it cannot be written", "the name is empty", "ends in .mcap"))
+    assert sorted(os.listdir()) == ["file", "folder", "taken.mcap"]
+    assert Path("file").read_text() == "precious"
+
+
+def test_an_input_is_never_the_output(here, capsys):
+    Path("walk.csv").write_text("time,id,x,y\n")
+    assert "input of this command" in said(capsys, "evaluate", "walk.csv", "--json", "walk.csv")
+
+
+@pytest.mark.parametrize("folder", [False, True, None])
+def test_a_place_that_can_be_written_stays_as_it_is(folder, tmp_path):
+    check_output(tmp_path / "new" / "below", folder)
+    (tmp_path / "old").touch() if folder is False else (tmp_path / "old").mkdir()
+    check_output(tmp_path / "old", folder)
+    assert os.listdir(tmp_path) == ["old"]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
+def test_a_folder_without_write_access_is_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match="Permission denied"):
+        check_output(tmp_path / "x.json")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *("--samples 0", "--samples 1.5", "--samples 1e9", "--seed -1", "--seed abc", "--moving-mps nan"),
+        *("--moving-mps 0", "--collision-m -1", "--step-s 0", "--model nowhere", "--tracker nowhere.yaml"),
+        *("--forecasts nowhere.csv", "--map nowhere", "--tracker file", "--model folder"),
+        *(f"{SCENE} --forecasts file", "--json ."),
+    ],
+)
+def test_an_argument_that_makes_no_sense_is_named_before_work(arguments, here, capsys):
+    option = arguments.split()[-2]
+    text = said(capsys, "evaluate", SCENE, *arguments.split())
+    value = arguments.split()[-1]
+    assert option in text or value in text
+
+
+def test_of_several_scenes_a_missing_one_is_named_before_the_first_is_read(here, capsys):
+    assert "gone.csv: there is no such file" in said(capsys, "evaluate", SCENE, "gone.csv")
+    assert "gone.csv: there is no such file" in said(capsys, "info", SCENE, "gone.csv")
+
+
+def test_ctrl_c_ends_quietly():
+    """Also while the command is being imported, which takes a second or more."""
+    script = f"from pedpred.command import main; print(flush=True); main(['evaluate', {SCENE!r}])"
+    with started("-c", script) as running:
+        running.stdout.readline()
+        running.send_signal(signal.SIGINT)
+        assert (running.wait(60), running.stderr.read()) == (130, "")
+
+
+def test_a_closed_pipe_ends_quietly():
+    with started("-m", "pedpred.command", "info", SCENE) as running:
+        running.stdout.close()
+        assert (running.wait(60), running.stderr.read()) == (141, "")
+
+
+def started(*command):
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([sys.executable, *command], cwd=ROOT, **pipes)

@@ -1,0 +1,235 @@
+"""`pedpred evaluate`: conditions, other people's forecasts, pools and the verdict."""
+
+import csv
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from pedpred.command import main
+from pedpred.command.conversion import read_any
+from pedpred.command.evaluation import one_by_one
+from pedpred.command.foreign import COLUMNS
+from pedpred.command.prediction import robot_for
+from pedpred.evaluation import EvaluationSettings
+from pedpred.online.assessment import assess
+from pedpred.online.replay import replayed
+from pedpred.scenes import OccupancyMap
+from pedpred.storage.scenes import read_scene, write_scene
+from tests.worlds import walled_scene
+
+FAST = ("--samples", "20")
+
+
+@pytest.fixture
+def hall(tmp_path):
+    """A scene folder with walls and two people."""
+    world = walled_scene(np.random.default_rng(2), 0.4, detections=35, tracks=2)
+    write_scene(dataclasses.replace(world, name="hall"), tmp_path / "hall")
+    return tmp_path / "hall"
+
+
+def measured(*arguments, out):
+    """The figures that a command writes."""
+    main(["evaluate", *map(str, arguments), *FAST, "--json", str(out)])
+    return json.loads(out.read_text(), parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+
+
+@pytest.mark.parametrize(("names", "pool"), [(("walled", "other"), "all"), (("all", "other"), "all scenes")])
+def test_several_scenes_are_pooled_under_a_name_that_none_has(names, pool, hall, tmp_path, model):
+    for name in names:
+        write_scene(dataclasses.replace(read_scene(hall), name=name), tmp_path / name)
+    figures = measured(*(tmp_path / n for n in names), "--model", model[0], out=tmp_path / "e.json")
+    assert list(figures) == [*names, pool]
+    one, both = figures[names[0]]["network"], figures[pool]["network"]
+    assert both["ade_m"] == pytest.approx(one["ade_m"])
+    assert (both["windows"], both["tracks"]) == (2 * one["windows"], 2 * one["tracks"])
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("0,1,0,0\n0.4,1,0.4,0\n", "nobody in walk is detected 4 times and 3 s longer"),
+        ("0,1,0,0\n400,1,0.4,0\n800,1,0.8,0\n", "looks like milliseconds"),
+        ("0,1,0,0\n4,1,0.4,0\n8,1,0.8,0\n12,1,1,0\n16,1,1,0\n", r"lost for more than 2 s; .* 4 s apart"),
+    ],
+)
+def test_a_scene_without_windows_says_the_true_cause(table, message, tmp_path, model):
+    (tmp_path / "walk.csv").write_text(f"time,id,x,y\n{table}")
+    with pytest.raises(SystemExit, match=message):
+        main(["evaluate", str(tmp_path / "walk.csv"), "--model", str(model[0])])
+
+
+def test_times_that_are_no_seconds_are_refused_before_a_replay(tmp_path, model, monkeypatch):
+    monkeypatch.setattr("pedpred.command.prediction.replayed", lambda *given: pytest.fail("replay"))
+    (tmp_path / "walk.csv").write_text("time,id,x,y\n" + "".join(f"{400 * k},1,{k},0\n" for k in range(9)))
+    with pytest.raises(SystemExit, match="looks like milliseconds"):
+        main(
+            ["predict", str(tmp_path / "walk.csv"), "--model", str(model[0]), "-o", str(tmp_path / "x.mcap")]
+        )
+
+
+def test_the_tracker_of_a_file_is_the_tracker_of_all_methods(hall, tmp_path, mixture):
+    own = {"kind": "kalman", "acceleration_noise": 30.0, "position_noise_m": 0.001}
+    (tmp_path / "sure.yaml").write_text(yaml.safe_dump(own))
+    common = (hall, "--model", mixture[0])
+    usual = measured(*common, out=tmp_path / "a.json")["hall"]
+    sure = measured(*common, "--tracker", tmp_path / "sure.yaml", out=tmp_path / "b.json")["hall"]
+    assert sure["cv"]["ade_m"] == usual["cv"]["ade_m"]
+    for method in ("kalman_cv", "network"):
+        assert sure[method]["ade_m"] != usual[method]["ade_m"]
+
+
+def test_a_tracker_can_be_fitted_to_the_recording(hall, tmp_path, mixture, caplog):
+    with caplog.at_level("INFO"):
+        tuned = measured(hall, "--model", mixture[0], "--tracker", "tune", out=tmp_path / "t.json")["hall"]
+    usual = measured(hall, "--model", mixture[0], out=tmp_path / "a.json")["hall"]
+    assert "acceleration_noise" in caplog.text
+    assert tuned["kalman_cv"]["ade_m"] < usual["kalman_cv"]["ade_m"]
+
+
+def test_without_map_nothing_of_it_is_seen_or_measured(hall, tmp_path, mixture):
+    scene = read_scene(hall)
+    free = OccupancyMap.free_around(scene.trajectories.position)
+    write_scene(dataclasses.replace(scene, occupancy=free), tmp_path / "free")
+    unseen = measured(hall, "--model", mixture[0], "--no-map", out=tmp_path / "a.json")["hall"]["network"]
+    absent = measured(tmp_path / "free", "--model", mixture[0], out=tmp_path / "b.json")["hall"]["network"]
+    assert unseen["ade_m"] == absent["ade_m"]
+    assert "obstacle_share" not in unseen
+
+
+def test_alone_means_each_person_by_itself(hall, mixture):
+    scene, settings = read_scene(hall), EvaluationSettings(bootstrap=1)
+    together = assess(one_by_one(scene), robot_for(scene, mixture[0]), settings)["network"]
+    people = scene.trajectories.track_id
+    for track in np.unique(people):
+        one = dataclasses.replace(scene, trajectories=scene.trajectories.select(people == track))
+        own = assess(one, robot_for(scene, mixture[0]), settings)["network"]
+        np.testing.assert_allclose(together.error_m[together.track == track], own.error_m, atol=1e-6)
+
+
+def test_the_last_line_compares_with_the_best_simple_method(hall, model, capsys):
+    main(["evaluate", str(hall), "--model", str(model[0]), *FAST])
+    *_, last = capsys.readouterr().out.splitlines()
+    assert last.startswith("network: worse than ")
+    assert "95 % interval" in last
+
+
+# Forecasts of others
+
+
+def table_of_forecasts(path, forecasts, every=1):
+    with path.open("w") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(COLUMNS)
+        for forecast in list(forecasts)[::every]:
+            for n, track in enumerate(forecast.track_id):
+                paths, weights = forecast.predictions.path[n], forecast.predictions.weight[n]
+                for mode, (steps, weight) in enumerate(zip(paths, weights, strict=True)):
+                    for step, (x, y) in enumerate(steps):
+                        rows.writerow([track, forecast.time_s, mode, weight, step + 1, x, y])
+
+
+def test_our_own_forecasts_in_a_table_are_measured_as_ours(hall, tmp_path, mixture):
+    scene = read_any(hall)
+    table_of_forecasts(tmp_path / "theirs.csv", replayed(scene, robot_for(scene, mixture[0])))
+    given = (hall, "--model", mixture[0], "--forecasts", tmp_path / "theirs.csv")
+    figures = measured(*given, out=tmp_path / "e.json")["hall"]
+    for metric in ("min_ade_m_k3", "min_fde_m_k6", "most_likely_ade_m"):
+        assert figures["theirs"][metric] == pytest.approx(figures["network"][metric], abs=2e-3)
+    assert figures["theirs"]["windows"] == figures["network"]["windows"]
+
+
+def test_methods_are_compared_where_a_table_has_forecasts(hall, tmp_path, mixture, caplog):
+    scene = read_any(hall)
+    table_of_forecasts(tmp_path / "rare.csv", replayed(scene, robot_for(scene, mixture[0])), every=5)
+    with caplog.at_level("INFO"):
+        given = (hall, "--model", mixture[0], "--forecasts", tmp_path / "rare.csv")
+        figures = measured(*given, out=tmp_path / "e.json")["hall"]
+    usual = measured(hall, "--model", mixture[0], out=tmp_path / "u.json")["hall"]
+    assert 0 < figures["cv"]["windows"] == figures["rare"]["windows"] < usual["cv"]["windows"]
+    assert "all methods are compared there" in caplog.text
+
+
+def straight_lines(rows, step_s):
+    """A table that forecasts track 1 of a straight walk at 1 m/s, made at 2.0 s."""
+    lines = [f"1,2.0,0,1,{n},{2.0 + step_s * n},0" for n in range(1, rows + 1)]
+    return "\n".join([",".join(COLUMNS), *lines]) + "\n"
+
+
+@pytest.fixture
+def walk(tmp_path):
+    """One person who walks straight at 1 m/s."""
+    rows = [f"{0.4 * k:.1f},1,{0.4 * k:.1f},0" for k in range(30)]
+    (tmp_path / "walk.csv").write_text("\n".join(["time,id,x,y", *rows]) + "\n")
+    return tmp_path / "walk.csv"
+
+
+@pytest.mark.parametrize("step_s", [0.3, 0.4, 0.5])
+def test_steps_of_another_length_are_interpolated(walk, step_s, tmp_path, mixture):
+    (tmp_path / "straight.csv").write_text(straight_lines(12, step_s))
+    given = ("--forecasts", tmp_path / "straight.csv", "--step-s", step_s, "--model", mixture[0])
+    figures = measured(walk, *given, out=tmp_path / "e.json")["walk"]
+    assert figures["straight"]["ade_m"] == pytest.approx(0.0, abs=1e-5)
+    assert figures["straight"]["windows"] == 1
+
+
+def trajnet(predictions):
+    lines = [{"scene": {"id": 7, "p": 1, "s": 0, "e": 200, "fps": 2.5}}]
+    lines += [{"track": {"f": 10 * k, "p": 1, "x": 0.4 * k, "y": 0.0}} for k in range(6)]
+    for number, side in enumerate(predictions):
+        for k in range(6, 18):
+            own = {"f": 10 * k, "p": 1, "x": 0.4 * k, "y": side, "prediction_number": number, "scene_id": 7}
+            lines.append({"track": own})
+    return "\n".join(map(json.dumps, lines))
+
+
+def test_predictions_of_trajnet_are_measured(walk, tmp_path, mixture):
+    (tmp_path / "them.ndjson").write_text(trajnet([0.5, 0.0]))
+    given = ("--forecasts", tmp_path / "them.ndjson", "--model", mixture[0])
+    figures = measured(walk, *given, out=tmp_path / "e.json")["walk"]["them"]
+    assert figures["windows"] == 1
+    assert figures["min_ade_m_k3"] == pytest.approx(0.0, abs=1e-5)
+    assert figures["ade_m"] > 0.3
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no column track"),
+        ("track,time,x,y\n", "no column mode; found were track, time, x, y"),
+        (straight_lines(0, 0.3), "no forecasts"),
+        (straight_lines(5, 0.3), "reach 1.5 s ahead, and windows need 3 s"),
+        (straight_lines(12, 0.3).replace("1,2.0", "8,2.0"), "no forecast belongs to a window of walk"),
+        (straight_lines(12, 0.3).replace("1,2.0", "1,2.2"), "no forecast belongs to a window of walk"),
+        (straight_lines(12, 0.3).replace(",3,", ",4,"), "track 1 at 2 s needs each step from 1 to"),
+        (straight_lines(12, 0.3).replace(",0,1,", ",0,-1,"), "weight = -1"),
+        (straight_lines(12, 0.3).replace("5.6", "nan"), "line 13: x = 'nan'"),
+        (straight_lines(12, 0.3) + "1,2.0,0\n", "line 14: 3 columns, expected 7"),
+        (trajnet([0.0]), "no column track"),
+    ],
+)
+def test_a_wrong_table_of_forecasts_is_refused_with_the_reason(text, message, walk, tmp_path, mixture):
+    (tmp_path / "theirs.csv").write_text(text)
+    given = ["--model", mixture[0], "--forecasts", tmp_path / "theirs.csv"]
+    with pytest.raises(SystemExit, match=message):
+        main(["evaluate", str(walk), *map(str, given)])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{}", "line 1: 'track' is missing"),
+        ("[", "line 1"),
+        (trajnet([]), "no prediction"),
+        (trajnet([0.0]).replace('"fps": 2.5', '"fps": 0'), "fps"),
+        (trajnet([0.0]).replace('"p": 1, "s"', '"p": 2, "s"'), "no forecasts"),
+    ],
+)
+def test_wrong_predictions_of_trajnet_are_refused_with_the_reason(text, message, walk, tmp_path, mixture):
+    (tmp_path / "them.ndjson").write_text(text)
+    given = ["--model", mixture[0], "--forecasts", tmp_path / "them.ndjson"]
+    with pytest.raises(SystemExit, match=message):
+        main(["evaluate", str(walk), *map(str, given)])
