@@ -83,7 +83,7 @@ def test_a_false_stamp_costs_a_fresh_start_and_no_more(folder, false_s, caplog):
 def test_stamps_in_milliseconds_are_told_once(folder, caplog):
     with caplog.at_level(logging.WARNING):
         walked(OnlinePredictor.load(folder), range(0, 4000, 400))
-    assert caplog.text.count("Times are seconds") == 1
+    assert caplog.text.count("(seconds?)") == 1
 
 
 @pytest.mark.parametrize("start_s", [0.0, 2.0**32 - 10, -(2.0**32) + 10])

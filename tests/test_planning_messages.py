@@ -130,8 +130,8 @@ def test_predict_writes_what_planners_read(tmp_path, mixture):
         "-o",
         str(tmp_path / "x.mcap"),
     ]
-    with pytest.raises(SystemExit, match="cell_m = -1"):
-        main([*arguments, "--grid", "-1"])
+    with pytest.raises(SystemExit, match="cells of all steps"):
+        main([*arguments, "--grid", "0.01"])
     main([*arguments, "--grid", "0.5"])
     rows = table_of(contents(tmp_path / "x.mcap", PREDICTIONS)[-1])
     assert rows["mode"].max() == 3

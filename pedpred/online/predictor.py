@@ -119,8 +119,7 @@ class OnlinePredictor:
         """
         given: object = occupancy
         if not isinstance(given, OccupancyMap):
-            rule = "it must be an OccupancyMap; OccupancyMap.free_around(points) has no obstacles"
-            raise ValueRuleError("occupancy", given, rule)
+            raise ValueRuleError("occupancy", given, "it must be an OccupancyMap")
         self._map = occupancy
 
     def update(
@@ -128,10 +127,9 @@ class OnlinePredictor:
     ) -> Forecast:
         """Take the detections of one instant, give everybody's forecast. Its arrays are read-only.
 
-        A frame that is not later than the last one is dropped, with a warning, and the last forecast is
-        returned again. Somebody who is not detected is extrapolated for `max_age_s`, and forgotten after the
-        model's `lost_after_s`; an id that comes back later is a new person. Where time jumps by more than
-        `lost_after_s`, forward or backward, everybody is forgotten: a false stamp costs two such starts.
+        A frame that is not later than the last one is dropped, with a warning, and the last forecast returned
+        again. Who is not seen is extrapolated for `max_age_s` and forgotten after the model's `lost_after_s`.
+        Where time jumps by more than that, forward or backward, all are forgotten: twice after a false stamp.
 
         Args:
             time_s: of the frame, s; any rate, also an irregular one.
@@ -151,8 +149,7 @@ class OnlinePredictor:
         people, jumps = self._people, self._jumps
         if len(people) and abs(now - self._now) > longest_s:
             if now < self._now or not jumps:  # of long gaps the first one
-                text = "time jumps from %s s to %s s: everybody is forgotten. Times are seconds"
-                _LOG.warning(text, self._now, now)
+                _LOG.warning("time jumps from %s s to %s s (seconds?): all are forgotten", self._now, now)
             people, jumps = self._nobody(), jumps + 1
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
