@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-ROUNDS = 5
+ROUNDS = 3
 
 
 @contextmanager
