@@ -9,8 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from PIL import Image
 
 from pedpred.command import main
+from pedpred.command.maps import map_at
+from pedpred.errors import StorageError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.storage.scenes import read_scene, write_scene
@@ -59,6 +62,56 @@ def test_info_tells_what_is_there(scene, capsys):
     said = capsys.readouterr().out
     assert "2 tracks" in said
     assert "20.0 m x 20.0 m" in said
+
+
+@pytest.mark.parametrize("name", [".", "map.yaml", "map.pgm", "hall.yaml", "hall.png", "hall.yml"])
+def test_a_map_may_be_named_by_its_folder_its_description_or_its_picture(name, scene, tmp_path):
+    folder, world = tmp_path / "maps", read_scene(scene)
+    write_scene(world, folder)
+    if name.startswith("hall"):
+        about = yaml.safe_load((folder / "map.yaml").read_text())
+        picture = Image.open(folder / about["image"])
+        for old in (folder / "map.yaml", folder / about["image"]):
+            old.unlink()
+        picture.save(folder / "hall.png")
+        described = name if name.endswith("ml") else "hall.yaml"
+        (folder / described).write_text(yaml.safe_dump(about | {"image": "hall.png"}))
+    assert_same_map(map_at(folder / name), world.occupancy)
+
+
+def assert_same_map(found, expected):
+    np.testing.assert_array_equal(found.occupied, expected.occupied)
+    np.testing.assert_allclose(found.origin, expected.origin)
+    assert found.resolution_m == expected.resolution_m
+
+
+@pytest.mark.parametrize(
+    ("files", "asked", "message"),
+    [
+        ({"x.png": b""}, "x.png", "neither x.yaml nor map.yaml beside it describes this picture"),
+        ({"x.png": b"", "x.yaml": b"image: y.png"}, "x.png", "neither x.yaml nor map.yaml"),
+        ({"x.yaml": b"image: x.png"}, "x.yaml", "'origin' is missing"),
+        ({"x.yaml": b"{"}, "x.yaml", "x.yaml"),
+        ({"x.yaml": b"{image: ../x.png, origin: [0, 0, 0], negate: 0}"}, "x.yaml", "beside the file"),
+        ({"x.yaml": b"{image: x.png, origin: [0, 0, 1]}"}, "x.yaml", "yaw"),
+    ],
+)
+def test_a_map_that_cannot_be_read_says_why(files, asked, message, tmp_path):
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(StorageError, match=message):
+        map_at(tmp_path / asked)
+
+
+def test_a_bag_read_as_a_recording_mentions_the_topic():
+    with pytest.raises(SystemExit, match=r"/tracked_people.*name the topic of its people \(--topic\)"):
+        main(["info", str(ROOT / "examples/corner/people.mcap")])
+
+
+def test_info_tells_about_several_scenes(scene, capsys):
+    main(["info", str(scene), str(ROOT / "examples/crossing")])
+    names = [line.split()[1] for line in capsys.readouterr().out.splitlines() if "name  " in line]
+    assert names == [read_scene(scene).name, "crossing"]
 
 
 def test_nothing_is_overwritten_unasked(scene, tmp_path):

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
+from pedpred.command.maps import map_at
 from pedpred.errors import ValueRuleError
 from pedpred.ros import Transform, is_bag, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
 from pedpred.sources.single_file import FORMATS, read_file
 from pedpred.sources.walls import occupancy_of, read_walls
-from pedpred.storage.scenes import read_map, read_scene, write_scene
+from pedpred.storage.scenes import read_scene, write_scene
 from pedpred.storage.tables import TableOptions
 
 _CELL_M, _WALL_M, _OPEN_END_M = 0.05, 3.0, 6.0
@@ -80,7 +81,7 @@ def read_given(given: argparse.Namespace) -> Scene:
         return replace(scene, occupancy=ground)
     if given.open_end:
         raise ValueRuleError("--open-end", given.open_end[0], "it needs a geometry file: --map walls.xml")
-    return scene if given.map is None else replace(scene, occupancy=read_map(given.map))
+    return scene if given.map is None else replace(scene, occupancy=map_at(given.map))
 
 
 def layout_of(recording: Path) -> Path:
