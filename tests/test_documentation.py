@@ -1,92 +1,16 @@
-"""Pages: commands that run, tables that are up to date, links, length and style."""
+"""Pages: code that imports what exists, tables that are up to date, links, length and style."""
 
-import importlib.util
 import re
-import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import yaml
 
-from pedpred.command import main
-from pedpred.command.arguments import parser
-from pedpred.config import composed
 from pedpred.forecasting import Methods
-from pedpred.online import shipped
 from tests.conftest import ROOT
+from tests.test_page_commands import PAGES, blocks
 from tools import prose, readme
-
-PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in prose.pages(ROOT)}
-TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-STAGES = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
-NEEDS_OTHER_FILES = ("walk.txt", "my_bag", "data/recordings", "build/rooms")
-OF_THE_SYSTEM = {"pip", "python3", ".venv/bin/pip", "torchrun", "dvc"}
-
-
-def blocks(text, language):
-    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-
-
-def commands():
-    """(page, words) of every command in a shell block; comments and leading variables are left out."""
-    for page, text in PAGES.items():
-        for line in "".join(blocks(text, "sh")).splitlines():
-            words = shlex.split(line, comments=True)
-            while words and re.match(r"[A-Z_]+=", words[0]):
-                words.pop(0)
-            if words:
-                yield page, words
-
-
-COMMANDS = list(commands())
-RUN = [
-    pytest.param(words[1:], id=f"{page}: {shlex.join(words)}")
-    for page, words in COMMANDS
-    if words[0] == "pedpred" and not any(name in " ".join(words) for name in NEEDS_OTHER_FILES)
-]
-
-
-def test_there_are_commands_on_the_pages():
-    assert len(COMMANDS) > 60
-    assert len(RUN) >= 9
-
-
-@pytest.mark.parametrize(("page", "words"), COMMANDS, ids=lambda value: str(value)[:60])
-def test_a_command_exists(page, words):
-    name, *arguments = words
-    if name == "make":
-        assert arguments[0] in TARGETS
-    elif name in ("python", "torchrun") and "-m" in arguments:
-        module, *given = arguments[arguments.index("-m") + 1 :]
-        source = Path(importlib.util.find_spec(module).origin).read_text()
-        assert all(f'"{option}"' in source for option in given if option.startswith("--"))
-        if module.startswith("stages."):
-            assert composed(ROOT / "conf", given)
-    elif words[:2] == ["dvc", "repro"]:
-        assert all(stage.partition("@")[0] in STAGES for stage in arguments[1:])
-    elif name == "pedpred":
-        assert parser().parse_args(arguments).action
-    else:
-        assert name in OF_THE_SYSTEM
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """A folder in which the pages' commands run one after the other."""
-    place = tmp_path_factory.mktemp("pages")
-    (place / "examples").symlink_to(ROOT / "examples")
-    return place
-
-
-@pytest.mark.parametrize("arguments", RUN)
-def test_a_command_of_pedpred_runs(arguments, folder, model, monkeypatch):
-    """With an untrained network in place of the default one, whose task is only to answer."""
-    monkeypatch.setattr(shipped, "_INSTALLED", model[0])
-    monkeypatch.chdir(folder)
-    force = ["--force"] if arguments[0] in ("predict", "convert") else []
-    main([*arguments, *force, *(["--samples", "20"] if arguments[0] == "evaluate" else [])])
 
 
 @pytest.mark.parametrize("page", PAGES)

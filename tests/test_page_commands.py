@@ -1,0 +1,182 @@
+"""Commands on the pages: cheap ones are run as written; of the others everything but the run is checked."""
+
+import importlib.util
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from dvc.cli import parse_args
+from dvc.repo import Repo
+
+from pedpred.command import main
+from pedpred.command.arguments import parser
+from pedpred.command.conversion import read_any
+from pedpred.config import composed
+from pedpred.online import shipped
+from pedpred.report.ablation import read_ablation
+from pedpred.storage.scenes import write_scene
+from tests.conftest import ROOT
+from tests.trust.project import done
+from tools import prose
+
+PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in prose.pages(ROOT)}
+PLACE = "eth"
+"""Stands for <name> where a command asks for a place; it has the people of examples/corner."""
+
+NOT_RUN = {
+    "make setup": "installs packages; every continuous integration begins with it",
+    "make smoke": "runs the pipeline for minutes; continuous integration does",
+    "make reproduce": "runs the pipeline for an hour or more",
+    "make judge": "measures speed and laws for minutes; test_judge.py runs its parts",
+    "python -m tools.judge": "likewise",
+    "make check": "continuous integration runs it beside these tests",
+    "make test": "is what runs these tests",
+    "make docs": "continuous integration builds the site, with strict links",
+    "make dist": "test_package.py builds the wheel and forecasts with it",
+    "pip install": "needs package registries; test_package.py installs the wheel without",
+    ".venv/bin/pip install": "needs package registries",
+    "python3 -m venv": "likewise",
+    "dvc push": "needs the storage of whoever runs it; test_pipeline.py pushes to a folder",
+    "dvc repro": "runs the pipeline; test_pipeline.py and the smoke run do at toy size",
+    "dvc exp run": "likewise; here its overrides are composed, and its targets looked up",
+    "dvc queue start": "likewise; test_pipeline.py runs a queue of two",
+    "dvc exp apply": "needs a finished experiment",
+    "python -m tools.ablate": "trains for hours; here each point is composed",
+    "python -m stages.simulate +name=sim_test": "needs the layout on its page; test_layouts.py simulates it",
+    "pedpred info build/rooms": "likewise",
+    "torchrun": "needs the features of a run; test_processes.py trains with two processes",
+    "python -m benchmarks": "measures for minutes, and for nothing beside other tests",
+}
+"""Commands that are only checked: the beginning of a command -> why."""
+
+IN_A_COPY = (
+    *("make params", "make compare", "dvc metrics diff", "dvc exp show", "dvc remote"),
+    "dvc exp run --queue",
+)
+"""Commands that are run in a copy of the project with two commits."""
+
+
+def blocks(text, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+def commands():
+    """Every command in a shell block, once; comments and leading variables are left out."""
+    known = set()
+    for page, text in PAGES.items():
+        for line in "".join(blocks(text, "sh")).splitlines():
+            words = shlex.split(line, comments=True)
+            while words and re.match(r"[A-Z_]+=", words[0]):
+                words.pop(0)
+            if words and tuple(words) not in known:
+                known.add(tuple(words))
+                yield pytest.param(words, id=f"{page}: {shlex.join(words)}")
+
+
+COMMANDS = list(commands())
+
+
+def begins(words, starts):
+    return next((start for start in starts if words[: len(start.split())] == start.split()), None)
+
+
+def not_run(words):
+    """The entry of `NOT_RUN` that a command belongs to, or None."""
+    if begins(words, IN_A_COPY) or words[-1] == "benchmarks.dependencies":
+        return None
+    return next((start for start in NOT_RUN if " ".join(words).startswith(start)), None)
+
+
+RUN = [param for param in COMMANDS if not not_run(param.values[0])]
+CHECKED = [param for param in COMMANDS if not_run(param.values[0])]
+
+
+def test_most_commands_are_run_and_no_reason_is_left_over():
+    assert len(RUN) >= 25
+    used = {not_run(param.values[0]) for param in CHECKED}
+    assert set(NOT_RUN) - used <= {"make setup"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder in which commands run one after the other as in the project: examples, conf, a place."""
+    place = tmp_path_factory.mktemp("pages")
+    (place / "examples").symlink_to(ROOT / "examples")
+    shutil.copytree(ROOT / "conf", place / "conf")
+    shutil.copy(ROOT / "params.yaml", place)
+    write_scene(read_any(ROOT / "examples/corner/walk.txt"), place / "data/scenes/real" / PLACE)
+    return place
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A copy of the project with two commits, whose requirements are installed."""
+    copy = tmp_path_factory.mktemp("copy") / "project"
+    done(ROOT, ".ci/copy", str(copy)).check_returncode()
+    (copy / ".venv").mkdir()
+    for message in ("one", "two"):
+        done(copy, "git", "add", "--all").check_returncode()
+        done(copy, "git", "commit", "--quiet", "--allow-empty", "-m", message).check_returncode()
+    (copy / ".venv/.installed").touch()
+    return copy
+
+
+@pytest.mark.parametrize("words", RUN)
+def test_a_command_on_a_page_runs(words, folder, request, monkeypatch):
+    """As written, but for replicates and trials, which are fewer."""
+    if begins(words, IN_A_COPY):
+        ended = done(request.getfixturevalue("project"), *words)
+    elif words[0] == "pedpred":
+        monkeypatch.setattr(
+            shipped, "_INSTALLED", request.getfixturevalue("model")[0]
+        )  # it needs to answer only
+        monkeypatch.chdir(folder)
+        force = ["--force"] if words[1] in ("predict", "convert") else []
+        main([*words[1:], *force, *(["--samples", "20"] if words[1] == "evaluate" else [])])
+        return
+    else:
+        assert words[:2] == ["python", "-m"]
+        fewer = ["--trials", "2"] if words[2] == "tools.fit_social_force" else []
+        given = [PLACE if word == "<name>" else word for word in words[1:]]
+        ended = subprocess.run(
+            [sys.executable, *given, *fewer],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert ended.returncode == 0, ended.stderr
+
+
+@pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
+@pytest.mark.parametrize("words", CHECKED)
+def test_a_command_that_is_not_run_asks_for_what_exists(words, request):
+    """Targets, stages, options, overrides and points of ablations."""
+    if words[0] == "make":
+        ended = done(request.getfixturevalue("project"), "make", "--dry-run", *words[1:])
+        assert ended.returncode == 0, ended.stderr
+    elif words[0] == "dvc":
+        given = parse_args(words[1:])
+        repo = Repo(str(ROOT))
+        for target in getattr(given, "targets", None) or []:
+            assert repo.stage.collect(target), target
+        if words[:3] == ["dvc", "exp", "run"]:
+            composed(ROOT / "conf", given.set_param)
+    elif words[0] == "pedpred":
+        assert parser().parse_args(words[1:]).action
+    elif "-m" in words and words[0] != "python3":
+        module, *given = words[words.index("-m") + 1 :]
+        source = Path(importlib.util.find_spec(module).origin).read_text()
+        assert all(f'"{option}"' in source for option in given if option.startswith("--"))
+        if module.startswith("stages."):
+            composed(ROOT / "conf", given)
+        if module == "tools.ablate":
+            ablation = read_ablation(ROOT / f"conf/ablations/{given[0]}.yaml")
+            for overrides in ablation.points.values():
+                composed(ROOT / "conf", [*ablation.always, *overrides])
