@@ -22,6 +22,7 @@ if __name__ == "__main__":  # before numpy is loaded
 
 import argparse
 import resource
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
@@ -222,6 +223,8 @@ def main() -> None:
         return
     if options.replay:
         differing = list(differences(options.model))
+        if not differing:
+            sys.exit(f"the pipeline forecasts nothing with {options.model}; try models/online/simulation")
         tell("Online and offline forecasts of the same windows, largest distance at any step", differing)
         keep({"replay": differing}, options.json)
         return
