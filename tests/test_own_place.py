@@ -22,6 +22,7 @@ from tests.conftest import ROOT
 from tests.exported import WIDTHS, write_autoencoder, write_network
 
 NETWORKS = ("lstm", "lstm_nogrid")
+METHODS = {"cv", "kalman_cv", *NETWORKS, "mixture", "mixture_small"}
 WIDTHS_OF = ("joint", "head", "channels.state.lstm", "channels.angular.lstm")
 SMALL = [
     *("scale=smoke", "training.finetune.lanes=8", "methods.networks.lstm.settings.channels.grid.lstm=8"),
@@ -104,7 +105,7 @@ def test_it_flows_from_tracks_to_the_page(project, monkeypatch):
     run("gather", project, name="real")
     figures = json.loads(Path("reports/metrics/real.json").read_text())
     assert set(figures) == {"crossing"}
-    assert set(figures["crossing"]) == {"cv", "kalman_cv", "lstm", "lstm_nogrid", "mixture"}
+    assert set(figures["crossing"]) == METHODS
     assert 0.1 < figures["crossing"]["kalman_cv"]["ade_m"] < 2.0
     run("report", project, name="real")
     assert "crossing" in Path("reports/real.md").read_text().lower()
