@@ -108,7 +108,14 @@ def test_of_several_scenes_a_missing_one_is_named_before_the_first_is_read(here,
 
 def test_ctrl_c_ends_quietly():
     """Also while the command is being imported, which takes a second or more."""
-    script = f"from pedpred.command import main; print(flush=True); main(['evaluate', {SCENE!r}])"
+    script = f"""if True:
+        import signal
+        from pedpred.command import main, user_errors
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background ignore it
+        with user_errors():
+            print(flush=True)
+            main(["evaluate", {SCENE!r}])
+    """
     with started("-c", script) as running:
         running.stdout.readline()
         running.send_signal(signal.SIGINT)
