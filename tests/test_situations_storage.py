@@ -60,3 +60,12 @@ def test_errors_name_file_and_field(tmp_path):
     (tmp_path / "manifest.json").write_text(json.dumps(about | {"schema": 0}))
     with pytest.raises(StorageError, match="schema"):
         read_situations_manifest(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "../place", None])
+def test_a_manifest_names_files_of_its_folder_alone(tmp_path, name):
+    write_situations_manifest(tmp_path, FeatureSettings(), ["place"])
+    path = tmp_path / "manifest.json"
+    path.write_text(path.read_text().replace('"place"', json.dumps(name)))
+    with pytest.raises(StorageError, match=r"manifest\.json"):
+        read_situations_manifest(tmp_path)

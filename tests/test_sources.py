@@ -92,6 +92,7 @@ def test_reference_picture_becomes_the_camera(folder):
         (change_row("8 2.5 4.0 0 6.0 9 0 9"), "obsmat.txt", 4, "id = 2.5"),
         (change_row("4 2 4.0 0 6.0 9 0 9"), "obsmat.txt", 4, "frame 4 and id 2 again, first in line 2"),
         (change_row("8 2 4.0 0 666 9 0 9"), "obsmat.txt", 4, r"\[4.0, 666.0\] is pixel \[4.0, 333.0\]"),
+        (change_row(f"{10**18} 2 4.0 0 6.0 9 0 9"), "obsmat.txt", None, r"time_s\[3\] = 1e\+17"),
         (change_row("8 2 4.0 0 6.0 \u00e9"), "obsmat.txt", 4, "6 columns, expected 8: frame id"),
         (change("obsmat.txt", "\r\n"), "obsmat.txt", None, "no annotations, the file is empty"),
         (change("obsmat.txt", "\n".join(ROWS)[:-12]), "obsmat.txt", 3, "3 columns"),

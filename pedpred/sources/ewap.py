@@ -64,12 +64,13 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
     rows = _read_annotations(folder / "obsmat.txt")
     _check_in_picture(folder, rows, homography, blocked.shape)
     groups = _read_groups(folder / "groups.txt", set(rows.track_id.tolist()))
-    trajectories = Trajectories(
-        time_s=rows.frame / settings["frame_rate_hz"],
-        track_id=rows.track_id,
-        position=rows.position,
-        group_id=np.array([groups.get(track, ALONE) for track in rows.track_id.tolist()]),
-    )
+    with translate_errors(partial(SourceError, folder / "obsmat.txt", None)):
+        trajectories = Trajectories(
+            time_s=rows.frame / settings["frame_rate_hz"],
+            track_id=rows.track_id,
+            position=rows.position,
+            group_id=np.array([groups.get(track, ALONE) for track in rows.track_id.tolist()]),
+        )
     try:
         occupancy = occupancy_from_image(
             blocked, homography, rows.position, settings["resolution_m"], settings["margin_m"]

@@ -73,7 +73,7 @@ def read_manifest_of(folder: Path, schema: int, files: str) -> tuple[FeatureSett
         files: name of the entry.
 
     Raises:
-        StorageError: the manifest is missing, damaged or of another schema version.
+        StorageError: the manifest is missing, damaged or of another schema version, or names files elsewhere.
     """
     path = folder / "manifest.json"
     wording = partial(StorageError, path, "manifest", remedy=_REMEDY)
@@ -81,4 +81,7 @@ def read_manifest_of(folder: Path, schema: int, files: str) -> tuple[FeatureSett
     with translate_errors(wording):
         if about["schema"] != schema:
             raise StorageError(path, "schema", f"{about['schema']!r}, expected {schema}", _REMEDY)
+        for name in about[files]:
+            if Path(name).name != name:
+                raise StorageError(path, files, f"{name!r} is no name of a file in this folder", _REMEDY)
         return FeatureSettings(**about["settings"]), about[files]
