@@ -92,7 +92,7 @@ def assert_same_map(found, expected):
         ({"x.png": b"", "x.yaml": b"image: y.png"}, "x.png", "neither x.yaml nor map.yaml"),
         ({"x.yaml": b"image: x.png"}, "x.yaml", "'origin' is missing"),
         ({"x.yaml": b"{"}, "x.yaml", "x.yaml"),
-        ({"x.yaml": b"{image: ../x.png, origin: [0, 0, 0], negate: 0}"}, "x.yaml", "beside the file"),
+        ({"x.yaml": b"{image: ../x.png, origin: [0, 0, 0], negate: 0}"}, "x.yaml", "beside x.yaml"),
         ({"x.yaml": b"{image: x.png, origin: [0, 0, 1]}"}, "x.yaml", "yaw"),
     ],
 )

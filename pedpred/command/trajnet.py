@@ -6,16 +6,14 @@ A line is `{"scene": {"id", "p", "s", "e", "fps"}}` or `{"track": {"f", "p", "x"
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pedpred.errors import SourceError
-from pedpred.files import translate_errors
-from pedpred.storage.text import Row, read_numbers, text_lines
+from pedpred.sources.trajnet import track_rows
+from pedpred.storage.text import read_numbers
 
 _FIELDS = {
     "p": "track_id",
@@ -37,7 +35,16 @@ def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
         SourceError: the file is missing or wrong, or holds no predictions.
     """
     about: dict[int, tuple[int, float]] = {}
-    columns = read_numbers(path, _rows(path, about), tuple(_FIELDS), _FIELDS)
+
+    def predicted(content: Any, line: int) -> Any:
+        if "scene" in content:
+            scene = content["scene"]
+            about[int(scene["id"])] = int(scene["p"]), float(scene["fps"])
+            return None
+        track = content["track"]
+        return None if track.get("prediction_number") is None else track
+
+    columns = read_numbers(path, track_rows(path, _FIELDS, predicted), tuple(_FIELDS), _FIELDS)
     if not len(columns["line"]):
         raise SourceError(path, None, "no prediction: no track of a scene has a prediction_number")
     rates = {fps for _, fps in about.values()}
@@ -56,19 +63,3 @@ def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
     columns["step"] = (frame - first[scene]) / apart + 1.0
     columns["weight"] = np.ones(len(frame))
     return columns, step_s
-
-
-def _rows(path: Path, about: dict[int, tuple[int, float]]) -> Iterator[Row]:
-    """Yield the fields of each prediction; collect the pedestrian and the rate of each scene."""
-    for line, text in text_lines(path):
-        with translate_errors(partial(SourceError, path, line)):
-            content = json.loads(text)
-            if "scene" in content:
-                scene = content["scene"]
-                about[int(scene["id"])] = int(scene["p"]), float(scene["fps"])
-                continue
-            track = content["track"]
-            if track.get("prediction_number") is None:
-                continue
-            fields = [repr(track[name]) for name in _FIELDS]
-        yield line, fields

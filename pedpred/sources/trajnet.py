@@ -7,7 +7,7 @@ were annotated: the usual number of frames between two detections of a track las
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,17 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
         SourceError: the file is missing or wrong, or holds forecasts; it names line and value.
     """
     rates: set[float] = set()
-    columns = read_numbers(path, _rows(path, rates), tuple(_FIELDS), _FIELDS)
+
+    def detected(content: Any, line: int) -> Any:
+        track = content.get("track")
+        if track is None:
+            if "fps" in content.get("scene", {}) and len(rates) < 2:
+                rates.add(float(content["scene"]["fps"]))
+        elif track.get("prediction_number") is not None:
+            raise SourceError(path, line, "a forecast (prediction_number), but only detections are read")
+        return track
+
+    columns = read_numbers(path, track_rows(path, _FIELDS, detected), tuple(_FIELDS), _FIELDS)
     if not len(columns["line"]):
         raise SourceError(
             path, None, "no line with a track, such as " + '{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}'
@@ -54,20 +64,25 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
         return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
 
 
-def _rows(path: Path, rates: set[float]) -> Iterator[Row]:
-    """Yield the fields of each track line, and collect the rates of the scenes."""
+def track_rows(
+    path: Path, names: Iterable[str], wanted: Callable[[Any, int], Mapping[str, Any] | None]
+) -> Iterator[Row]:
+    """Yield the fields of some of the tracks.
+
+    Args:
+        path: the file.
+        names: of the fields.
+        wanted: (content of a line, its number) -> its track, or None to pass over the line.
+
+    Raises:
+        SourceError: a line cannot be understood.
+    """
     for line, text in text_lines(path):
         with translate_errors(partial(SourceError, path, line)):
-            content = json.loads(text)
-            track = content.get("track")
-            if track is None:
-                if "fps" in content.get("scene", {}) and len(rates) < 2:
-                    rates.add(float(content["scene"]["fps"]))
-                continue
-            if track.get("prediction_number") is not None:
-                raise SourceError(path, line, "a forecast (prediction_number), but only detections are read")
-            fields = [_written(track[name]) for name in _FIELDS]
-        yield line, fields
+            track = wanted(json.loads(text), line)
+            fields = None if track is None else [_written(track[name]) for name in names]
+        if fields is not None:
+            yield line, fields
 
 
 def _written(value: Any) -> str:

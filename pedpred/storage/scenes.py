@@ -115,21 +115,31 @@ def write_map(occupancy: OccupancyMap, folder: Path) -> None:
 
 
 def read_map(folder: Path) -> OccupancyMap:
+    """Read `map.yaml` of a folder; see `read_map_file`."""
+    return read_map_file(folder / "map.yaml")
+
+
+def read_map_file(path: Path, remedy: str = _REMEDY) -> OccupancyMap:
     """Read a ROS map_server pair; unknown cells count as free.
+
+    Args:
+        path: the YAML file; its picture lies beside it.
+        remedy: of errors.
 
     Raises:
         StorageError: a file is missing or damaged, a field is missing, the map is rotated, or its picture
             is huge or lies elsewhere.
     """
-    path = folder / "map.yaml"
-    about = read_yaml(path, _wording(path, "map"))
-    with translate_errors(_wording(path, "map")):
+    wording = partial(StorageError, path, "map", remedy=remedy)
+    about = read_yaml(path, wording)
+    with translate_errors(wording):
         x, y, yaw = about["origin"]
         if yaw:
             raise StorageError(path, "origin", f"yaw is {yaw} rad", "Only maps with yaw 0 are understood")
         if Path(about["image"]).name != about["image"]:
-            raise StorageError(path, "image", f"{about['image']!r}", "Put the picture beside map.yaml")
-        grey = read_picture(folder / about["image"], "L", _wording(folder / about["image"], "file"))
+            raise StorageError(path, "image", f"{about['image']!r}", f"Put the picture beside {path.name}")
+        picture = path.with_name(about["image"])
+        grey = read_picture(picture, "L", partial(StorageError, picture, "file", remedy=remedy))
         occupied = blocked_greys(about["negate"], about["occupied_thresh"])[grey]
         return OccupancyMap(occupied[::-1].T, np.array([x, y]), float(about["resolution"]))
 
