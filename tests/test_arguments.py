@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -106,17 +107,26 @@ def test_of_several_scenes_a_missing_one_is_named_before_the_first_is_read(here,
     assert "gone.csv: there is no such file" in said(capsys, "info", SCENE, "gone.csv")
 
 
-def test_ctrl_c_ends_quietly():
-    """Also while the command is being imported, which takes a second or more."""
-    script = f"""if True:
-        import signal
+@pytest.mark.parametrize(
+    "work",
+    [
+        f"""
         from pedpred.command import main, user_errors
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background ignore it
         with user_errors():
             print(flush=True)
             main(["evaluate", {SCENE!r}])
-    """
-    with started("-c", script) as running:
+        """,
+        """
+        import stages
+        print(flush=True)
+        import stages.train_situations
+        """,
+    ],
+)
+def test_ctrl_c_ends_quietly(work):
+    """Also while the command or a stage is being imported, which takes a second or more."""
+    ready = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"  # others may ignore it
+    with started("-c", ready + textwrap.dedent(work)) as running:
         running.stdout.readline()
         running.send_signal(signal.SIGINT)
         assert (running.wait(60), running.stderr.read()) == (130, "")

@@ -1,12 +1,15 @@
 """Rows of the configuration that tools write: one changes, the others and their comments stay."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import yaml
 
+from pedpred.scenes import Trajectories
 from pedpred.storage.scenes import write_scene
+from pedpred.tracking import KalmanSettings
 from tests.conftest import ROOT
 from tests.worlds import walled_scene
 from tools import fit_social_force, tune_tracker
@@ -29,11 +32,12 @@ def test_a_row_is_replaced_with_its_comment_and_a_new_one_appended(tmp_path):
     assert text.splitlines()[0] == FILE.read_text().splitlines()[0]
 
 
-def tuned(place, sensor, path):
+def tuned(place, sensor, path, scene=None):
     """The row that is fitted to a scene with detections at 2.5 Hz, as the sensor lets them through."""
     params = {"places": {place: {"sensor": sensor}}, "sensors": {"perfect": {}, "thinned": {"every": 2}}}
     Path("params.yaml").write_text(yaml.safe_dump(params))
-    write_scene(walled_scene(np.random.default_rng(0), noise_m=0.05), Path("data/scenes/real", place))
+    scene = scene or walled_scene(np.random.default_rng(0), noise_m=0.05)
+    write_scene(scene, Path("data/scenes/real", place))
     tune_tracker.main([place, "--out", str(path)])
     return yaml.safe_load(path.read_text())[f"tuned_on_{place}"]
 
@@ -46,6 +50,17 @@ def test_a_tuned_tracker_becomes_a_row_and_has_seen_what_the_sensor_sees(tmp_pat
         assert row["kind"] == "kalman"
         assert all(row[name] > 0 for name in ("acceleration_noise", "position_noise_m", "initial_speed_mps"))
     assert rows[0] != rows[1]
+
+
+def test_without_noise_a_row_is_written_that_a_tracker_takes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    time_s = np.arange(20) * 0.4
+    circle = 5.0 + np.stack([np.cos(time_s), np.sin(time_s)], axis=-1)
+    scene = replace(
+        walled_scene(np.random.default_rng(0)), trajectories=Trajectories(time_s, time_s * 0, circle)
+    )
+    row = tuned("hall", "perfect", Path(shutil.copy(FILE, tmp_path)), scene)
+    assert KalmanSettings(**{name: value for name, value in row.items() if name != "kind"})
 
 
 def test_fitted_forces_become_a_row(tmp_path, monkeypatch):

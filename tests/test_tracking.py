@@ -11,6 +11,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.tracking import KalmanSettings, born, follow, log_likelihood, resampled, tune_kalman, updated
+from pedpred.tracking.tuning import LEAST
 from tests.worlds import walled_scene, wandering
 
 SETTINGS = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
@@ -108,6 +109,22 @@ def test_tuning_finds_the_noise_that_was_put_in():
         assert found.acceleration_noise == pytest.approx(0.2, rel=0.15)
         assert found.position_noise_m == pytest.approx(0.05, rel=0.15)
         assert log_likelihood(trajectories, found, ahead) > log_likelihood(trajectories, SETTINGS, ahead)
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 1.0])
+@pytest.mark.parametrize("turn_radps", [0.0, 0.5])
+def test_tuning_ends_where_there_is_no_noise(speed_mps, turn_radps):
+    time_s, track_id = np.tile(np.arange(20) * 0.4, 5), np.repeat(np.arange(5), 20)
+    angle = turn_radps * time_s + track_id
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    trajectories = Trajectories(time_s, track_id, speed_mps * time_s[:, None] * along)
+    for ahead in (1, 8):
+        assert tune_kalman(trajectories, ahead).position_noise_m == LEAST
+
+
+def test_tuning_needs_somebody_who_is_detected_twice():
+    with pytest.raises(ValueRuleError, match="nobody is detected twice"):
+        tune_kalman(Trajectories(np.arange(3.0), np.arange(3), np.zeros((3, 2))), 8)
 
 
 def model_walks(rng, q, r, dt_s):

@@ -102,11 +102,7 @@ def one_by_one(scene: Scene) -> Scene:
 def _tuned(scene: Scene) -> KalmanSettings:
     """Fit the tracker to the recording that it is used for, which flatters all methods a little."""
     ahead = max(1, round(_TUNED_AHEAD_S / scene.detection_dt_s))
-    try:
-        found = tune_kalman(scene.trajectories, ahead)
-    except ValueRuleError as cause:  # the fit ran away
-        rule = f"no tracker fits {scene.name}, whose detections may be free of noise: {cause}"
-        raise ValueRuleError("--tracker", "tune", rule) from cause
+    found = tune_kalman(scene.trajectories, ahead)
     values = ", ".join(f"{name}: {value:.4f}" for name, value in vars(found).items())
     _log.info("%s: tracker fitted to this recording itself: {%s}", scene.name, values)
     return found

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize
 
+from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
 from pedpred.tracking.tracks import KalmanSettings, follow
 
 _START = KalmanSettings(acceleration_noise=0.1, position_noise_m=0.1, initial_speed_mps=1.0)
+
+LEAST = 1e-4
+"""Least noise parameters that are fitted: the likelihood of detections without noise has no maximum."""
 
 
 def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: int) -> float:
@@ -23,6 +27,9 @@ def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: 
         trajectories: detections.
         settings: noise parameters.
         ahead: number of detections, counted within a life.
+
+    Raises:
+        ValueRuleError: nobody is detected twice.
     """
     tracks = follow(trajectories, "kalman", settings, standstill_mps=0.0)
     total, count = 0.0, 0
@@ -34,19 +41,24 @@ def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: 
         miss = ((tracks.detection[row + distance] - after.position) ** 2).sum(axis=1)
         total += float((-np.log(2 * np.pi * variance) - miss / (2 * variance)).sum())
         count += len(row)
+    if not count:
+        raise ValueRuleError("detections", len(tracks.life), "nobody is detected twice")
     return total / count
 
 
 def tune_kalman(trajectories: Trajectories, ahead: int) -> KalmanSettings:
-    """Fit the noise parameters to a recording by maximum likelihood.
+    """Fit the noise parameters, each at least `LEAST`, to a recording by maximum likelihood.
 
     Args:
         trajectories: detections of a *training* place.
         ahead: see `log_likelihood`.
+
+    Raises:
+        ValueRuleError: nobody is detected twice.
     """
 
     def settings(logarithms: np.ndarray) -> KalmanSettings:
-        return KalmanSettings(*np.exp(logarithms).tolist())
+        return KalmanSettings(*np.maximum(np.exp(logarithms), LEAST).tolist())
 
     start = [_START.acceleration_noise, _START.position_noise_m, _START.initial_speed_mps]
     found = minimize(
