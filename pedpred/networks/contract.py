@@ -100,6 +100,11 @@ class RecurrentNetwork(nn.Module, ABC):
             Outputs, whose meaning is the network's own, [B, L, ...] each, and the state afterwards.
         """
 
+    def step(self, inputs: Mapping[str, Tensor], state: Tensors) -> tuple[Tensors, Tensors]:
+        """Forecast after a single step: `forward` without its axis L."""
+        outputs, after = self({name: values[:, None] for name, values in inputs.items()}, state)
+        return {name: values[:, 0] for name, values in outputs.items()}, after
+
     @abstractmethod
     def loss(self, outputs: Tensors, future: Tensor, known: Tensor, dt_s: float) -> Loss:
         """Loss of the forecasts.

@@ -56,9 +56,9 @@ class ExportedStep(nn.Module):
         state: Tensors = dict(zip(self.memory, values[len(self.inputs) :], strict=True))
         if "crop" in given and self.encoder is not None:
             given["grid"] = self.encoder.embedding(given.pop("crop"))
-        outputs, after = self.network({name: value[:, None] for name, value in given.items()}, state)
+        outputs, after = self.network.step(given, state)
         answer = self.network.answer(outputs, self.dt_s)
-        return {name: answer[name][:, 0] for name in TENSORS if name in answer}, after
+        return {name: answer[name] for name in TENSORS if name in answer}, after
 
 
 def export_onnx(

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import softplus
 
 FLOOR_M = 0.01
 """Smallest standard deviation, m: body sway and annotation errors are not smaller."""
@@ -46,7 +45,12 @@ def initial_spread(horizon_steps: int) -> Tensor:
 
 def spread_of(raw: Tensor) -> Tensor:
     """Any numbers as a valid spread. [..., 3] -> [..., 3]: a (m), c (m), k."""
-    return torch.cat([FLOOR_M + softplus(raw[..., :2]), raw[..., 2:]], dim=-1)
+    return torch.cat([FLOOR_M + _softplus(raw[..., :2]), raw[..., 2:]], dim=-1)
+
+
+def _softplus(values: Tensor) -> Tensor:
+    """ln(1 + e^x), from functions that runtimes have for whole vectors: theirs takes four times as long."""
+    return values.relu() + values.abs().neg().exp().log1p()
 
 
 UNCERTAINTIES = {"gaussian": GaussianHead}

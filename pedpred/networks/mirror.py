@@ -1,29 +1,38 @@
-"""Left and right exchanged: channels that a network reads, and what it answers, in the agent frame."""
+"""Left and right exchanged: layers that read what a person sees, and its mirror image."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
-from torch import Tensor
-
-from pedpred.networks.contract import Tensors
-
-
-def mirrored_inputs(inputs: Mapping[str, Tensor]) -> Tensors:
-    """The channels of a world whose left and right are exchanged. [N, width] each."""
-    left = {"state": (1.0, -1.0), "history": (1.0, -1.0, 1.0), "track": (1.0, -1.0, 1.0, 1.0, 1.0, 1.0)}
-    left["neighbours"] = (1.0, -1.0, 1.0, -1.0, 1.0)
-    mirrored = {name: _times(inputs[name], sign) for name, sign in left.items()}
-    mirrored["beams"] = inputs["beams"].flip(-1).roll(1, -1)  # beam 0 points along the heading
-    return mirrored
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import linear
 
 
-def mirrored_outputs(outputs: Tensors) -> Tensors:
-    """What the outputs in a mirrored world mean in the world."""
-    left = {"velocities": (1.0, -1.0), "modes": (1.0, -1.0), "weight": (1.0,), "spread": (1.0, 1.0, -1.0)}
-    return {name: outputs[name] * outputs[name].new_tensor(sign) for name, sign in left.items()}
+class MirroredLinear(nn.Linear):
+    """A layer that reads some facts and, if `sides` is 2, also their mirror image.
+
+    The same numbers come in; the signs of the mirror image are in the weights, so that nothing is read twice.
+
+    Attributes:
+        sides: 1 or 2.
+        left: -1 for facts that change their sign with left and right, 1 for others. [in]
+    """
+
+    def __init__(self, left: Sequence[float], units: int, sides: int):
+        super().__init__(len(left), units)
+        self.left, self.sides = tuple(left), sides
+
+    def forward(self, facts: Tensor) -> Tensor:
+        """Facts [M, in] -> a row for each side [M * sides, units]."""
+        return linear(facts, self.both, self.bias.repeat(self.sides)).reshape(-1, self.out_features)
+
+    @property
+    def both(self) -> Tensor:
+        """The weights of each side. [sides * units, in]."""
+        return torch.cat([self.weight, self.weight * self.weight.new_tensor(self.left)][: self.sides])
 
 
-def _times(values: Tensor, sign: tuple[float, ...]) -> Tensor:
-    """Rows of len(sign) numbers side by side, each number times its sign. [N, width]."""
-    return (values.unflatten(-1, (-1, len(sign))) * values.new_tensor(sign)).flatten(-2)
+def mirrored_beams(beams: Tensor) -> Tensor:
+    """Distances along beams as seen in a mirror; beam 0 points along the heading. [N, beams]."""
+    return torch.cat([beams[:, :1], beams[:, 1:].flip(-1)], dim=-1)

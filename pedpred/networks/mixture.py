@@ -11,18 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import log_softmax
+from torch.nn.functional import linear, log_softmax
 
 from pedpred.errors import ValueRuleError
 from pedpred.networks.contract import Loss, RecurrentNetwork, Tensors, displacements, mean_over
 from pedpred.networks.gaussian import covariance_of, initial_spread, negative_log_density, spread_of
-from pedpred.networks.mirror import mirrored_inputs, mirrored_outputs
-from pedpred.networks.surroundings import BeamEncoder, NeighbourEncoder, motion_known, own_motion
+from pedpred.networks.mirror import MirroredLinear
+from pedpred.networks.surroundings import BeamEncoder, NeighbourEncoder, motion_known, own_motion, own_signs
 
 CHANNELS_READ = ("state", "history", "track", "neighbours", "beams")
 SURROUNDINGS = ("history", "neighbours", "beams")
@@ -104,24 +104,24 @@ class MixtureNetwork(RecurrentNetwork):
 
     def __init__(self, settings: MixtureSettings, widths: Mapping[str, int], horizon_steps: int):
         super().__init__(settings, widths, horizon_steps)
-        half, units = settings.modes // (2 if settings.mirrored else 1), settings.units
-        own = 3 + sum(widths[name] for name in ("state", "history", "track"))
-        motion = settings.motion_units
-        self.own = nn.Sequential(nn.Linear(own, motion), nn.ReLU(), nn.Linear(motion, motion), nn.ReLU())
-        self.neighbours = NeighbourEncoder(motion, settings.neighbour_units)
-        self.beams = BeamEncoder(widths["beams"], settings.obstacle_units)
+        self.sides = 2 if settings.mirrored else 1
+        half, units, motion = settings.modes // self.sides, settings.units, settings.motion_units
+        first = MirroredLinear(own_signs(widths["history"]), motion, self.sides)
+        self.own = nn.Sequential(first, nn.ReLU(), nn.Linear(motion, motion), nn.ReLU())
+        self.neighbours = NeighbourEncoder(motion, widths["neighbours"], settings.neighbour_units, self.sides)
+        self.beams = BeamEncoder(widths["beams"], settings.obstacle_units, self.sides)
         fused = motion + self.neighbours.units + self.beams.units
         self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise((fused, units, units, units)))
-        steps = (horizon_steps,)
-        self.shapes = {
-            "velocities": (*steps, 2),
-            "modes": (half, *steps, 2),
-            "weight": (half,),
-            "spread": (half, *steps, 3),
+        paths = half * horizon_steps
+        left = {
+            "velocities": [1.0, -1.0] * horizon_steps,
+            "modes": [1.0, -1.0] * paths,
+            "weight": [1.0] * half,
+            "spread": [1.0, 1.0, -1.0] * paths,
         }
-        self.heads = nn.ModuleDict(
-            {k: nn.Linear(units, torch.Size(s).numel()) for k, s in self.shapes.items()}
-        )
+        self.heads = nn.ModuleDict({name: nn.Linear(units, len(signs)) for name, signs in left.items()})
+        self.sizes, mirrored = [len(signs) for signs in left.values()], list(chain(*left.values()))
+        self.signs = [[1.0] * len(mirrored), mirrored][: self.sides]
         with torch.no_grad():
             for name, weight in self.heads.named_parameters():  # an untrained network continues the motion
                 weight.mul_(0.0 if name.startswith("velocities") else 0.3)
@@ -138,39 +138,47 @@ class MixtureNetwork(RecurrentNetwork):
     def forward(self, inputs: Mapping[str, Tensor], state: Tensors) -> tuple[Tensors, Tensors]:
         """Forecast after every step; see `RecurrentNetwork.forward`."""
         axes = inputs["state"].shape[:-1]
-        sides = [self._read({name: inputs[name].flatten(0, -2) for name in self.widths})]
-        if self.settings.mirrored:
-            sides.append(mirrored_inputs(sides[0]))
-        seen = self._look({name: torch.cat([side[name] for side in sides]) for name in self.widths})
-        looks = [{k: v.unflatten(0, (len(sides), -1))[n] for k, v in seen.items()} for n in range(len(sides))]
-        looks[1:] = [mirrored_outputs(look) for look in looks[1:]]
-        outputs = {
-            name: torch.cat([look[name] for look in looks], dim=1) for name in ("modes", "weight", "spread")
-        }
-        outputs["weight"] = log_softmax(outputs["weight"], dim=-1)
-        now = sides[0]["state"][:, None].expand(-1, self.horizon_steps, -1)
-        outputs["velocities"] = now + torch.stack([look["velocities"] for look in looks]).mean(dim=0)
-        outputs["modes"] = now[:, None] + outputs["modes"]
-        outputs["prior"] = now
-        return {name: values.unflatten(0, axes) for name, values in outputs.items()}, {}
+        outputs, after = self.step({name: inputs[name].flatten(0, -2) for name in self.widths}, state)
+        return {name: values.unflatten(0, axes) for name, values in outputs.items()}, after
 
-    def _read(self, inputs: Tensors) -> Tensors:
-        """Zeros in place of what the settings leave unread. [N, width] each."""
-        return inputs | {name: torch.zeros_like(inputs[name]) for name in self.settings.unread}
+    def step(self, inputs: Mapping[str, Tensor], state: Tensors) -> tuple[Tensors, Tensors]:
+        """Forecast some people; see `RecurrentNetwork.step`."""
+        modes, steps = self.settings.modes, self.horizon_steps
+        seen = {n: torch.zeros_like(v) if n in self.settings.unread else v for n, v in inputs.items()}
+        own = own_motion(seen)
+        known = motion_known(own)
+        velocities, paths, weight, spread = self._heads(self._look(seen, own, known))
+        now, known = seen["state"][:, None].expand(-1, steps, -1), known[..., None]
+        a, c, k = spread.reshape(-1, modes, steps, 3).unbind(-1)
+        wide, longer = 0.5 * (a + c), 0.5 * known * (a - c)  # without a heading, as wide in each direction
+        return {
+            "velocities": now + known * velocities.mean(dim=1).reshape(-1, steps, 2),
+            "modes": now[:, None] + (known * paths).reshape(-1, modes, steps, 2),
+            "weight": log_softmax(weight.reshape(-1, modes), dim=-1),
+            "spread": torch.stack([wide + longer, wide - longer, known * k], dim=-1),
+            "prior": now,
+        }, {}
 
-    def _look(self, inputs: Mapping[str, Tensor]) -> Tensors:
-        """Corrections, modes and their weights in some situations. [N, ...] each."""
-        own, known = self.own(own_motion(inputs)), motion_known(inputs)
+    def _look(self, inputs: Mapping[str, Tensor], own: Tensor, known: Tensor) -> Tensor:
+        """Everything that is seen, from each side. [N * sides, units]."""
+        own = self.own(own)
         around = self.neighbours(inputs["neighbours"], inputs["state"], own)
+        surroundings = torch.cat([around, self.beams(inputs["beams"])], dim=-1)
+        known = torch.cat([known] * self.sides, dim=-1).reshape(-1, 1)
         first, *others = self.layers
-        seen = [own, known * around, known * self.beams(inputs["beams"])]
-        fused = torch.relu(first(torch.cat(seen, dim=-1)))
+        fused = torch.relu(first(torch.cat([own, known * surroundings], dim=-1)))
         for layer in others:
             fused = fused + torch.relu(layer(fused))
-        outputs = {
-            name: head(fused).float().unflatten(-1, self.shapes[name]) for name, head in self.heads.items()
-        }
-        return _without_direction(outputs, known)
+        return fused
+
+    def _heads(self, fused: Tensor) -> tuple[Tensor, ...]:
+        """The output of each head, turned back from the mirror. [N, sides, ...] each."""
+        weight, bias = (
+            torch.cat([self.heads.get_parameter(f"{name}.{own}") for name in self.heads])
+            for own in ("weight", "bias")
+        )
+        found = linear(fused, weight, bias).float().reshape(-1, self.sides, len(bias))
+        return (found * found.new_tensor(self.signs)).split(self.sizes, dim=-1)
 
     def loss(self, outputs: Tensors, future: Tensor, known: Tensor, dt_s: float) -> Loss:
         """Mean distance of the point forecast and of the closest mode, and two negative log likelihoods.
@@ -220,19 +228,6 @@ class MixtureNetwork(RecurrentNetwork):
             "weight": outputs["weight"].exp(),
             "covariance": covariance_of(spread_of(outputs["spread"])),
         }
-
-
-def _without_direction(outputs: Tensors, known: Tensor) -> Tensors:
-    """Outputs that know of a heading only as far as a motion is known: 0 no, 1 yes. [N, ...], [N, 1]."""
-    ahead = known[..., None]
-    spread = outputs["spread"]
-    round_ = spread[..., :2].mean(dim=-1, keepdim=True) * spread.new_tensor([1.0, 1.0, 0.0])
-    return {
-        "velocities": ahead * outputs["velocities"],
-        "modes": ahead[..., None] * outputs["modes"],
-        "weight": outputs["weight"],
-        "spread": round_ + ahead[..., None] * (spread - round_),
-    }
 
 
 def _length(vectors: Tensor) -> Tensor:

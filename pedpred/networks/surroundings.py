@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from pedpred.features.history import PAST
 from pedpred.features.nearest import NEIGHBOUR
 from pedpred.features.situation import OLD
+from pedpred.networks.mirror import MirroredLinear, mirrored_beams
 
 _SOFT = 0.05
 """m^2/s^2; keeps the time of the closest approach finite for people who walk side by side."""
@@ -28,11 +29,20 @@ def own_motion(inputs: Mapping[str, Tensor]) -> Tensor:
     return torch.cat([state, inputs["history"], 0.5 * last, spread, age, seen, speed], dim=-1)
 
 
-def motion_known(inputs: Mapping[str, Tensor]) -> Tensor:
-    """How far a person's motion, and with it the heading, is known: 0 without any, 1 above 1 cm/s. [N, 1]."""
-    moved = inputs["history"].unflatten(-1, (-1, PAST))[..., :2].flatten(-2)
-    motion = torch.cat([inputs["state"], inputs["track"][:, :2], moved], dim=-1)
-    size = motion.abs().amax(dim=-1, keepdim=True)
+def own_signs(history: int) -> list[float]:
+    """Those of `own_motion` that change their sign in the mirror: -1, for so many numbers of "history"."""
+    return [1.0, -1.0, *[1.0, -1.0, 1.0] * (history // PAST), 1.0, -1.0, *[1.0] * 7]
+
+
+def motion_known(own: Tensor) -> Tensor:
+    """How far a person's motion, and with it the heading, is known: 0 without any, 1 above 1 cm/s. [N, 1].
+
+    Args:
+        own: of `own_motion`.
+    """
+    past = (own.shape[-1] - 11) // PAST
+    motion = [1.0, 1.0, *[1.0, 1.0, 0.0] * past, 2.0, 2.0, *[0.0] * 7]  # (m/s or m) per number
+    size = (own.abs() * own.new_tensor(motion)).amax(dim=-1, keepdim=True)
     return size / (size + _STIRS)
 
 
@@ -43,11 +53,11 @@ class NeighbourEncoder(nn.Module):
         units: of the result.
     """
 
-    def __init__(self, own: int, units: int):
+    def __init__(self, own: int, width: int, units: int, sides: int):
         super().__init__()
-        self.units = 2 * units
-        self.first, self.second = nn.Linear(10, units), nn.Linear(units, units)
-        self.observer = nn.Linear(own, units)
+        self.units, self.crowd, self.wide = 2 * units, width // NEIGHBOUR, sides * units
+        self.first = MirroredLinear([1.0, -1.0] * 3 + [1.0] * 4, units, sides)
+        self.second, self.observer = nn.Linear(units, units), nn.Linear(own, units)
 
     def forward(self, neighbours: Tensor, state: Tensor, own: Tensor) -> Tensor:
         """Encode everybody around some observers.
@@ -55,23 +65,35 @@ class NeighbourEncoder(nn.Module):
         Args:
             neighbours: see `pedpred.features.nearest`. [N, K * NEIGHBOUR]
             state: the observers' velocities, agent frame, m/s. [N, 2]
-            own: the observers' encoded motion. [N, own]
+            own: the observers' encoded motion, from each side. [N * sides, own]
 
         Returns:
-            [N, units]
+            [N * sides, units]
         """
-        around = neighbours.unflatten(-1, (-1, NEIGHBOUR))
-        position, velocity, weight = around[..., :2], around[..., 2:4], around[..., 4:]
-        relative = velocity - state[:, None]
-        away = torch.linalg.vector_norm(position, dim=-1, keepdim=True)
-        approach = -(position * relative).sum(dim=-1, keepdim=True)
-        meeting_s = (approach / (relative.square().sum(dim=-1, keepdim=True) + _SOFT)).clamp(0.0, 4.0)
-        passing_m = torch.linalg.vector_norm(position + meeting_s * relative, dim=-1, keepdim=True)
-        close = [torch.exp(-away), 1.0 / (1.0 + away), 0.3 * meeting_s, torch.exp(-passing_m)]
-        facts = torch.cat([0.25 * position, relative, velocity, *close], dim=-1)
-        hidden = torch.relu(self.first(facts) + self.observer(own)[:, None])
-        each = weight * torch.relu(self.second(hidden))
-        return torch.cat([each.amax(dim=1), 0.25 * each.sum(dim=1)], dim=-1)
+        crowd, wide, units = self.crowd, self.wide, self.second.in_features
+        x, y, vx, vy, weight = neighbours.reshape(-1, crowd, NEIGHBOUR).unbind(-1)  # [N, K] each
+        sx, sy = state[:, :1], state[:, 1:]
+        facts = torch.stack(_facts(x, y, vx, vy, vx - sx, vy - sy), dim=-1)
+        each = facts.reshape(-1, self.first.in_features) @ self.first.both.T
+        observer = self.observer(own) + self.first.bias
+        hidden = torch.relu(each.reshape(-1, crowd, wide) + observer.reshape(-1, 1, wide))
+        each = torch.relu(self.second(hidden.reshape(-1, units)))
+        each = weight[..., None] * each.reshape(-1, crowd, wide)
+        seen = each.amax(dim=1), 0.25 * each.sum(dim=1)
+        return torch.cat([one.reshape(-1, units) for one in seen], dim=-1)
+
+
+def _facts(x: Tensor, y: Tensor, vx: Tensor, vy: Tensor, rx: Tensor, ry: Tensor) -> list[Tensor]:
+    """What is read of a neighbour, from its place, its velocity and the one relative to the observer."""
+    approach, speed2 = x * rx + y * ry, rx * rx + ry * ry
+    meeting_s = (-approach / (speed2 + _SOFT)).clamp(0.0, 4.0)
+    away, passing_m = _length(x, y), _length(x + meeting_s * rx, y + meeting_s * ry)
+    close = [torch.exp(-away), 1.0 / (1.0 + away), 0.3 * meeting_s, torch.exp(-passing_m)]
+    return [0.25 * x, 0.25 * y, rx, ry, vx, vy, *close]
+
+
+def _length(x: Tensor, y: Tensor) -> Tensor:
+    return (x * x + y * y).sqrt()
 
 
 class BeamEncoder(nn.Module):
@@ -81,14 +103,14 @@ class BeamEncoder(nn.Module):
         units: of the result.
     """
 
-    def __init__(self, beams: int, units: int):
+    def __init__(self, beams: int, units: int, sides: int):
         super().__init__()
-        self.units = units
-        self.patch, self.join = nn.Linear(16, 32), nn.Linear(beams // 4 * 32, units)
+        self.units, self.sides, self.quarters = units, sides, beams // 4
+        self.patch, self.join = nn.Linear(16, 32), nn.Linear(self.quarters * 32, units)
 
     def forward(self, beams: Tensor) -> Tensor:
-        """Encode distances to obstacles, m. [N, beams] -> [N, units]."""
-        near = torch.stack([1.0 - 0.1 * beams, torch.exp(-beams)], dim=1)
-        quarter = near.unflatten(-1, (-1, 4)).transpose(1, 2).flatten(-2)
-        patches = torch.cat([quarter.roll(1, 1), quarter], dim=-1)
-        return torch.relu(self.join(torch.relu(self.patch(patches)).flatten(1)))
+        """Encode distances to obstacles, m, from each side. [N, beams] -> [N * sides, units]."""
+        seen = torch.cat([beams, mirrored_beams(beams)][: self.sides], dim=-1).reshape(-1, self.quarters, 4)
+        quarter = torch.cat([1.0 - 0.1 * seen, torch.exp(-seen)], dim=-1)
+        patches = torch.cat([quarter.roll(1, 1), quarter], dim=-1).reshape(-1, 16)
+        return torch.relu(self.join(torch.relu(self.patch(patches)).reshape(-1, self.join.in_features)))
