@@ -15,10 +15,11 @@ from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.conversion import read_given
 from pedpred.command.foreign import ForeignForecasts, read_forecasts
 from pedpred.command.prediction import read_tracker, robot_for
-from pedpred.command.tables import table, verdict
+from pedpred.command.tables import SHOWN, table, verdict
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
 from pedpred.files import write_json
+from pedpred.metrics import METRICS
 from pedpred.online.assessment import assess
 from pedpred.scenes import OccupancyMap, Scene
 from pedpred.sources.single_file import check_clock
@@ -79,8 +80,8 @@ def _assessed(
         meaningless += ["collision_share", "mode_collision_share"]
     others = {} if foreign is None else {foreign.name: foreign}
     answered = None if foreign is None else foreign.answered
-    regions = given.json is not None
-    found = assess(scene, predictor, settings, None, others, answered, regions)
+    metrics = None if given.json else {key: METRICS[key] for key in SHOWN}
+    found = assess(scene, predictor, settings, None, others, answered, metrics)
     return {
         method: replace(own, values={key: v for key, v in own.values.items() if key not in meaningless})
         for method, own in found.items()

@@ -11,7 +11,8 @@ from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.evaluation import EvaluationSettings, Scores, summaries
 from pedpred.metrics import METRICS
 
-_SHOWN = (*("ade_m", "fde_m", "moving_ade_m", "standing_ade_m", "nll", "obstacle_share", "collision_share"),)
+SHOWN = (*("ade_m", "fde_m", "moving_ade_m", "standing_ade_m", "nll", "obstacle_share", "collision_share"),)
+"""Metrics in the table, in its order."""
 
 
 def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str, Scores]) -> str:
@@ -23,8 +24,8 @@ def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str,
         scores: of the same methods.
     """
     some, own = next(iter(rows.values())), next(iter(scores.values()))
-    first, *others = _SHOWN
-    titles = [f"{METRICS[key].label} {METRICS[key].unit}" for key in _SHOWN]
+    first, *others = SHOWN
+    titles = [f"{METRICS[key].label} {METRICS[key].unit}" for key in SHOWN]
     cells: list[Sequence[str]] = [("method", titles[0], "95 % interval", *titles[1:])]
     for method, row in rows.items():
         interval = " - ".join(_cell(first, end) for end in row[f"{first}_ci95"])

@@ -15,7 +15,6 @@ def compare(
     request: ForecastRequest,
     forecasters: Mapping[str, Forecaster],
     settings: EvaluationSettings,
-    regions: bool = True,
 ) -> tuple[EvaluationWindows, dict[str, Scores]]:
     """Forecast and measure all evaluation windows of a scene.
 
@@ -23,7 +22,6 @@ def compare(
         request: about the scene; its rows become the windows.
         forecasters: by method.
         settings: thresholds of the metrics.
-        regions: see `score`.
 
     Raises:
         ValueRuleError: the scene has no window.
@@ -37,9 +35,7 @@ def compare(
     windows, truth = asked.asked, true_paths(asked.asked, asked.sizes.dt_s)
     scene = metric_scene(windows, request.scene.occupancy, settings)
     scores = {
-        method: replace(
-            score(own, truth, windows.track_id, scene, regions=regions), without_truth=without_truth
-        )
+        method: replace(score(own, truth, windows.track_id, scene), without_truth=without_truth)
         for method, own in predictions.items()
     }
     collected = EvaluationWindows(

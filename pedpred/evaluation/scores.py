@@ -96,7 +96,7 @@ def score(
     track: np.ndarray,
     scene: MetricScene,
     metrics: Mapping[str, Metric] = METRICS,
-    regions: bool = True,
+    steps: bool = True,
 ) -> Scores:
     """Measure one forecaster in one scene.
 
@@ -106,7 +106,7 @@ def score(
         track: of each window. [W]
         scene: of the windows.
         metrics: which ones.
-        regions: measure which share of the probability lies nearer than the truth, the slowest of all.
+        steps: measure the calibration at each step, the slowest of all.
 
     Raises:
         ValueRuleError: a window has no forecast.
@@ -114,9 +114,8 @@ def score(
     if not np.isfinite(predictions.point).all():
         raise ValueRuleError("predictions", "not finite", "a method must forecast every window")
     inside = nll = np.zeros((len(predictions), 0))
-    if predictions.covariance is not None:
-        inside = share_inside(predictions, truth) if regions else inside
-        nll = mixture_nll(predictions, truth)
+    if steps and predictions.covariance is not None:
+        inside, nll = share_inside(predictions, truth), mixture_nll(predictions, truth)
     values = {key: metric.value(predictions, truth, scene) for key, metric in metrics.items()}
     return Scores(track, values, displacement(predictions.point, truth), inside, nll)
 

@@ -20,7 +20,11 @@ _WORTH_SAYING = 0.01
 
 
 def window_request(
-    scene: Scene, how: Perception, sizes: FeatureSettings, social_force: SocialForceSettings | None = None
+    scene: Scene,
+    how: Perception,
+    sizes: FeatureSettings,
+    social_force: SocialForceSettings | None = None,
+    memory: bool = True,
 ) -> ForecastRequest:
     """Ask for a forecast of every evaluation window of a scene.
 
@@ -29,10 +33,12 @@ def window_request(
         how: how its people are perceived.
         sizes: of the features; the clock of networks has one phase, whatever training uses.
         social_force: the model of walking there; None where there is none.
+        memory: compute the steps of recurrent memories too.
     """
     seen, tracks = perceived(scene, how, sizes)
     table = extract_at_detections(seen, tracks, sizes, scene.trajectories)
-    clock = extract(seen, tracks, replace(sizes, phase_offsets=1), scene.trajectories)
+    one_phase = replace(sizes, phase_offsets=1)
+    clock = extract(seen, tracks, one_phase, scene.trajectories) if memory else None
     tracker = None if sizes.noncausal else how.kalman
     rows = windows_of(table, sizes)
     return ForecastRequest(

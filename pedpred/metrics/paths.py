@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+
+from pedpred.compiled import compiled
 
 SAME_INSTANT_S = 1e-6
 
@@ -25,10 +29,22 @@ def too_close(paths: np.ndarray, time_s: np.ndarray, distance_m: float) -> np.nd
     """
     hit = np.zeros(len(paths), dtype=bool)
     order = np.argsort(time_s, kind="stable")
-    edges = np.flatnonzero(np.diff(time_s[order]) > SAME_INSTANT_S) + 1
-    for rows in np.split(order, edges):
-        if len(rows) > 1:
-            gap = displacement(paths[rows, None], paths[None, rows]).min(axis=-1)
-            np.fill_diagonal(gap, np.inf)
-            hit[rows] = gap.min(axis=1) < distance_m
+    edges = np.flatnonzero(np.diff(time_s[order], prepend=-np.inf, append=np.inf) > SAME_INSTANT_S)
+    hit[order] = _meet(paths[order], edges, distance_m)
+    return hit
+
+
+@compiled
+def _meet(paths: np.ndarray, edges: np.ndarray, distance_m: float) -> np.ndarray:  # pragma: no cover
+    """`too_close` for instants that begin at each edge and end at the next one. [W]."""
+    hit = np.zeros(len(paths), np.bool_)
+    for group in range(len(edges) - 1):
+        for one in range(edges[group], edges[group + 1]):
+            for other in range(one + 1, edges[group + 1]):
+                for p in range(paths.shape[1]):
+                    x = paths[one, p, 0] - paths[other, p, 0]
+                    y = paths[one, p, 1] - paths[other, p, 1]
+                    if math.sqrt(x * x + y * y) < distance_m:
+                        hit[one] = hit[other] = True
+                        break
     return hit

@@ -14,6 +14,7 @@ from pedpred.evaluation.scores import metric_scene, true_paths
 from pedpred.evaluation.windows import count_without_truth, window_request
 from pedpred.features.perception import Perception, sensed
 from pedpred.forecasting import Forecaster, ForecastRequest
+from pedpred.metrics import METRICS, Metric
 from pedpred.online.batch import predictions_at_once
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.replay import predictions_at, replayed
@@ -31,7 +32,7 @@ def assess(
     sensor: SensorSettings | None = None,
     others: Mapping[str, Forecaster] | None = None,
     answered: Callable[[ForecastRequest], np.ndarray] | None = None,
-    regions: bool = True,
+    metrics: Mapping[str, Metric] | None = None,
 ) -> dict[str, Scores]:
     """Measure the network in a scene, beside the baselines that continue the present motion.
 
@@ -45,7 +46,7 @@ def assess(
         sensor: between the scene and the tracker; None for a perfect one.
         others: further methods by name.
         answered: which windows count, [W] bool; None: all.
-        regions: see `score`.
+        metrics: which ones alone; None: all, and the calibration at each step.
 
     Raises:
         ValueRuleError: the scene has no window.
@@ -54,7 +55,8 @@ def assess(
         The scores of each method in the same windows.
     """
     about, sizes, sensor = predictor.description, predictor.features, sensor or SensorSettings()
-    request = window_request(scene, Perception(about.tracker, about.standstill_mps, sensor), sizes)
+    how = Perception(about.tracker, about.standstill_mps, sensor)
+    request = window_request(scene, how, sizes, memory=bool(others))
     without_truth = count_without_truth(request.table, sizes, scene.name)
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.
     request = replace(request, tracker=None)
@@ -71,7 +73,7 @@ def assess(
     known = metric_scene(windows, scene.occupancy, settings)
     return {
         name: replace(
-            score(method(request), truth, windows.track_id, known, regions=regions),
+            score(method(request), truth, windows.track_id, known, metrics or METRICS, metrics is None),
             without_truth=without_truth,
         )
         for name, method in methods.items()
