@@ -100,6 +100,41 @@ def test_without_map_nothing_of_it_is_seen_or_measured(hall, tmp_path, mixture):
     assert "obstacle_share" not in unseen
 
 
+def test_people_who_move_and_people_who_stand_are_measured_apart(tmp_path, model, capsys):
+    time_s, rng = np.arange(20) * 0.4, np.random.default_rng(0)
+    walking = np.stack([time_s, np.zeros(20)], axis=-1) + rng.normal(0.0, 0.02, (20, 2))
+    standing = rng.normal(5.0, 0.02, (2, 20, 2))  # twice as many
+    rows = [
+        (t, k, *p) for k, path in enumerate((walking, *standing)) for t, p in zip(time_s, path, strict=True)
+    ]
+    (tmp_path / "square.csv").write_text(
+        "time,id,x,y\n" + "".join(f"{t},{k},{x},{y}\n" for t, k, x, y in rows)
+    )
+    found = measured(tmp_path / "square.csv", "--model", model[0], out=tmp_path / "e.json")["square"]
+    each = found["cv"]["windows"] // 3
+    assert f"({each} of people who move, {2 * each} of people who stand)" in capsys.readouterr().out
+    for own in found.values():
+        parts = own["moving_ade_m"] + 2 * own["standing_ade_m"]
+        assert own["ade_m"] == pytest.approx(parts / 3, abs=1e-4)
+    kalman = found["kalman_cv"]
+    assert kalman["moving_ade_m"] != kalman["standing_ade_m"]
+
+
+def test_thresholds_reach_their_metrics(hall, tmp_path, mixture):
+    far = ("--moving-mps", 999, "--collision-m", 999)
+    own = measured(hall, "--model", mixture[0], *far, out=tmp_path / "e.json")["hall"]["cv"]
+    assert "moving_ade_m" not in own
+    assert own["collision_share"] > 0.9  # of two people
+
+
+def test_the_table_is_the_same_with_and_without_a_file_of_all_figures(hall, tmp_path, mixture, capsys):
+    common = ("evaluate", str(hall), "--model", str(mixture[0]), *FAST)
+    main([*common])
+    brief = capsys.readouterr().out
+    main([*common, "--json", str(tmp_path / "e.json")])
+    assert capsys.readouterr().out == brief
+
+
 def test_alone_means_each_person_by_itself(hall, mixture):
     scene, settings = read_scene(hall), EvaluationSettings(bootstrap=1)
     together = assess(one_by_one(scene), robot_for(scene, mixture[0]), settings)["network"]

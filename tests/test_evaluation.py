@@ -56,6 +56,15 @@ def test_inside_obstacle_by_hand():
 
 
 @given(st.integers(0, 2**32 - 1))
+def test_too_close_is_symmetric_and_counts_every_step_of_an_instant(seed):
+    rng = np.random.default_rng(seed)
+    paths, time_s = rng.normal(size=(20, 3, 2)), rng.integers(0, 4, 20).astype(float)
+    gap = displacement(paths[:, None], paths).min(axis=-1)
+    near = (gap < 0.5) & (time_s[:, None] == time_s) & ~np.eye(20, dtype=bool)
+    np.testing.assert_array_equal(too_close(paths, time_s, 0.5), near.any(axis=1))
+
+
+@given(st.integers(0, 2**32 - 1))
 def test_order_does_not_matter(seed):
     rng = np.random.default_rng(seed)
     paths, time_s = rng.normal(size=(20, 3, 2)), rng.integers(0, 4, 20).astype(float)

@@ -36,7 +36,10 @@ Assessed = dict[str, dict[str, Scores]]
 def evaluate(given: argparse.Namespace) -> None:
     """Measure a network in scenes and compare it with simple methods."""
     settings = EvaluationSettings(
-        given.moving_mps, given.collision_m, bootstrap=given.samples, seed=given.seed
+        moving_mps=given.moving_mps,
+        collision_m=given.collision_m,
+        bootstrap=given.samples,
+        seed=given.seed,
     )
     tracker = read_tracker(given.tracker) if isinstance(given.tracker, Path) else given.tracker
     foreign = read_forecasts(given.forecasts, given.step_s) if given.forecasts else None

@@ -19,7 +19,7 @@ from pedpred.simulation.fields import check_ranges
 _PER_STEP = ("error_m", "inside", "nll")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EvaluationSettings:
     """Choice of modes, thresholds of the metrics and size of the bootstrap; defaults: published figures.
 
