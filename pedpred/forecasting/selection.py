@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -55,19 +56,18 @@ def consistent(predictions: Predictions, position: np.ndarray, time_s: np.ndarra
         raise ShapeError("position", position.shape, f"({len(predictions)}, 2)")
     if predictions.modes == 1:
         return predictions
-    weight, chosen = predictions.weight.copy(), np.zeros(len(predictions), np.int64)
+    weight = predictions.weight.copy()
+    order = np.tile(np.arange(predictions.modes), (len(weight), 1))
     for rows in _instants(time_s):
         first, second, closeness = _conflicts(predictions.path[rows], position[rows])
         if len(first):
-            weight[rows], chosen[rows] = _chosen(weight[rows], first, second, closeness)
-    other = np.arange(predictions.modes) != chosen[:, None]
-    order = np.lexsort((other, -weight), axis=1)
+            _choose(rows, first, second, closeness, np.log(np.maximum(weight[rows], _LEAST)), weight, order)
     at = np.arange(len(weight))[:, None], order
     covariance = predictions.covariance
     return replace(
         predictions,
         path=predictions.path[at],
-        weight=weight[at],
+        weight=weight,
         covariance=None if covariance is None else covariance[at],
     )
 
@@ -75,40 +75,58 @@ def consistent(predictions: Predictions, position: np.ndarray, time_s: np.ndarra
 def _instants(time_s: np.ndarray) -> Iterator[np.ndarray]:
     """Rows of each instant with several people."""
     order = np.argsort(time_s, kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(time_s[order]) > TIME_TOLERANCE_S) + 1):
-        if len(rows) > 1:
-            yield rows
+    edges = np.flatnonzero(np.diff(time_s[order], prepend=-np.inf, append=np.inf) > TIME_TOLERANCE_S)
+    for begin, end in pairwise(edges.tolist()):
+        if end - begin > 1:
+            yield order[begin:end]
 
 
-def _chosen(
-    weight: np.ndarray, first: np.ndarray, second: np.ndarray, closeness: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """New weights of one instant's people, and the mode chosen for each. [N, K], [N].
+@compiled
+def _choose(rows, first, second, closeness, alone, weight, order):  # pragma: no cover (compiled)
+    """Choose for one instant's people. Writes their new weights and, the chosen one first, their modes.
 
     Args:
-        weight: before. [N, K]
+        rows: of the people in `weight` and `order`. [N]
         first: of each conflict, the index of a mode among all N * K. [C]
         second: of the other person's mode. [C]
         closeness: 0 to 1. [C]
+        alone: logarithms of their weights. [N, K]
+        weight: of everybody's modes, not rising; changed. [W, K]
+        order: of everybody's modes; changed. [W, K]
     """
-    alone = np.log(np.maximum(weight, _LEAST))
-    load = np.zeros(weight.size)
+    people, modes = alone.shape
+    load, likely = np.zeros(people * modes), np.empty(people * modes)
+    one, other = np.zeros(people * modes), np.zeros(people * modes)
     for _ in range(ROUNDS):
-        likely = _softmax(_SHARP * (alone - _YIELD * load.reshape(weight.shape))).ravel()
-        new = np.bincount(first, closeness * likely[second], weight.size)
-        new += np.bincount(second, closeness * likely[first], weight.size)
-        load += _DAMPING * (new - load)
-    loads = load.reshape(weight.shape)
-    chosen = np.argmax(np.round(alone - _YIELD * loads, _DIGITS), axis=1)  # equal modes: the first one
-    above = weight >= np.take_along_axis(weight, chosen[:, None], axis=1)
-    share = (weight * above).sum(axis=1) / above.sum(axis=1)
-    return np.where(above, share[:, None], weight), chosen
-
-
-def _softmax(values: np.ndarray) -> np.ndarray:
-    """Along the last axis; scipy's takes twenty times as long for a handful of people. [N, K]."""
-    grown = np.exp(values - values.max(axis=1, keepdims=True))
-    return grown / grown.sum(axis=1, keepdims=True)
+        for i in range(people):
+            best, total = -np.inf, 0.0
+            for k in range(modes):
+                best = max(best, alone[i, k] - _YIELD * load[i * modes + k])
+            for k in range(modes):
+                at = i * modes + k
+                likely[at] = math.exp(_SHARP * (alone[i, k] - _YIELD * load[at] - best))
+                total += likely[at]
+            for k in range(modes):
+                likely[i * modes + k] /= total
+        for c in range(len(first)):
+            one[first[c]] += closeness[c] * likely[second[c]]
+            other[second[c]] += closeness[c] * likely[first[c]]
+        for at in range(people * modes):
+            load[at] += _DAMPING * (one[at] + other[at] - load[at])
+            one[at] = other[at] = 0.0
+    for i in range(people):
+        own, chosen, best = weight[rows[i]], 0, -np.inf
+        for k in range(modes):
+            value = np.rint((alone[i, k] - _YIELD * load[i * modes + k]) * 10.0**_DIGITS)
+            if value > best:  # of equal modes the first one
+                chosen, best = k, value
+        total, above, least = 0.0, 0, own[chosen]
+        while above < modes and own[above] >= least:
+            total, above = total + own[above], above + 1
+        own[:above] = max(total / above, least)
+        order[rows[i], 0] = chosen
+        for k in range(chosen):
+            order[rows[i], k + 1] = k
 
 
 def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
