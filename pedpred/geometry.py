@@ -6,10 +6,12 @@ pedestrian; x points forward along its heading, y to its left. Images have (row,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from pedpred.compiled import compiled
 from pedpred.errors import ShapeError, ValueRuleError
 
 _SMALLEST_CONDITION = 1e-12
@@ -31,27 +33,59 @@ def rotate(vectors: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
+def placed(points: np.ndarray, origin: np.ndarray, heading_rad: np.ndarray) -> np.ndarray:
+    """Points in agent frames, as seen from the world.
+
+    Args:
+        points: (x, y) in each agent's frame, m. [W, ..., 2]
+        origin: where the agents are, world frame, m. [W, 2]
+        heading_rad: direction of their x axes. [W]
+
+    Returns:
+        World frame, m. [W, ..., 2] float64
+    """
+    found = np.empty((len(points), math.prod(points.shape[1:-1]), 2))
+    _place(points.reshape(found.shape), origin, np.cos(heading_rad), np.sin(heading_rad), found)
+    return found.reshape(points.shape)
+
+
+@compiled
+def _place(points, origin, cos, sin, found):  # pragma: no cover (compiled)
+    """Writes into `found`."""
+    for w in range(len(points)):
+        for m in range(points.shape[1]):
+            x, y = points[w, m, 0], points[w, m, 1]
+            found[w, m, 0] = origin[w, 0] + (cos[w] * x - sin[w] * y)
+            found[w, m, 1] = origin[w, 1] + (sin[w] * x + cos[w] * y)
+
+
 def rotated_covariance(covariance: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
     """Covariance of vectors rotated counter-clockwise, R Sigma R^T.
 
     Args:
-        covariance: symmetric. [..., 2, 2]
-        angle_rad: angle of each, broadcast against the leading axes. [...]
+        covariance: symmetric. [W, ..., 2, 2]
+        angle_rad: of each row. [W]
 
     Returns:
-        Same unit. [..., 2, 2]
+        Same unit. [W, ..., 2, 2] float64
     """
-    covariance, cos, sin = np.asarray(covariance), np.cos(angle_rad), np.sin(angle_rad)
+    found = np.empty((len(covariance), math.prod(covariance.shape[1:-2]), 2, 2))
+    _turn(covariance.reshape(found.shape), np.cos(angle_rad), np.sin(angle_rad), found)
+    return found.reshape(covariance.shape)
 
-    def turned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return cos * x - sin * y, sin * x + cos * y
 
-    first = turned(covariance[..., 0, 0], covariance[..., 0, 1])  # rows of Sigma R^T
-    second = turned(covariance[..., 1, 0], covariance[..., 1, 1])
-    rotated = np.empty((*first[0].shape, 2, 2), first[0].dtype)
-    for row, pair in enumerate(zip(first, second, strict=True)):
-        rotated[..., row, 0], rotated[..., row, 1] = turned(*pair)
-    return rotated
+@compiled
+def _turn(covariance, cos, sin, found):  # pragma: no cover (compiled)
+    """Writes into `found`."""
+    for w in range(len(covariance)):
+        c, s = cos[w], sin[w]
+        for m in range(covariance.shape[1]):
+            for k in range(2):  # R Sigma, then its rows times R^T
+                x, y = covariance[w, m, 0, k], covariance[w, m, 1, k]
+                found[w, m, 0, k], found[w, m, 1, k] = c * x - s * y, s * x + c * y
+            for k in range(2):
+                x, y = found[w, m, k, 0], found[w, m, k, 1]
+                found[w, m, k, 0], found[w, m, k, 1] = c * x - s * y, s * x + c * y
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,8 @@ def test_turning_the_world_changes_neither_distance_nor_surprise(seed, angle):
 
 
 def test_turning_by_a_right_angle_swaps_the_axes():
-    turned = rotated_covariance(np.array([[4.0, 0.5], [0.5, 1.0]]), np.array(np.pi / 2))
-    np.testing.assert_allclose(turned, [[1.0, -0.5], [-0.5, 4.0]], atol=1e-12)
+    turned = rotated_covariance(np.array([[[4.0, 0.5], [0.5, 1.0]]]), np.array([np.pi / 2]))
+    np.testing.assert_allclose(turned, [[[1.0, -0.5], [-0.5, 4.0]]], atol=1e-12)
 
 
 def test_what_is_drawn_from_a_gaussian_lies_in_its_regions():

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.geometry import rotate, rotated_covariance
+from pedpred.geometry import placed, rotated_covariance
 
 Frame = Literal["world", "agent"]
 _SUM_TOLERANCE = 1e-4
@@ -138,13 +138,12 @@ class Predictions:
         """
         if self.frame != "agent":
             raise ValueRuleError("frame", self.frame, "it must be 'agent'")
-        turn = heading_rad[:, None, None]
         covariance = self.covariance
         return replace(
             self,
-            point=position[:, None] + rotate(self.point, heading_rad[:, None]),
-            path=position[:, None, None] + rotate(self.path, turn),
-            covariance=None if covariance is None else rotated_covariance(covariance, turn),
+            point=placed(self.point, position, heading_rad),
+            path=placed(self.path, position, heading_rad),
+            covariance=None if covariance is None else rotated_covariance(covariance, heading_rad),
             frame="world",
         )
 
