@@ -42,35 +42,67 @@ def obstacle_distances(
 
 @compiled
 def _cast(cells, shape, start, heading_rad, turns, reach, found):  # pragma: no cover (compiled)
-    """From cell edge to cell edge (Amanatides & Woo 1987); lengths are in cells. Writes into `found`."""
+    """Lengths are in cells. Writes into `found`."""
     for q in range(len(start)):
+        x, y = start[q, 0], start[q, 1]
         for b in range(len(turns)):
             angle = heading_rad[q] + turns[b]
             way_x, way_y = math.cos(angle), math.sin(angle)
-            from_x, to_x = _above(start[q, 0], way_x, shape[0], reach)
-            from_y, to_y = _above(start[q, 1], way_y, shape[1], reach)
+            from_x, to_x = _above(x, way_x, shape[0], reach)
+            from_y, to_y = _above(y, way_y, shape[1], reach)
             enter, leave = max(from_x, from_y), min(to_x, to_y)
-            found[q, b] = reach
             if enter >= leave:
-                continue
-            x, y = start[q, 0] + enter * way_x, start[q, 1] + enter * way_y
-            i = min(max(math.floor(x), 0), shape[0] - 1)
-            j = min(max(math.floor(y), 0), shape[1] - 1)
-            next_x, gap_x = _edges(x, i, way_x, enter)
-            next_y, gap_y = _edges(y, j, way_y, enter)
-            step_x, left_x = (shape[1], shape[0] - i) if way_x > 0 else (-shape[1], i + 1)
-            step_y, left_y = (1, shape[1] - j) if way_y > 0 else (-1, j + 1)
-            cell, at = i * shape[1] + j, enter
-            while at < leave:
-                if cells[cell]:
-                    found[q, b] = at
-                    break
-                if next_x < next_y:
-                    at, next_x, cell, left_x = next_x, next_x + gap_x, cell + step_x, left_x - 1
-                else:
-                    at, next_y, cell, left_y = next_y, next_y + gap_y, cell + step_y, left_y - 1
-                if left_x == 0 or left_y == 0:
-                    break
+                found[q, b] = reach
+            elif abs(way_x) >= abs(way_y):
+                found[q, b] = _walk(
+                    cells, x, way_x, shape[0], shape[1], y, way_y, shape[1], 1, enter, leave, reach
+                )
+            else:
+                found[q, b] = _walk(
+                    cells, y, way_y, shape[1], 1, x, way_x, shape[0], shape[1], enter, leave, reach
+                )
+
+
+@compiled
+def _walk(cells, u, way_u, size_u, row_u, v, way_v, size_v, row_v, enter, leave, reach):  # pragma: no cover
+    """How far it is to the first blocked cell along a beam, or `reach`.
+
+    From edge to edge along the axis u, along which the beam is faster: in between lie one cell or two. None
+    waits for the step before, so that the processor works on several steps at once. Lengths are in cells.
+
+    Args:
+        cells: of the map, row by row.
+        u: start of the beam along this axis.
+        way_u: component of its direction; |way_u| >= |way_v|.
+        size_u: cells of the map along this axis.
+        row_u: from a cell to the next one along this axis, in `cells`.
+        v: start along the other axis.
+        way_v: component of its direction.
+        size_v: cells of the map along the other axis.
+        row_v: from a cell to the next one along it.
+        enter: where the beam enters the map.
+        leave: where it leaves the map, or its end.
+        reach: its end.
+    """
+    first = min(max(int(u + enter * way_u), 0), size_u - 1)
+    last = min(max(int(u + leave * way_u), 0), size_u - 1)
+    step, slope = (1 if way_u > 0 else -1), way_v / abs(way_u)
+    edge = first + (way_u > 0)
+    crossing = v + (edge - u) * (way_v / way_u)
+    row = first * row_u
+    here = row + min(max(int(v + enter * way_v), 0), size_v - 1) * row_v
+    for k in range(abs(last - first) + 1):
+        beside = min(max(int(crossing), 0), size_v - 1)
+        there = row + beside * row_v
+        if cells[np.uint64(here)] | cells[np.uint64(there)]:  # unsigned: none counts from the end
+            at = (edge + (k - 1) * step - u) / way_u if k else enter
+            if not cells[here]:
+                at = max(at, (beside + (way_v < 0) - v) / way_v)
+            return at if at < leave else reach
+        crossing += slope
+        row += step * row_u
+        here = there + step * row_u
+    return reach
 
 
 @compiled
@@ -80,11 +112,3 @@ def _above(start, way, size, reach):  # pragma: no cover (compiled)
         return 0.0, reach if 0.0 <= start < size else -1.0
     one, other = -start / way, (size - start) / way
     return max(0.0, min(one, other)), min(reach, max(one, other))
-
-
-@compiled
-def _edges(x, i, way, enter):  # pragma: no cover (compiled)
-    """Where a beam crosses the next edge between cells along one axis, and how far apart edges are."""
-    if abs(way) <= _ALONG:
-        return np.inf, np.inf
-    return enter + ((i + (way > 0)) - x) / way, abs(1.0 / way)
