@@ -57,7 +57,8 @@ def consistent(predictions: Predictions, position: np.ndarray, time_s: np.ndarra
     if predictions.modes == 1:
         return predictions
     weight = predictions.weight.copy()
-    order = np.tile(np.arange(predictions.modes), (len(weight), 1))
+    order = np.empty(weight.shape, np.int64)
+    order[:] = np.arange(predictions.modes)
     for rows in _instants(time_s):
         first, second, closeness = _conflicts(predictions.path[rows], position[rows])
         if len(first):
@@ -75,8 +76,8 @@ def consistent(predictions: Predictions, position: np.ndarray, time_s: np.ndarra
 def _instants(time_s: np.ndarray) -> Iterator[np.ndarray]:
     """Rows of each instant with several people."""
     order = np.argsort(time_s, kind="stable")
-    edges = np.flatnonzero(np.diff(time_s[order], prepend=-np.inf, append=np.inf) > TIME_TOLERANCE_S)
-    for begin, end in pairwise(edges.tolist()):
+    later = np.flatnonzero(np.diff(time_s[order]) > TIME_TOLERANCE_S) + 1
+    for begin, end in pairwise([0, *later.tolist(), len(order)]):
         if end - begin > 1:
             yield order[begin:end]
 
