@@ -19,5 +19,5 @@ def default_model() -> Path:
     for folder in (_INSTALLED, _CHECKOUT):
         if folder.is_dir():
             return folder
-    remedy = "Name a model folder, or make the default one: the stage export writes it"
+    remedy = "Name a model folder, or get the default one with git"
     raise StorageError(_CHECKOUT, "model folder", "the default model is missing", remedy)
