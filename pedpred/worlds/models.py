@@ -89,7 +89,7 @@ class ModelSettings:
     border_strength: Range = (2.0, 12.0)
     border_range_m: Range = (0.06, 0.35)
     unseen_weight: Range = (0.1, 0.6)
-    direction_push: Range = (1.5, 6.0)
+    direction_push: Range = (0.5, 2.5)
     direction_range_m: Range = (0.1, 0.35)
     wall_push: Range = (2.0, 6.0)
     wall_range_m: Range = (0.05, 0.2)

@@ -70,9 +70,9 @@ class PeopleSettings:
     speed_range_mps: Range = (0.3, 2.5)
     relaxation_s: Range = (0.35, 1.3)
     collision_free_relaxation_s: Range = (0.25, 0.9)
-    radius_m: Range = (0.12, 0.2)
+    radius_m: Range = (0.1, 0.17)
     headway_share: float = 0.5
-    headway_s: Range = (0.3, 1.2)
+    headway_s: Range = (0.15, 0.7)
     stops_share: float = 0.4
     stopping_people: float = 0.6
     stop_rate_hz: Range = (0.002, 0.04)

@@ -7,7 +7,7 @@ Social forces (Helbing & Molnar 1995, eq. 2-9, with the border's exponential), w
     a = (w e - v) / tau + sum f(r) s(e, f) + sum_{d < l} 20 (l - d) r / d + U0 / R exp(-d_w / R) n_w
 Collision-free speed model (Tordeux, Chraibi & Seyfried 2016), with inertia of direction and speed:
     u = e + sum a exp((l - d) / D) s r / d + a_w exp((r_n - d_w) / D_w) n_w
-    de'/dt = (u / |u| - e') / 0.3 s,  a = (w e' / |e'| - v) / tau
+    de'/dt = (u / |u| - e') / 0.3 s,  a = (w (1 + c) / 2 e' / |e'| - v) / tau,  c = e . e' / |e'|
 
 Here l = r_n + r_m is the sum of the radii, s the weight of what is seen, and the speed w is limited by the
 headway T: w <= max(0, d - l) / T for everybody ahead within 0.95 l of the own line. w is 0 during a stop;
@@ -182,6 +182,7 @@ def _accelerate(n, now, dt, active, group, state, traits, model, ground):
         state.turned[n, 0] += dt / _TURN_S * (u_x - state.turned[n, 0])
         state.turned[n, 1] += dt / _TURN_S * (u_y - state.turned[n, 1])
         w_x, w_y = _unit(state.turned[n, 0], state.turned[n, 1])
+        speed *= 0.5 * (1.0 + w_x * e_x + w_y * e_y)
         f_x, f_y = 0.0, 0.0
     else:
         wall = model.border_strength / model.border_range_m
