@@ -20,18 +20,30 @@ _STIRS = 1e-3
 
 
 def own_motion(inputs: Mapping[str, Tensor]) -> Tensor:
-    """A person's own channels, scaled to about 1: "state", "history", "track". [N, width + 3]."""
+    """A person's own channels, scaled to about 1: "state", "history", "track". [N, width + 1 + H].
+
+    The last H - 2 numbers are how far each of the H past positions is from the middle between its
+    neighbours in time, which tells how noisy detections are.
+    """
     state, track = inputs["state"], inputs["track"]
     last, variance, age = track[:, :2], track[:, 2:5], track[:, 5:]
     seen = (OLD * age - age.new_tensor([0.0, 1.0])).clamp(0.0, 1.0)  # more than once, more than twice
     spread = variance.clamp(min=0.0).sqrt() * variance.new_tensor([5.0, 3.0, 1.0])
     speed = torch.linalg.vector_norm(state, dim=-1, keepdim=True)
-    return torch.cat([state, inputs["history"], 0.5 * last, spread, age, seen, speed], dim=-1)
+    x, y, there = inputs["history"].unflatten(-1, (-1, PAST)).unbind(-1)  # [N, H] each
+    jitter = there[:, 2:] * (1.0 - torch.exp(-5.0 * _length(_bend(x), _bend(y))))
+    return torch.cat([state, inputs["history"], 0.5 * last, spread, age, seen, speed, jitter], dim=-1)
+
+
+def _bend(x: Tensor) -> Tensor:
+    """Second differences. [N, H] -> [N, H - 2]."""
+    return x[:, 2:] - 2.0 * x[:, 1:-1] + x[:, :-2]
 
 
 def own_signs(history: int) -> list[float]:
     """Those of `own_motion` that change their sign in the mirror: -1, for so many numbers of "history"."""
-    return [1.0, -1.0, *[1.0, -1.0, 1.0] * (history // PAST), 1.0, -1.0, *[1.0] * 7]
+    past = history // PAST
+    return [1.0, -1.0, *[1.0, -1.0, 1.0] * past, 1.0, -1.0, *[1.0] * (past + 5)]
 
 
 def motion_known(own: Tensor) -> Tensor:
@@ -40,8 +52,8 @@ def motion_known(own: Tensor) -> Tensor:
     Args:
         own: of `own_motion`.
     """
-    past = (own.shape[-1] - 11) // PAST
-    motion = [1.0, 1.0, *[1.0, 1.0, 0.0] * past, 2.0, 2.0, *[0.0] * 7]  # (m/s or m) per number
+    past = (own.shape[-1] - 9) // (PAST + 1)
+    motion = [1.0, 1.0, *[1.0, 1.0, 0.0] * past, 2.0, 2.0, *[0.0] * (past + 5)]  # (m/s or m) per number
     size = (own.abs() * own.new_tensor(motion)).amax(dim=-1, keepdim=True)
     return size / (size + _STIRS)
 
