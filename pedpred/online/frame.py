@@ -41,13 +41,14 @@ class Frame:
         if names.ndim != 1 or (len(names) and names.dtype.kind not in "iu"):
             raise ValueRuleError("track_id", names.tolist(), "it must be a list of whole numbers of 64 bits")
         _check("track_id", names)
-        several, counts = np.unique(names, return_counts=True)
-        if (counts > 1).any():
-            raise ValueRuleError("track_id", int(several[counts > 1][0]), "it must appear once in a frame")
         order = np.argsort(names)
+        names = names[order]
+        again = names[1:] == names[:-1]
+        if again.any():
+            raise ValueRuleError("track_id", int(names[1:][again][0]), "it must appear once in a frame")
         return cls(
             float(now),
-            names[order].astype(np.int64),
+            names.astype(np.int64),
             _pairs("position", position, len(names))[order],
             None if velocity is None else _pairs("velocity", velocity, len(names))[order],
         )

@@ -103,15 +103,16 @@ def detected(people: People, frame: Frame, tracker: KalmanSettings, standstill_m
         standstill_mps: below this speed the heading is held.
     """
     time_s, track_id, position, velocity = vars(frame).values()
-    known = np.isin(track_id, people.track_id)
-    rows = np.searchsorted(people.track_id, track_id[known])
+    at = np.searchsorted(people.track_id, track_id)
+    known = np.searchsorted(people.track_id, track_id, side="right") > at
+    rows = at[known] if known.sum() < len(people) else slice(None)
     before = Belief(people.position[rows], people.velocity[rows], people.covariance[rows])
     first = born(position[~known], tracker.position_noise_m, tracker.initial_speed_mps)
     q, r = tracker.acceleration_noise, tracker.position_noise_m
     again = updated(before, time_s - people.seen_s[rows], position[known], q, r)
     if velocity is not None:
         first = Belief(position[~known], velocity[~known], np.zeros((int((~known).sum()), 3)))
-        again = Belief(position[known], velocity[known], np.zeros((len(rows), 3)))
+        again = Belief(position[known], velocity[known], np.zeros_like(before.covariance))
     heading, walked = _heading(again.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
     moved = {"seen_s": time_s, "heading_rad": heading, "walked": walked, **vars(again)}
     past = people.past
@@ -129,7 +130,7 @@ def detected(people: People, frame: Frame, tracker: KalmanSettings, standstill_m
     return followed.together(newborn)
 
 
-def _written(values: np.ndarray, rows: np.ndarray, new: np.ndarray | float) -> np.ndarray:
+def _written(values: np.ndarray, rows: np.ndarray | slice, new: np.ndarray | float) -> np.ndarray:
     """A copy of an array with other values in some rows."""
     copy = values.copy()
     copy[rows] = new

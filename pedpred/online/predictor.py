@@ -171,7 +171,9 @@ class OnlinePredictor:
         return people
 
     def _due(self, people: People) -> np.ndarray:
-        """Time of everybody's next step, s; infinite if the person is forgotten before. [N]."""
+        """Time of everybody's next step, s; infinite if there is none before the person is forgotten. [N]."""
+        if not self._about.memory:
+            return np.full(len(people), np.inf)
         due = next_ticks_s(people, self.features.dt_s)
         gone = due > people.seen_s + self.features.lost_after_s
         return np.where(gone, np.inf, due)
@@ -182,9 +184,10 @@ class OnlinePredictor:
         there = people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S
         person = np.flatnonzero(due | there)
         people, predictions, velocities = self._step(people, person, time_s, due[person])
-        given = np.flatnonzero(there[person])
-        rows = person[given]
-        return people, self._forecast(people, rows, predictions.select(given), velocities[given], time_s)
+        given = there[person]
+        if not given.all():
+            person, predictions, velocities = person[given], predictions.select(given), velocities[given]
+        return people, self._forecast(people, person, predictions, velocities, time_s)
 
     def _step(
         self, people: People, person: np.ndarray, time_s: float, keep: np.ndarray
@@ -200,8 +203,9 @@ class OnlinePredictor:
         inputs = self._inputs(people, people.at(person, time_s), time_s)
         memory = {name: values[person] for name, values in people.memory.items()}
         predictions, velocities, after = self._network.step(inputs, memory)
-        kept = {name: values[keep] for name, values in after.items()}
-        return people.stepped(person[keep], kept), predictions, velocities
+        if keep.any():
+            people = people.stepped(person[keep], {name: values[keep] for name, values in after.items()})
+        return people, predictions, velocities
 
     def _inputs(self, people: People, observers: Pedestrians, time_s: float) -> dict[str, np.ndarray]:
         """The network's inputs, name -> [R, ...] float32."""
@@ -236,15 +240,19 @@ class OnlinePredictor:
         there = predictions.in_world(frame.position, frame.heading_rad)
         if not self._about.memory:  # as `pedpred.networks.forecasting` does
             there = consistent(there, frame.position, np.full(len(rows), time_s))
-        if people.past:
-            share = self._moving_shares(people, rows)
+        share = self._moving_shares(people, rows)
+        if not (share == 1.0).all():
             world, there = share[:, None, None] * world, shortened(there, frame.position, share)
         return Forecast(time_s, frame.track_id, world, there).locked()
 
     def _moving_shares(self, people: People, rows: np.ndarray) -> np.ndarray:
         """See `pedpred.online.caution`. [R]."""
-        noise_m = self._about.tracker.position_noise_m
-        first, last = earliest(people.past, rows), people.past["detection"][rows]
+        if not people.past:
+            return np.ones(len(rows))
         young = (people.seen_s - people.born_s)[rows] < YOUNG_S - TIME_TOLERANCE_S
         new = young | (people.past["age"][rows] < NEWBORN)
+        if not new.any():
+            return np.ones(len(rows))
+        noise_m = self._about.tracker.position_noise_m
+        first, last = earliest(people.past, rows), people.past["detection"][rows]
         return moving_shares(first, last, new, people.covariance[rows], noise_m)
