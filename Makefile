@@ -10,7 +10,7 @@ export OMP_WAIT_POLICY := PASSIVE
 
 .DEFAULT_GOAL := help
 REV ?= HEAD
-.PHONY: help setup params tune reproduce compare judge smoke test trust docs readme dist audit check
+.PHONY: help setup params tune reproduce compare judge release smoke test trust docs readme dist audit check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -46,6 +46,9 @@ compare: setup ## which metrics moved beyond their intervals since REV=<revision
 
 judge: setup ## measure models/online/default: places, laws, speed; fails when a promise is broken or REV has a better one
 	python -m tools.judge --against $(REV)
+
+release: setup ## make models/online/large the default model, unless the present one is better or keeps more promises
+	python -m tools.judge models/online/large --replace models/online/default
 
 smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
 	@.ci/smoke

@@ -23,6 +23,6 @@ class ModelHook(BuildHookInterface):
         for name in ("model.json", "network.onnx"):
             if not (folder / name).is_file():
                 raise FileNotFoundError(
-                    f"{folder / name} is missing. Get it with git, or make it: dvc repro export@default"
+                    f"{folder / name} is missing. Get it with git, or make one: make reproduce release"
                 )
         build_data["force_include"][str(folder)] = "pedpred/online/default"

@@ -11,6 +11,7 @@ import pytest
 from pedpred.online.network import read_origin
 from tests.conftest import ROOT
 from tools import judge
+from tools.judgement import metrics_of
 from tools.verdicts import Promise, Verdict, below, place_verdicts, region_verdicts, room_verdicts
 
 OWN = {"ade_m": 0.3, "ade_m_ci95": [0.28, 0.32], "ade_m_minus_reference_ci95": [-0.12, -0.08]}
@@ -90,3 +91,63 @@ def test_it_fails_and_writes_what_it_found(tmp_path, monkeypatch, capsys, model)
     kept = json.loads((tmp_path / "out.json").read_text())["verdicts"]
     assert [Verdict(**verdict) for verdict in kept] == found
     assert np.isfinite(float(found[0].found))
+
+
+GOOD, BAD = below("eth", "ADE", 1.0, 2.0), below("eth", "ADE", 3.0, 2.0)
+BETTER, WORSE = (
+    Verdict(
+        "eth",
+        "ADE against the other model, m",
+        f"{low:+} ... {low + 0.1:+}",
+        "interval not above 0",
+        low <= 0,
+    )
+    for low in (-0.2, 0.2)
+)
+
+
+@pytest.mark.parametrize(
+    ("candidate", "present", "worse"),
+    [
+        ([GOOD, BETTER], [GOOD], []),
+        ([BAD, BETTER], [BAD], []),
+        ([BAD, BETTER], [GOOD], [BAD]),
+        ([GOOD, WORSE], [GOOD], [WORSE]),
+        ([BAD, WORSE], [BAD], [WORSE]),
+        ([BAD], None, []),
+    ],
+    ids=["better", "both break it", "breaks it", "larger error", "both", "first"],
+)
+def test_a_model_replaces_the_default_unless_it_is_worse(
+    candidate, present, worse, tmp_path, monkeypatch, capsys, model, mixture
+):
+    monkeypatch.chdir(ROOT)
+    new, default = mixture[0], tmp_path / "default"
+    if present is not None:
+        shutil.copytree(model[0], default)
+    found = {(new, None if present is None else default): candidate, (default, None): present}
+    monkeypatch.setattr(judge.Judgement, "verdicts", lambda self, against: iter(found[self.folder, against]))
+    with pytest.raises(SystemExit, match=str(int(bool(worse)))):
+        judge.main([str(new), "--replace", str(default)])
+    assert contents(default) == contents(model[0] if worse else new)
+    refusal = capsys.readouterr().out.partition(f"{default} stays as it is")[2]
+    assert refusal.partition("\n")[2] == "".join(map(judge.line, worse))
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_figures_about_unseen_places_are_those_of_the_commit_of_a_model(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder, metrics = Path("models/default"), Path("reports/metrics/real.json")
+    for path in (folder / "model.json", metrics):
+        path.parent.mkdir(parents=True)
+        path.write_text('{"run": 1}')
+    for command in ("init -q", "add .", "-c user.name=a -c user.email=a@b commit -qm model"):
+        subprocess.run(["git", *command.split()], check=True)
+    metrics.write_text('{"run": 2}')
+    assert metrics_of(folder) == {"real": {"run": 1}}
+    assert metrics_of(Path("models/other")) == {"real": {"run": 2}}
+    (folder / "model.json").write_text('{"run": 2}')
+    assert metrics_of(folder) == {"real": {"run": 2}}

@@ -11,7 +11,6 @@ from tests.conftest import ROOT
 
 SHIPPED = ROOT / "models/online/default"
 SEEDS = st.integers(0, 2**32 - 1)
-shipped = pytest.mark.skipif(not SHIPPED.exists(), reason="models/online/default is not exported yet")
 GAPS = [
     (laws.moved_gap_m, laws.MOVED_M),
     (laws.turned_gap_m, laws.MOVED_M),
@@ -33,7 +32,6 @@ def test_worlds_elsewhere_have_the_same_forecasts_whatever_was_learned(mixture, 
     assert law(mixture[0], np.random.default_rng(seed)) <= most
 
 
-@shipped
 @pytest.mark.parametrize("gap", GAPS, ids=named)
 @settings(max_examples=5, deadline=None)
 @given(seed=SEEDS)
@@ -42,7 +40,6 @@ def test_worlds_elsewhere_have_the_same_forecasts(gap, seed):
     assert law(SHIPPED, np.random.default_rng(seed)) <= most
 
 
-@shipped
 @settings(max_examples=10, deadline=None, derandomize=True)
 @given(seed=SEEDS, rate_hz=st.sampled_from(RATES_HZ))
 def test_straight_walkers_go_on(seed, rate_hz):
@@ -55,7 +52,6 @@ def test_straight_walkers_go_on(seed, rate_hz):
     assert walked["share"].max() <= high
 
 
-@shipped
 def test_straight_walkers_go_on_for_minutes():
     walked = laws.straight_shares(SHIPPED, np.random.default_rng(0), 2.0, seconds=300.0, people=4)
     shares = walked["share"][walked["age_s"] >= 2.5]
@@ -63,7 +59,6 @@ def test_straight_walkers_go_on_for_minutes():
     assert laws.STRAIGHT[0] <= shares.min() <= shares.max() <= laws.STRAIGHT[1]
 
 
-@shipped
 @settings(max_examples=10, deadline=None, derandomize=True)
 @given(seed=SEEDS, rate_hz=st.sampled_from(RATES_HZ), noise_m=st.sampled_from([0.0, 0.005, 0.02]))
 def test_standing_people_stand_also_when_they_have_just_appeared(seed, rate_hz, noise_m):

@@ -33,6 +33,7 @@ NOT_RUN = {
     "make smoke": "runs the pipeline for minutes; continuous integration does",
     "make reproduce": "runs the pipeline for an hour or more",
     "make judge": "measures speed and laws for minutes; test_judge.py runs its parts",
+    "make release": "likewise",
     "python -m tools.judge": "likewise",
     "make check": "continuous integration runs it beside these tests",
     "make test": "is what runs these tests",

@@ -1,10 +1,11 @@
-"""Judge a model folder: `python -m tools.judge [FOLDER] [--against FOLDER|REVISION] [--out FILE]`.
+"""Judge a model folder: `python -m tools.judge [FOLDER] [--against OTHER | --replace OTHER] [--out FILE]`.
 
 Prints a table of promises with the figures behind them; exit code 1 when one is broken. Measured here: every
 real place in data/scenes/real, as its sensor detects it and the folder's tracker follows it; the simulated
 test rooms through a robot's sensor; the laws; the time of an update. A place that trained the network says
-so; the promises about unseen places are judged by the metric files of the folds. `--against` fails when the
-folder is worse than another one, or than a revision's, beyond the interval of the paired difference.
+so; the promises about unseen places are judged by the metric files of the folds. `--against` another
+folder, or a revision of this one, fails when this one is worse beyond the interval of the paired difference.
+`--replace` copies it over another folder, unless it is worse or breaks a promise that the other one keeps.
 """
 
 from __future__ import annotations
@@ -21,153 +22,22 @@ import logging
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig
 
-from pedpred.baselines.present_motion import STRONGEST
-from pedpred.command.prediction import robot_for
-from pedpred.config import plain, read_params, row
-from pedpred.errors import PedpredError
-from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
-from pedpred.features.perception import sensed
+from pedpred.config import read_params
+from pedpred.errors import user_errors
 from pedpred.files import atomic_write, write_json
-from pedpred.online.assessment import NETWORK, assess
-from pedpred.online.network import ABOUT, GRAPH, read_origin
-from pedpred.report.comparison import metrics_now
-from pedpred.scenes import Scene
-from pedpred.simulation.fields import parsed
-from pedpred.simulation.sensor import SensorSettings
-from pedpred.storage.scenes import read_scene, scene_folders
-from tools.verdicts import (
-    ROOMS,
-    SENSED,
-    TRUE_STATES,
-    Promise,
-    Verdict,
-    below,
-    latency_verdicts,
-    law_verdicts,
-    place_verdicts,
-    region_verdicts,
-    room_verdicts,
-)
+from pedpred.online.network import ABOUT, GRAPH
+from tools.judgement import Judgement
+from tools.verdicts import Verdict, got_worse
 
-REAL, SIMULATED = Path("data/scenes/real"), Path("data/scenes/simulated/sim_test")
-YARDSTICK = Path("models/online/simulation")
-"""The paper's network, where it is exported."""
-_ROBOT = "robot"  # the row of conf/sensors for simulated rooms
 _TITLES = ("", "about", "what", "found", "limit", "remark")
-_WIDTHS = (4, 18, 44, 30, 24, 0)
-
-
-def scores_in(
-    scene: Scene, folder: Path, sensor: SensorSettings, settings: EvaluationSettings
-) -> dict[str, Scores]:
-    """Scores of a model folder and of simple methods in a scene that a sensor looks at."""
-    return assess(scene, robot_for(sensed(scene, sensor), folder), settings, sensor)
-
-
-class Judgement:
-    """What one model folder is judged by.
-
-    Attributes:
-        folder: the model.
-        params: of the project.
-        origin: where the network comes from.
-        settings: thresholds of the metrics.
-        promises: by place.
-    """
-
-    def __init__(self, folder: Path, params: DictConfig):
-        self.folder, self.params = folder, params
-        self.origin = read_origin(folder)
-        self.settings = parsed(EvaluationSettings, plain(params.evaluation))
-        self.promises = {place: Promise(**own) for place, own in plain(params.online.promises).items()}
-
-    def places(self) -> dict[str, Path]:
-        """Name -> scene of each real place that is available."""
-        folders = {name: REAL / name for name in self.params.places if (REAL / name).exists()}
-        return {name: path for name, path in folders.items() if read_scene(path).unavailable is None}
-
-    def trained_on(self) -> set[str]:
-        """Real places that trained the network."""
-        weights = Path(self.origin["networks"])
-        if weights.name == "robot":
-            return set(self.params.places)
-        if weights.parent.name != "folds":
-            return set()
-        return {name.removeprefix("real/") for name in self.params.folds.real[weights.name].train}
-
-    def scores_at(self, folder: Path, place: str) -> dict[str, Scores]:
-        """Scores of a model folder at a place, as its sensor detects people."""
-        sensor = SensorSettings(**row(self.params, "sensors", self.params.places[place].sensor))
-        return scores_in(read_scene(REAL / place), folder, sensor, self.settings)
-
-    def rooms(self, folder: Path) -> dict[str, Scores]:
-        """Scores of a model folder in the test rooms, as a robot detects people."""
-        sensor = SensorSettings(**row(self.params, "sensors", _ROBOT))
-        rooms = [read_scene(path) for path in scene_folders(SIMULATED)]
-        parts = [scores_in(room, folder, sensor, self.settings) for room in rooms]
-        return {method: pooled([part[method] for part in parts]) for method in parts[0]}
-
-    def verdicts(self, against: Path | None) -> Iterator[Verdict]:
-        """All promises, as they are measured."""
-        yield from law_verdicts(self.folder)
-        yield from latency_verdicts(self.folder)
-        yield from self.reported()
-        for place in self.places():
-            scores = self.scores_at(self.folder, place)
-            unseen = place not in self.trained_on()
-            remark = "unseen" if unseen else "trained here"
-            figures = summaries(scores, STRONGEST, self.settings)
-            yield from place_verdicts(place, figures, NETWORK, self.promises.get(place), remark)
-            if unseen:  # regions are wide enough for places that did not train the network
-                yield from region_verdicts(place, figures[NETWORK], remark)
-            if against is not None:
-                yield self.no_worse(place, scores[NETWORK], self.scores_at(against, place)[NETWORK])
-        if SIMULATED.exists():
-            yield from self.sensed_rooms(against)
-
-    def sensed_rooms(self, against: Path | None) -> Iterator[Verdict]:
-        """Test rooms through sensor and tracker."""
-        scores = self.rooms(self.folder)
-        figures = summaries(scores, STRONGEST, self.settings)
-        name = "rooms, sensed"
-        yield from room_verdicts(name, figures[NETWORK], ROOMS)
-        yield from region_verdicts(name, figures[NETWORK])
-        if YARDSTICK.exists():
-            rival = self.rooms(YARDSTICK)[NETWORK].values["ade_m"].mean()
-            share = figures[NETWORK]["ade_m"] / rival
-            yield below(
-                name, f"ADE / that of {YARDSTICK}", share, SENSED, f"{figures[NETWORK]['ade_m']:.3f} m"
-            )
-        if against is not None:
-            yield self.no_worse(name, scores[NETWORK], self.rooms(against)[NETWORK])
-
-    def reported(self) -> Iterator[Verdict]:
-        """Unseen places and test rooms with true states, from the metric files of the pipeline."""
-        metrics, method = metrics_now(Path("reports/metrics")), self.origin.get("method", "")
-        for study in ("transfer", "real"):
-            for place, figures in metrics.get(study, {}).items():
-                remark = f"reports/metrics/{study}.json"
-                if method in figures:
-                    yield from place_verdicts(place, figures, method, self.promises.get(place), remark)
-                    yield from region_verdicts(place, figures[method], remark)
-                else:
-                    yield Verdict(place, f"{method or 'network'} in {remark}", "absent", "there", False)
-        rooms = metrics.get("sim", {}).get("sim_test", {}).get(method, {})
-        yield from room_verdicts("rooms, true states", rooms, TRUE_STATES)
-
-    def no_worse(self, about: str, own: Scores, other: Scores) -> Verdict:
-        """Whether the error is above another model's beyond the interval of the paired difference."""
-        both = summaries({"own": own, "other": other}, "other", self.settings)
-        low, high = both["own"]["ade_m_minus_reference_ci95"]
-        found = f"{both['own']['ade_m']:.3f} for {both['other']['ade_m']:.3f}, {low:+.3f} ... {high:+.3f}"
-        return Verdict(about, "ADE against the other model, m", found, "interval not above 0", bool(low <= 0))
+_WIDTHS = (4, 24, 44, 30, 24, 0)
 
 
 def folder_at(given: str, folder: Path, scratch: Path) -> Path | None:
@@ -183,6 +53,16 @@ def folder_at(given: str, folder: Path, scratch: Path) -> Path | None:
         with atomic_write(scratch / folder / name) as new:
             new.write_bytes(done.stdout)
     return scratch / folder
+
+
+def install(model: Path, folder: Path) -> None:
+    """Copy a model folder over another one, if it is there.
+
+    Each file is replaced atomically; a kill between the two leaves a folder that is refused by checksum.
+    """
+    for name in (GRAPH, ABOUT):
+        with atomic_write(folder / name) as new:
+            new.write_bytes((model / name).read_bytes())
 
 
 def line(verdict: Verdict) -> str:
@@ -201,29 +81,63 @@ def summary(verdicts: list[Verdict]) -> str:
     return f"\n{len(verdicts) - len(broken)} of {len(verdicts)} promises hold\n{''.join(broken)}"
 
 
+def printed(verdicts: Iterable[Verdict]) -> list[Verdict]:
+    """Print each verdict as it is measured, then a summary."""
+    sys.stdout.write(_row(*_TITLES))
+    found = []
+    for verdict in verdicts:
+        found.append(verdict)
+        sys.stdout.write(line(verdict))
+        sys.stdout.flush()
+    sys.stdout.write(summary(found))
+    return found
+
+
+def replace(folder: Path, model: Path, found: list[Verdict], params: DictConfig) -> int:
+    """Install a model in a folder unless it is worse than the present one; return the exit code.
+
+    Args:
+        folder: of the present model, which is judged too if the new one breaks a promise.
+        model: the new one.
+        found: its verdicts, with the comparison.
+        params: of the project.
+    """
+    if folder.exists() and not all(verdict.holds for verdict in found):
+        sys.stdout.write(f"\nThe same for {folder}:\n")
+        present = printed(Judgement(folder, params).verdicts(None))
+        worse = got_worse(found, present)
+        if worse:
+            sys.stdout.write(
+                f"\n{folder} stays as it is; in these {model} is worse:\n{''.join(map(line, worse))}"
+            )
+            return 1
+    install(model, folder)
+    sys.stdout.write(f"\n{folder} is now {model}\n")
+    return 0
+
+
+@user_errors()
 def main(arguments: list[str] | None = None) -> None:
     """Measure, print, and fail when a promise is broken."""
     parser = argparse.ArgumentParser(prog="python -m tools.judge", description=__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=Path("models/online/default"))
-    parser.add_argument("--against", help="a model folder, or a git revision that has FOLDER")
+    other = parser.add_mutually_exclusive_group()
+    other.add_argument("--against", help="a model folder, or a git revision that has FOLDER")
+    other.add_argument("--replace", type=Path, help="a model folder that becomes FOLDER if that is no worse")
     parser.add_argument("--out", type=Path, help="write the verdicts there, JSON")
     given = parser.parse_args(arguments)
-    try:
-        judgement = Judgement(given.folder, read_params(Path()))
-        with tempfile.TemporaryDirectory() as scratch:
-            against = folder_at(given.against, given.folder, Path(scratch)) if given.against else None
-            sys.stdout.write(_row(*_TITLES))
-            verdicts = []
-            for verdict in judgement.verdicts(against):
-                verdicts.append(verdict)
-                sys.stdout.write(line(verdict))
-                sys.stdout.flush()
-    except PedpredError as error:
-        raise SystemExit(f"{type(error).__name__}: {error}") from error
-    sys.stdout.write(summary(verdicts))
+    params = read_params(Path())
+    judgement = Judgement(given.folder, params)
+    with tempfile.TemporaryDirectory() as scratch:
+        against = given.replace if given.replace and given.replace.exists() else None
+        if given.against:
+            against = folder_at(given.against, given.folder, Path(scratch))
+        verdicts = printed(judgement.verdicts(against))
     if given.out is not None:
         found: dict[str, Any] = {"folder": given.folder.as_posix(), "verdicts": [asdict(v) for v in verdicts]}
         write_json(given.out, found)
+    if given.replace:
+        sys.exit(replace(given.replace, given.folder, verdicts, params))
     sys.exit(int(not all(verdict.holds for verdict in verdicts)))
 
 

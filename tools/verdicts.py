@@ -71,6 +71,12 @@ def below(about: str, what: str, value: float, most: float, remark: str = "", di
     return Verdict(about, what, f"{value:.{digits}f}", f"<= {most:.{digits}f}", bool(value <= most), remark)
 
 
+def got_worse(found: Sequence[Verdict], present: Sequence[Verdict]) -> list[Verdict]:
+    """The broken promises of a new model that the present one keeps, or that compare the two."""
+    broken = {(verdict.about, verdict.what) for verdict in present if not verdict.holds}
+    return [v for v in found if not v.holds and (v.about, v.what) not in broken]
+
+
 def place_verdicts(
     place: str, figures: Figures, method: str, promise: Promise | None = None, remark: str = ""
 ) -> Iterator[Verdict]:

@@ -1,0 +1,159 @@
+"""Measure one model folder; see `tools.judge`."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig
+
+from pedpred.baselines.present_motion import STRONGEST
+from pedpred.command.prediction import robot_for
+from pedpred.config import plain, row
+from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
+from pedpred.features.perception import sensed
+from pedpred.online.assessment import NETWORK, assess
+from pedpred.online.network import read_origin
+from pedpred.report.comparison import metrics_at, metrics_now
+from pedpred.scenes import Scene
+from pedpred.simulation.fields import parsed
+from pedpred.simulation.sensor import SensorSettings
+from pedpred.storage.scenes import read_scene, scene_folders
+from tools.verdicts import (
+    ROOMS,
+    SENSED,
+    TRUE_STATES,
+    Promise,
+    Verdict,
+    below,
+    latency_verdicts,
+    law_verdicts,
+    place_verdicts,
+    region_verdicts,
+    room_verdicts,
+)
+
+REAL, SIMULATED = Path("data/scenes/real"), Path("data/scenes/simulated/sim_test")
+REPORTED = Path("reports/metrics")
+YARDSTICK = Path("models/online/simulation")
+"""The paper's network, where it is exported."""
+_ROBOT = "robot"  # the row of conf/sensors for simulated rooms
+
+
+def scores_in(
+    scene: Scene, folder: Path, sensor: SensorSettings, settings: EvaluationSettings
+) -> dict[str, Scores]:
+    """Scores of a model folder and of simple methods in a scene that a sensor looks at."""
+    return assess(scene, robot_for(sensed(scene, sensor), folder), settings, sensor)
+
+
+def metrics_of(folder: Path) -> dict[str, Any]:
+    """Metric files of the run that made a model: those committed with it; not committed, the present ones."""
+    path = folder.as_posix()
+    commands = (["git", "status", "--porcelain", path], ["git", "log", "-1", "--format=%H", "--", path])
+    changed, commit = (
+        subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()  # noqa: S603, a list, no shell
+        for command in commands
+    )
+    return metrics_at(commit, REPORTED) if commit and not changed else metrics_now(REPORTED)
+
+
+class Judgement:
+    """What one model folder is judged by.
+
+    Attributes:
+        folder: the model.
+        params: of the project.
+        origin: where the network comes from.
+        settings: thresholds of the metrics.
+        promises: by place.
+    """
+
+    def __init__(self, folder: Path, params: DictConfig):
+        self.folder, self.params = folder, params
+        self.origin = read_origin(folder)
+        self.settings = parsed(EvaluationSettings, plain(params.evaluation))
+        self.promises = {place: Promise(**own) for place, own in plain(params.online.promises).items()}
+
+    def places(self) -> dict[str, Path]:
+        """Name -> scene of each real place that is available."""
+        folders = {name: REAL / name for name in self.params.places if (REAL / name).exists()}
+        return {name: path for name, path in folders.items() if read_scene(path).unavailable is None}
+
+    def trained_on(self) -> set[str]:
+        """Real places that trained the network."""
+        weights = Path(self.origin["networks"])
+        if weights.name == "robot":
+            return set(self.params.places)
+        if weights.parent.name != "folds":
+            return set()
+        return {name.removeprefix("real/") for name in self.params.folds.real[weights.name].train}
+
+    def scores_at(self, folder: Path, place: str) -> dict[str, Scores]:
+        """Scores of a model folder at a place, as its sensor detects people."""
+        sensor = SensorSettings(**row(self.params, "sensors", self.params.places[place].sensor))
+        return scores_in(read_scene(REAL / place), folder, sensor, self.settings)
+
+    def rooms(self, folder: Path) -> dict[str, Scores]:
+        """Scores of a model folder in the test rooms, as a robot detects people."""
+        sensor = SensorSettings(**row(self.params, "sensors", _ROBOT))
+        rooms = [read_scene(path) for path in scene_folders(SIMULATED)]
+        parts = [scores_in(room, folder, sensor, self.settings) for room in rooms]
+        return {method: pooled([part[method] for part in parts]) for method in parts[0]}
+
+    def verdicts(self, against: Path | None) -> Iterator[Verdict]:
+        """All promises, as they are measured."""
+        yield from law_verdicts(self.folder)
+        yield from latency_verdicts(self.folder)
+        yield from self.reported()
+        for place in self.places():
+            scores = self.scores_at(self.folder, place)
+            unseen = place not in self.trained_on()
+            remark = "unseen" if unseen else "trained here"
+            figures = summaries(scores, STRONGEST, self.settings)
+            yield from place_verdicts(place, figures, NETWORK, self.promises.get(place), remark)
+            if unseen:  # regions are wide enough for places that did not train the network
+                yield from region_verdicts(place, figures[NETWORK], remark)
+            if against is not None:
+                yield self.no_worse(place, scores[NETWORK], self.scores_at(against, place)[NETWORK])
+        if SIMULATED.exists():
+            yield from self.sensed_rooms(against)
+
+    def sensed_rooms(self, against: Path | None) -> Iterator[Verdict]:
+        """Test rooms through sensor and tracker."""
+        scores = self.rooms(self.folder)
+        figures = summaries(scores, STRONGEST, self.settings)
+        name = "rooms, sensed"
+        yield from room_verdicts(name, figures[NETWORK], ROOMS)
+        yield from region_verdicts(name, figures[NETWORK])
+        if YARDSTICK.exists():
+            rival = self.rooms(YARDSTICK)[NETWORK].values["ade_m"].mean()
+            share = figures[NETWORK]["ade_m"] / rival
+            yield below(
+                name, f"ADE / that of {YARDSTICK}", share, SENSED, f"{figures[NETWORK]['ade_m']:.3f} m"
+            )
+        if against is not None:
+            yield self.no_worse(name, scores[NETWORK], self.rooms(against)[NETWORK])
+
+    def reported(self) -> Iterator[Verdict]:
+        """Unseen places and test rooms with true states, from the metric files of the run that made it."""
+        metrics, method = metrics_of(self.folder), self.origin.get("method", "")
+        for study in ("transfer", "real"):
+            for place, figures in metrics.get(study, {}).items():
+                about, remark = f"{place}, {study}", f"reports/metrics/{study}.json"
+                if method in figures:
+                    yield from place_verdicts(about, figures, method, self.promises.get(place), remark)
+                    yield from region_verdicts(about, figures[method], remark)
+                else:
+                    yield Verdict(about, f"{method or 'network'} in {remark}", "absent", "there", False)
+        rooms = metrics.get("sim", {}).get("sim_test", {}).get(method, {})
+        yield from room_verdicts("rooms, true states", rooms, TRUE_STATES)
+
+    def no_worse(self, about: str, own: Scores, other: Scores) -> Verdict:
+        """Whether the error is above another model's beyond the interval of the paired difference."""
+        both = summaries({"own": own, "other": other}, "other", self.settings)
+        low, high = both["own"]["ade_m_minus_reference_ci95"]
+        found = f"{both['own']['ade_m']:.3f} for {both['other']['ade_m']:.3f}, {low:+.3f} ... {high:+.3f}"
+        return Verdict(about, "ADE against the other model, m", found, "interval not above 0", bool(low <= 0))
