@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 import torch
 from torch import nn
+from torch.utils.flop_counter import FlopCounterMode
 
 from benchmarks.beside import slowdown
 from benchmarks.features import room
@@ -84,19 +85,12 @@ def paper_work() -> int:
 
 
 def multiply_adds(network: nn.Module, step: Callable[[int], None]) -> int:
-    """Of one pedestrian's step: every weight of a matrix once, of a convolution once per output cell."""
-    total = 0
-
-    def count(layer: nn.Module, inputs: Any, output: Any) -> None:
-        nonlocal total
-        cells = output[0, 0].numel() if isinstance(layer, nn.Conv2d) else 1
-        total += sum(w.numel() for w in layer.parameters(recurse=False) if w.dim() > 1) * cells
-
-    hooks = [layer.register_forward_hook(count) for layer in network.modules()]
-    step(1)
-    for hook in hooks:
-        hook.remove()
-    return total
+    """Of one pedestrian's step, as torch counts them; of an LSTM, which it leaves out, every weight once."""
+    with FlopCounterMode(display=False) as counted:
+        step(1)
+    recurrent = [layer for layer in network.modules() if isinstance(layer, nn.LSTM)]
+    own = sum(w.numel() for layer in recurrent for w in layer.parameters() if w.dim() > 1)
+    return int(counted.get_total_flops()) // 2 + own
 
 
 def walkers(count: int, rng: np.random.Generator, frames: int) -> list[np.ndarray]:
