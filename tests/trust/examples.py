@@ -14,6 +14,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from pedpred import config
+from pedpred.command.foreign import COLUMNS, read_forecasts
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.geometry import Homography
 from pedpred.online.network import ExportedNetwork, read_description
@@ -43,6 +44,7 @@ from tests.test_sources import write_sequence
 FEATURES = FeatureSettings(grid_cells=8, angular_cells=6, horizon_steps=4)
 ARCHIVED = dict.fromkeys(("seq_eth/H.txt", "seq_eth/obsmat.txt"), b"7 1.5\n" * 100)
 METRICS = {"eth": {"cv": dict.fromkeys(measures._FIELDS, 0.25)}}
+TRACKER = "kind: kalman\nacceleration_noise: 0.05\nposition_noise_m: 0.05\n"
 CONF = "defaults: [_self_, scale: default, scenes@scenes.eth: eth]\nscenes: {}\nseed: 1\nrates: [0.1, 1e-3]\n"
 PIPELINE = """\
 vars: [{kinds: [a, b]}]
@@ -91,6 +93,26 @@ def make_tables(folder: Path) -> None:
 
 def read_tables(folder: Path) -> object:
     return [read_file(folder / name) for name in TABLES]
+
+
+FORECASTS = ("theirs.csv", "theirs.ndjson")
+
+
+def make_foreign(folder: Path) -> None:
+    """Forecasts of two people by somebody else, in two modes of three steps, as a table and as TrajNet++."""
+    rows = [
+        (who, 0.4 * 5, mode, 0.5, k, 0.5 * k, mode) for who in (1, 2) for mode in (0, 1) for k in (1, 2, 3)
+    ]
+    (folder / FORECASTS[0]).write_text("\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows]))
+    lines: list[Any] = [{"scene": {"id": who, "p": who, "s": 0, "e": 200, "fps": 2.5}} for who in (1, 2)]
+    for who, _, mode, _, k, x, y in rows:
+        own = {"prediction_number": mode, "scene_id": who}
+        lines.append({"track": {"f": 50 + 10 * k, "p": who, "x": x, "y": y, **own}})
+    (folder / FORECASTS[1]).write_text("\n".join(map(json.dumps, lines)))
+
+
+def read_foreign(folder: Path) -> object:
+    return [read_forecasts(folder / name, None) for name in FORECASTS]
 
 
 def make_ewap(folder: Path) -> None:

@@ -14,6 +14,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores
 
 from pedpred import config
+from pedpred.command.prediction import read_tracker
 from pedpred.networks import load_network
 from pedpred.report import measures
 from pedpred.ros import read_bag, read_recording
@@ -76,6 +77,12 @@ READERS = {
     ),
     "embeddings": Reader(embed, ("place.parquet",), lambda folder: list(read_embeddings(folder, "place"))),
     "forecasts": Reader(examples.make_windows, ("place.parquet",), at("place.parquet", read_windows)),
+    "foreign forecasts": Reader(examples.make_foreign, examples.FORECASTS, examples.read_foreign),
+    "tracker": Reader(
+        at("tracker.yaml", lambda path: path.write_text(examples.TRACKER)),
+        ("tracker.yaml",),
+        at("tracker.yaml", read_tracker),
+    ),
     "metrics": Reader(
         at("sim.json", lambda path: path.write_text(json.dumps(examples.METRICS))),
         ("sim.json",),
