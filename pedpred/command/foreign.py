@@ -119,15 +119,14 @@ def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
         raise SourceError(path, None, "no forecasts")
     names = ("track_id", "time", "mode", "step")
     order = np.lexsort([columns[name] for name in reversed(names)])
-    keys = np.stack([columns[name][order].astype(np.float64) for name in names], axis=-1)
-    begins = np.append(True, (keys[1:, :2] != keys[:-1, :2]).any(axis=1))
-    modes, steps = (len(np.unique(columns[name])) for name in ("mode", "step"))
-    expected = np.stack(np.meshgrid(np.unique(columns["mode"]), np.arange(1, steps + 1), indexing="ij"), -1)
-    whole = np.flatnonzero(begins)
-    counts = np.diff(np.append(whole, len(order)))
-    fits = counts == modes * steps
+    track, time_s, mode, step = (columns[name][order] for name in names)
+    whole = np.flatnonzero(np.append(True, (track[1:] != track[:-1]) | (time_s[1:] != time_s[:-1])))
+    modes, steps = len(np.unique(mode)), len(np.unique(step))
+    fits = np.diff(np.append(whole, len(order))) == modes * steps
     if fits.all():
-        fits = (keys[:, 2:].reshape(-1, modes, steps, 2) == expected).all(axis=(1, 2, 3))
+        same_mode = mode.reshape(-1, modes, steps) == np.unique(mode)[:, None]
+        same_step = step.reshape(-1, modes, steps) == np.arange(1, steps + 1)
+        fits = (same_mode & same_step).all(axis=(1, 2))
     if not fits.all():
         row = order[whole[np.flatnonzero(~fits)[0]]]
         problem = f"the forecast of track {columns['track_id'][row]} at {columns['time'][row]:g} s"
@@ -146,13 +145,14 @@ def _forecasts(
     """Put sorted rows together, the most likely modes first."""
     paths = np.stack([columns["x"], columns["y"]], axis=-1)[order].reshape(*shape, 2)
     weights = columns["weight"][order].reshape(shape)
-    total = weights[..., 0].sum(axis=1)
-    wrong = (weights < 0).any(axis=(1, 2)) | (weights != weights[..., :1]).any(axis=(1, 2)) | ~(total > 0)
+    largest = weights[..., 0].max(axis=1)
+    wrong = (weights < 0).any(axis=(1, 2)) | (weights != weights[..., :1]).any(axis=(1, 2)) | ~(largest > 0)
     if wrong.any():
         row = order[np.flatnonzero(wrong)[0] * shape[1] * shape[2]]
         rule = "weights are the same at all steps of a mode, not negative, and not all 0"
         raise SourceError(path, int(columns["line"][row]), f"weight = {columns['weight'][row]:g}, but {rule}")
-    weight = weights[..., 0] / total[:, None]
+    weight = weights[..., 0] / largest[:, None]  # first, because sums of large weights overflow
+    weight /= weight.sum(axis=1, keepdims=True)
     likely = np.argsort(-weight, axis=1, kind="stable")
     rows = np.arange(shape[0])[:, None]
     first = order[:: shape[1] * shape[2]]

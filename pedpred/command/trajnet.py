@@ -23,6 +23,7 @@ _FIELDS = {
     "x": "x",
     "y": "y",
 }
+_RATES_HZ = (1e-6, 1e6)
 
 
 def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
@@ -48,8 +49,10 @@ def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
     if not len(columns["line"]):
         raise SourceError(path, None, "no prediction: no track of a scene has a prediction_number")
     rates = {fps for _, fps in about.values()}
-    if len(rates) != 1 or not 0.0 < min(rates) < np.inf:
-        raise SourceError(path, None, f"fps of the scenes: {sorted(rates)[:5]}", "All must have the same one")
+    if len(rates) != 1 or not _RATES_HZ[0] <= min(rates) <= _RATES_HZ[1]:
+        raise SourceError(
+            path, None, f"fps of the scenes: {sorted(rates)[:5]}", "All must have the same one, a rate in 1/s"
+        )
     scenes, scene = np.unique(columns.pop("scene"), return_inverse=True)
     primary = np.array([about.get(int(number), (None, 0.0))[0] for number in scenes], dtype=object)
     kept = primary[scene] == columns["track_id"]

@@ -1,0 +1,61 @@
+"""Forecasts that somebody else made: numbers of any size in them, in bounded memory."""
+
+import json
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pedpred.command.foreign import COLUMNS, read_forecasts
+from pedpred.errors import SourceError
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    """Writes rows of a table of forecasts; the file."""
+    path = tmp_path_factory.mktemp("foreign") / "theirs.csv"
+
+    def write(rows):
+        path.write_text(
+            "\n".join(",".join(map(repr, row)) for row in rows).join([f"{','.join(COLUMNS)}\n", "\n"])
+        )
+        return path
+
+    return write
+
+
+def test_rows_that_share_no_mode_and_no_step_are_refused_in_bounded_memory(table):
+    path = table([(1, 0.0, number, 1.0, number, 0.0, 0.0) for number in range(1, 3000)])
+    tracemalloc.start()
+    try:
+        with pytest.raises(SourceError, match="needs each step from 1 to 2999 once in each of 2999 modes"):
+            read_forecasts(path, None)
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+@given(st.lists(st.floats(0.0, 1.7e308), min_size=2, max_size=5).filter(any))
+def test_weights_of_any_size_become_shares(table, weights):
+    forecasts = read_forecasts(table([(1, 0.0, *pair, 1, 0.0, 0.0) for pair in enumerate(weights)]), None)
+    assert np.isfinite(forecasts.weight).all()
+    assert forecasts.weight.sum() == pytest.approx(1.0)
+    exact = [weight / max(weights) for weight in sorted(weights, reverse=True)]
+    np.testing.assert_allclose(forecasts.weight[0] / forecasts.weight.max(), exact, rtol=1e-12, atol=1e-300)
+
+
+@given(st.integers(-(2**63), 2**63 - 2))
+def test_forecasts_of_ids_of_64_bits_are_told_apart(table, who):
+    forecasts = read_forecasts(table([(one, 0.0, 0, 1.0, 1, 0.0, 0.0) for one in (who, who + 1)]), None)
+    assert forecasts.track_id.tolist() == [who, who + 1]
+
+
+@pytest.mark.parametrize("fps", [0, -1, 1e-320, 1e308, float("inf"), float("nan")])
+def test_a_rate_that_no_camera_has_is_refused(fps, tmp_path):
+    track = {"f": 10, "p": 1, "x": 0.0, "y": 0.0, "prediction_number": 0, "scene_id": 7}
+    lines = [{"scene": {"id": 7, "p": 1, "fps": fps}}, {"track": track}]
+    (tmp_path / "them.ndjson").write_text("\n".join(map(json.dumps, lines)))
+    with pytest.raises(SourceError, match="fps of the scenes"):
+        read_forecasts(tmp_path / "them.ndjson", None)
