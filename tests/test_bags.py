@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pedpred.command import main
 from pedpred.errors import SourceError
-from pedpred.ros import ADAPTERS, TrackNumbers, read_bag, write_recording
+from pedpred.ros import ADAPTERS, TrackNumbers, read_bag, unpacking, write_recording
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.worlds import walled_scene
 
@@ -94,9 +94,13 @@ class Store:
 
     def write(self, path, messages, storage=rosbag2.StoragePlugin.SQLITE3):
         """Write (topic, type, message) tuples in order of time."""
-        serialise = self.types.serialize_ros1 if self.ros1 else self.types.serialize_cdr
         ros2 = {"version": 9, "storage_plugin": storage}
-        with rosbag1.Writer(path) if self.ros1 else rosbag2.Writer(path, **ros2) as writer:
+        self.fill(rosbag1.Writer(path) if self.ros1 else rosbag2.Writer(path, **ros2), messages)
+
+    def fill(self, writer, messages):
+        """Write into a new bag."""
+        serialise = self.types.serialize_ros1 if self.ros1 else self.types.serialize_cdr
+        with writer:
             known = {}
             for count, (topic, kind, message) in enumerate(messages):
                 if topic not in known:
@@ -233,6 +237,32 @@ def test_a_chunk_that_would_fill_the_memory_is_refused(compression, honest, tmp_
         stream.write(MCAP0_MAGIC)
     with pytest.raises(SourceError, match=r"bomb\.mcap.*at most 134217728 bytes"):
         read_bag(tmp_path / "bomb.mcap")
+
+
+def write_compressed(version, compression, path):
+    """Write a bag whose chunks (ROS 1) or messages (ROS 2) are compressed."""
+    store = Store(version)
+    ros2 = {"version": 9, "storage_plugin": rosbag2.StoragePlugin.SQLITE3}
+    writer = rosbag1.Writer(path) if store.ros1 else rosbag2.Writer(path, **ros2)
+    writer.set_compression(*compression)
+    store.fill(writer, stream(store, "people_msgs/msg/People"))
+
+
+COMPRESSED = {
+    "bz2": (Stores.ROS1_NOETIC, (rosbag1.Writer.CompressionFormat.BZ2,)),
+    "lz4": (Stores.ROS1_NOETIC, (rosbag1.Writer.CompressionFormat.LZ4,)),
+    "zstd": (Stores.ROS2_HUMBLE, (rosbag2.CompressionMode.MESSAGE, rosbag2.CompressionFormat.ZSTD)),
+}
+
+
+@pytest.mark.parametrize("kind", COMPRESSED)
+def test_what_is_compressed_inside_a_bag_is_unpacked_within_the_bound(kind, tmp_path, monkeypatch):
+    path = tmp_path / ("hall" if kind == "zstd" else "hall.bag")
+    write_compressed(*COMPRESSED[kind], path)
+    check(read_bag(path))
+    monkeypatch.setattr(unpacking, "LARGEST_CHUNK_BYTES", 60)
+    with pytest.raises(SourceError, match=rf"{path.name}.*at most 60 bytes"):
+        read_bag(path)
 
 
 def repacked(source, target, compression, **options):

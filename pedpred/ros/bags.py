@@ -19,6 +19,7 @@ from pedpred.ros.mcap_reader import McapReader
 from pedpred.ros.message_types import MAP, TYPES, known_types
 from pedpred.ros.people import ADAPTERS, TrackNumbers, usable
 from pedpred.ros.scene_messages import map_of_grid, seconds
+from pedpred.ros.unpacking import bound
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 
 _log = logging.getLogger(__name__)
@@ -85,6 +86,8 @@ def _opened(path: Path) -> Iterator[Any]:
         yield McapReader(files)
         return
     with AnyReader([path], default_typestore=known_types()) as bag:
+        for reader in bag.readers:
+            bound(reader)
         yield bag
 
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lz4.frame import LZ4FrameDecompressor
 from mcap.exceptions import EndOfFile
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
@@ -21,14 +20,13 @@ from mcap.writer import MCAP0_MAGIC
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from zstandard import frame_content_size
 
-from pedpred.errors import ShapeError, SourceError
+from pedpred.errors import SourceError
 from pedpred.ros.message_types import known_types
+from pedpred.ros.unpacking import check_unpacked, unpack
 
 _RECORD_HEAD = struct.Struct("<BQ")
 """Kind of a record and the length of its content."""
 _LARGEST_RECORD_BYTES = 2**30
-_LARGEST_CHUNK_BYTES = 2**27
-"""Limit of a chunk's uncompressed size; usual writers make chunks of some MiB, and the largest map has 64."""
 _IDL_PART = "=" * 80 + "\n"
 _REMEDY = "Give the name of an MCAP file"
 
@@ -142,10 +140,9 @@ def _unpack(chunk: Chunk) -> list[McapRecord]:
     if chunk.compression == "zstd":
         content = frame_content_size(chunk.data)
     elif chunk.compression == "lz4":  # its frames need not declare their size
-        plain = LZ4FrameDecompressor().decompress(chunk.data, max_length=_LARGEST_CHUNK_BYTES + 1)
+        plain = unpack(chunk.data, "lz4")
         chunk, content = replace(chunk, compression="", data=plain), len(plain)
-    if max(chunk.uncompressed_size, content) > _LARGEST_CHUNK_BYTES:
-        raise ShapeError("chunk", (chunk.uncompressed_size, content), f"at most {_LARGEST_CHUNK_BYTES} bytes")
+    check_unpacked(chunk.uncompressed_size, content)
     return breakup_chunk(chunk, validate_crc=True)
 
 
