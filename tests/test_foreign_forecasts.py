@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pedpred.command import trajnet
 from pedpred.command.foreign import COLUMNS, read_forecasts
 from pedpred.errors import SourceError
 
@@ -52,10 +53,23 @@ def test_forecasts_of_ids_of_64_bits_are_told_apart(table, who):
     assert forecasts.track_id.tolist() == [who, who + 1]
 
 
+def predicted(scenes, fps, path):
+    """Write scenes with a prediction of one step each."""
+    lines = [{"scene": {"id": number, "p": 1, "fps": fps}} for number in range(scenes)]
+    track = {"p": 1, "x": 0.0, "y": 0.0, "prediction_number": 0}
+    lines += [{"track": {**track, "f": 10 * number, "scene_id": number}} for number in range(scenes)]
+    path.write_text("\n".join(map(json.dumps, lines)))
+    return path
+
+
 @pytest.mark.parametrize("fps", [0, -1, 1e-320, 1e308, float("inf"), float("nan")])
 def test_a_rate_that_no_camera_has_is_refused(fps, tmp_path):
-    track = {"f": 10, "p": 1, "x": 0.0, "y": 0.0, "prediction_number": 0, "scene_id": 7}
-    lines = [{"scene": {"id": 7, "p": 1, "fps": fps}}, {"track": track}]
-    (tmp_path / "them.ndjson").write_text("\n".join(map(json.dumps, lines)))
     with pytest.raises(SourceError, match="fps of the scenes"):
-        read_forecasts(tmp_path / "them.ndjson", None)
+        read_forecasts(predicted(1, fps, tmp_path / "them.ndjson"), None)
+
+
+def test_the_number_of_scenes_is_bounded(tmp_path, monkeypatch):
+    monkeypatch.setattr(trajnet, "_MOST_SCENES", 3)
+    assert len(read_forecasts(predicted(3, 2.5, tmp_path / "them.ndjson"), None).time_s) == 3
+    with pytest.raises(SourceError, match="line 4: more than 3 scenes"):
+        read_forecasts(predicted(4, 2.5, tmp_path / "them.ndjson"), None)

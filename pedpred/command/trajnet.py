@@ -13,7 +13,7 @@ import numpy as np
 
 from pedpred.errors import SourceError
 from pedpred.sources.trajnet import track_rows
-from pedpred.storage.text import read_numbers
+from pedpred.storage.text import MOST_NUMBERS, read_numbers
 
 _FIELDS = {
     "p": "track_id",
@@ -24,6 +24,7 @@ _FIELDS = {
     "y": "y",
 }
 _RATES_HZ = (1e-6, 1e6)
+_MOST_SCENES = MOST_NUMBERS // 20  # a scene in memory takes as much as 20 numbers of a table
 
 
 def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
@@ -39,6 +40,8 @@ def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
 
     def predicted(content: Any, line: int) -> Any:
         if "scene" in content:
+            if len(about) == _MOST_SCENES:
+                raise SourceError(path, line, f"more than {_MOST_SCENES} scenes", "Divide the file")
             scene = content["scene"]
             about[int(scene["id"])] = int(scene["p"]), float(scene["fps"])
             return None
