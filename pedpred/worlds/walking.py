@@ -182,8 +182,7 @@ def _accelerate(n, now, dt, active, group, state, traits, model, ground):
         state.turned[n, 0] += dt / _TURN_S * (u_x - state.turned[n, 0])
         state.turned[n, 1] += dt / _TURN_S * (u_y - state.turned[n, 1])
         w_x, w_y = _unit(state.turned[n, 0], state.turned[n, 1])
-        speed *= 0.5 * (1.0 + w_x * e_x + w_y * e_y)
-        f_x, f_y = 0.0, 0.0
+        speed, f_x, f_y = 0.5 * speed * (1.0 + w_x * e_x + w_y * e_y), 0.0, 0.0
     else:
         wall = model.border_strength / model.border_range_m
         wall *= math.exp(-max(distance, 0.0) / model.border_range_m)
