@@ -37,6 +37,7 @@ reproduce: setup ## raw data -> networks -> reports/ and tables of the pages; do
 	@python -m tools.mend_lock
 	@python -m pedpred.config --check
 	@for note in data/raw/*/UNAVAILABLE.txt; do test ! -e "$$note" || rm -r "$${note%/*}"; done
+	@python -m tools.branches
 	@failed=0; dvc repro --keep-going || { failed=1; dvc repro --quiet --single-item fetch; }; \
 	python -m tools.readme || failed=1; \
 	cat data/raw/*/UNAVAILABLE.txt 2> /dev/null; exit $$failed

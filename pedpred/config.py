@@ -171,9 +171,9 @@ def configured(key: str) -> Iterator[None]:
 
 
 def keep_lock(root: Path) -> None:
-    """Copy dvc.lock, which DVC does not write while a stage runs, for `tools.mend_lock`."""
-    if (root / LOCK).exists():
-        write_text(root / KEPT, (root / LOCK).read_text())
+    """Copy dvc.lock for `tools.mend_lock`, unless another `dvc repro` is writing it."""
+    if (root / LOCK).exists() and (text := (root / LOCK).read_text()).endswith("\n"):
+        write_text(root / KEPT, text)
 
 
 def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:

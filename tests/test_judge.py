@@ -12,7 +12,7 @@ from pedpred.online.network import read_origin
 from tests.conftest import ROOT
 from tools import judge
 from tools.judgement import metrics_of
-from tools.verdicts import Promise, Verdict, below, place_verdicts, region_verdicts, room_verdicts
+from tools.verdicts import Promise, Verdict, below, got_worse, place_verdicts, region_verdicts, room_verdicts
 
 OWN = {"ade_m": 0.3, "ade_m_ci95": [0.28, 0.32], "ade_m_minus_reference_ci95": [-0.12, -0.08]}
 OWN |= {"standing_ade_m": 0.1, "nll": -1.0, "per_step_m": [0.1] * 10}
@@ -56,6 +56,15 @@ def test_regions_at_three_horizons():
     assert [v.what for v in region_verdicts("eth", OWN)] == [
         f"% in regions after step {k}" for k in (1, 5, 10)
     ]
+
+
+def test_a_model_is_worse_in_regions_if_it_breaks_more_of_them():
+    def model(*broken):
+        return [Verdict("eth", f"region {k}", "", "", k not in broken, counted=True) for k in range(4)]
+
+    assert got_worse(model(1), model(2)) == []
+    assert got_worse(model(1, 2), model(2)) == [model(1, 2)[1]]
+    assert got_worse(model(), model(0, 1, 2, 3)) == []
 
 
 def test_the_summary_repeats_what_is_broken():

@@ -88,6 +88,9 @@ def test_a_stage_keeps_the_lock_that_it_finds(tmp_path):
     (tmp_path / LOCK).write_text(WHOLE)
     keep_lock(tmp_path)
     assert (tmp_path / KEPT).read_text() == WHOLE
+    (tmp_path / LOCK).write_text(WHOLE[:-9])  # as while another `dvc repro` writes it
+    keep_lock(tmp_path)
+    assert (tmp_path / KEPT).read_text() == WHOLE
 
 
 def test_a_cut_note_of_who_writes_is_forgotten_and_a_whole_one_stays(tmp_path, monkeypatch):

@@ -28,6 +28,8 @@ REGIONS = {"50": (45, 55), "90": (86, 94), "95": (92, 98)}
 ROOMS = {"mode_collision_share": 0.07, "obstacle_share": 0.003}
 TRUE_STATES = {"ade_m": 0.45, "min_ade_m_k6": 0.22, **ROOMS}
 """Figure in simulated test rooms -> most that it may be."""
+MARGIN = 0.01
+"""Share of another model's error by which that of a model may be larger before it counts as worse."""
 SENSED = 0.85
 """Most that the error in rooms through sensor and tracker may be over that of the paper's network."""
 
@@ -56,6 +58,8 @@ class Verdict:
         limit: what it must be.
         holds: whether it is.
         remark: what to know about it.
+        counted: a model is worse in such promises if it breaks more of them than another one. Their limits
+            have no intervals, so that single ones are broken by chance.
     """
 
     about: str
@@ -64,6 +68,7 @@ class Verdict:
     limit: str
     holds: bool
     remark: str = ""
+    counted: bool = False
 
 
 def below(about: str, what: str, value: float, most: float, remark: str = "", digits: int = 3) -> Verdict:
@@ -74,7 +79,10 @@ def below(about: str, what: str, value: float, most: float, remark: str = "", di
 def got_worse(found: Sequence[Verdict], present: Sequence[Verdict]) -> list[Verdict]:
     """The broken promises of a new model that the present one keeps, or that compare the two."""
     broken = {(verdict.about, verdict.what) for verdict in present if not verdict.holds}
-    return [v for v in found if not v.holds and (v.about, v.what) not in broken]
+    new, old = (sum(v.counted and not v.holds for v in verdicts) for verdicts in (found, present))
+    return [
+        v for v in found if not v.holds and (v.about, v.what) not in broken and (new > old or not v.counted)
+    ]
 
 
 def place_verdicts(
@@ -116,7 +124,8 @@ def region_verdicts(place: str, own: Mapping[str, Any], remark: str = "") -> Ite
         holds = all(low <= shares[p] <= high for p, (low, high) in REGIONS.items())
         limit = ", ".join(f"{low}-{high}" for low, high in REGIONS.values())
         found = ", ".join(f"{share:.0f}" for share in shares.values())
-        yield Verdict(place, f"% in regions after step {step + 1}", found, limit, holds, remark)
+        what = f"% in regions after step {step + 1}"
+        yield Verdict(place, what, found, limit, holds, remark, counted=True)
 
 
 def room_verdicts(rooms: str, own: Mapping[str, Any], limits: Mapping[str, float]) -> Iterator[Verdict]:
