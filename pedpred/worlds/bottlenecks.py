@@ -12,7 +12,8 @@ from pedpred.worlds.floors import Area, Floor, ground_cells, paint_rectangle
 from pedpred.worlds.streams import StreamSettings
 
 _SIDE_M = 1.0  # thickness of the walls beside the hall
-_STREAMS = StreamSettings(dense_share=0.7, waiting_per_m2=(0.3, 2.2))
+_PATTERNS = {"one_way": 0.55, "merging": 0.3, "two_way": 0.1, "all": 0.05}
+_STREAMS = StreamSettings(patterns=_PATTERNS, dense_share=0.7, waiting_per_m2=(0.3, 2.2))
 
 
 @dataclass(frozen=True)

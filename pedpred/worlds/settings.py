@@ -30,8 +30,8 @@ class GuidanceSettings:
     """
 
     resolution_m: float = 0.2
-    narrow_m: Range = (0.2, 0.5)
-    comfortable_m: Range = (0.55, 1.3)
+    narrow_m: Range = (0.15, 0.35)
+    comfortable_m: Range = (0.4, 0.9)
     slowest: Range = (0.3, 0.9)
 
     def __post_init__(self) -> None:

@@ -21,7 +21,7 @@ _MOST = 250  # people of a stream
 
 
 def _patterns() -> dict[str, float]:
-    return {"one_way": 0.35, "merging": 0.25, "two_way": 0.2, "all": 0.2}
+    return {"one_way": 0.4, "merging": 0.3, "two_way": 0.2, "all": 0.1}
 
 
 @dataclass(frozen=True)
