@@ -1,5 +1,6 @@
 """The branches that `tools.branches` rebuilds side by side need nothing of each other."""
 
+import subprocess
 from itertools import combinations
 
 import networkx as nx
@@ -8,7 +9,7 @@ from dvc.repo import Repo
 
 from pedpred.config import read_params
 from tests.conftest import ROOT
-from tools.branches import LSTMS, SHARED, memoryless
+from tools.branches import LSTMS, SHARED, follow, memoryless
 
 TRAININGS = ("pretrain", "distil", "train", "finetune")
 pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
@@ -41,3 +42,16 @@ def test_branches_need_in_common_only_what_ran_before(graph, branches):
 
 def test_every_training_is_in_one_of_them(graph, branches):
     assert {name for name in graph if name.startswith(TRAININGS)} <= set().union(*branches)
+
+
+def test_a_log_is_shown_from_now_on_to_its_end(tmp_path, capsys):
+    log = tmp_path / "log"
+    log.write_text("before\n")
+    with (
+        log.open("a") as output,
+        subprocess.Popen(["sh", "-c", "echo first; sleep 0.1; echo last"], stdout=output) as process,
+    ):
+        follow(process, log)
+    assert capsys.readouterr().out.endswith("last\n")
+    follow(process, log)
+    assert capsys.readouterr().out == ""

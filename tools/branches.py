@@ -9,8 +9,10 @@ What fails is reported by the `dvc repro` that follows, which runs it again.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
@@ -27,6 +29,7 @@ SHARED = ("ingest", "simulate", "situations_simulated", "situations_real")
 LSTMS = ("finetune", "distil_encoder", "validate_simulation")
 """The last stages of the branch whose output is shown."""
 LOGS = Path("build/branches")
+_LOOK_S = 0.5
 
 
 def memoryless(params: DictConfig) -> dict[str, list[str]]:
@@ -43,6 +46,18 @@ def reproduce(targets: Iterable[str], output: IO[str] | None = None) -> subproce
     return subprocess.Popen(command, stdout=output, stderr=output)  # noqa: S603, a list, no shell
 
 
+def follow(process: subprocess.Popen, log: Path) -> None:
+    """Show what a process adds to its log until it ends."""
+    with log.open() as text:
+        text.seek(0, os.SEEK_END)
+        running = True
+        while running:
+            running = process.poll() is None  # what it wrote before it ended is still to be shown
+            sys.stdout.write(text.read())
+            sys.stdout.flush()
+            time.sleep(_LOOK_S * running)
+
+
 @user_errors()
 def main(arguments: list[str] | None = None) -> None:
     """Run what the branches share, then all branches."""
@@ -52,12 +67,15 @@ def main(arguments: list[str] | None = None) -> None:
         pass  # leaving waits for it
     sys.stdout.write(f"Side by side: the LSTMs, {', '.join(branches)} (their output is in {LOGS})\n")
     sys.stdout.flush()
-    with ExitStack() as running:
+    running: dict[Path, subprocess.Popen] = {}
+    with ExitStack() as stack:
         for name, targets in branches.items():
-            write_text(LOGS / f"{name}.log", "")
-            log = running.enter_context((LOGS / f"{name}.log").open("w"))
-            running.enter_context(reproduce(targets, log))
-        running.enter_context(reproduce(LSTMS))
+            write_text(log := LOGS / f"{name}.log", "")
+            running[log] = stack.enter_context(reproduce(targets, stack.enter_context(log.open("w"))))
+        with reproduce(LSTMS):
+            pass
+        for log, process in running.items():
+            follow(process, log)
 
 
 if __name__ == "__main__":
