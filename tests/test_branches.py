@@ -5,11 +5,10 @@ from itertools import combinations
 
 import networkx as nx
 import pytest
-from dvc.repo import Repo
 
 from pedpred.config import read_params
 from tests.conftest import ROOT
-from tools.branches import LSTMS, SHARED, follow, memoryless
+from tools.branches import LSTMS, SHARED, follow, memoryless, needed, pipeline
 
 TRAININGS = ("pretrain", "distil", "train", "finetune")
 pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
@@ -17,27 +16,26 @@ pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarni
 
 @pytest.fixture(scope="module")
 def graph():
-    found = Repo(str(ROOT)).index.graph
-    return nx.relabel_nodes(found, {stage: stage.name for stage in found})
+    return pipeline(ROOT)
 
 
 @pytest.fixture(scope="module")
 def branches(graph):
     """Names of the stages of each branch."""
-    return [reached(graph, targets) for targets in (LSTMS, *memoryless(read_params(ROOT)).values())]
+    return [set(needed(graph, targets)) for targets in (LSTMS, *memoryless(read_params(ROOT)).values())]
 
 
-def reached(graph, targets):
-    """Names of the stages that some targets need, and of those."""
-    stages = {name for name in graph if name in targets or name.partition("@")[0] in targets}
-    assert {target for target in targets if target not in stages} <= {n.partition("@")[0] for n in stages}
-    return stages.union(*(nx.descendants(graph, name) for name in stages))
+def test_stages_come_after_those_that_they_need(graph):
+    order = needed(graph, LSTMS)
+    assert {"ingest@eth", "train_main@lstm", "validate_simulation"} < set(order)
+    assert "train_situations@mixture" not in order
+    for name in order:
+        assert nx.descendants(graph, name) <= set(order[: order.index(name)])
 
 
 def test_branches_need_in_common_only_what_ran_before(graph, branches):
-    shared = reached(graph, SHARED)
     for one, other in combinations(branches, 2):
-        assert one & other <= shared
+        assert one & other <= set(needed(graph, SHARED))
 
 
 def test_every_training_is_in_one_of_them(graph, branches):

@@ -2,8 +2,9 @@
 
 `make reproduce` starts with it. `dvc repro` runs one stage after the other, and a training uses one core: its
 steps are too small to gain from a second one. The LSTMs and each of the networks without memory need nothing
-of each other, so one `dvc repro` per branch trains them at once; DVC keeps two commands from the same files.
-What fails is reported by the `dvc repro` that follows, which runs it again.
+of each other, so one `dvc repro` per branch trains them at once. Each names its own stages only: DVC refuses
+a stage, even an unchanged one, while another command looks at it. What fails is reported by the `dvc repro`
+that follows, which runs it again.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import IO
 
+import networkx as nx
+from dvc.repo import Repo
 from omegaconf import DictConfig
 
 from pedpred.config import read_params
@@ -40,9 +43,22 @@ def memoryless(params: DictConfig) -> dict[str, list[str]]:
     }
 
 
-def reproduce(targets: Iterable[str], output: IO[str] | None = None) -> subprocess.Popen:
-    """Start `dvc repro` of some stages; its output goes to a file or to the terminal."""
-    command = ["dvc", "--wait-for-lock", "repro", "--keep-going", *targets]
+def pipeline(folder: Path) -> nx.DiGraph:
+    """Names of the stages, each with an edge to every one that it needs."""
+    graph = Repo(str(folder)).index.graph
+    return nx.relabel_nodes(graph, {stage: stage.name for stage in graph})
+
+
+def needed(graph: nx.DiGraph, targets: Iterable[str]) -> list[str]:
+    """Stages, or all of a kind, and those that they need, in the order in which they can run."""
+    wanted = [name for name in graph if {name, name.partition("@")[0]} & set(targets)]
+    found = set(wanted).union(*(nx.descendants(graph, name) for name in wanted))
+    return [name for name in reversed(list(nx.topological_sort(graph))) if name in found]
+
+
+def reproduce(stages: Iterable[str], output: IO[str] | None = None) -> subprocess.Popen:
+    """Start `dvc repro` of some stages, in this order; its output goes to a file or to the terminal."""
+    command = ["dvc", "--wait-for-lock", "repro", "--keep-going", "--single-item", *stages]
     return subprocess.Popen(command, stdout=output, stderr=output)  # noqa: S603, a list, no shell
 
 
@@ -62,8 +78,13 @@ def follow(process: subprocess.Popen, log: Path) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Run what the branches share, then all branches."""
     argparse.ArgumentParser(prog="python -m tools.branches", description=__doc__).parse_args(arguments)
-    branches = memoryless(read_params(Path()))
-    with reproduce(SHARED):
+    graph, branches = pipeline(Path()), memoryless(read_params(Path()))
+    shared = needed(graph, SHARED)
+
+    def own(targets: Iterable[str]) -> list[str]:
+        return [name for name in needed(graph, targets) if name not in shared]
+
+    with reproduce(shared):
         pass  # leaving waits for it
     sys.stdout.write(f"Side by side: the LSTMs, {', '.join(branches)} (their output is in {LOGS})\n")
     sys.stdout.flush()
@@ -71,8 +92,8 @@ def main(arguments: list[str] | None = None) -> None:
     with ExitStack() as stack:
         for name, targets in branches.items():
             write_text(log := LOGS / f"{name}.log", "")
-            running[log] = stack.enter_context(reproduce(targets, stack.enter_context(log.open("w"))))
-        with reproduce(LSTMS):
+            running[log] = stack.enter_context(reproduce(own(targets), stack.enter_context(log.open("w"))))
+        with reproduce(own(LSTMS)):
             pass
         for log, process in running.items():
             follow(process, log)
