@@ -59,7 +59,7 @@ def test_straight_walkers_go_on_for_minutes():
     assert laws.STRAIGHT[0] <= shares.min() <= shares.max() <= laws.STRAIGHT[1]
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(seed=SEEDS, rate_hz=st.sampled_from(RATES_HZ), noise_m=st.sampled_from([0.0, 0.005, 0.02]))
 def test_standing_people_stand_also_when_they_have_just_appeared(seed, rate_hz, noise_m):
     rng = np.random.default_rng(seed)

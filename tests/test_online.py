@@ -201,7 +201,7 @@ def test_the_example_on_a_page_runs(page, model, monkeypatch):
 def test_people_who_have_just_appeared_are_forecast_to_walk_when_they_have_clearly_moved(mixture):
     """Noise of a few cm between two detections is no walking."""
     noise_m = OnlinePredictor.load(mixture[0]).description.tracker.position_noise_m
-    for moved, share in ((1.9 * noise_m, 0.0), (3.0 * noise_m, 0.5), (4.1 * noise_m, 1.0)):
+    for moved, share in ((2.4 * noise_m, 0.0), (3.75 * noise_m, 0.5), (5.1 * noise_m, 1.0)):
         place, last = np.zeros((1, 2)), np.array([[moved, 0.0]])
         belief = np.array([[0.01, 0.01, 1.0]])
         new, old = np.ones(1, bool), np.zeros(1, bool)

@@ -13,9 +13,9 @@ import numpy as np
 
 from pedpred.scenes import Predictions
 
-NEWBORN, YOUNG_S = 3, 0.5
+NEWBORN, YOUNG_S = 3, 0.8
 """Who was detected at most so often, or first less than so long ago, s, counts as new."""
-_NOISE, _MOTION = 2.0, 4.0
+_NOISE, _MOTION = 2.5, 5.0
 """Displacements since the first detection that are noise or motion, in standard deviations of a detection."""
 
 
