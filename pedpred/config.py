@@ -187,24 +187,24 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
     Raises:
         ConfigError: dvc.yaml has no such stage, one of the files is damaged, or a declared key is missing.
     """
-    from dvc.dependency import ParamsDependency  # takes 0.3 s to import; a stage by hand does without
-    from dvc.repo import Repo
+    from dvc import dependency, dvcfile, repo  # takes 0.3 s to import; a stage by hand does without
 
     seen = OmegaConf.create()
     try:
-        with Repo(str(root), uninitialized=True) as repo:
-            loaded = repo.stage.load_one(str(root / "dvc.yaml"), address.rpartition(":")[2])
-            for dependency in (d for d in loaded.deps if isinstance(d, ParamsDependency)):
-                values = dependency.read_params()
-                for key in dependency.params:
+        with repo.Repo(str(root), uninitialized=True) as project:
+            file = dvcfile.load_file(project, str(root / "dvc.yaml"))
+            file.lockfile_contents = {}  # dvc.lock is not needed, and another `dvc repro` may be writing it
+            needs = file.stages[address.rpartition(":")[2]].deps
+            for params in (d for d in needs if isinstance(d, dependency.ParamsDependency)):
+                values = params.read_params()
+                for key in params.params:
                     if key not in values:
                         raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
                     OmegaConf.update(seen, key, values[key], force_add=True)
     except ConfigError:
         raise
     except Exception as error:  # DVC documents no complete list of what it raises on damaged files
-        remedy = f"DVC cannot load this stage from {root / 'dvc.yaml'}: {error}"
-        raise ConfigError("DVC_STAGE", address, remedy) from error
+        raise ConfigError("DVC_STAGE", address, f"DVC cannot load this stage from {root}: {error}") from error
     seen.merge_with_dotlist([a.lstrip("+") for a in arguments if "=" in a and not a.startswith("-")])
     return seen
 

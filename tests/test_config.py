@@ -108,6 +108,11 @@ def test_a_stage_sees_the_declared_keys_of_every_kind_of_stage_and_nothing_else(
     assert config.declared(project, address, []) == expected
 
 
+def test_a_stage_does_not_read_the_lock_that_another_command_may_be_writing(project):
+    (project / "dvc.lock").write_text("schema: '2.0'\nstages:\n  bare:\n    cm")
+    assert config.declared(project, "bare", []) == {}
+
+
 def test_the_arguments_of_the_command_are_added(project):
     seen = config.declared(project, "bare", ["+name=eth", "--flag", "out=a"])
     assert seen == {"name": "eth", "out": "a"}
