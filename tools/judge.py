@@ -4,8 +4,7 @@ Prints a table of promises with the figures behind them; exit code 1 when one is
 real place in data/scenes/real, as its sensor detects it and the folder's tracker follows it; the simulated
 test rooms through a robot's sensor; the laws; the time of an update. A place that trained the network says
 so; the promises about unseen places are judged by the metric files of the folds. `--against` another
-folder, or a revision of this one, fails when this one's error is larger by more than 1 % of it, beyond the
-interval of the paired difference.
+folder, or a revision of this one, fails when this one is worse beyond the interval of the paired difference.
 `--replace` copies it over another folder, unless it is worse or breaks a promise that the other one keeps.
 """
 

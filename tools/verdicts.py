@@ -28,8 +28,6 @@ REGIONS = {"50": (45, 55), "90": (86, 94), "95": (92, 98)}
 ROOMS = {"mode_collision_share": 0.07, "obstacle_share": 0.003}
 TRUE_STATES = {"ade_m": 0.45, "min_ade_m_k6": 0.22, **ROOMS}
 """Figure in simulated test rooms -> most that it may be."""
-MARGIN = 0.01
-"""Share of another model's error by which that of a model may be larger before it counts as worse."""
 SENSED = 0.85
 """Most that the error in rooms through sensor and tracker may be over that of the paper's network."""
 
