@@ -66,13 +66,16 @@ def compare_in(folder: Path, given: Comparison) -> tuple[str, dict[str, Scores]]
     return scene.name, scores
 
 
-def forecasters_of(cfg: DictConfig, methods: Methods, kind: str, together: bool) -> dict[str, Forecaster]:
+def forecasters_of(
+    cfg: DictConfig, methods: Methods, kind: str, settings: EvaluationSettings
+) -> dict[str, Forecaster]:
     """The methods that are applied to sets of a kind; those with weights come from the folder `networks`."""
     applied = methods.applied_to(kind)
     learned = [method.key for method in applied if "architecture" in method.settings]
     simple = baselines(method for method in applied if method.key not in learned)
     encoder = Path("models/autoencoder")
-    return simple | {m: forecaster(Path(cfg.networks, m), encoder, together) for m in learned}
+    choices = {"together": settings.together, "learning": settings.learning}
+    return simple | {m: forecaster(Path(cfg.networks, m), encoder, **choices) for m in learned}
 
 
 @stage
@@ -92,7 +95,7 @@ def main(cfg: DictConfig) -> None:
         source = cfg[one_of("kind", kind, SETS)][key]
         how, sizes = perception_of(cfg, source)
         walking = social_force_settings(row(cfg, "social_forces", source.social_force))
-        forecasters = forecasters_of(cfg, methods, kind, settings.together)
+        forecasters = forecasters_of(cfg, methods, kind, settings)
         given = Comparison(how, sizes, walking, forecasters, settings, out)
         folders = scene_folders(Path("data/scenes", tested))
         found = in_parallel(compare_in, [(f, given) for f in folders], f"evaluate {key}", "scene")

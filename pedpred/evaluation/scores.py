@@ -25,6 +25,7 @@ class EvaluationSettings:
 
     Attributes:
         together: networks choose the modes of people who are present together.
+        learning: networks learn the size of their regions from earlier forecasts at the same place.
         moving_mps: slower people count as standing.
         collision_m: people forecast nearer than this at the same step collide.
         miss_m: a forecast whose last position is farther off than this is a miss.
@@ -33,6 +34,7 @@ class EvaluationSettings:
     """
 
     together: bool = True
+    learning: bool = True
     moving_mps: float = 0.3
     collision_m: float = 0.2
     miss_m: float = 2.0

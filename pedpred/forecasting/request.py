@@ -94,13 +94,15 @@ class ForecastRequest:
         return self.tracks
 
     def present(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Find everybody who is present at the instants of the rows to forecast.
+        """Find everybody who is present at each instant of the scene up to the last one of a row to forecast.
 
         Returns:
             Their last detections, as rows of `tracks` [C]; the instants, s [C]; and where in them the rows
             to forecast are [W].
         """
-        now_s, instant = np.unique(self.table.time_s[self.rows], return_inverse=True)
+        asked_s = self.table.time_s[self.rows]
+        now_s = np.unique(self.table.time_s[self.table.time_s <= asked_s.max(initial=-np.inf)])
+        instant = np.searchsorted(now_s, asked_s)
         row, at = present_rows(self.past.track_id, self.past.time_s, now_s, self.max_age_s)
         order = np.lexsort((row, at))
         row, at = row[order], at[order]

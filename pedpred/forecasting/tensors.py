@@ -13,6 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pedpred.forecasting.reduction import reduced
 from pedpred.scenes import Predictions
 
 TENSORS = ("velocities", "path", "weight", "covariance")
@@ -23,7 +24,8 @@ def predictions_of(tensors: Mapping[str, np.ndarray], dt_s: float) -> Prediction
     """Agent-frame predictions; modes are sorted by weight, which is made to sum to 1.
 
     Weights are rounded: mirror images of each other, such as the modes of a straight walker on free ground,
-    are equally likely, and their order must not depend on the last digits of a float.
+    are equally likely, and their order must not depend on the last digits of a float. Of many modes, those
+    most alike are merged, see `pedpred.forecasting.reduction`.
     """
     exact = {name: values.astype(np.float64) for name, values in tensors.items()}
     point = np.cumsum(exact["velocities"] * dt_s, axis=1)
@@ -35,7 +37,7 @@ def predictions_of(tensors: Mapping[str, np.ndarray], dt_s: float) -> Prediction
     order = np.argsort(-weight, axis=1, kind="stable")
     rows = np.arange(len(point))[:, None]
     weight = weight[rows, order]
-    return Predictions(
+    sorted_modes = Predictions(
         point,
         exact["path"][rows, order],
         weight / weight.sum(axis=1, keepdims=True),
@@ -43,3 +45,4 @@ def predictions_of(tensors: Mapping[str, np.ndarray], dt_s: float) -> Prediction
         None if covariance is None else covariance[rows, order],
         "agent",
     )
+    return reduced(sorted_modes)

@@ -12,6 +12,7 @@ from pedpred.datasets.motion import network_inputs
 from pedpred.features import FeatureSettings, FeatureTable
 from pedpred.features.situation import tracked_situations
 from pedpred.forecasting import ForecastRequest
+from pedpred.forecasting.regions import learned
 from pedpred.forecasting.selection import consistent
 from pedpred.forecasting.tensors import predictions_of
 from pedpred.networks.autoencoder import GridEncoder
@@ -36,11 +37,13 @@ class NetworkForecaster:
         network: trained.
         encoder: the frozen convolutions; None for a network that does not read the grid.
         together: people choose their modes together, see `pedpred.forecasting.selection`.
+        learning: regions learn from earlier forecasts, see `pedpred.forecasting.regions`.
     """
 
     network: RecurrentNetwork
     encoder: GridEncoder | None
     together: bool = True
+    learning: bool = True
 
     def __call__(self, request: ForecastRequest) -> Predictions:
         """World-frame predictions of the request's rows.
@@ -70,6 +73,9 @@ class NetworkForecaster:
         predictions = self._answer(outputs, sizes.dt_s).in_world(here, past.heading_rad[row])
         if self.together:
             predictions = consistent(predictions, here, time_s)
+        if self.learning:
+            seen = past.time_s[row] > time_s - TIME_TOLERANCE_S
+            predictions = learned(predictions, past.track_id[row], time_s, past.detection[row], seen)
         return predictions.select(asked)
 
     def _answer(self, outputs: Tensors, dt_s: float) -> Predictions:
@@ -100,12 +106,17 @@ class NetworkForecaster:
         return [network_inputs(table, sizes, own) for table, own in pairs]
 
 
-def forecaster(network_folder: Path, autoencoder_folder: Path, together: bool = True) -> NetworkForecaster:
+def forecaster(network_folder: Path, autoencoder_folder: Path, **choices: bool) -> NetworkForecaster:
     """The forecaster of a checkpoint; the auto-encoder is read only if the network reads the grid.
+
+    Args:
+        network_folder: the checkpoint.
+        autoencoder_folder: the checkpoint of the encoder.
+        choices: `together` and `learning` of `NetworkForecaster`.
 
     Raises:
         StorageError: a checkpoint is missing or damaged.
     """
     network = load_network(network_folder)
     reads_grid = "grid" in network.settings.channels_read
-    return NetworkForecaster(network, load_encoder(autoencoder_folder) if reads_grid else None, together)
+    return NetworkForecaster(network, load_encoder(autoencoder_folder) if reads_grid else None, **choices)

@@ -50,7 +50,7 @@ class MixtureSettings:
         frozen: those of its encoders whose weights stay as they are drawn: "own", "neighbours", "beams".
     """
 
-    modes: int = 6
+    modes: int = 12
     units: int = 384
     motion_units: int = 128
     neighbour_units: int = 96

@@ -9,6 +9,7 @@ from tqdm import tqdm
 
 from pedpred.features.situation import tracked_situations
 from pedpred.forecasting import ForecastRequest
+from pedpred.forecasting.regions import learned
 from pedpred.forecasting.selection import consistent
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shortened
 from pedpred.online.predictor import OnlinePredictor
@@ -46,7 +47,9 @@ def predictions_at_once(predictor: OnlinePredictor, request: ForecastRequest, ti
         found, _, _ = predictor.network.step({name: inputs[name] for name in about.inputs}, {})
         there = found.in_world(here[at:end], tracks.heading_rad[own])
         parts.append(consistent(there, here[at:end], now_s))
-    predictions = Predictions.join(parts).select(asked)
+    seen = tracks.time_s[row] > time_s - TIME_TOLERANCE_S
+    everybody = learned(Predictions.join(parts), tracks.track_id[row], time_s, tracks.detection[row], seen)
+    predictions = everybody.select(asked)
     return shortened(predictions, here[asked], _moving_shares(predictor, request))
 
 

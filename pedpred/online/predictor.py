@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureSettings, Pedestrians, unpack_crops
 from pedpred.features.observe import Neighbours, observe
 from pedpred.features.situation import situations
+from pedpred.forecasting.regions import Regions
 from pedpred.forecasting.selection import consistent
 from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shortened
@@ -19,37 +20,13 @@ from pedpred.online.frame import Frame
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.past import earliest, past_of, slots_for
 from pedpred.online.people import People, detected, next_ticks_s
+from pedpred.online.settings import OnlineSettings
 from pedpred.online.shipped import default_model
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
-from pedpred.simulation.fields import check_ranges
-from pedpred.tracking import KalmanSettings
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LOG = logging.getLogger(__name__)
 _NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
-
-
-@dataclass(frozen=True)
-class OnlineSettings:
-    """How a stream of detections is treated.
-
-    Attributes:
-        max_age_s: a person is present while the last detection is at most this old, s.
-        snap_s: a step that became due at most this long before a frame is taken with the frame, s.
-        tracker: noise of the detections and of walking; None: what the model folder says.
-    """
-
-    max_age_s: float = 0.5
-    snap_s: float = 0.05
-    tracker: KalmanSettings | None = None
-
-    def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("max_age_s", "snap_s"), "[0, inf)"))
-
-    @classmethod
-    def as_offline(cls, features: FeatureSettings, detection_dt_s: float) -> OnlineSettings:
-        """What makes a replay give the pipeline's forecasts, for detections `detection_dt_s` apart."""
-        return cls(features.max_age_intervals * detection_dt_s, TIME_TOLERANCE_S)
 
 
 class OnlinePredictor:
@@ -59,7 +36,8 @@ class OnlinePredictor:
     A frame in between gets a forecast from its own inputs and the state of the last step, which stays as it
     is, so any frame rate will do. If frames are rarer than steps, the missed steps are computed for their own
     instants, from what was known then. A network without memory has no steps; people choose among its modes
-    together (`pedpred.forecasting.selection`). One object serves one stream; it is not thread-safe.
+    together (`pedpred.forecasting.selection`), and its regions learn from what people did
+    (`pedpred.forecasting.regions`). One object serves one stream; it is not thread-safe.
     """
 
     def __init__(self, folder: Path, settings: OnlineSettings | None = None):
@@ -102,9 +80,11 @@ class OnlinePredictor:
         return self._about.features
 
     def reset(self) -> None:
-        """Forget everybody; the map stays."""
+        """Forget everybody, and what was learned of the regions; the map stays."""
         self._people, self._now, self._jumps = self._nobody(), -np.inf, 0
-        self._last = self._forecast(self._people, np.zeros(0, int), *self._network.nobody(), 0.0)
+        self._regions = Regions.unlearned(self.features.horizon_steps)
+        nobody = self._network.nobody()
+        self._last = self._forecast(self._people, self._regions, np.zeros(0, int), *nobody, 0.0)[1]
 
     def _nobody(self) -> People:
         return People.nobody(
@@ -146,16 +126,18 @@ class OnlinePredictor:
         if abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S:
             _LOG.warning("frame at %s s dropped: the last one was at %s s", now, self._now)
             return self._last
-        people, jumps = self._people, self._jumps
+        people, regions, jumps = self._people, self._regions, self._jumps
         if len(people) and abs(now - self._now) > longest_s:
             if now < self._now or not jumps:  # of long gaps the first one
                 _LOG.warning("time jumps from %s s to %s s (seconds?): all are forgotten", self._now, now)
-            people, jumps = self._nobody(), jumps + 1
+            people, regions, jumps = self._nobody(), regions.without_people(), jumps + 1
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
         people = detected(people, frame, self._about.tracker, self._about.standstill_mps)
-        people, forecast = self._predicted(people, now)
+        people, rows, predictions, velocities = self._predicted(people, now)
+        regions, forecast = self._forecast(people, regions, rows, predictions, velocities, now)
+        self._regions = regions
         self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
         return forecast
 
@@ -178,8 +160,12 @@ class OnlinePredictor:
         gone = due > people.seen_s + self.features.lost_after_s
         return np.where(gone, np.inf, due)
 
-    def _predicted(self, people: People, time_s: float) -> tuple[People, Forecast]:
-        """Forecast everybody present; those whose step is due now take it."""
+    def _predicted(self, people: People, time_s: float) -> tuple[People, np.ndarray, Predictions, np.ndarray]:
+        """Forecast everybody present; those whose step is due now take it.
+
+        Returns:
+            People afterwards; rows of those present; their predictions and velocities, see `_step`.
+        """
         due = self._due(people) <= time_s + TIME_TOLERANCE_S
         there = people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S
         person = np.flatnonzero(due | there)
@@ -187,7 +173,7 @@ class OnlinePredictor:
         given = there[person]
         if not given.all():
             person, predictions, velocities = person[given], predictions.select(given), velocities[given]
-        return people, self._forecast(people, person, predictions, velocities, time_s)
+        return people, person, predictions, velocities
 
     def _step(
         self, people: People, person: np.ndarray, time_s: float, keep: np.ndarray
@@ -230,20 +216,25 @@ class OnlinePredictor:
     def _forecast(
         self,
         people: People,
+        regions: Regions,
         rows: np.ndarray,
         predictions: Predictions,
         velocities: np.ndarray,
         time_s: float,
-    ) -> Forecast:
+    ) -> tuple[Regions, Forecast]:
+        """What is given for some people, and what is learned from it."""
         frame = people.at(rows, time_s)
         world = rotate(velocities.astype(np.float64), frame.heading_rad[:, None])
         there = predictions.in_world(frame.position, frame.heading_rad)
         if not self._about.memory:  # as `pedpred.networks.forecasting` does
             there = consistent(there, frame.position, np.full(len(rows), time_s))
+        if people.past:
+            seen, detection = people.seen_s[rows] == time_s, people.past["detection"][rows]
+            regions, there = regions.after(time_s, frame.track_id, detection, seen, there)
         share = self._moving_shares(people, rows)
         if not (share == 1.0).all():
             world, there = share[:, None, None] * world, shortened(there, frame.position, share)
-        return Forecast(time_s, frame.track_id, world, there).locked()
+        return regions, Forecast(time_s, frame.track_id, world, there).locked()
 
     def _moving_shares(self, people: People, rows: np.ndarray) -> np.ndarray:
         """See `pedpred.online.caution`. [R]."""

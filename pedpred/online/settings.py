@@ -1,0 +1,33 @@
+"""How a stream of detections is treated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pedpred.features import FeatureSettings
+from pedpred.simulation.fields import check_ranges
+from pedpred.tracking import KalmanSettings
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
+
+
+@dataclass(frozen=True)
+class OnlineSettings:
+    """How a stream of detections is treated.
+
+    Attributes:
+        max_age_s: a person is present while the last detection is at most this old, s.
+        snap_s: a step that became due at most this long before a frame is taken with the frame, s.
+        tracker: noise of the detections and of walking; None: what the model folder says.
+    """
+
+    max_age_s: float = 0.5
+    snap_s: float = 0.05
+    tracker: KalmanSettings | None = None
+
+    def __post_init__(self) -> None:
+        check_ranges(self, dict.fromkeys(("max_age_s", "snap_s"), "[0, inf)"))
+
+    @classmethod
+    def as_offline(cls, features: FeatureSettings, detection_dt_s: float) -> OnlineSettings:
+        """What makes a replay give the pipeline's forecasts, for detections `detection_dt_s` apart."""
+        return cls(features.max_age_intervals * detection_dt_s, TIME_TOLERANCE_S)
