@@ -19,6 +19,7 @@ MOST_MODES = 6
 """A forecast has at most so many modes."""
 _ALIKE = 1e-3  # relative difference of costs that count as equal
 _SAME = 1e-6  # cost per weight of modes that count as the same
+_AT_ONCE = 8  # determinants whose product is within the range of a float
 
 
 def reduced(predictions: Predictions, most: int = MOST_MODES) -> Predictions:
@@ -109,10 +110,12 @@ def _group(w, cost, group):  # pragma: no cover (compiled)
 @compiled
 def _log_size(c):  # pragma: no cover (compiled)
     """Mean of ln det C over the steps. [P, 2, 2] -> number."""
-    total = 0.0
+    total, product = 0.0, 1.0
     for p in range(len(c)):
-        total += np.log(c[p, 0, 0] * c[p, 1, 1] - c[p, 0, 1] * c[p, 1, 0])
-    return total / len(c)
+        product *= c[p, 0, 0] * c[p, 1, 1] - c[p, 0, 1] * c[p, 1, 0]
+        if p % _AT_ONCE == _AT_ONCE - 1:
+            total, product = total + np.log(product), 1.0
+    return (total + np.log(product)) / len(c)
 
 
 @compiled
@@ -120,14 +123,16 @@ def _cost(x, c, w, size, i, j):  # pragma: no cover (compiled)
     """B(i, j)."""
     both = w[i] + w[j]
     one, other = w[i] / both, w[j] / both
-    total = 0.0
+    total, product = 0.0, 1.0
     for p in range(len(c[i])):
         dx, dy = x[i, p, 0] - x[j, p, 0], x[i, p, 1] - x[j, p, 1]
         a = one * c[i, p, 0, 0] + other * c[j, p, 0, 0] + one * other * dx * dx
         b = one * c[i, p, 0, 1] + other * c[j, p, 0, 1] + one * other * dx * dy
         d = one * c[i, p, 1, 1] + other * c[j, p, 1, 1] + one * other * dy * dy
-        total += np.log(a * d - b * b)
-    return 0.5 * (both * total / len(c[i]) - w[i] * size[i] - w[j] * size[j])
+        product *= a * d - b * b
+        if p % _AT_ONCE == _AT_ONCE - 1:
+            total, product = total + np.log(product), 1.0
+    return 0.5 * (both * (total + np.log(product)) / len(c[i]) - w[i] * size[i] - w[j] * size[j])
 
 
 @compiled

@@ -1,9 +1,9 @@
 """Regions of probability that learn from how people walk at a place.
 
 How far people stray from a forecast differs between places, crowds and sensors more than training can know.
-So some forecasts are kept until their time has come and compared with where the person is then detected. Of
-every comparison, u is the share of the probability in the smallest region that reaches the person
-(`pedpred.metrics.calibration.share_inside`). The regions of l = 50, 90 and 95 % should miss 1 - l of them:
+So once a second everybody's forecast is kept, and when its time is over compared with where the person was
+detected. Of every comparison, u is the share of the probability in the smallest region that reaches the
+person (`pedpred.metrics.calibration.share_inside`). The regions of l = 50, 90 and 95 % should miss 1 - l of them:
     z_l = (1[u > l] - (1 - l)) / sqrt(l (1 - l))
     a += g (z_50 + z_90 + z_95) / 3,    b += g ((z_90 + z_95) / 2 - z_50)
 at some steps of the horizon, and in between by interpolation (adaptive conformal inference, Gibbs & Candes
@@ -22,105 +22,103 @@ import numpy as np
 
 from pedpred.metrics.calibration import REGIONS, share_inside
 from pedpred.scenes import Predictions
-from pedpred.tracking.tracks import TIME_TOLERANCE_S
+from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
 
-_KNOWN = 3
-"""Forecasts are kept of people with so many detections."""
 _EVERY_S = 1.0
-"""Nobody's forecast is kept more often, so that comparisons hardly repeat each other."""
-_AT_ONCE = 48
-"""Forecasts that are kept of one instant, at most: those of people who waited the longest."""
+"""Time between two instants whose forecasts are kept, s: comparisons hardly repeat each other."""
+_KNOWN = 3
+"""Forecasts are kept of people who were detected so often lately."""
 _GAP_S = 1.0
 """Positions are known between detections that are at most so far apart, s."""
-_FIRST, _LEAST = 0.05, 0.003
-"""The first and the least gain g of a comparison."""
-_STEP, _LARGEST = 0.3, 1.0
-"""Limits of the change at an instant, and of a and b."""
 _COMPARED = 4
 """Steps of the horizon at which forecasts are compared, from the first to the last one."""
-_SHARES = np.array(REGIONS)
-_DEVIATION = np.sqrt(_SHARES * (1.0 - _SHARES))
+_FIRST, _LEAST = 0.05, 0.003
+"""The first and the least gain g of a forecast."""
+_STEP, _LARGEST = 0.3, 1.0
+"""Limits of the change at an instant, and of a and b."""
+_SHARES = np.array(REGIONS)[:, None, None]
+_DEVIATION = np.sqrt(_SHARES * (1.0 - _SHARES))[:, 0]
 
 
 @dataclass(frozen=True)
-class _Known:
-    """People who were detected lately, by track.
+class Detections:
+    """Where people were at some instants, world frame: time_s [M], track_id [M], position, m [M, 2]."""
 
-    Attributes:
-        track_id: rising. [N] int64
-        detections: without a gap. [N]
-        seen_s: time of the last one, s. [N]
-        position: then, as detected, world frame, m. [N, 2]
-        kept_s: instant of the last forecast that was kept, or of the first detection, s. [N]
-    """
-
+    time_s: np.ndarray
     track_id: np.ndarray
-    detections: np.ndarray
-    seen_s: np.ndarray
     position: np.ndarray
-    kept_s: np.ndarray
 
-    def rows_of(self, track_id: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of some tracks, and which of these are known; the rows of others mean nothing."""
-        at = np.minimum(np.searchsorted(self.track_id, track_id), max(len(self.track_id) - 1, 0))
-        return at, self.track_id[at] == track_id if len(self.track_id) else np.zeros(len(track_id), bool)
+    @classmethod
+    def join(cls, parts: tuple[Detections, ...]) -> Detections:
+        """All of them, sorted by track and time; instants rise from part to part."""
+        time_s, track_id, position = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("time_s", "track_id", "position")
+        )
+        order = np.argsort(track_id, kind="stable")
+        return cls(time_s[order], track_id[order], position[order])
 
-    def after(self, time_s: float, track_id: np.ndarray, position: np.ndarray) -> _Known:
-        """With the detections of an instant, by track; people not seen for `_GAP_S` are forgotten."""
-        at, known = self.rows_of(track_id)
-        known[known] = time_s - self.seen_s[at[known]] <= _GAP_S + TIME_TOLERANCE_S
-        detections, kept_s = np.ones(len(at), np.int64), np.full(len(at), time_s)
-        detections[known] += self.detections[at[known]]
-        kept_s[known] = self.kept_s[at[known]]
-        away = (time_s - self.seen_s <= _GAP_S) & ~np.isin(self.track_id, track_id)
-        mine = (track_id, detections, np.full(len(at), time_s), position, kept_s)
-        order = np.argsort(np.concatenate([track_id, self.track_id[away]]))
-        parts = zip(mine, vars(self).values(), strict=True)
-        return _Known(*(np.concatenate([now, before[away]])[order] for now, before in parts))
+    def at(self, track_id: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        """Interpolated positions of some tracks; NaN between detections too far apart. [Q, 2]."""
+        before = last_rows(self.track_id, self.time_s, track_id, time_s)
+        after = np.minimum(before + 1, len(self.time_s) - 1)
+        exact = np.abs(self.time_s[before] - time_s) <= TIME_TOLERANCE_S
+        after = np.where(exact, before, after)
+        span_s = self.time_s[after] - self.time_s[before]
+        known = (before >= 0) & (self.track_id[after] == track_id) & (span_s <= _GAP_S + TIME_TOLERANCE_S)
+        part = np.where(exact, 0.0, (time_s - self.time_s[before]) / np.where(span_s > 0, span_s, 1.0))
+        found = self.position[before] + part[:, None] * (self.position[after] - self.position[before])
+        return np.where(known[:, None], found, np.nan)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Forecasts from one instant whose time is not over: time_s; track_id [N]; N rows, world frame."""
+
+    time_s: float
+    track_id: np.ndarray
+    predictions: Predictions
 
 
 @dataclass(frozen=True)
 class Regions:
-    """What was learned at a place, and the forecasts whose time has not come.
+    """What was learned at a place, the forecasts to learn from, and the detections of their time.
 
     Attributes:
         steps: those at which forecasts are compared, rising. [A]
         wider: a, of each. [A]
         tails: b. [A]
-        learned: number of forecasts so far.
-        known: people who were detected lately.
-        kept: their forecasts, as given; None: none yet. [M]
-        kept_of: tracks of these. [M]
-        kept_s: their instants, s. [M]
-        shares: u of each comparison; NaN where it was not made. [M, A]
+        forecasts: number of those compared so far.
+        looked_s: when forecasts were last compared and kept, s.
+        kept: by instant.
+        detections: by instant.
     """
 
     steps: np.ndarray
     wider: np.ndarray
     tails: np.ndarray
-    learned: int
-    known: _Known
-    kept: Predictions | None
-    kept_of: np.ndarray
-    kept_s: np.ndarray
-    shares: np.ndarray
+    forecasts: int = 0
+    looked_s: float = -np.inf
+    kept: tuple[Kept, ...] = ()
+    detections: tuple[Detections, ...] = ()
 
     @classmethod
     def unlearned(cls, steps: int) -> Regions:
         """Before the first instant: regions as the network gives them."""
-        none, whole = np.zeros(0), np.zeros(0, np.int64)
-        nobody = _Known(whole, whole, none, np.zeros((0, 2)), none)
         compared = np.unique(np.geomspace(1, steps, _COMPARED).round().astype(int)) - 1
-        zero, shares = np.zeros(len(compared)), np.zeros((0, len(compared)))
-        return cls(compared, zero, zero, 0, nobody, None, whole, none, shares)
+        return cls(compared, np.zeros(len(compared)), np.zeros(len(compared)))
 
     def without_people(self) -> Regions:
-        """What was learned, with nobody known."""
-        nobody = self.unlearned(int(self.steps[-1]) + 1)
-        return replace(nobody, wider=self.wider, tails=self.tails, learned=self.learned)
+        """What was learned, with nobody to learn from."""
+        return replace(self, looked_s=-np.inf, kept=(), detections=())
 
     def after(
-        self, time_s: float, track_id: np.ndarray, detection: np.ndarray, seen: np.ndarray, given: Predictions
+        self,
+        time_s: float,
+        track_id: np.ndarray,
+        detection: np.ndarray,
+        seen: np.ndarray,
+        given: Predictions,
     ) -> tuple[Regions, Predictions]:
         """Take the detections of an instant and the forecasts from it.
 
@@ -136,14 +134,24 @@ class Regions:
         """
         if given.covariance is None:
             return self, given
-        track_id, detection = track_id[seen], detection[seen]
-        learned = self._compared(time_s, track_id, detection)
-        learned = replace(learned, known=self.known.after(time_s, track_id, detection))
-        scaled = learned.scaled(given)
-        return learned._keeping(time_s, track_id, scaled.select(seen)), scaled
+        now = Detections(np.full(int(seen.sum()), time_s), track_id[seen], detection[seen])
+        here = replace(self, detections=(*self.detections, now))
+        if time_s < self.looked_s + _EVERY_S - TIME_TOLERANCE_S:
+            return here, here.scaled(given)
+        known = Detections.join(here.detections)
+        here = here._compared(time_s, known)
+        scaled = here.scaled(given)
+        first, end = (np.searchsorted(known.track_id, track_id, side) for side in ("left", "right"))
+        rows = np.flatnonzero(seen & (end - first >= _KNOWN))
+        kept = (*here.kept, Kept(time_s, track_id[rows], scaled.select(rows)))
+        since_s = kept[0].time_s - _GAP_S
+        lately = tuple(part for part in here.detections if len(part.time_s) and part.time_s[0] >= since_s)
+        return replace(here, looked_s=time_s, kept=kept, detections=lately), scaled
 
     def scaled(self, predictions: Predictions) -> Predictions:
         """Predictions whose regions are as learned so far."""
+        if not self.forecasts:
+            return predictions
         assert predictions.covariance is not None
         before = np.cumsum(predictions.weight, axis=1) - 0.5 * predictions.weight
         each = np.arange(predictions.steps)
@@ -151,74 +159,41 @@ class Regions:
         factor = np.exp(2.0 * (wider + tails * (2.0 * before[..., None] - 1.0)))
         return replace(predictions, covariance=predictions.covariance * factor[..., None, None])
 
-    def _compared(self, time_s: float, track_id: np.ndarray, detection: np.ndarray) -> Regions:
-        """After the comparison of kept forecasts with the detections of an instant. [D] and [D, 2]."""
-        if self.kept is None or not len(self.kept) or not len(track_id):
-            return self
-        before, known = self.known.rows_of(self.kept_of)
-        now = np.minimum(np.searchsorted(track_id, self.kept_of), len(track_id) - 1)
-        seen_s = self.known.seen_s[before]
-        known &= (track_id[now] == self.kept_of) & (time_s - seen_s <= _GAP_S + TIME_TOLERANCE_S)
-        due_s = self.kept_s[:, None] + self.kept.dt_s * (self.steps + 1)
-        due = known[:, None] & (due_s > seen_s[:, None] + TIME_TOLERANCE_S)
-        row, step = np.nonzero(due & (due_s <= time_s + TIME_TOLERANCE_S))
-        if not len(row):
-            return self
-        start, end = self.known.position[before[row]], detection[now[row]]
-        part = (due_s[row, step] - seen_s[row]) / (time_s - seen_s[row])
-        truth, shares = start + part[:, None] * (end - start), self.shares.copy()
-        shares[row, step] = share_inside(_one_step(self.kept, row, self.steps[step]), truth[:, None])[:, 0]
-        over = np.isin(np.arange(len(due)), row[step == len(self.steps) - 1])
-        return replace(self, shares=shares)._learned(shares[over & ~np.isnan(shares).any(axis=1)])
+    def _compared(self, time_s: float, known: Detections) -> Regions:
+        """After the comparison of forecasts whose time is over with the detections."""
+        over = [kept for kept in self.kept if self._end_s(kept) <= time_s + TIME_TOLERANCE_S]
+        learned = replace(self, kept=self.kept[len(over) :])
+        for kept in over:
+            learned = learned._learned(self._shares(kept, known))
+        return learned
+
+    def _end_s(self, kept: Kept) -> float:
+        return kept.time_s + kept.predictions.dt_s * (int(self.steps[-1]) + 1)
+
+    def _shares(self, kept: Kept, known: Detections) -> np.ndarray:
+        """Values of u of all people who were seen long enough. [C, A]."""
+        due_s = np.tile(kept.time_s + kept.predictions.dt_s * (self.steps + 1), len(kept.track_id))
+        truth = known.at(np.repeat(kept.track_id, len(self.steps)), due_s).reshape(-1, len(self.steps), 2)
+        rows = np.flatnonzero(~np.isnan(truth).any(axis=(1, 2)))
+        own = kept.predictions.select(rows)
+        assert own.covariance is not None
+        path, covariance = own.path[:, :, self.steps], own.covariance[:, :, self.steps]
+        some = replace(own, point=own.point[:, self.steps], path=path, covariance=covariance)
+        return share_inside(some, truth[rows])
 
     def _learned(self, shares: np.ndarray) -> Regions:
-        """After some forecasts with all their comparisons. [C, A]."""
+        """After some forecasts. [C, A]."""
         if not len(shares):
             return self
-        missed = ((shares > _SHARES[:, None, None]) - (1.0 - _SHARES)[:, None, None]).sum(axis=1)
-        z50, z90, z95 = missed / _DEVIATION[:, None]
-        gain = max(1.0 / (1.0 / _FIRST + self.learned), _LEAST)
+        z50, z90, z95 = ((shares > _SHARES) - (1.0 - _SHARES)).sum(axis=1) / _DEVIATION
+        gain = max(1.0 / (1.0 / _FIRST + self.forecasts), _LEAST)
         gain = min(gain, _STEP / len(shares))
         return replace(
             self,
             wider=np.clip(self.wider + gain * (z50 + z90 + z95) / 3.0, -_LARGEST, _LARGEST),
             tails=np.clip(self.tails + gain * (0.5 * (z90 + z95) - z50), -_LARGEST, _LARGEST),
-            learned=self.learned + len(shares),
+            forecasts=self.forecasts + len(shares),
         )
-
-    def _keeping(self, time_s: float, track_id: np.ndarray, given: Predictions) -> Regions:
-        """Keep some forecasts of people who are detected now [D], and no longer those whose time is over."""
-        at, _ = self.known.rows_of(track_id)
-        waited_s = time_s - self.known.kept_s[at]
-        ready = (self.known.detections[at] >= _KNOWN) & (waited_s >= _EVERY_S - TIME_TOLERANCE_S)
-        rows = np.flatnonzero(ready)
-        rows = np.sort(rows[np.argsort(-waited_s[rows], kind="stable")[:_AT_ONCE]])
-        still = self.kept_s + given.dt_s * given.steps > time_s + TIME_TOLERANCE_S - _GAP_S
-        still &= np.isnan(self.shares[:, -1])
-        if not len(rows) and still.all():
-            return self
-        kept_s, new = self.known.kept_s.copy(), given.select(rows)
-        kept_s[at[rows]] = time_s
-        return replace(
-            self,
-            known=replace(self.known, kept_s=kept_s),
-            kept=new if self.kept is None else Predictions.join([self.kept.select(still), new]),
-            kept_of=np.concatenate([self.kept_of[still], track_id[rows]]),
-            kept_s=np.concatenate([self.kept_s[still], np.full(len(rows), time_s)]),
-            shares=np.concatenate([self.shares[still], np.full((len(rows), len(self.steps)), np.nan)]),
-        )
-
-
-def _one_step(predictions: Predictions, row: np.ndarray, step: np.ndarray) -> Predictions:
-    """Predictions of single steps [C] of some rows [C]."""
-    assert predictions.covariance is not None
-    return replace(
-        predictions,
-        point=predictions.point[row, step][:, None],
-        path=predictions.path[row, :, step][:, :, None],
-        weight=predictions.weight[row],
-        covariance=predictions.covariance[row, :, step][:, :, None],
-    )
 
 
 def learned(

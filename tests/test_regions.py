@@ -1,0 +1,112 @@
+"""Regions that learn from how people walk: what they learn, from what, and what stays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.forecasting.regions import Regions, learned
+from pedpred.metrics.calibration import REGIONS, coverage, share_inside
+from pedpred.scenes import Predictions
+
+STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def walks(rng, frames=400, people=20, noise_m=0.1):
+    """Random walks: time of each row, who, where, and the forecasts whose deviations are right."""
+    position = np.cumsum(rng.normal(0, noise_m, (frames, people, 2)), axis=0)
+    time_s, track_id = np.repeat(np.arange(frames) * EVERY_S, people), np.tile(np.arange(people), frames)
+    here = position.reshape(-1, 2)
+    path = np.repeat(here[:, None], STEPS, axis=1)
+    variance = noise_m**2 * np.arange(1, STEPS + 1)
+    weight = np.tile([0.7, 0.3], (len(here), 1))
+    both = np.repeat(path[:, None], 2, axis=1)
+    covariance = np.broadcast_to(variance[:, None, None] * np.eye(2), (len(here), 2, STEPS, 2, 2))
+    return time_s, track_id, here, Predictions(path, both, weight, DT_S, covariance.copy())
+
+
+def scaled(predictions, deviation):
+    return replace(predictions, covariance=predictions.covariance * deviation**2)
+
+
+def shares_inside(predictions, here, people, frames):
+    """Shares of the regions that hold the truth, over the second half: [region, step]."""
+    rows = np.arange(len(here) // 2, len(here) - STEPS * people)
+    truth = np.stack([here[rows + people * (p + 1)] for p in range(STEPS)], axis=1)
+    inside = share_inside(predictions.select(rows), truth)
+    return np.array([coverage(inside, share) for share in REGIONS])
+
+
+@pytest.mark.parametrize("deviation", [0.4, 1.0, 2.0])
+def test_regions_become_right_whatever_they_were(deviation):
+    time_s, track_id, here, right = walks(np.random.default_rng(0))
+    given_ = scaled(right, deviation)
+    after = learned(given_, track_id, time_s, here, np.ones(len(here), bool))
+    found = shares_inside(after, here, 20, 400)
+    np.testing.assert_allclose(found, np.array(REGIONS)[:, None] * np.ones(STEPS), atol=0.06)
+    np.testing.assert_array_equal(after.path, given_.path)
+    np.testing.assert_array_equal(after.weight, given_.weight)
+    np.testing.assert_array_equal(after.point, given_.point)
+
+
+@settings(max_examples=5, deadline=None)
+@given(seed=SEEDS, cut=st.integers(5, 60))
+def test_nothing_is_learned_from_the_future(seed, cut):
+    rng = np.random.default_rng(seed)
+    time_s, track_id, here, predictions = walks(rng, frames=80)
+    first = slice(0, cut * 20)
+    known = np.ones(len(here), bool)
+    whole = learned(predictions, track_id, time_s, here, known)
+    part = learned(
+        predictions.select(np.arange(cut * 20)), track_id[first], time_s[first], here[first], known[first]
+    )
+    np.testing.assert_array_equal(part.covariance, whole.covariance[first])
+
+
+def test_before_a_horizon_is_over_the_regions_are_the_networks():
+    time_s, track_id, here, predictions = walks(np.random.default_rng(2), frames=10)
+    after = learned(predictions, track_id, time_s, here, np.ones(len(here), bool))
+    np.testing.assert_array_equal(after.covariance, predictions.covariance)
+
+
+def test_people_who_are_not_detected_teach_nothing():
+    time_s, track_id, here, predictions = walks(np.random.default_rng(3), frames=60)
+    away = here + 100.0
+    hidden = learned(scaled(predictions, 0.2), track_id, time_s, away, np.zeros(len(here), bool))
+    np.testing.assert_array_equal(hidden.covariance, scaled(predictions, 0.2).covariance)
+
+
+def test_forecasts_without_covariances_stay():
+    time_s, track_id, here, predictions = walks(np.random.default_rng(4), frames=40)
+    bare = Predictions.single(predictions.point, DT_S)
+    after = learned(bare, track_id, time_s, here, np.ones(len(here), bool))
+    np.testing.assert_array_equal(after.point, bare.point)
+    assert after.covariance is None
+
+
+def test_what_is_kept_does_not_grow():
+    time_s, track_id, here, predictions = walks(np.random.default_rng(5), frames=300, people=30)
+    regions, sizes = Regions.unlearned(STEPS), []
+    for frame in range(300):
+        rows = np.arange(frame * 30, (frame + 1) * 30)
+        own = predictions.select(rows)
+        regions, _ = regions.after(time_s[rows[0]], track_id[rows] + frame, here[rows], rows >= 0, own)
+        sizes.append(max(len(regions.kept), len(regions.detections)))
+    assert max(sizes) == max(sizes[:50]) < 50
+
+
+def test_with_nobody_known_it_keeps_what_it_learned():
+    time_s, track_id, here, predictions = walks(np.random.default_rng(6), frames=60)
+    regions = Regions.unlearned(STEPS)
+    for frame in range(60):
+        rows = np.arange(frame * 20, (frame + 1) * 20)
+        own = scaled(predictions.select(rows), 0.5)
+        regions, _ = regions.after(time_s[rows[0]], track_id[rows], here[rows], rows >= 0, own)
+    alone = regions.without_people()
+    assert alone.kept == alone.detections == ()
+    own = predictions.select(np.arange(20))
+    np.testing.assert_array_equal(alone.scaled(own).covariance, regions.scaled(own).covariance)
+    assert (regions.scaled(own).covariance[:, 0, :, 0, 0] > own.covariance[:, 0, :, 0, 0]).all()
