@@ -48,6 +48,7 @@ NOT_RUN = {
     "dvc queue start": "likewise; test_pipeline.py runs a queue of two",
     "dvc exp apply": "needs a finished experiment",
     "python -m tools.ablate": "trains for hours; here each point is composed",
+    "python -m tools.end_to_end": "trains for half an hour; test_end_to_end.py trains at toy size",
     "python -m stages.simulate +name=sim_test": "needs the layout on its page; test_layouts.py simulates it",
     "pedpred info build/rooms": "likewise",
     "torchrun": "needs the features of a run; test_processes.py trains with two processes",
