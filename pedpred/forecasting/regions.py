@@ -3,7 +3,8 @@
 How far people stray from a forecast differs between places, crowds and sensors more than training can know.
 So once a second everybody's forecast is kept, and when its time is over compared with where the person was
 detected. Of every comparison, u is the share of the probability in the smallest region that reaches the
-person (`pedpred.metrics.calibration.share_inside`). The regions of l = 50, 90 and 95 % should miss 1 - l of them:
+person (`pedpred.metrics.calibration.share_inside`). The regions of l = 50, 90 and 95 % should miss 1 - l of
+them:
     z_l = (1[u > l] - (1 - l)) / sqrt(l (1 - l))
     a += g (z_50 + z_90 + z_95) / 3,    b += g ((z_90 + z_95) / 2 - z_50)
 at some steps of the horizon, and in between by interpolation (adaptive conformal inference, Gibbs & Candes
