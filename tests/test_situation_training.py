@@ -14,10 +14,18 @@ from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureSettings
 from pedpred.features.situation import channel_widths
 from pedpred.networks import parse_settings
+from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.situations import write_situations, write_situations_manifest
 from pedpred.training.distributed import DistributedContext
 from pedpred.training.loop import train
-from pedpred.training.situations import Omission, SituationLearner, SituationSettings, mixed, without
+from pedpred.training.situations import (
+    Omission,
+    SituationLearner,
+    SituationSettings,
+    fit_situations,
+    mixed,
+    without,
+)
 
 SIZES = FeatureSettings(history_steps=3, neighbours=4, beams=16, horizon_steps=4)
 NETWORK = parse_settings({"architecture": "mixture", "modes": 2, "units": 16})
@@ -92,6 +100,30 @@ def test_a_training_goes_on_where_it_was_interrupted(folders, tmp_path):
     assert train(again, tmp_path, "resumed")[1:] == curve[1:]
     for name, weights in one.network.state_dict().items():
         torch.testing.assert_close(again.network.state_dict()[name], weights, rtol=0, atol=0)
+
+
+def test_several_runs_give_the_mean_of_their_weights(folders, tmp_path):
+    def fitted(previous, seed, runs=1):
+        how = dataclasses.replace(QUICK, seed=seed)
+        return fit_situations(
+            NETWORK, previous, folders, how, "fit", DistributedContext(torch.device("cpu")), runs
+        )
+
+    start, _, about = fitted(None, 9)
+    write_checkpoint(tmp_path / "start", start.state_dict(), about)
+    single = [fitted(tmp_path / "start", seed) for seed in (3, 4, 5)]
+    mean, curve, about = fitted(tmp_path / "start", 3, runs=3)
+    assert about["training"] == {**dataclasses.asdict(QUICK), "runs": 3}
+    differ = False
+    for name, weights in mean.state_dict().items():
+        each = torch.stack([network.state_dict()[name] for network, _, _ in single])
+        torch.testing.assert_close(weights, each.mean(dim=0), rtol=1e-5, atol=1e-6)
+        differ |= not torch.equal(each[0], each[1])
+    assert differ
+    losses = np.mean([curve["train_loss"] for _, curve, _ in single], axis=0)
+    np.testing.assert_allclose(curve["train_loss"], losses)
+    with pytest.raises(ValueRuleError, match="runs"):
+        fitted(None, 3, runs=2)
 
 
 def test_an_encoder_may_stay_as_it_was_drawn(folders):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 from torch.nn.utils import clip_grad_norm_
+from torch.optim.swa_utils import AveragedModel
 
 from pedpred.datasets.situations import SituationData, held_out, load_situations
 from pedpred.errors import StorageError, ValueRuleError
@@ -217,6 +218,7 @@ def fit_situations(
     settings: SituationSettings,
     description: str,
     context: DistributedContext,
+    runs: int = 1,
 ) -> tuple[RecurrentNetwork, pd.DataFrame, dict]:
     """Load the sets and train.
 
@@ -227,15 +229,41 @@ def fit_situations(
         settings: see there.
         description: title of the progress bar.
         context: where to train.
+        runs: trainings from `previous`, each with the next seed; the network gets the mean of their weights,
+            which depends less on the seed (Wortsman et al. 2022).
 
     Returns:
-        The network, the curve, and the checkpoint's description.
+        The network, the mean curve of the runs, and the checkpoint's description.
 
     Raises:
         StorageError: a set or the checkpoint is missing, damaged or does not fit.
+        ValueRuleError: there is no run, or several without weights to start from.
     """
+    if runs < 1 or (runs > 1 and previous is None):
+        raise ValueRuleError("runs", runs, "use 1, or more where there are weights to start from")
     data = load_situations(folders)
-    torch.manual_seed(settings.seed)
+    about: dict[str, Any] = {
+        "dt_s": data.sizes.dt_s,
+        "training": asdict(settings) | ({"runs": runs} if runs > 1 else {}),
+        "future_sha256": hashlib.sha256(data.future.numpy().tobytes()).hexdigest(),
+    }
+    data = data.to(context.device)
+    networks, curves = [], []
+    for seed in range(settings.seed, settings.seed + runs):
+        torch.manual_seed(seed)
+        network = _start(network_settings, previous, data)
+        about = describe_network(network) | about
+        own, title = replace(settings, seed=seed), description + (f", seed {seed}" if runs > 1 else "")
+        with scratch_folder(about | {"seed": seed}, network.state_dict(), context) as scratch:
+            learner = SituationLearner(network.to(context.device), data, own, context)
+            curves.append(pd.DataFrame(train(learner, scratch, title)))
+        networks.append(network)
+    curve = pd.concat(curves).groupby(level=0).mean().astype(curves[0].dtypes)
+    return mean_of(networks), curve, about
+
+
+def _start(network_settings: NetworkSettings, previous: Path | None, data: SituationData) -> RecurrentNetwork:
+    """A network with random weights, or with those of a checkpoint."""
     widths = {name: values.shape[1] for name, values in data.channels.items()}
     network = network_settings.build(widths, data.sizes.horizon_steps)
     if previous is not None:
@@ -243,13 +271,13 @@ def fit_situations(
         if not is_network(about):
             raise StorageError(previous, "kind", f"it is {about['kind']!r}, not a network", "Train it again")
         load_weights(network, weights, previous)
-    about = {
-        **describe_network(network),
-        "dt_s": data.sizes.dt_s,
-        "training": asdict(settings),
-        "future_sha256": hashlib.sha256(data.future.numpy().tobytes()).hexdigest(),
-    }
-    with scratch_folder(about, network.state_dict(), context) as scratch:
-        learner = SituationLearner(network.to(context.device), data.to(context.device), settings, context)
-        curve = train(learner, scratch, description)
-    return network, pd.DataFrame(curve), about
+    return network
+
+
+def mean_of(networks: Sequence[RecurrentNetwork]) -> RecurrentNetwork:
+    """A network with the mean of the weights of some."""
+    mean = AveragedModel(networks[0])
+    for network in networks:
+        mean.update_parameters(network)
+    assert isinstance(mean.module, RecurrentNetwork)
+    return mean.module
