@@ -12,7 +12,17 @@ from pedpred.online.network import read_origin
 from tests.conftest import ROOT
 from tools import judge
 from tools.judgement import metrics_of
-from tools.verdicts import Promise, Verdict, below, got_worse, place_verdicts, region_verdicts, room_verdicts
+from tools.verdicts import (
+    SEEDS,
+    Promise,
+    Verdict,
+    below,
+    got_worse,
+    no_worse,
+    place_verdicts,
+    region_verdicts,
+    room_verdicts,
+)
 
 OWN = {"ade_m": 0.3, "ade_m_ci95": [0.28, 0.32], "ade_m_minus_reference_ci95": [-0.12, -0.08]}
 OWN |= {"standing_ade_m": 0.1, "nll": -1.0, "per_step_m": [0.1] * 10}
@@ -20,6 +30,7 @@ OWN |= {"per_step_coverage_50": [0.5] * 10, "per_step_coverage_90": [0.9] * 10}
 OWN |= {"per_step_coverage_95": [0.95] * 10}
 SIMPLE = {"cv": {"ade_m": 0.5, "standing_ade_m": 0.3}, "kalman_cv": {"ade_m": 0.4, "standing_ade_m": 0.2}}
 SIMPLE["kalman_cv"]["nll"] = 0.0
+GOOD, BAD = below("eth", "ADE", 1.0, 2.0), below("eth", "ADE", 3.0, 2.0)
 
 
 def verdicts(**changes):
@@ -65,6 +76,15 @@ def test_a_model_is_worse_in_regions_if_it_breaks_more_of_them():
     assert got_worse(model(1), model(2)) == []
     assert got_worse(model(1, 2), model(2)) == [model(1, 2)[1]]
     assert got_worse(model(), model(0, 1, 2, 3)) == []
+    assert got_worse(model(1), [*model(), BAD]) == []
+    assert got_worse([*model(1), BAD], model(2)) == [model(1)[1], BAD]
+
+
+@pytest.mark.parametrize(("low", "holds"), [(-0.1, True), (0.9 * SEEDS, True), (1.1 * SEEDS, False)])
+def test_an_error_is_larger_if_seeds_do_not_explain_it(low, holds):
+    other = 0.5
+    verdict = no_worse("eth", other * (1 + low) + 0.01, other, [other * low, other * low + 0.02])
+    assert verdict.holds == holds
 
 
 def test_the_summary_repeats_what_is_broken():
@@ -102,17 +122,7 @@ def test_it_fails_and_writes_what_it_found(tmp_path, monkeypatch, capsys, model)
     assert np.isfinite(float(found[0].found))
 
 
-GOOD, BAD = below("eth", "ADE", 1.0, 2.0), below("eth", "ADE", 3.0, 2.0)
-BETTER, WORSE = (
-    Verdict(
-        "eth",
-        "ADE against the other model, m",
-        f"{low:+} ... {low + 0.1:+}",
-        "interval not above 0",
-        low <= 0,
-    )
-    for low in (-0.2, 0.2)
-)
+BETTER, WORSE = (no_worse("eth", 1.0 + low, 1.0, [low, low + 0.1]) for low in (-0.2, 0.2))
 
 
 @pytest.mark.parametrize(

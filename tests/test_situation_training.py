@@ -18,14 +18,8 @@ from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.situations import write_situations, write_situations_manifest
 from pedpred.training.distributed import DistributedContext
 from pedpred.training.loop import train
-from pedpred.training.situations import (
-    Omission,
-    SituationLearner,
-    SituationSettings,
-    fit_situations,
-    mixed,
-    without,
-)
+from pedpred.training.omission import Omission, without
+from pedpred.training.situations import SituationLearner, SituationSettings, fit_situations, mixed
 
 SIZES = FeatureSettings(history_steps=3, neighbours=4, beams=16, horizon_steps=4)
 NETWORK = parse_settings({"architecture": "mixture", "modes": 2, "units": 16})

@@ -30,6 +30,7 @@ from tools.verdicts import (
     below,
     latency_verdicts,
     law_verdicts,
+    no_worse,
     place_verdicts,
     region_verdicts,
     room_verdicts,
@@ -117,7 +118,7 @@ class Judgement:
             if unseen:  # regions are wide enough for places that did not train the network
                 yield from region_verdicts(place, figures[NETWORK], remark)
             if against is not None:
-                yield self.no_worse(place, scores[NETWORK], self.scores_at(against, place)[NETWORK])
+                yield self.compared(place, scores[NETWORK], self.scores_at(against, place)[NETWORK])
         if SIMULATED.exists():
             yield from self.sensed_rooms(against)
 
@@ -135,7 +136,7 @@ class Judgement:
                 name, f"ADE / that of {YARDSTICK}", share, SENSED, f"{figures[NETWORK]['ade_m']:.3f} m"
             )
         if against is not None:
-            yield self.no_worse(name, scores[NETWORK], self.rooms(against)[NETWORK])
+            yield self.compared(name, scores[NETWORK], self.rooms(against)[NETWORK])
 
     def reported(self) -> Iterator[Verdict]:
         """Unseen places and test rooms with true states, from the metric files of the run that made it."""
@@ -151,9 +152,8 @@ class Judgement:
         rooms = metrics.get("sim", {}).get("sim_test", {}).get(method, {})
         yield from room_verdicts("rooms, true states", rooms, TRUE_STATES)
 
-    def no_worse(self, about: str, own: Scores, other: Scores) -> Verdict:
-        """Whether the error is above another model's beyond the interval of the paired difference."""
+    def compared(self, about: str, own: Scores, other: Scores) -> Verdict:
+        """Whether the error is no larger than another model's; see `tools.verdicts.no_worse`."""
         both = summaries({"own": own, "other": other}, "other", self.settings)
-        low, high = both["own"]["ade_m_minus_reference_ci95"]
-        found = f"{both['own']['ade_m']:.3f} for {both['other']['ade_m']:.3f}, {low:+.3f} ... {high:+.3f}"
-        return Verdict(about, "ADE against the other model, m", found, "interval not above 0", bool(low <= 0))
+        interval = both["own"]["ade_m_minus_reference_ci95"]
+        return no_worse(about, both["own"]["ade_m"], both["other"]["ade_m"], interval)

@@ -106,10 +106,13 @@ def straight_walkers(
 ) -> tuple[World, np.ndarray]:
     """People alone on free ground, born at different times in the first half, who walk straight.
 
+    The first one is the slowest, the second one the fastest.
+
     Returns:
         The world, and everybody's velocity, m/s [N, 2].
     """
     heading, speed = rng.uniform(-np.pi, np.pi, people), rng.uniform(*SPEEDS_MPS, people)
+    speed[:2] = SPEEDS_MPS[: len(speed)]
     velocity = speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     time_s = np.arange(0.0, seconds, 1.0 / rate_hz)
     apart_m = _APART_M + 2 * SPEEDS_MPS[1] * seconds
