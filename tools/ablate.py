@@ -8,6 +8,7 @@ goes on where it was.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import logging
 import subprocess
@@ -34,6 +35,7 @@ from pedpred.report.ablation import (
 from pedpred.report.canvas import write_png
 
 PATIENCE_S = 2.0  # between two looks at the queue
+_LOOKS = 30  # until workers are started again, in case that one has died: DVC starts only missing ones
 
 
 def said_by(*command: str) -> str:
@@ -63,9 +65,13 @@ def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) ->
         overrides = [f"--set-param={o}" for o in (*ablation.always, *ablation.points[point])]
         said_by("dvc", "exp", "run", "--queue", "--name", name, *overrides, *ablation.targets)
     start, quiet = ["dvc", "queue", "start", "--jobs", str(jobs)], subprocess.DEVNULL
-    subprocess.run(start, check=True, stdout=quiet, stderr=quiet)  # its workers would keep pipes open
+    done: dict[str, str] = {}
     with tqdm(total=len(experiments), unit="point") as bar:
-        while bar.n < len(experiments):
+        for look in itertools.count():
+            if bar.n == len(experiments):
+                break
+            if look % _LOOKS == 0:
+                subprocess.run(start, check=True, stdout=quiet, stderr=quiet)  # workers would keep pipes open
             time.sleep(PATIENCE_S)
             done = finished()
             if "failed" in done:
