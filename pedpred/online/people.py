@@ -107,11 +107,9 @@ def detected(people: People, frame: Frame, tracker: KalmanSettings, standstill_m
     known = np.searchsorted(people.track_id, track_id, side="right") > at
     rows = at[known] if known.sum() < len(people) else slice(None)
     before = Belief(people.position[rows], people.velocity[rows], people.covariance[rows])
-    first = born(position[~known], tracker.position_noise_m, tracker.initial_speed_mps)
     q, r = tracker.acceleration_noise, tracker.position_noise_m
     again = updated(before, time_s - people.seen_s[rows], position[known], q, r)
     if velocity is not None:
-        first = Belief(position[~known], velocity[~known], np.zeros((int((~known).sum()), 3)))
         again = Belief(position[known], velocity[known], np.zeros_like(before.covariance))
     heading, walked = _heading(again.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
     moved = {"seen_s": time_s, "heading_rad": heading, "walked": walked, **vars(again)}
@@ -126,12 +124,18 @@ def detected(people: People, frame: Frame, tracker: KalmanSettings, standstill_m
     followed = replace(people, **changed, past=past)
     if known.all():
         return followed
-    newborn = _newborn(people, time_s, track_id[~known], position[~known], first, standstill_mps)
+    new = ~known
+    first = born(position[new], r, tracker.initial_speed_mps)
+    if velocity is not None:
+        first = Belief(position[new], velocity[new], np.zeros_like(first.covariance))
+    newborn = _newborn(people, time_s, track_id[new], position[new], first, standstill_mps)
     return followed.together(newborn)
 
 
 def _written(values: np.ndarray, rows: np.ndarray | slice, new: np.ndarray | float) -> np.ndarray:
-    """A copy of an array with other values in some rows."""
+    """A copy of an array with other values in some rows, or, of a slice, in all."""
+    if isinstance(rows, slice):
+        return np.full_like(values, new)
     copy = values.copy()
     copy[rows] = new
     return copy

@@ -196,8 +196,9 @@ class OnlinePredictor:
     def _inputs(self, people: People, observers: Pedestrians, time_s: float) -> dict[str, np.ndarray]:
         """The network's inputs, name -> [R, ...] float32."""
         sizes = self.features
-        age_s = time_s - people.seen_s
-        crowd = people.at(np.flatnonzero(age_s <= self._settings.max_age_s + TIME_TOLERANCE_S), time_s)
+        lately = time_s - people.seen_s <= self._settings.max_age_s + TIME_TOLERANCE_S
+        everybody = lately.all() and len(observers) == len(people)
+        crowd = observers if everybody else people.at(np.flatnonzero(lately), time_s)
         around = Neighbours.together(crowd, len(observers))
         if self._about.reads_situations:
             rows = np.searchsorted(people.track_id, observers.track_id)
