@@ -114,24 +114,28 @@ def _figure(column: Column, method: str, files: Mapping[str, Any]) -> float:
 @styled
 def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]], methods: Methods) -> Figure:
     """Draw the error of every method over the points, with its 95 % interval."""
-    figure = blank(6.0, 3.4)
+    figure = blank(6.0, 3.4 if ablation.axis else 1.2 + 0.3 * len(ablation.points))
     axes = figure.subplots()
-    mark = "o-" if ablation.axis else "o"
+    error = f"ADE in {ablation.entry} [m]"
     places = {name: float(name) if ablation.axis else k for k, name in enumerate(ablation.points)}
     for method in map(methods.__getitem__, (*ablation.references, *ablation.methods)):
         mine = [row for row in rows if row["method"] == method.key]
-        x, y = [places[row["point"]] for row in mine], [row["ade_m"] for row in mine]
-        spread = np.abs(np.array([row["ade_m_ci95"] for row in mine]).T - y)
-        axes.errorbar(x, y, yerr=spread, fmt=mark, color=method.colour, label=method.label, capsize=2)
+        place, ade = [places[row["point"]] for row in mine], [row["ade_m"] for row in mine]
+        spread = np.abs(np.array([row["ade_m_ci95"] for row in mine]).T - ade)
+        style: dict[str, Any] = {"color": method.colour, "label": method.label, "capsize": 2}
+        if ablation.axis:
+            axes.errorbar(place, ade, yerr=spread, fmt="o-", **style)
+        else:
+            axes.errorbar(ade, place, xerr=spread, fmt="o", **style)
     if ablation.axis:
-        axes.set_xscale("log")
-    axes.set_xticks(list(places.values()), list(places), minor=False)
-    axes.set_xticks([], minor=True)
-    if not ablation.axis:
-        axes.tick_params("x", rotation=25)
-    axes.set(
-        xlabel=ablation.axis, ylabel=f"ADE in {ablation.entry} [m]", title=ablation.title, ylim=(0, None)
-    )
+        axes.set(xscale="log", xlabel=ablation.axis, ylabel=error, ylim=(0, None))
+        axes.set_xticks(list(places.values()), list(places), minor=False)
+        axes.set_xticks([], minor=True)
+    else:
+        axes.set(xlabel=error, xlim=(0, None))
+        axes.set_yticks(list(places.values()), list(places))
+        axes.invert_yaxis()
+    figure.suptitle(ablation.title, x=0.01, ha="left", fontsize="medium")
     axes.legend()
     return figure
 
