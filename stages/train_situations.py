@@ -37,7 +37,6 @@ def main(cfg: DictConfig) -> None:
         architecture = parse_settings(plain(cfg.methods.memoryless[name].settings))
     with configured("training.adaptation" if on else "training.situations"):
         phase["shares"] = mixed(shares, real, phase.pop("real_share", 0.0))
-        runs = phase.pop("runs", 1)
         settings = SituationSettings.parse(phase)
     folders = {key: Path("data/situations", key) for key in settings.shares}
     previous = Path("models/main", name) if on else None
@@ -46,7 +45,7 @@ def main(cfg: DictConfig) -> None:
         with configured("training"):
             context = distributed_context(cfg.training.device, cfg.training.autocast)
             here = group.enter_context(context)
-        network, curve, about = fit_situations(architecture, previous, folders, settings, title, here, runs)
+        network, curve, about = fit_situations(architecture, previous, folders, settings, title, here)
     if here.writes:
         write_checkpoint(Path(cfg.out), network.state_dict(), about)
         write_curve(curve, Path(cfg.curve))

@@ -98,16 +98,14 @@ def test_a_training_goes_on_where_it_was_interrupted(folders, tmp_path):
 
 def test_several_runs_give_the_mean_of_their_weights(folders, tmp_path):
     def fitted(previous, seed, runs=1):
-        how = dataclasses.replace(QUICK, seed=seed)
-        return fit_situations(
-            NETWORK, previous, folders, how, "fit", DistributedContext(torch.device("cpu")), runs
-        )
+        how = dataclasses.replace(QUICK, seed=seed, runs=runs)
+        return fit_situations(NETWORK, previous, folders, how, "fit", DistributedContext(torch.device("cpu")))
 
     start, _, about = fitted(None, 9)
     write_checkpoint(tmp_path / "start", start.state_dict(), about)
     single = [fitted(tmp_path / "start", seed) for seed in (3, 4, 5)]
     mean, curve, about = fitted(tmp_path / "start", 3, runs=3)
-    assert about["training"] == {**dataclasses.asdict(QUICK), "runs": 3}
+    assert about["training"] == dataclasses.asdict(dataclasses.replace(QUICK, runs=3))
     differ = False
     for name, weights in mean.state_dict().items():
         each = torch.stack([network.state_dict()[name] for network, _, _ in single])
@@ -176,7 +174,13 @@ def test_what_is_left_out_is_as_if_it_were_not_there(folders, part):
 
 @pytest.mark.parametrize(
     ("change", "field"),
-    [({"rows": 0}, "rows"), ({"shares": {"a": -1.0}}, "shares.a"), ({"shares": {"a": 0.0}}, "shares")],
+    [
+        ({"rows": 0}, "rows"),
+        ({"runs": 0}, "runs"),
+        ({"runs": "three"}, "runs"),
+        ({"shares": {"a": -1.0}}, "shares.a"),
+        ({"shares": {"a": 0.0}}, "shares"),
+    ],
 )
 def test_senseless_settings_are_refused(change, field):
     with pytest.raises(ValueRuleError, match=field):

@@ -9,7 +9,7 @@ them:
     a += g (z_50 + z_90 + z_95) / 3,    b += g ((z_90 + z_95) / 2 - z_50)
 at some steps of the horizon, and in between by interpolation (adaptive conformal inference, Gibbs & Candes
 2021, with two parameters). Forecasts of people who are not seen up to the last step do not count, as in the
-evaluation. The gain g falls with the number of those that do. Standard deviations of mode k are multiplied by
+evaluation. The gain g is constant, because crowds change. Standard deviations of mode k are multiplied by
 exp(a + b (2 t_k - 1)), with t_k the probability of the modes before it and half of its own: a is for all, b
 for the tails. Paths, weights and the point forecast stay.
 """
@@ -33,10 +33,10 @@ _GAP_S = 1.0
 """Positions are known between detections that are at most so far apart, s."""
 _COMPARED = 4
 """Steps of the horizon at which forecasts are compared, from the first to the last one."""
-_FIRST, _LEAST = 0.05, 0.003
-"""The first and the least gain g of a forecast."""
+_GAIN = 0.02
+"""g of one forecast."""
 _STEP, _LARGEST = 0.3, 1.0
-"""Limits of the change at an instant, and of a and b."""
+"""Limits of the gains of all forecasts compared at an instant together, and of a and b."""
 _SHARES = np.array(REGIONS)[:, None, None]
 _DEVIATION = np.sqrt(_SHARES * (1.0 - _SHARES))[:, 0]
 
@@ -89,7 +89,6 @@ class Regions:
         steps: those at which forecasts are compared, rising. [A]
         wider: a, of each. [A]
         tails: b. [A]
-        forecasts: number of those compared so far.
         looked_s: when forecasts were last compared and kept, s.
         kept: by instant.
         detections: by instant.
@@ -98,7 +97,6 @@ class Regions:
     steps: np.ndarray
     wider: np.ndarray
     tails: np.ndarray
-    forecasts: int = 0
     looked_s: float = -np.inf
     kept: tuple[Kept, ...] = ()
     detections: tuple[Detections, ...] = ()
@@ -151,7 +149,7 @@ class Regions:
 
     def scaled(self, predictions: Predictions) -> Predictions:
         """Predictions whose regions are as learned so far."""
-        if not self.forecasts:
+        if not (self.wider.any() or self.tails.any()):
             return predictions
         assert predictions.covariance is not None
         before = np.cumsum(predictions.weight, axis=1) - 0.5 * predictions.weight
@@ -187,13 +185,11 @@ class Regions:
         if not len(shares):
             return self
         z50, z90, z95 = ((shares > _SHARES) - (1.0 - _SHARES)).sum(axis=1) / _DEVIATION
-        gain = max(1.0 / (1.0 / _FIRST + self.forecasts), _LEAST)
-        gain = min(gain, _STEP / len(shares))
+        gain = min(_GAIN, _STEP / len(shares))
         return replace(
             self,
             wider=np.clip(self.wider + gain * (z50 + z90 + z95) / 3.0, -_LARGEST, _LARGEST),
             tails=np.clip(self.tails + gain * (0.5 * (z90 + z95) - z50), -_LARGEST, _LARGEST),
-            forecasts=self.forecasts + len(shares),
         )
 
 

@@ -39,6 +39,8 @@ class SituationSettings(Schedule):
         clip_norm: largest gradient norm.
         weight_decay: decoupled weight decay.
         omission: see there.
+        runs: trainings from the same weights, each with the next seed; the network gets the mean of their
+            weights, which depends less on the seed (Wortsman et al. 2022).
     """
 
     rows: int
@@ -47,9 +49,11 @@ class SituationSettings(Schedule):
     clip_norm: float
     weight_decay: float
     omission: Omission = field(default_factory=Omission)
+    runs: int = 1
 
     def __post_init__(self) -> None:
         check_ranges(self, {"rows": "[1, inf)", "validation_share": "[0, 1)", "clip_norm": "(0, inf)"})
+        check_ranges(self, {"runs": "[1, inf)"})
         for name, share in self.shares.items():
             if not 0 <= share < float("inf"):
                 raise ValueRuleError(f"shares.{name}", share, "it must not be negative")
@@ -167,7 +171,6 @@ def fit_situations(
     settings: SituationSettings,
     description: str,
     context: DistributedContext,
-    runs: int = 1,
 ) -> tuple[RecurrentNetwork, pd.DataFrame, dict]:
     """Load the sets and train.
 
@@ -178,22 +181,21 @@ def fit_situations(
         settings: see there.
         description: title of the progress bar.
         context: where to train.
-        runs: trainings from `previous`, each with the next seed; the network gets the mean of their weights,
-            which depends less on the seed (Wortsman et al. 2022).
 
     Returns:
         The network, the mean curve of the runs, and the checkpoint's description.
 
     Raises:
         StorageError: a set or the checkpoint is missing, damaged or does not fit.
-        ValueRuleError: there is no run, or several without weights to start from.
+        ValueRuleError: several runs have no weights to start from.
     """
-    if runs < 1 or (runs > 1 and previous is None):
-        raise ValueRuleError("runs", runs, "use 1, or more where there are weights to start from")
+    runs = settings.runs
+    if runs > 1 and previous is None:
+        raise ValueRuleError("runs", runs, "the mean of several needs weights to start from; use 1")
     data = load_situations(folders)
     about: dict[str, Any] = {
         "dt_s": data.sizes.dt_s,
-        "training": asdict(settings) | ({"runs": runs} if runs > 1 else {}),
+        "training": asdict(settings),
         "future_sha256": hashlib.sha256(data.future.numpy().tobytes()).hexdigest(),
     }
     data = data.to(context.device)
