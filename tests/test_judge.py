@@ -157,16 +157,33 @@ def contents(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_figures_about_unseen_places_are_those_of_the_commit_of_a_model(tmp_path, monkeypatch):
+def test_a_model_is_judged_by_the_latest_figures_of_a_run_that_exports_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    folder, metrics = Path("models/default"), Path("reports/metrics/real.json")
-    for path in (folder / "model.json", metrics):
-        path.parent.mkdir(parents=True)
-        path.write_text('{"run": 1}')
-    for command in ("init -q", "add .", "-c user.name=a -c user.email=a@b commit -qm model"):
-        subprocess.run(["git", *command.split()], check=True)
-    metrics.write_text('{"run": 2}')
+    folder, metrics, lock = Path("models/default"), Path("reports/metrics/real.json"), Path("dvc.lock")
+
+    def run(number, exported):
+        metrics.write_text(f'{{"run": {number}}}')
+        outs = f"[{{path: models/online/large, md5: {exported}}}]"
+        lock.write_text(f"stages:\n  page: {{}}\n  export@large: {{outs: {outs}}}\n")
+
+    def committed(message):
+        for command in ("add .", f"-c user.name=a -c user.email=a@b commit -qm {message}"):
+            subprocess.run(["git", *command.split()], check=True)
+
+    for path in (folder, metrics.parent):
+        path.mkdir(parents=True)
+    subprocess.run(["git", "init", "-q"], check=True)
+    (folder / "model.json").write_text("{}")
+    run(1, "a")
+    committed("model")
+    run(2, "b")
     assert metrics_of(folder) == {"real": {"run": 1}}
     assert metrics_of(Path("models/other")) == {"real": {"run": 2}}
-    (folder / "model.json").write_text('{"run": 2}')
-    assert metrics_of(folder) == {"real": {"run": 2}}
+    run(3, "a")
+    assert metrics_of(folder) == {"real": {"run": 3}}
+    committed("evaluation")
+    run(4, "b")
+    committed("refused")
+    assert metrics_of(folder) == {"real": {"run": 3}}
+    (folder / "model.json").write_text('{"other": 1}')
+    assert metrics_of(folder) == {"real": {"run": 4}}

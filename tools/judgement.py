@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import yaml
 from omegaconf import DictConfig
 
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.prediction import robot_for
-from pedpred.config import plain, row
+from pedpred.config import LOCK, plain, row
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
 from pedpred.features.perception import sensed
 from pedpred.online.assessment import NETWORK, assess
@@ -50,15 +51,36 @@ def scores_in(
     return assess(scene, robot_for(sensed(scene, sensor), folder), settings, sensor)
 
 
+def _git(*arguments: str) -> str:
+    """What git says; nothing if it fails."""
+    command = ["git", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603, a list, no shell
+    return done.stdout.strip()
+
+
+def exports(lock: str) -> dict[str, str]:
+    """Checksums of the model folders that a run exported, by folder, from the text of its dvc.lock."""
+    stages = (yaml.load(lock, yaml.CSafeLoader) or {}).get("stages", {})
+    outputs = (stage["outs"] for name, stage in stages.items() if name.startswith("export@"))
+    return {out["path"]: out["md5"] for outs in outputs for out in outs}
+
+
 def metrics_of(folder: Path) -> dict[str, Any]:
-    """Metric files of the run that made a model: those committed with it; not committed, the present ones."""
+    """Metric files about a model: the latest ones of a run that exported the same as the run that made it.
+
+    So a model is judged by the evaluation of today as long as the pipeline still makes it; one that is not
+    committed is judged by the present files.
+    """
     path = folder.as_posix()
-    commands = (["git", "status", "--porcelain", path], ["git", "log", "-1", "--format=%H", "--", path])
-    changed, commit = (
-        subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()  # noqa: S603, a list, no shell
-        for command in commands
-    )
-    return metrics_at(commit, REPORTED) if commit and not changed else metrics_now(REPORTED)
+    made = _git("log", "-1", "--format=%H", "--", path)
+    if not made or _git("status", "--porcelain", path):
+        return metrics_now(REPORTED)
+    exported = exports(_git("show", f"{made}:{LOCK}"))
+    if exported and exports(Path(LOCK).read_text()) == exported:
+        return metrics_now(REPORTED)
+    later = _git("log", "--format=%H", f"{made}..HEAD", "--", REPORTED.as_posix()).split()
+    same = (commit for commit in later if exported and exports(_git("show", f"{commit}:{LOCK}")) == exported)
+    return metrics_at(next(same, made), REPORTED)
 
 
 class Judgement:
