@@ -52,9 +52,10 @@ def test_regions_become_right_whatever_they_were(deviation):
     np.testing.assert_array_equal(after.point, given_.point)
 
 
-def test_regions_follow_a_change():
+@pytest.mark.parametrize("deviations", [(0.7, 1.4), (1.4, 0.7)])
+def test_regions_follow_a_change(deviations):
     time_s, track_id, here, right = walks(np.random.default_rng(1), frames=300)
-    before, after = scaled(right, 0.5), scaled(right, 2.0)
+    before, after = (scaled(right, deviation) for deviation in deviations)
     rows = np.arange(len(here))
     given_ = Predictions.join([before.select(rows[:3000]), after.select(rows[3000:])])
     found = shares_inside(learned(given_, track_id, time_s, here, rows >= 0), here, 20, 300)
@@ -119,3 +120,20 @@ def test_with_nobody_known_it_keeps_what_it_learned():
     own = predictions.select(np.arange(20))
     np.testing.assert_array_equal(alone.scaled(own).covariance, regions.scaled(own).covariance)
     assert (regions.scaled(own).covariance[:, 0, :, 0, 0] > own.covariance[:, 0, :, 0, 0]).all()
+
+
+def test_noise_of_detections_is_hardly_in_the_regions():
+    """At 10 Hz and 0.3 s ahead, with detections as noisy as forecasts are wrong: a fifth of it is left."""
+    rng, every_s, noise_m, people, frames = np.random.default_rng(7), 0.1, 0.05, 20, 1200
+    time_s, track_id = np.repeat(np.arange(frames) * every_s, people), np.tile(np.arange(people), frames)
+    here = np.stack([time_s, track_id.astype(float)], axis=1)
+    truth = here[:, None] + np.array([DT_S, 0.0]) * np.arange(1, STEPS + 1)[:, None]
+    point = truth + rng.normal(0, noise_m, truth.shape)
+    covariance = np.broadcast_to(noise_m**2 * np.eye(2), (len(here), 1, STEPS, 2, 2))
+    right = Predictions(point, point[:, None], np.ones((len(here), 1)), DT_S, covariance.copy())
+    detected = here + rng.normal(0, noise_m, here.shape)
+    after = learned(right, track_id, time_s, detected, np.ones(len(here), bool))
+    rows = np.arange(len(here) // 2, len(here))
+    inside = share_inside(after.select(rows), truth[rows])
+    found = np.array([coverage(inside, share)[0] for share in REGIONS])
+    np.testing.assert_allclose(found, 1.0 - (1.0 - np.array(REGIONS)) ** 1.2, atol=0.02)
