@@ -40,9 +40,10 @@ def shares_inside(predictions, here, people, frames):
     return np.array([coverage(inside, share) for share in REGIONS])
 
 
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("deviation", [0.4, 1.0, 2.0])
-def test_regions_become_right_whatever_they_were(deviation):
-    time_s, track_id, here, right = walks(np.random.default_rng(0))
+def test_regions_become_right_whatever_they_were(deviation, seed):
+    time_s, track_id, here, right = walks(np.random.default_rng(seed))
     given_ = scaled(right, deviation)
     after = learned(given_, track_id, time_s, here, np.ones(len(here), bool))
     found = shares_inside(after, here, 20, 400)

@@ -9,9 +9,9 @@ them:
     a += g (z_50 + z_90 + z_95) / 3,    b += g ((z_90 + z_95) / 2 - z_50)
 at some steps of the horizon, and in between by interpolation (adaptive conformal inference, Gibbs & Candes
 2021, with two parameters). Forecasts of people who are not seen up to the last step do not count, as in the
-evaluation. The gain g falls at first and then stays, because crowds change. Standard deviations of mode k are
-multiplied by exp(a + b (2 t_k - 1)), with t_k the probability of the modes before it and half of its own: a
-is for all, b for the tails. Paths, weights and the point forecast stay.
+evaluation. The gain g is constant, because crowds change. Standard deviations of mode k are multiplied by
+exp(a + b (2 t_k - 1)), with t_k the probability of the modes before it and half of its own: a is for all, b
+for the tails. Paths, weights and the point forecast stay.
 """
 
 from __future__ import annotations
@@ -35,12 +35,10 @@ _NEAR_S, _MANY = 0.2, 3
 """A line is fitted to the detections this near in time, s, if there are so many."""
 _COMPARED = 4
 """Steps of the horizon at which forecasts are compared, from the first to the last one."""
-_GAIN, _MOST = 0.02, 0.2
-"""g of one forecast in the long run, and the most that the gains of an instant's forecasts sum to."""
-_FIRST, _MOST_AT_FIRST = 20, 0.7
-"""At first g is 1 / (20 + number of forecasts compared before), within the second limit."""
-_LARGEST = 1.0
-"""Limit of a and b."""
+_GAIN, _STEP = 0.03, 0.3
+"""g of one forecast, and the most that the gains of an instant's forecasts sum to."""
+_WIDER, _TAILS = (-1.0, 1.0), (-0.3, 0.5)
+"""Limits of a and b. A lower b would make sharp modes inside wide ones, which b is then lowered to mend."""
 _SHARES = np.array(REGIONS)[:, None, None]
 _DEVIATION = np.sqrt(_SHARES * (1.0 - _SHARES))[:, 0]
 
@@ -77,7 +75,7 @@ class Detections:
         known = (before >= 0) & (self.track_id[after] == track_id) & (span_s <= _GAP_S + TIME_TOLERANCE_S)
         part = np.where(exact, 0.0, (time_s - self.time_s[before]) / np.where(span_s > 0, span_s, 1.0))
         found = self.position[before] + part[:, None] * (self.position[after] - self.position[before])
-        earlier_s, later_s = time_s - _NEAR_S - TIME_TOLERANCE_S, time_s + _NEAR_S
+        earlier_s, later_s = time_s - _NEAR_S - 2 * TIME_TOLERANCE_S, time_s + _NEAR_S
         first = last_rows(self.track_id, self.time_s, track_id, earlier_s) + 1
         first = np.maximum(first, np.searchsorted(self.track_id, track_id))
         end = last_rows(self.track_id, self.time_s, track_id, later_s) + 1
@@ -114,7 +112,6 @@ class Regions:
         steps: those at which forecasts are compared, rising. [A]
         wider: a, of each. [A]
         tails: b. [A]
-        compared: number of forecasts compared so far.
         looked_s: when forecasts were last compared and kept, s.
         kept: by instant.
         detections: by instant.
@@ -123,7 +120,6 @@ class Regions:
     steps: np.ndarray
     wider: np.ndarray
     tails: np.ndarray
-    compared: int = 0
     looked_s: float = -np.inf
     kept: tuple[Kept, ...] = ()
     detections: tuple[Detections, ...] = ()
@@ -212,13 +208,11 @@ class Regions:
         if not len(shares):
             return self
         z50, z90, z95 = ((shares > _SHARES) - (1.0 - _SHARES)).sum(axis=1) / _DEVIATION
-        count = len(shares)
-        gain = max(min(_GAIN, _MOST / count), min(1.0 / (_FIRST + self.compared), _MOST_AT_FIRST / count))
+        gain = min(_GAIN, _STEP / len(shares))
         return replace(
             self,
-            compared=self.compared + count,
-            wider=np.clip(self.wider + gain * (z50 + z90 + z95) / 3.0, -_LARGEST, _LARGEST),
-            tails=np.clip(self.tails + gain * (0.5 * (z90 + z95) - z50), -_LARGEST, _LARGEST),
+            wider=np.clip(self.wider + gain * (z50 + z90 + z95) / 3.0, *_WIDER),
+            tails=np.clip(self.tails + gain * (0.5 * (z90 + z95) - z50), *_TAILS),
         )
 
 
