@@ -49,10 +49,10 @@ def seen_again(past: Arrays, seen_s: np.ndarray, time_s: float, position: np.nda
         time_s: of the new one, s.
         position: of the new one, world frame, m. [N, 2]
     """
-    trail_s, trail = past["trail_s"].copy(), past["trail"].copy()
-    moved = np.flatnonzero(past["kept"])
-    trail_s[moved] = np.concatenate([trail_s[moved, 1:], seen_s[moved, None]], axis=1)
-    trail[moved] = np.concatenate([trail[moved, 1:], past["detection"][moved, None]], axis=1)
+    kept, trail_s, trail = past["kept"][:, None], past["trail_s"], past["trail"]
+    trail_s = np.where(kept, np.concatenate([trail_s[:, 1:], seen_s[:, None]], axis=1), trail_s)
+    longer = np.concatenate([trail[:, 1:], past["detection"][:, None]], axis=1)
+    trail = np.where(kept[..., None], longer, trail)
     return {
         "trail_s": trail_s,
         "trail": trail,

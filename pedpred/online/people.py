@@ -103,20 +103,21 @@ def detected(people: People, frame: Frame, tracker: KalmanSettings, standstill_m
         standstill_mps: below this speed the heading is held.
     """
     time_s, track_id, position, velocity = vars(frame).values()
-    at = np.searchsorted(people.track_id, track_id)
-    known = np.searchsorted(people.track_id, track_id, side="right") > at
+    at = people.track_id.searchsorted(track_id)
+    known = people.track_id.searchsorted(track_id, side="right") > at
     rows = at[known] if known.sum() < len(people) else slice(None)
+    seen = position[known]
     before = Belief(people.position[rows], people.velocity[rows], people.covariance[rows])
     q, r = tracker.acceleration_noise, tracker.position_noise_m
-    again = updated(before, time_s - people.seen_s[rows], position[known], q, r)
+    again = updated(before, time_s - people.seen_s[rows], seen, q, r)
     if velocity is not None:
-        again = Belief(position[known], velocity[known], np.zeros_like(before.covariance))
+        again = Belief(seen, velocity[known], np.zeros_like(before.covariance))
     heading, walked = _heading(again.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
     moved = {"seen_s": time_s, "heading_rad": heading, "walked": walked, **vars(again)}
     past = people.past
     if past:
         mine = {name: values[rows] for name, values in past.items()}
-        after = seen_again(mine, people.seen_s[rows], time_s, position[known])
+        after = seen_again(mine, people.seen_s[rows], time_s, seen)
         past = {name: _written(values, rows, after[name]) for name, values in past.items()}
     changed: dict[str, Any] = {
         name: _written(getattr(people, name), rows, values) for name, values in moved.items()
@@ -133,9 +134,9 @@ def detected(people: People, frame: Frame, tracker: KalmanSettings, standstill_m
 
 
 def _written(values: np.ndarray, rows: np.ndarray | slice, new: np.ndarray | float) -> np.ndarray:
-    """A copy of an array with other values in some rows, or, of a slice, in all."""
+    """An array with other values in some rows, or, of a slice, in all."""
     if isinstance(rows, slice):
-        return np.full_like(values, new)
+        return new if isinstance(new, np.ndarray) else np.full_like(values, new)
     copy = values.copy()
     copy[rows] = new
     return copy

@@ -83,8 +83,9 @@ class OnlinePredictor:
         """Forget everybody, and what was learned of the regions; the map stays."""
         self._people, self._now, self._jumps = self._nobody(), -np.inf, 0
         self._regions = Regions.unlearned(self.features.horizon_steps)
-        nobody = self._network.nobody()
-        self._last = self._forecast(self._people, self._regions, np.zeros(0, int), *nobody, 0.0)[1]
+        none = np.zeros(0, int)
+        nobody = self._people.at(none, 0.0), *self._network.nobody()
+        self._last = self._forecast(self._people, self._regions, none, *nobody, 0.0)[1]
 
     def _nobody(self) -> People:
         return People.nobody(
@@ -135,21 +136,21 @@ class OnlinePredictor:
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
         people = detected(people, frame, self._about.tracker, self._about.standstill_mps)
-        people, rows, predictions, velocities = self._predicted(people, now)
-        regions, forecast = self._forecast(people, regions, rows, predictions, velocities, now)
+        people, rows, observers, predictions, velocities = self._predicted(people, now)
+        regions, forecast = self._forecast(people, regions, rows, observers, predictions, velocities, now)
         self._regions = regions
         self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
         return forecast
 
     def _made_up(self, people: People, until_s: float) -> People:
         """People after the steps that were due before a frame, each at its own instant."""
-        while len(people):
+        while self._about.memory and len(people):
             due = self._due(people)
             first = due.min()
             if not first < until_s - TIME_TOLERANCE_S:
                 break
             person = np.flatnonzero(due <= first + TIME_TOLERANCE_S)
-            people, _, _ = self._step(people, person, first, np.ones(len(person), bool))
+            people, *_ = self._step(people, person, first, np.ones(len(person), bool))
         return people
 
     def _due(self, people: People) -> np.ndarray:
@@ -160,49 +161,54 @@ class OnlinePredictor:
         gone = due > people.seen_s + self.features.lost_after_s
         return np.where(gone, np.inf, due)
 
-    def _predicted(self, people: People, time_s: float) -> tuple[People, np.ndarray, Predictions, np.ndarray]:
+    def _predicted(
+        self, people: People, time_s: float
+    ) -> tuple[People, np.ndarray, Pedestrians, Predictions, np.ndarray]:
         """Forecast everybody present; those whose step is due now take it.
 
         Returns:
-            People afterwards; rows of those present; their predictions and velocities, see `_step`.
+            People afterwards; rows of those present; where they are, predictions and velocities, see `_step`.
         """
         due = self._due(people) <= time_s + TIME_TOLERANCE_S
         there = people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S
         person = np.flatnonzero(due | there)
-        people, predictions, velocities = self._step(people, person, time_s, due[person])
+        people, observers, predictions, velocities = self._step(people, person, time_s, due[person])
         given = there[person]
         if not given.all():
             person, predictions, velocities = person[given], predictions.select(given), velocities[given]
-        return people, person, predictions, velocities
+            observers = people.at(person, time_s)
+        return people, person, observers, predictions, velocities
 
     def _step(
         self, people: People, person: np.ndarray, time_s: float, keep: np.ndarray
-    ) -> tuple[People, Predictions, np.ndarray]:
+    ) -> tuple[People, Pedestrians, Predictions, np.ndarray]:
         """Run the network for some people.
 
         Returns:
-            People after the step of those to `keep`; predictions and velocities of `ExportedNetwork.step`, R
-            rows.
+            People after the step of those to `keep`; where they are; predictions and velocities of
+            `ExportedNetwork.step`; R rows each.
         """
+        observers = people.at(person, time_s)
         if not len(person):
-            return people, *self._network.nobody()
-        inputs = self._inputs(people, people.at(person, time_s), time_s)
+            return people, observers, *self._network.nobody()
+        inputs = self._inputs(people, person, observers, time_s)
         memory = {name: values[person] for name, values in people.memory.items()}
         predictions, velocities, after = self._network.step(inputs, memory)
         if keep.any():
             people = people.stepped(person[keep], {name: values[keep] for name, values in after.items()})
-        return people, predictions, velocities
+        return people, observers, predictions, velocities
 
-    def _inputs(self, people: People, observers: Pedestrians, time_s: float) -> dict[str, np.ndarray]:
-        """The network's inputs, name -> [R, ...] float32."""
+    def _inputs(
+        self, people: People, person: np.ndarray, observers: Pedestrians, time_s: float
+    ) -> dict[str, np.ndarray]:
+        """The network's inputs for some people, name -> [R, ...] float32."""
         sizes = self.features
         lately = time_s - people.seen_s <= self._settings.max_age_s + TIME_TOLERANCE_S
         everybody = lately.all() and len(observers) == len(people)
         crowd = observers if everybody else people.at(np.flatnonzero(lately), time_s)
         around = Neighbours.together(crowd, len(observers))
         if self._about.reads_situations:
-            rows = np.searchsorted(people.track_id, observers.track_id)
-            past = past_of(people.past, rows, people.seen_s, people.covariance)
+            past = past_of(people.past, person, people.seen_s, people.covariance)
             now_s = np.full(len(observers), time_s)
             inputs = situations(observers, past, now_s, around, self._map, sizes)
         else:
@@ -219,23 +225,24 @@ class OnlinePredictor:
         people: People,
         regions: Regions,
         rows: np.ndarray,
+        observers: Pedestrians,
         predictions: Predictions,
         velocities: np.ndarray,
         time_s: float,
     ) -> tuple[Regions, Forecast]:
         """What is given for some people, and what is learned from it."""
-        frame = people.at(rows, time_s)
-        world = rotate(velocities.astype(np.float64), frame.heading_rad[:, None])
-        there = predictions.in_world(frame.position, frame.heading_rad)
+        position, heading = observers.position, observers.heading_rad
+        world = rotate(velocities.astype(np.float64), heading[:, None])
+        there = predictions.in_world(position, heading)
         if not self._about.memory:  # as `pedpred.networks.forecasting` does
-            there = consistent(there, frame.position, np.full(len(rows), time_s))
+            there = consistent(there, position, np.full(len(rows), time_s))
         if people.past:
             seen, detection = people.seen_s[rows] == time_s, people.past["detection"][rows]
-            regions, there = regions.after(time_s, frame.track_id, detection, seen, there)
+            regions, there = regions.after(time_s, observers.track_id, detection, seen, there)
         share = self._moving_shares(people, rows)
         if not (share == 1.0).all():
-            world, there = share[:, None, None] * world, shortened(there, frame.position, share)
-        return regions, Forecast(time_s, frame.track_id, world, there).locked()
+            world, there = share[:, None, None] * world, shortened(there, position, share)
+        return regions, Forecast(time_s, observers.track_id, world, there).locked()
 
     def _moving_shares(self, people: People, rows: np.ndarray) -> np.ndarray:
         """See `pedpred.online.caution`. [R]."""
