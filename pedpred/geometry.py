@@ -30,7 +30,10 @@ def rotate(vectors: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
     vectors = np.asarray(vectors)
     cos, sin = np.cos(angle_rad), np.sin(angle_rad)
     x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    forward = cos * x - sin * y
+    turned = np.empty((*forward.shape, 2), forward.dtype)
+    turned[..., 0], turned[..., 1] = forward, sin * x + cos * y
+    return turned
 
 
 def placed(points: np.ndarray, origin: np.ndarray, heading_rad: np.ndarray) -> np.ndarray:

@@ -63,7 +63,8 @@ class Neighbours:
     @classmethod
     def together(cls, present: Pedestrians, observers: int) -> Neighbours:
         """Everybody present at one instant, the same for all observers."""
-        span = np.tile([0, len(present)], (observers, 1))
+        span = np.empty((observers, 2), np.int64)
+        span[:] = 0, len(present)
         return cls(present.track_id, present.position, present.velocity, span)
 
 

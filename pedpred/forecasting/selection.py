@@ -76,7 +76,8 @@ def consistent(predictions: Predictions, position: np.ndarray, time_s: np.ndarra
 def _instants(time_s: np.ndarray) -> Iterator[np.ndarray]:
     """Rows of each instant with several people."""
     order = np.argsort(time_s, kind="stable")
-    later = np.flatnonzero(np.diff(time_s[order]) > TIME_TOLERANCE_S) + 1
+    sorted_s = time_s[order]
+    later = np.flatnonzero(sorted_s[1:] - sorted_s[:-1] > TIME_TOLERANCE_S) + 1
     for begin, end in pairwise([0, *later.tolist(), len(order)]):
         if end - begin > 1:
             yield order[begin:end]

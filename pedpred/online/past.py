@@ -80,8 +80,9 @@ def past_of(past: Arrays, rows: np.ndarray, seen_s: np.ndarray, covariance: np.n
         covariance: of everybody's track. [N, 3]
     """
     slots = past["trail_s"].shape[1]
-    end = (rows + 1) * slots
-    span = np.stack([end - np.isfinite(past["trail_s"][rows]).sum(axis=1), end], axis=-1)
+    span = np.empty((len(rows), 2), np.int64)
+    span[:, 1] = (rows + 1) * slots
+    span[:, 0] = span[:, 1] - np.isfinite(past["trail_s"][rows]).sum(axis=1)
     return Past(
         past["trail_s"].ravel(),
         past["trail"].reshape(-1, 2),

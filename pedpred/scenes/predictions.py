@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pedpred.compiled import compiled
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.geometry import placed, rotated_covariance
 
@@ -53,12 +54,7 @@ class Predictions:
                 raise ShapeError(name, getattr(self, name).shape, str(shape))
         if not 0 < self.dt_s < np.inf:
             raise ValueRuleError("dt_s", self.dt_s, "it must be positive")
-        weight = self.weight
-        if rows and not (
-            (weight >= 0).all()
-            and (weight[:, 1:] <= weight[:, :-1]).all()
-            and (np.abs(weight.sum(axis=1) - 1.0) <= _SUM_TOLERANCE).all()
-        ):
+        if not _fall_and_sum_to_1(np.ascontiguousarray(self.weight, np.float64)):
             raise ValueRuleError("weight", "", "weights must fall and sum to 1 in each row")
 
     @classmethod
@@ -194,3 +190,17 @@ class Forecast:
         """Of the positions of the most likely mode, world frame, m^2. [N, P, 2, 2]."""
         covariance = self.predictions.covariance
         return None if covariance is None else covariance[:, 0]
+
+
+@compiled
+def _fall_and_sum_to_1(weight: np.ndarray) -> bool:  # pragma: no cover (compiled)
+    """Whether the weights in each row are no less than 0, do not rise and sum to 1. [W, K] -> bool."""
+    for row in range(len(weight)):
+        before, total = np.inf, 0.0
+        for own in weight[row]:
+            if not 0.0 <= own <= before:
+                return False
+            before, total = own, total + own
+        if not abs(total - 1.0) <= _SUM_TOLERANCE:
+            return False
+    return True

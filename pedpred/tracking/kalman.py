@@ -49,13 +49,12 @@ def predicted(belief: Belief, dt_s: np.ndarray, acceleration_noise: float) -> Be
     """
     p_pp, p_pv, p_vv = belief.covariance.T
     q = acceleration_noise
-    covariance = [
-        p_pp + 2 * dt_s * p_pv + dt_s**2 * p_vv + q * dt_s**3 / 3,
-        p_pv + dt_s * p_vv + q * dt_s**2 / 2,
-        p_vv + q * dt_s,
-    ]
+    covariance = np.empty_like(belief.covariance)
+    covariance[:, 0] = p_pp + 2 * dt_s * p_pv + dt_s**2 * p_vv + q * dt_s**3 / 3
+    covariance[:, 1] = p_pv + dt_s * p_vv + q * dt_s**2 / 2
+    covariance[:, 2] = p_vv + q * dt_s
     ahead = belief.position + dt_s[:, None] * belief.velocity
-    return Belief(ahead, belief.velocity, np.stack(covariance, axis=-1))
+    return Belief(ahead, belief.velocity, covariance)
 
 
 def updated(
@@ -74,6 +73,8 @@ def updated(
     innovation_variance = p_pp + position_noise_m**2
     gain_p, gain_v = p_pp / innovation_variance, p_pv / innovation_variance
     innovation = detection - before.position
-    covariance = np.stack([(1 - gain_p) * p_pp, (1 - gain_p) * p_pv, p_vv - gain_v * p_pv], axis=-1)
+    covariance = np.empty_like(before.covariance)
+    covariance[:, 0], covariance[:, 1] = (1 - gain_p) * p_pp, (1 - gain_p) * p_pv
+    covariance[:, 2] = p_vv - gain_v * p_pv
     position = before.position + gain_p[:, None] * innovation
     return Belief(position, before.velocity + gain_v[:, None] * innovation, covariance)
