@@ -53,7 +53,12 @@ def test_regions_become_right_whatever_they_were(deviation, seed):
     np.testing.assert_array_equal(after.point, given_.point)
 
 
-@pytest.mark.parametrize("deviations", [(0.7, 1.4), (1.4, 0.7)])
+_TOO_FAR = pytest.mark.xfail(
+    strict=True, reason="12 % off since b has limits, see docs/experiments-regions.md"
+)
+
+
+@pytest.mark.parametrize("deviations", [pytest.param((0.5, 2.0), marks=_TOO_FAR), (0.7, 1.4), (1.4, 0.7)])
 def test_regions_follow_a_change(deviations):
     time_s, track_id, here, right = walks(np.random.default_rng(1), frames=300)
     before, after = (scaled(right, deviation) for deviation in deviations)
