@@ -30,7 +30,8 @@ def test_all_at_once_is_a_replay(mixture, dt_s, max_age_s):
     scene = walled_scene(rng, dt_s, detections=round(12 / dt_s), tracks=5)
     seen = rng.random(len(scene.trajectories)) < 0.9
     scene = dataclasses.replace(scene, trajectories=scene.trajectories.select(seen))
-    slow, fast = both(scene, OnlinePredictor.load(mixture[0], OnlineSettings(max_age_s)))
+    settings = OnlineSettings(max_age_s, detection_noise_m=0.02)
+    slow, fast = both(scene, OnlinePredictor.load(mixture[0], settings))
     assert len(slow) > 20
     for name in ("point", "path", "weight", "covariance"):
         np.testing.assert_allclose(getattr(fast, name), getattr(slow, name), atol=2e-4, err_msg=name)

@@ -48,7 +48,8 @@ def scores_in(
     scene: Scene, folder: Path, sensor: SensorSettings, settings: EvaluationSettings
 ) -> dict[str, Scores]:
     """Scores of a model folder and of simple methods in a scene that a sensor looks at."""
-    return assess(scene, robot_for(sensed(scene, sensor), folder), settings, sensor)
+    robot = robot_for(sensed(scene, sensor), folder, detection_noise_m=sensor.position_noise_m)
+    return assess(scene, robot, settings, sensor)
 
 
 def _git(*arguments: str) -> str:

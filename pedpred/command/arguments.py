@@ -38,6 +38,8 @@ def parser() -> argparse.ArgumentParser:
     _model(command, _TRACKER)
     grid = "also write the predicted occupancy of every step, in cells of this size, m"
     command.add_argument("--grid", type=_number(float, 0.01, 10.0), metavar="M", help=grid)
+    noise = "standard deviation of a detection's coordinate, which ellipses are not to include, m (default 0)"
+    command.add_argument("--detection-noise-m", type=_number(float, 0.0, 10.0), default=0.0, help=noise)
     command = _add(commands, evaluate, scenes="+")
     _model(command, f"{_TRACKER}; or `tune`: fit it to the recording itself")
     _conditions(command)

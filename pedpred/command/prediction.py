@@ -33,7 +33,7 @@ def predict(given: argparse.Namespace) -> None:
         raise ValueRuleError("output", str(given.output), "the name of a recording ends in .mcap")
     tracker = None if given.tracker is None else read_tracker(Path(given.tracker))
     scene = read_given(given)
-    predictor = robot_for(scene, given.model, tracker)
+    predictor = robot_for(scene, given.model, tracker, given.detection_noise_m)
     check_recordable(scene, predictor.features.horizon_steps, given.grid)
     windows = as_windows(scene, _with_progress(scene, predictor), _METHOD, predictor.features)
     write_recording(scene, given.output, windows, {_METHOD: _COLOUR}, _METHOD, given.grid)
@@ -41,16 +41,23 @@ def predict(given: argparse.Namespace) -> None:
     _log.info("%s: recorded with forecasts in %s", scene.name, given.output)
 
 
-def robot_for(scene: Scene, model: Path | None, tracker: KalmanSettings | None = None) -> OnlinePredictor:
+def robot_for(
+    scene: Scene,
+    model: Path | None,
+    tracker: KalmanSettings | None = None,
+    detection_noise_m: float = 0.0,
+) -> OnlinePredictor:
     """Load a predictor that does not drop people between two detections of this scene.
 
     Args:
         scene: the scene.
         model: a model folder; None: the default one.
         tracker: in place of the model's.
+        detection_noise_m: see `OnlineSettings`.
     """
     max_age_s = max(0.5, 1.25 * scene.detection_dt_s)
-    return OnlinePredictor.load(model, OnlineSettings(max_age_s, tracker=tracker))
+    settings = OnlineSettings(max_age_s, tracker=tracker, detection_noise_m=detection_noise_m)
+    return OnlinePredictor.load(model, settings)
 
 
 def read_tracker(path: Path) -> KalmanSettings:

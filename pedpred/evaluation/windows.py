@@ -41,9 +41,8 @@ def window_request(
     clock = extract(seen, tracks, one_phase, scene.trajectories) if memory else None
     tracker = None if sizes.noncausal else how.kalman
     rows = windows_of(table, sizes)
-    return ForecastRequest(
-        scene, table, sizes, rows, tracker, seen.detection_dt_s, social_force, clock, tracks
-    )
+    every_s, noise_m = seen.detection_dt_s, how.sensor.position_noise_m
+    return ForecastRequest(scene, table, sizes, rows, tracker, every_s, social_force, clock, tracks, noise_m)
 
 
 def windows_of(table: FeatureTable, sizes: FeatureSettings) -> np.ndarray:

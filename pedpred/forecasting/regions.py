@@ -12,6 +12,10 @@ at some steps of the horizon, and in between by interpolation (adaptive conforma
 evaluation. The gain g is constant, because crowds change. Standard deviations of mode k are multiplied by
 exp(a + b (2 t_k - 1)), with t_k the probability of the modes before it and half of its own: a is for all, b
 for the tails. Paths, weights and the point forecast stay.
+
+A forecast can be compared 3 s after it was made. Most of what was learned since then is applied to it before,
+or the same error would be corrected again and again for 3 s. A detection has noise, which is no error of the
+forecast: its declared variance is added to that of the forecast before they are compared.
 """
 
 from __future__ import annotations
@@ -21,22 +25,21 @@ from itertools import pairwise
 
 import numpy as np
 
+from pedpred.forecasting.detections import GAP_S, Detections
 from pedpred.metrics.calibration import REGIONS, share_inside
 from pedpred.scenes import Predictions
-from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _EVERY_S = 1.0
 """Time between two instants whose forecasts are kept, s: comparisons hardly repeat each other."""
 _KNOWN = 3
 """Forecasts are kept of people who were detected so often lately."""
-_GAP_S = 1.0
-"""Positions are known between detections that are at most so far apart, s."""
-_NEAR_S, _MANY = 0.2, 3
-"""A line is fitted to the detections this near in time, s, if there are so many."""
 _COMPARED = 4
 """Steps of the horizon at which forecasts are compared, from the first to the last one."""
-_GAIN, _STEP = 0.03, 0.3
+_GAIN, _STEP = 0.04, 0.6
 """g of one forecast, and the most that the gains of an instant's forecasts sum to."""
+_LATE = 0.6
+"""Share of what was learned since a forecast was made that is applied before its comparison."""
 _WIDER, _TAILS = (-1.0, 1.0), (-0.3, 0.5)
 """Limits of a and b. A lower b would make sharp modes inside wide ones, which b is then lowered to mend."""
 _SHARES = np.array(REGIONS)[:, None, None]
@@ -44,64 +47,22 @@ _DEVIATION = np.sqrt(_SHARES * (1.0 - _SHARES))[:, 0]
 
 
 @dataclass(frozen=True)
-class Detections:
-    """Where people were at some instants, world frame: time_s [M], track_id [M], position, m [M, 2]."""
-
-    time_s: np.ndarray
-    track_id: np.ndarray
-    position: np.ndarray
-
-    @classmethod
-    def join(cls, parts: tuple[Detections, ...]) -> Detections:
-        """All of them, sorted by track and time; instants rise from part to part."""
-        time_s, track_id, position = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("time_s", "track_id", "position")
-        )
-        order = np.argsort(track_id, kind="stable")
-        return cls(time_s[order], track_id[order], position[order])
-
-    def at(self, track_id: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Positions of some tracks; NaN between detections too far apart. [Q, 2].
-
-        The value of a line through the detections within 0.2 s, if there are three or more: it is less noisy
-        than one of them. Else interpolated.
-        """
-        before = last_rows(self.track_id, self.time_s, track_id, time_s)
-        after = np.minimum(before + 1, len(self.time_s) - 1)
-        exact = np.abs(self.time_s[before] - time_s) <= TIME_TOLERANCE_S
-        after = np.where(exact, before, after)
-        span_s = self.time_s[after] - self.time_s[before]
-        known = (before >= 0) & (self.track_id[after] == track_id) & (span_s <= _GAP_S + TIME_TOLERANCE_S)
-        part = np.where(exact, 0.0, (time_s - self.time_s[before]) / np.where(span_s > 0, span_s, 1.0))
-        found = self.position[before] + part[:, None] * (self.position[after] - self.position[before])
-        earlier_s, later_s = time_s - _NEAR_S - 2 * TIME_TOLERANCE_S, time_s + _NEAR_S
-        first = last_rows(self.track_id, self.time_s, track_id, earlier_s) + 1
-        first = np.maximum(first, np.searchsorted(self.track_id, track_id))
-        end = last_rows(self.track_id, self.time_s, track_id, later_s) + 1
-        many = end - first >= _MANY
-        if many.any():
-            found[many] = self._on_line(first[many], end[many], time_s[many])
-        return np.where(known[:, None], found, np.nan)
-
-    def _on_line(self, first: np.ndarray, end: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Values at some times of lines that are fitted to the rows from first to before end. [Q, 2]."""
-        since_s, offset = (self.time_s - self.time_s[0])[:, None], self.position - self.position[0]
-        terms = np.concatenate([since_s, since_s**2, offset, since_s * offset], axis=1)
-        sums = np.concatenate([np.zeros((1, terms.shape[1])), np.cumsum(terms, axis=0)])
-        mean = (sums[end] - sums[first]) / (end - first)[:, None]
-        t, tt, p, tp = np.split(mean, [1, 2, 4], axis=1)
-        slope = (tp - t * p) / (tt - t * t)
-        return self.position[0] + p + slope * (time_s[:, None] - self.time_s[0] - t)
-
-
-@dataclass(frozen=True)
 class Kept:
-    """Forecasts from one instant whose time is not over: time_s; track_id [N]; N rows, world frame."""
+    """Forecasts from one instant whose time is not over.
+
+    Attributes:
+        time_s: the instant.
+        track_id: whose. [N]
+        predictions: as published, world frame.
+        wider: a at that instant. [A]
+        tails: b. [A]
+    """
 
     time_s: float
     track_id: np.ndarray
     predictions: Predictions
+    wider: np.ndarray
+    tails: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -112,6 +73,7 @@ class Regions:
         steps: those at which forecasts are compared, rising. [A]
         wider: a, of each. [A]
         tails: b. [A]
+        noise_m: standard deviation of a detection's coordinate, m; 0: detections are where people are.
         looked_s: when forecasts were last compared and kept, s.
         kept: by instant.
         detections: by instant.
@@ -120,15 +82,16 @@ class Regions:
     steps: np.ndarray
     wider: np.ndarray
     tails: np.ndarray
+    noise_m: float = 0.0
     looked_s: float = -np.inf
     kept: tuple[Kept, ...] = ()
     detections: tuple[Detections, ...] = ()
 
     @classmethod
-    def unlearned(cls, steps: int) -> Regions:
+    def unlearned(cls, steps: int, noise_m: float = 0.0) -> Regions:
         """Before the first instant: regions as the network gives them."""
         compared = np.unique(np.geomspace(1, steps, _COMPARED).round().astype(int)) - 1
-        return cls(compared, np.zeros(len(compared)), np.zeros(len(compared)))
+        return cls(compared, np.zeros(len(compared)), np.zeros(len(compared)), noise_m)
 
     def without_people(self) -> Regions:
         """What was learned, with nobody to learn from."""
@@ -165,8 +128,8 @@ class Regions:
         scaled = here.scaled(given)
         first, end = (np.searchsorted(known.track_id, track_id, side) for side in ("left", "right"))
         rows = np.flatnonzero(seen & (end - first >= _KNOWN))
-        kept = (*here.kept, Kept(time_s, track_id[rows], scaled.select(rows)))
-        since_s = kept[0].time_s - _GAP_S
+        kept = (*here.kept, Kept(time_s, track_id[rows], scaled.select(rows), here.wider, here.tails))
+        since_s = kept[0].time_s - GAP_S
         lately = tuple(part for part in here.detections if len(part.time_s) and part.time_s[0] >= since_s)
         return replace(here, looked_s=time_s, kept=kept, detections=lately), scaled
 
@@ -186,7 +149,7 @@ class Regions:
         over = [kept for kept in self.kept if self._end_s(kept) <= time_s + TIME_TOLERANCE_S]
         learned = replace(self, kept=self.kept[len(over) :])
         for kept in over:
-            learned = learned._learned(self._shares(kept, known))
+            learned = learned._learned(learned._shares(kept, known))
         return learned
 
     def _end_s(self, kept: Kept) -> float:
@@ -195,11 +158,14 @@ class Regions:
     def _shares(self, kept: Kept, known: Detections) -> np.ndarray:
         """Values of u of all people who were seen long enough. [C, A]."""
         due_s = np.tile(kept.time_s + kept.predictions.dt_s * (self.steps + 1), len(kept.track_id))
-        truth = known.at(np.repeat(kept.track_id, len(self.steps)), due_s).reshape(-1, len(self.steps), 2)
+        found, noise = known.at(np.repeat(kept.track_id, len(self.steps)), due_s)
+        truth, noise = found.reshape(-1, len(self.steps), 2), noise.reshape(-1, 1, len(self.steps), 1, 1)
         rows = np.flatnonzero(~np.isnan(truth).any(axis=(1, 2)))
-        own = kept.predictions.select(rows)
+        wider, tails = _LATE * (self.wider - kept.wider), _LATE * (self.tails - kept.tails)
+        own = replace(self, wider=wider, tails=tails).scaled(kept.predictions.select(rows))
         assert own.covariance is not None
         path, covariance = own.path[:, :, self.steps], own.covariance[:, :, self.steps]
+        covariance = covariance + noise[rows] * self.noise_m**2 * np.eye(2)
         some = replace(own, point=own.point[:, self.steps], path=path, covariance=covariance)
         return share_inside(some, truth[rows])
 
@@ -222,6 +188,7 @@ def learned(
     time_s: np.ndarray,
     detection: np.ndarray,
     seen: np.ndarray,
+    noise_m: float = 0.0,
 ) -> Predictions:
     """Forecasts of many instants with regions that learn from one to the next; each from earlier ones only.
 
@@ -231,8 +198,10 @@ def learned(
         time_s: the instants, never falling, s. [W]
         detection: see `Regions.after`. [W, 2]
         seen: see there. [W]
+        noise_m: see `Regions`.
     """
-    regions, parts = Regions.unlearned(predictions.steps), [predictions.select(np.zeros(0, np.int64))]
+    regions = Regions.unlearned(predictions.steps, noise_m)
+    parts = [predictions.select(np.zeros(0, np.int64))]
     later = np.flatnonzero(np.diff(time_s) > TIME_TOLERANCE_S) + 1
     for begin, end in pairwise([0, *later.tolist(), len(predictions)]):
         now = np.arange(begin, end)

@@ -33,6 +33,7 @@ class ForecastRequest:
         clock: the features every `dt_s` from each life's first detection on, at which recurrent memories
             advance; sorted by track and step. None where nobody keeps one.
         tracks: the tracker's states, row by row those of `table`; None where nobody reads the past.
+        detection_noise_m: declared standard deviation of a detection's coordinate, m.
     """
 
     scene: Scene
@@ -44,6 +45,7 @@ class ForecastRequest:
     social_force: SocialForceSettings | None = None
     clock: FeatureTable | None = None
     tracks: Tracks | None = None
+    detection_noise_m: float = 0.0
 
     @property
     def ahead_s(self) -> np.ndarray:

@@ -75,7 +75,8 @@ class NetworkForecaster:
             predictions = consistent(predictions, here, time_s)
         if self.learning:
             seen = past.time_s[row] > time_s - TIME_TOLERANCE_S
-            predictions = learned(predictions, past.track_id[row], time_s, past.detection[row], seen)
+            who, detection, noise_m = past.track_id[row], past.detection[row], request.detection_noise_m
+            predictions = learned(predictions, who, time_s, detection, seen, noise_m)
         return predictions.select(asked)
 
     def _answer(self, outputs: Tensors, dt_s: float) -> Predictions:

@@ -30,10 +30,10 @@ def predictions_at_once(predictor: OnlinePredictor, request: ForecastRequest, ti
     Returns:
         World frame. [W]
     """
-    about, sizes = predictor.description, request.sizes
+    about, settings, sizes = predictor.description, predictor.settings, request.sizes
     if not len(request.rows):
         return Predictions.single(np.zeros((0, sizes.horizon_steps, 2)), sizes.dt_s)
-    present_s = predictor.settings.max_age_s + TIME_TOLERANCE_S
+    present_s = settings.max_age_s + TIME_TOLERANCE_S
     request = replace(request, detection_interval_s=present_s / sizes.max_age_intervals)
     row, time_s, asked = request.present()
     tracks, occupancy = request.past, request.scene.occupancy
@@ -48,7 +48,8 @@ def predictions_at_once(predictor: OnlinePredictor, request: ForecastRequest, ti
         there = found.in_world(here[at:end], tracks.heading_rad[own])
         parts.append(consistent(there, here[at:end], now_s))
     seen = tracks.time_s[row] > time_s - TIME_TOLERANCE_S
-    everybody = learned(Predictions.join(parts), tracks.track_id[row], time_s, tracks.detection[row], seen)
+    who, detection, noise_m = tracks.track_id[row], tracks.detection[row], settings.detection_noise_m
+    everybody = learned(Predictions.join(parts), who, time_s, detection, seen, noise_m)
     predictions = everybody.select(asked)
     return shortened(predictions, here[asked], _moving_shares(predictor, request))
 

@@ -82,7 +82,7 @@ class OnlinePredictor:
     def reset(self) -> None:
         """Forget everybody, and what was learned of the regions; the map stays."""
         self._people, self._now, self._jumps = self._nobody(), -np.inf, 0
-        self._regions = Regions.unlearned(self.features.horizon_steps)
+        self._regions = Regions.unlearned(self.features.horizon_steps, self._settings.detection_noise_m)
         none = np.zeros(0, int)
         nobody = self._people.at(none, 0.0), *self._network.nobody()
         self._last = self._forecast(self._people, self._regions, none, *nobody, 0.0)[1]

@@ -18,14 +18,17 @@ class OnlineSettings:
         max_age_s: a person is present while the last detection is at most this old, s.
         snap_s: a step that became due at most this long before a frame is taken with the frame, s.
         tracker: noise of the detections and of walking; None: what the model folder says.
+        detection_noise_m: standard deviation of a detection's coordinate, m. Regions of probability learn
+            from detections, and without it they become large enough to hold the detector's noise, too.
     """
 
     max_age_s: float = 0.5
     snap_s: float = 0.05
     tracker: KalmanSettings | None = None
+    detection_noise_m: float = 0.0
 
     def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("max_age_s", "snap_s"), "[0, inf)"))
+        check_ranges(self, dict.fromkeys(("max_age_s", "snap_s", "detection_noise_m"), "[0, inf)"))
 
     @classmethod
     def as_offline(cls, features: FeatureSettings, detection_dt_s: float) -> OnlineSettings:
