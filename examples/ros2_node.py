@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.online import OnlinePredictor
+from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.ros import ADAPTERS, TrackNumbers, Transform, map_of_grid, seconds, usable
 from pedpred.ros.frames import check_frames
 from pedpred.ros.markers import forecast_message
@@ -120,12 +120,15 @@ def main() -> None:
     parser.add_argument(
         "--grid", type=float, metavar="M", help="publish predicted occupancy, in cells of this size"
     )
+    noise = "standard deviation of a detection's coordinate, which covariances are not to include, m"
+    parser.add_argument("--detection-noise-m", type=float, default=0.0, help=noise)
     given = parser.parse_args()
 
     rclpy.init()
     node = rclpy.create_node("pedpred")
     transform = None if given.transform is None else Transform(*given.transform)
-    follower = Follower(OnlinePredictor.load(given.model), given.type, transform, given.grid)
+    predictor = OnlinePredictor.load(given.model, OnlineSettings(detection_noise_m=given.detection_noise_m))
+    follower = Follower(predictor, given.type, transform, given.grid)
     publishers: dict[str, Any] = {}
 
     def publish_answers(message: Any) -> None:
