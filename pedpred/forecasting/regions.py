@@ -6,7 +6,7 @@ detected. Of every comparison, u is the share of the probability in the smallest
 person (`pedpred.metrics.calibration.share_inside`). The regions of l = 50, 90 and 95 % should miss 1 - l of
 them:
     z_l = (1[u > l] - (1 - l)) / sqrt(l (1 - l))
-    a += g (z_50 + z_90 + z_95) / 3,    b += g ((z_90 + z_95) / 2 - z_50)
+    a += g (z_50 + z_90 + z_95) / 3,    b += g / 2 ((z_90 + z_95) / 2 - z_50)
 at some steps of the horizon, and in between by interpolation (adaptive conformal inference, Gibbs & Candes
 2021, with two parameters). Forecasts of people who are not seen up to the last step do not count, as in the
 evaluation. The gain g is constant, because crowds change. Standard deviations of mode k are multiplied by
@@ -36,11 +36,11 @@ _KNOWN = 3
 """Forecasts are kept of people who were detected so often lately."""
 _COMPARED = 4
 """Steps of the horizon at which forecasts are compared, from the first to the last one."""
-_GAIN, _STEP = 0.04, 0.6
+_GAIN, _STEP = 0.06, 0.6
 """g of one forecast, and the most that the gains of an instant's forecasts sum to."""
 _LATE = 0.6
 """Share of what was learned since a forecast was made that is applied before its comparison."""
-_WIDER, _TAILS = (-1.0, 1.0), (-0.3, 0.5)
+_WIDER, _TAILS = (-1.0, 1.0), (-0.3, 0.75)
 """Limits of a and b. A lower b would make sharp modes inside wide ones, which b is then lowered to mend."""
 _SHARES = np.array(REGIONS)[:, None, None]
 _DEVIATION = np.sqrt(_SHARES * (1.0 - _SHARES))[:, 0]
@@ -178,7 +178,7 @@ class Regions:
         return replace(
             self,
             wider=np.clip(self.wider + gain * (z50 + z90 + z95) / 3.0, *_WIDER),
-            tails=np.clip(self.tails + gain * (0.5 * (z90 + z95) - z50), *_TAILS),
+            tails=np.clip(self.tails + 0.5 * gain * (0.5 * (z90 + z95) - z50), *_TAILS),
         )
 
 
