@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pedpred.forecasting.detections import Detections
 from pedpred.forecasting.regions import Regions, learned
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside
 from pedpred.scenes import Predictions
@@ -77,10 +78,48 @@ def test_nothing_is_learned_from_the_future(seed, cut):
     np.testing.assert_array_equal(part.covariance, whole.covariance[first])
 
 
-def test_before_a_horizon_is_over_the_regions_are_the_networks():
-    time_s, track_id, here, predictions = walks(np.random.default_rng(2), frames=10)
-    after = learned(predictions, track_id, time_s, here, np.ones(len(here), bool))
-    np.testing.assert_array_equal(after.covariance, predictions.covariance)
+def stepped(regions, predictions, track_id, time_s, here, frames):
+    """Regions after some frames."""
+    for time in np.unique(time_s)[frames]:
+        rows = np.flatnonzero(time_s == time)
+        own = predictions.select(rows)
+        regions, _ = regions.after(float(time), track_id[rows], here[rows], rows >= 0, own)
+    return regions
+
+
+@pytest.mark.parametrize(("until", "compared_s"), [(7, 0.0), (8, 0.6), (12, 1.5), (16, 3.0)])
+def test_each_step_learns_as_soon_as_its_time_has_come(until, compared_s):
+    """The first forecasts are kept in frame 4, at 1.2 s, and forecasts are compared every 1.2 s."""
+    time_s, track_id, here, right = walks(np.random.default_rng(2), frames=20)
+    given_ = scaled(right, 0.4)
+    regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(until + 1))
+    over = (regions.steps + 1) * DT_S < compared_s + 0.01
+    assert (regions.wider[over] > 0.05).all()
+    np.testing.assert_array_equal(regions.wider[~over], 0.0)
+
+
+def test_people_who_leave_teach_nothing_in_the_end():
+    """Everybody leaves after 2.7 s: what the first steps taught is taken back when the last one is over."""
+    time_s, track_id, here, right = walks(np.random.default_rng(9), frames=24, people=5)
+    stays = time_s < 2.8
+    given_ = scaled(right, 0.5)
+    regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(10))
+    assert (regions.wider[:2] > 0.05).all()
+    nobody = np.flatnonzero(~stays)[:0]
+    for time in np.unique(time_s[~stays]):
+        own = given_.select(nobody)
+        regions, _ = regions.after(float(time), track_id[nobody], here[nobody], nobody >= 0, own)
+    np.testing.assert_allclose([regions.wider, regions.tails], 0.0, atol=1e-12)
+
+
+@settings(deadline=None)
+@given(people=st.integers(1, 5), later_s=st.floats(0.002, 5.0))
+def test_nobody_knows_where_people_are_after_their_last_detection(people, later_s):
+    track_id, time_s = np.repeat(np.arange(people), 8), np.tile(np.arange(8) * 0.4, people)
+    known = Detections(time_s, track_id, np.ones((len(time_s), 2)))
+    asked = np.arange(people)
+    assert np.isnan(known.at(asked, np.full(people, 2.8 + later_s))[0]).all()
+    np.testing.assert_allclose(known.at(asked, np.full(people, 2.8))[0], 1.0)
 
 
 def test_people_who_are_not_detected_teach_nothing():

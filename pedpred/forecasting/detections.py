@@ -47,7 +47,8 @@ class Detections:
         exact = np.abs(self.time_s[before] - time_s) <= TIME_TOLERANCE_S
         after = np.where(exact, before, after)
         span_s = self.time_s[after] - self.time_s[before]
-        known = (before >= 0) & (self.track_id[after] == track_id) & (span_s <= GAP_S + TIME_TOLERANCE_S)
+        near = (self.track_id[after] == track_id) & (after > before) & (span_s <= GAP_S + TIME_TOLERANCE_S)
+        known = (before >= 0) & (exact | near)
         part = np.where(exact, 0.0, (time_s - self.time_s[before]) / np.where(span_s > 0, span_s, 1.0))
         found = self.position[before] + part[:, None] * (self.position[after] - self.position[before])
         noise = (1.0 - part) ** 2 + part**2

@@ -1,21 +1,21 @@
 """Regions of probability that learn from how people walk at a place.
 
 How far people stray from a forecast differs between places, crowds and sensors more than training can know.
-So once a second everybody's forecast is kept, and when its time is over compared with where the person was
-detected. Of every comparison, u is the share of the probability in the smallest region that reaches the
-person (`pedpred.metrics.calibration.share_inside`). The regions of l = 50, 90 and 95 % should miss 1 - l of
-them:
+So once a second everybody's forecast is kept, and compared with where the person was detected later. Of every
+comparison, u is the share of the probability in the smallest region that reaches the person
+(`pedpred.metrics.calibration.share_inside`). The regions of l = 50, 90 and 95 % should miss 1 - l of them:
     z_l = (1[u > l] - (1 - l)) / sqrt(l (1 - l))
     a += g (z_50 + z_90 + z_95) / 3,    b += g / 2 ((z_90 + z_95) / 2 - z_50)
 at some steps of the horizon, and in between by interpolation (adaptive conformal inference, Gibbs & Candes
-2021, with two parameters). Forecasts of people who are not seen up to the last step do not count, as in the
-evaluation. The gain g is constant, because crowds change. Standard deviations of mode k are multiplied by
-exp(a + b (2 t_k - 1)), with t_k the probability of the modes before it and half of its own: a is for all, b
-for the tails. Paths, weights and the point forecast stay.
+2021, with two parameters). The gain g is constant, because crowds change. Standard deviations of mode k are
+multiplied by exp(a + b (2 t_k - 1)), with t_k the probability of the modes before it and half of its own: a
+is for all, b for the tails. Paths, weights and the point forecast stay.
 
-A forecast can be compared 3 s after it was made. Most of what was learned since then is applied to it before,
-or the same error would be corrected again and again for 3 s. A detection has noise, which is no error of the
-forecast: its declared variance is added to that of the forecast before they are compared.
+Every step is compared as soon as its time has come. Forecasts of people who are not seen up to the last step
+do not count, as in the evaluation: what they taught is taken back then. Between a forecast and its comparison
+others are compared; most of what was learned from them is applied to it before, or the same error would be
+corrected again and again for 3 s. A detection has noise, which is no error of the forecast: its declared
+variance is added to that of the forecast before they are compared.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ _LATE = 0.6
 _WIDER, _TAILS = (-1.0, 1.0), (-0.3, 0.75)
 """Limits of a and b. A lower b would make sharp modes inside wide ones, which b is then lowered to mend."""
 _SHARES = np.array(REGIONS)[:, None, None]
-_DEVIATION = np.sqrt(_SHARES * (1.0 - _SHARES))[:, 0]
+_DEVIATION = np.sqrt(_SHARES * (1.0 - _SHARES))
 
 
 @dataclass(frozen=True)
 class Kept:
-    """Forecasts from one instant whose time is not over.
+    """Forecasts from one instant whose last step is still to come.
 
     Attributes:
         time_s: the instant.
@@ -56,6 +56,7 @@ class Kept:
         predictions: as published, world frame.
         wider: a at that instant. [A]
         tails: b. [A]
+        taught: what each person added to a and b, at the steps compared so far. [2, N, 0 to A]
     """
 
     time_s: float
@@ -63,6 +64,7 @@ class Kept:
     predictions: Predictions
     wider: np.ndarray
     tails: np.ndarray
+    taught: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,9 @@ class Regions:
         scaled = here.scaled(given)
         first, end = (np.searchsorted(known.track_id, track_id, side) for side in ("left", "right"))
         rows = np.flatnonzero(seen & (end - first >= _KNOWN))
-        kept = (*here.kept, Kept(time_s, track_id[rows], scaled.select(rows), here.wider, here.tails))
+        nothing = np.zeros((2, len(rows), 0))
+        new = Kept(time_s, track_id[rows], scaled.select(rows), here.wider, here.tails, nothing)
+        kept = (*here.kept, new)
         since_s = kept[0].time_s - GAP_S
         lately = tuple(part for part in here.detections if len(part.time_s) and part.time_s[0] >= since_s)
         return replace(here, looked_s=time_s, kept=kept, detections=lately), scaled
@@ -145,41 +149,68 @@ class Regions:
         return replace(predictions, covariance=predictions.covariance * factor[..., None, None])
 
     def _compared(self, time_s: float, known: Detections) -> Regions:
-        """After the comparison of forecasts whose time is over with the detections."""
-        over = [kept for kept in self.kept if self._end_s(kept) <= time_s + TIME_TOLERANCE_S]
-        learned = replace(self, kept=self.kept[len(over) :])
-        for kept in over:
-            learned = learned._learned(learned._shares(kept, known))
-        return learned
+        """After the comparison of kept forecasts with the detections, at the steps whose time has come."""
+        learned, later = self, []
+        for kept in self.kept:
+            due = int((kept.time_s + self._ahead_s(kept) <= time_s + TIME_TOLERANCE_S).sum())
+            learned, own = learned._taught(kept, due, known)
+            if due < len(self.steps):
+                later.append(own)
+            else:
+                learned = learned._without_lost(own, known)
+        return replace(learned, kept=tuple(later))
 
-    def _end_s(self, kept: Kept) -> float:
-        return kept.time_s + kept.predictions.dt_s * (int(self.steps[-1]) + 1)
+    def _ahead_s(self, kept: Kept) -> np.ndarray:
+        return kept.predictions.dt_s * (self.steps + 1)
 
-    def _shares(self, kept: Kept, known: Detections) -> np.ndarray:
-        """Values of u of all people who were seen long enough. [C, A]."""
-        due_s = np.tile(kept.time_s + kept.predictions.dt_s * (self.steps + 1), len(kept.track_id))
-        found, noise = known.at(np.repeat(kept.track_id, len(self.steps)), due_s)
-        truth, noise = found.reshape(-1, len(self.steps), 2), noise.reshape(-1, 1, len(self.steps), 1, 1)
-        rows = np.flatnonzero(~np.isnan(truth).any(axis=(1, 2)))
+    def _found(self, kept: Kept, known: Detections, some: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Where people were at some steps, NaN where nobody knows [N, S, 2], and the noise of that [N, S]."""
+        due_s = np.tile(kept.time_s + self._ahead_s(kept)[some], len(kept.track_id))
+        steps = len(self.steps[some])
+        found, noise = known.at(np.repeat(kept.track_id, steps), due_s)
+        return found.reshape(-1, steps, 2), noise.reshape(-1, steps)
+
+    def _taught(self, kept: Kept, due: int, known: Detections) -> tuple[Regions, Kept]:
+        """After the comparison of one instant's forecasts at those of the first `due` steps that are new."""
+        new = slice(kept.taught.shape[2], due)
+        if new.start == due:
+            return self, kept
+        found, noise = self._found(kept, known, new)
+        rows = np.flatnonzero(~np.isnan(found).any(axis=(1, 2)))
+        taught = np.zeros((2, *found.shape[:2]))
+        if len(rows):
+            shares = self._shares(kept, new, rows, found[rows], noise[rows])
+            z50, z90, z95 = ((shares > _SHARES) - (1.0 - _SHARES)) / _DEVIATION
+            gain = min(_GAIN, _STEP / len(rows))
+            taught[:, rows] = gain * np.stack([(z50 + z90 + z95) / 3.0, 0.5 * (0.5 * (z90 + z95) - z50)])
+        own = replace(kept, taught=np.concatenate([kept.taught, taught], axis=2))
+        return self._moved(new, taught.sum(axis=1)), own
+
+    def _shares(
+        self, kept: Kept, new: slice, rows: np.ndarray, truth: np.ndarray, noise: np.ndarray
+    ) -> np.ndarray:
+        """Values of u of some people at some steps. [R, S]."""
         wider, tails = _LATE * (self.wider - kept.wider), _LATE * (self.tails - kept.tails)
         own = replace(self, wider=wider, tails=tails).scaled(kept.predictions.select(rows))
         assert own.covariance is not None
-        path, covariance = own.path[:, :, self.steps], own.covariance[:, :, self.steps]
-        covariance = covariance + noise[rows] * self.noise_m**2 * np.eye(2)
-        some = replace(own, point=own.point[:, self.steps], path=path, covariance=covariance)
-        return share_inside(some, truth[rows])
+        steps, noise_m2 = self.steps[new], noise[:, None, :, None, None] * self.noise_m**2 * np.eye(2)
+        path, covariance = own.path[:, :, steps], own.covariance[:, :, steps] + noise_m2
+        return share_inside(replace(own, point=own.point[:, steps], path=path, covariance=covariance), truth)
 
-    def _learned(self, shares: np.ndarray) -> Regions:
-        """After some forecasts. [C, A]."""
-        if not len(shares):
+    def _without_lost(self, kept: Kept, known: Detections) -> Regions:
+        """Without what people taught who were not seen up to the last step."""
+        every = slice(0, len(self.steps))
+        lost = np.isnan(self._found(kept, known, every)[0]).any(axis=(1, 2))
+        return self._moved(every, -kept.taught[:, lost].sum(axis=1))
+
+    def _moved(self, some: slice, by: np.ndarray) -> Regions:
+        """With a and b at some steps moved by something. [2, S]."""
+        if not by.any():
             return self
-        z50, z90, z95 = ((shares > _SHARES) - (1.0 - _SHARES)).sum(axis=1) / _DEVIATION
-        gain = min(_GAIN, _STEP / len(shares))
-        return replace(
-            self,
-            wider=np.clip(self.wider + gain * (z50 + z90 + z95) / 3.0, *_WIDER),
-            tails=np.clip(self.tails + 0.5 * gain * (0.5 * (z90 + z95) - z50), *_TAILS),
-        )
+        wider, tails = self.wider.copy(), self.tails.copy()
+        wider[some] = np.clip(wider[some] + by[0], *_WIDER)
+        tails[some] = np.clip(tails[some] + by[1], *_TAILS)
+        return replace(self, wider=wider, tails=tails)
 
 
 def learned(
