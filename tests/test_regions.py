@@ -87,15 +87,15 @@ def stepped(regions, predictions, track_id, time_s, here, frames):
     return regions
 
 
-@pytest.mark.parametrize(("until", "compared_s"), [(7, 0.0), (8, 0.6), (12, 1.5), (16, 3.0)])
+@pytest.mark.parametrize(("until", "compared_s"), [(4, 0.0), (5, 0.3), (6, 0.6), (9, 1.5), (14, 3.0)])
 def test_each_step_learns_as_soon_as_its_time_has_come(until, compared_s):
-    """The first forecasts are kept in frame 4, at 1.2 s, and forecasts are compared every 1.2 s."""
+    """The first forecasts are kept at 0.9 s, when people have been detected four times; 0.2 s are waited."""
     time_s, track_id, here, right = walks(np.random.default_rng(2), frames=20)
     given_ = scaled(right, 0.4)
     regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(until + 1))
     over = (regions.steps + 1) * DT_S < compared_s + 0.01
-    assert (regions.wider[over] > 0.05).all()
-    np.testing.assert_array_equal(regions.wider[~over], 0.0)
+    assert (regions.learned[0, over] > 0.02).all()
+    np.testing.assert_array_equal(regions.learned[0, ~over], 0.0)
 
 
 def test_people_who_leave_teach_nothing_in_the_end():
@@ -104,12 +104,12 @@ def test_people_who_leave_teach_nothing_in_the_end():
     stays = time_s < 2.8
     given_ = scaled(right, 0.5)
     regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(10))
-    assert (regions.wider[:2] > 0.05).all()
+    assert (regions.learned[0, :2] > 0.02).all()
     nobody = np.flatnonzero(~stays)[:0]
     for time in np.unique(time_s[~stays]):
         own = given_.select(nobody)
         regions, _ = regions.after(float(time), track_id[nobody], here[nobody], nobody >= 0, own)
-    np.testing.assert_allclose([regions.wider, regions.tails], 0.0, atol=1e-12)
+    np.testing.assert_allclose(regions.learned, 0.0, atol=1e-12)
 
 
 @settings(deadline=None)
@@ -144,7 +144,7 @@ def test_what_is_kept_does_not_grow():
         rows = np.arange(frame * 30, (frame + 1) * 30)
         own = predictions.select(rows)
         regions, _ = regions.after(time_s[rows[0]], track_id[rows] + frame, here[rows], rows >= 0, own)
-        sizes.append(max(len(regions.kept), len(regions.detections)))
+        sizes.append(max(len(regions.waiting), len(regions.taught), len(regions.detections)))
     assert max(sizes) == max(sizes[:50]) < 50
 
 
@@ -156,7 +156,7 @@ def test_with_nobody_known_it_keeps_what_it_learned():
         own = scaled(predictions.select(rows), 0.5)
         regions, _ = regions.after(time_s[rows[0]], track_id[rows], here[rows], rows >= 0, own)
     alone = regions.without_people()
-    assert alone.kept == alone.detections == ()
+    assert alone.waiting == alone.taught == alone.detections == ()
     own = predictions.select(np.arange(20))
     np.testing.assert_array_equal(alone.scaled(own).covariance, regions.scaled(own).covariance)
     assert (regions.scaled(own).covariance[:, 0, :, 0, 0] > own.covariance[:, 0, :, 0, 0]).all()

@@ -10,7 +10,7 @@ from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
 
 GAP_S = 1.0
 """Positions are known between detections that are at most so far apart, s."""
-_NEAR_S, _MANY = 0.2, 3
+NEAR_S, _MANY = 0.2, 3
 """A line is fitted to the detections this near in time, s, if there are so many."""
 
 
@@ -42,7 +42,11 @@ class Detections:
             Positions, NaN between detections too far apart [Q, 2]; their variance in units of a detection's
             [Q].
         """
-        before = last_rows(self.track_id, self.time_s, track_id, time_s)
+        earlier_s, later_s = time_s - NEAR_S - 2 * TIME_TOLERANCE_S, time_s + NEAR_S
+        asked_s = np.concatenate([time_s, earlier_s, later_s])
+        before, first, end = last_rows(self.track_id, self.time_s, np.tile(track_id, 3), asked_s).reshape(
+            3, -1
+        )
         after = np.minimum(before + 1, len(self.time_s) - 1)
         exact = np.abs(self.time_s[before] - time_s) <= TIME_TOLERANCE_S
         after = np.where(exact, before, after)
@@ -52,10 +56,7 @@ class Detections:
         part = np.where(exact, 0.0, (time_s - self.time_s[before]) / np.where(span_s > 0, span_s, 1.0))
         found = self.position[before] + part[:, None] * (self.position[after] - self.position[before])
         noise = (1.0 - part) ** 2 + part**2
-        earlier_s, later_s = time_s - _NEAR_S - 2 * TIME_TOLERANCE_S, time_s + _NEAR_S
-        first = last_rows(self.track_id, self.time_s, track_id, earlier_s) + 1
-        first = np.maximum(first, np.searchsorted(self.track_id, track_id))
-        end = last_rows(self.track_id, self.time_s, track_id, later_s) + 1
+        first, end = np.maximum(first + 1, np.searchsorted(self.track_id, track_id)), end + 1
         many = end - first >= _MANY
         if many.any():
             found[many], noise[many] = self._on_line(first[many], end[many], time_s[many])

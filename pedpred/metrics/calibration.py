@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
 from pedpred.compiled import compiled
 from pedpred.scenes import Predictions
-
-_POINTS = 64
-"""Points of equal probability that stand for a Gaussian: a sunflower, so that few are enough."""
 
 _GOLDEN_RAD = math.pi * (3.0 - math.sqrt(5.0))
 
@@ -71,7 +69,38 @@ def radius2(share: np.ndarray | float) -> np.ndarray:
     return -2.0 * np.log1p(-np.asarray(share, dtype=np.float64))
 
 
-def share_inside(predictions: Predictions, truth: np.ndarray) -> np.ndarray:
+class Points(NamedTuple):
+    """Points that stand for a standard Gaussian.
+
+    Attributes:
+        offset: [N, 2]
+        mass: their probabilities. [N]
+    """
+
+    offset: np.ndarray
+    mass: np.ndarray
+
+
+def sunflower(bounds: np.ndarray) -> Points:
+    """One point in each ring, at golden angles, so that few are enough.
+
+    Args:
+        bounds: shares of the probability within the bounds of the rings, from 0 to 1. [N + 1]
+    """
+    middle, place = 0.5 * (bounds[1:] + bounds[:-1]), np.arange(len(bounds) - 1) + 0.5
+    radius, angle = np.sqrt(radius2(middle)), place * _GOLDEN_RAD
+    return Points(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1), np.diff(bounds))
+
+
+FINE = sunflower(np.linspace(0.0, 1.0, 65))
+"""64 points of equal probability."""
+COARSE = sunflower(
+    np.array([*np.linspace(0.0, 0.5, 6), *np.linspace(0.5, 0.9, 6)[1:], 0.925, 0.95, 0.975, 1.0])
+)
+"""14 points for regions of 50, 90 and 95 %, which are bounds of rings."""
+
+
+def share_inside(predictions: Predictions, truth: np.ndarray, points: Points = FINE) -> np.ndarray:
     """Share of the probability in the smallest region that reaches the truth; uniform where calibrated.
 
     That region is where the density is higher than at the truth: 1 - exp(-d^2 / 2) of a single Gaussian; of
@@ -80,6 +109,7 @@ def share_inside(predictions: Predictions, truth: np.ndarray) -> np.ndarray:
     Args:
         predictions: of W people, with covariances.
         truth: same frame, m. [W, P, 2]
+        points: of each mode.
 
     Returns:
         [W, P]
@@ -88,16 +118,13 @@ def share_inside(predictions: Predictions, truth: np.ndarray) -> np.ndarray:
     if predictions.modes == 1:
         error = truth - predictions.most_likely
         return 1.0 - np.exp(-0.5 * squared_mahalanobis(error, predictions.covariance[:, 0]))
-    root = np.linalg.cholesky(predictions.covariance)
-    place = np.arange(_POINTS) + 0.5
-    radius, angle = np.sqrt(radius2(place / _POINTS)), place * _GOLDEN_RAD
-    points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+    root = np.linalg.cholesky(predictions.covariance).astype(np.float64)
     weight = np.asarray(predictions.weight, np.float64)
-    return _share_inside(predictions.path - truth[:, None], root.astype(np.float64), weight, points)
+    return _share_inside(predictions.path - truth[:, None], root, weight, points.offset, points.mass)
 
 
 @compiled
-def _share_inside(centre, root, weight, points):  # pragma: no cover (compiled)
+def _share_inside(centre, root, weight, points, mass):  # pragma: no cover (compiled)
     """Of modes [W, K, P, 2] around the truth, with L of Sigma = L L^T [W, K, P, 2, 2]. [W, P]."""
     rows, modes, steps = centre.shape[:3]
     found, modes_there = np.zeros((rows, steps)), np.empty((modes, 8))
@@ -114,13 +141,13 @@ def _share_inside(centre, root, weight, points):  # pragma: no cover (compiled)
                 here += _density(0.0, 0.0, modes_there, mode)
                 left += own[5]
             for mode in range(modes):
-                inside = 0
+                inside = 0.0
                 for k in range(len(points)):
                     x = modes_there[mode, 0] + modes_there[mode, 2] * points[k, 0]
                     y = modes_there[mode, 1] + modes_there[mode, 3] * points[k, 0]
                     y += modes_there[mode, 4] * points[k, 1]
-                    inside += _denser(x, y, modes_there, mode, left, here)
-                found[row, step] += weight[row, mode] * inside / len(points)
+                    inside += mass[k] * _denser(x, y, modes_there, mode, left, here)
+                found[row, step] += weight[row, mode] * inside
     return found
 
 
