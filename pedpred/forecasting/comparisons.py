@@ -28,7 +28,7 @@ class Waiting:
         step: index into the steps that are compared.
         forecast: numbers of the forecasts. [N]
         track_id: whose. [N]
-        predictions: as published, that step alone, world frame. [N]
+        given: as published at the steps that are compared, world frame. [N]
         learned: a and b at that step and instant. [2]
     """
 
@@ -36,7 +36,7 @@ class Waiting:
     step: int
     forecast: np.ndarray
     track_id: np.ndarray
-    predictions: Predictions
+    given: Predictions
     learned: np.ndarray
 
 
@@ -85,11 +85,10 @@ def comparison(
     seen, by = ~np.isnan(truth).any(axis=1), np.zeros((2, len(truth)))
     if seen.any():
         since = _LATE * np.repeat([learned[:, own.step] - own.learned for own in due], count, axis=0)[seen]
-        given = Predictions.join([own.predictions for own in due]).select(seen)
-        given = widened(given, *since.T[..., None, None])
-        assert given.covariance is not None
-        noise_m2 = noise[seen, None, None, None, None] * noise_m**2 * np.eye(2)
-        given = replace(given, covariance=given.covariance + noise_m2)
+        given = _at_their_steps(due, seen)
+        spread = given.covariance * factor(given.weight, *since.T[..., None, None])[..., None, None]
+        spread += noise[seen, None, None, None, None] * noise_m**2 * np.eye(2)
+        given = replace(given, covariance=spread)
         share = share_inside(given, truth[seen, None], COARSE)[:, 0]
         z50, z90, z95 = ((share > _SHARES) - (1.0 - _SHARES)) / _DEVIATION
         people = np.bincount(step[seen])[step[seen]]
@@ -99,17 +98,37 @@ def comparison(
     return np.split(seen, ends), np.split(by, ends, axis=1)
 
 
-def at_step(predictions: Predictions, step: int) -> Predictions:
-    """One step alone."""
-    some = slice(step, step + 1)
+def _at_their_steps(due: Sequence[Waiting], seen: np.ndarray) -> Predictions:
+    """The forecasts that are compared, each at its own step alone; some of them."""
+    path, covariance = (
+        np.concatenate([getattr(own.given, name)[:, :, own.step] for own in due])[seen, :, None]
+        for name in ("path", "covariance")
+    )
+    weight = np.concatenate([own.given.weight for own in due])[seen]
+    return Predictions(path[:, 0], path, weight, due[0].given.dt_s, covariance)
+
+
+def at_steps(predictions: Predictions, rows: np.ndarray, steps: np.ndarray) -> Predictions:
+    """Of some people, some steps alone."""
     assert predictions.covariance is not None
-    path, covariance = predictions.path[:, :, some], predictions.covariance[:, :, some]
-    return replace(predictions, point=predictions.point[:, some], path=path, covariance=covariance)
+    point, path, covariance = predictions.point[rows], predictions.path[rows], predictions.covariance[rows]
+    return replace(
+        predictions,
+        point=point[:, steps],
+        path=path[:, :, steps],
+        weight=predictions.weight[rows],
+        covariance=covariance[:, :, steps],
+    )
 
 
 def widened(predictions: Predictions, wider: np.ndarray, tails: np.ndarray) -> Predictions:
     """With standard deviations times exp(a + b (2 t_k - 1)), see `regions`; a and b fit [W, K, P]."""
     assert predictions.covariance is not None
-    before = np.cumsum(predictions.weight, axis=1) - 0.5 * predictions.weight
-    factor = np.exp(2.0 * (wider + tails * (2.0 * before[..., None] - 1.0)))
-    return replace(predictions, covariance=predictions.covariance * factor[..., None, None])
+    wide = factor(predictions.weight, wider, tails)
+    return replace(predictions, covariance=predictions.covariance * wide[..., None, None])
+
+
+def factor(weight: np.ndarray, wider: np.ndarray, tails: np.ndarray) -> np.ndarray:
+    """What covariances are multiplied by; see `widened`."""
+    before = np.cumsum(weight, axis=1) - 0.5 * weight
+    return np.exp(2.0 * (wider + tails * (2.0 * before[..., None] - 1.0)))

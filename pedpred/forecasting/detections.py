@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
+from pedpred.compiled import compiled
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 GAP_S = 1.0
 """Positions are known between detections that are at most so far apart, s."""
@@ -42,35 +43,43 @@ class Detections:
             Positions, NaN between detections too far apart [Q, 2]; their variance in units of a detection's
             [Q].
         """
-        earlier_s, later_s = time_s - NEAR_S - 2 * TIME_TOLERANCE_S, time_s + NEAR_S
-        asked_s = np.concatenate([time_s, earlier_s, later_s])
-        before, first, end = last_rows(self.track_id, self.time_s, np.tile(track_id, 3), asked_s).reshape(
-            3, -1
-        )
-        after = np.minimum(before + 1, len(self.time_s) - 1)
-        exact = np.abs(self.time_s[before] - time_s) <= TIME_TOLERANCE_S
-        after = np.where(exact, before, after)
-        span_s = self.time_s[after] - self.time_s[before]
-        near = (self.track_id[after] == track_id) & (after > before) & (span_s <= GAP_S + TIME_TOLERANCE_S)
-        known = (before >= 0) & (exact | near)
-        part = np.where(exact, 0.0, (time_s - self.time_s[before]) / np.where(span_s > 0, span_s, 1.0))
-        found = self.position[before] + part[:, None] * (self.position[after] - self.position[before])
-        noise = (1.0 - part) ** 2 + part**2
-        first, end = np.maximum(first + 1, np.searchsorted(self.track_id, track_id)), end + 1
-        many = end - first >= _MANY
-        if many.any():
-            found[many], noise[many] = self._on_line(first[many], end[many], time_s[many])
-        return np.where(known[:, None], found, np.nan), noise
+        return _at(self.track_id, self.time_s, self.position, track_id, time_s)
 
-    def _on_line(
-        self, first: np.ndarray, end: np.ndarray, time_s: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Values at some times of lines that are fitted to the rows from first to before end; see `at`."""
-        since_s, offset = (self.time_s - self.time_s[0])[:, None], self.position - self.position[0]
-        terms = np.concatenate([since_s, since_s**2, offset, since_s * offset], axis=1)
-        sums = np.concatenate([np.zeros((1, terms.shape[1])), np.cumsum(terms, axis=0)])
-        count = (end - first)[:, None]
-        t, tt, p, tp = np.split((sums[end] - sums[first]) / count, [1, 2, 4], axis=1)
-        spread, off_s = tt - t * t, time_s[:, None] - self.time_s[0] - t
-        value = self.position[0] + p + (tp - t * p) / spread * off_s
-        return value, ((1.0 + off_s**2 / spread) / count)[:, 0]
+
+@compiled
+def _at(known_id, known_s, position, track_id, time_s):  # pragma: no cover (compiled)
+    """See `Detections.at`."""
+    found, noise = np.full((len(time_s), 2), np.nan), np.ones(len(time_s))
+    for q in range(len(time_s)):
+        begin = np.searchsorted(known_id, track_id[q])
+        end = np.searchsorted(known_id, track_id[q], side="right")
+        own_s, own, now_s = known_s[begin:end], position[begin:end], time_s[q]
+        after = np.searchsorted(own_s, now_s - TIME_TOLERANCE_S)
+        if after == len(own_s):
+            continue
+        before, part = after, 0.0
+        if own_s[after] > now_s + TIME_TOLERANCE_S:
+            before, gap_s = after - 1, own_s[after] - own_s[after - 1]
+            if before < 0 or gap_s > GAP_S + TIME_TOLERANCE_S:
+                continue
+            part = (now_s - own_s[before]) / gap_s
+        first = np.searchsorted(own_s, now_s - NEAR_S - TIME_TOLERANCE_S)
+        last = np.searchsorted(own_s, now_s + NEAR_S + TIME_TOLERANCE_S, side="right")
+        if last - first >= _MANY:
+            found[q], noise[q] = _on_line(own_s[first:last] - now_s, own[first:last])
+        else:
+            found[q] = own[before] + part * (own[after] - own[before])
+            noise[q] = (1.0 - part) ** 2 + part**2
+    return found, noise
+
+
+@compiled
+def _on_line(off_s, position):  # pragma: no cover (compiled)
+    """Value at 0 s of a line that is fitted to some positions, and its variance in units of theirs."""
+    middle_s, spread, count = off_s.mean(), off_s.var(), len(off_s)
+    value, noise = np.zeros(2), 0.0
+    for k in range(count):
+        share = (1.0 - (off_s[k] - middle_s) * middle_s / spread) / count
+        value += share * position[k]
+        noise += share * share
+    return value, noise

@@ -25,7 +25,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pedpred.forecasting.comparisons import Taught, Waiting, at_step, comparison, widened
+from pedpred.forecasting.comparisons import Taught, Waiting, at_steps, comparison, widened
 from pedpred.forecasting.detections import NEAR_S, Detections
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -108,7 +108,7 @@ class Regions:
         since_s = time_s - _LATELY_S
         lately = tuple(part for part in here.detections if len(part.time_s) and part.time_s[0] >= since_s)
         here = replace(here, looked_s=time_s, detections=lately)
-        return here._keeping(time_s, track_id[rows], scaled.select(rows)), scaled
+        return here._keeping(time_s, track_id[rows], at_steps(scaled, rows, self.steps)), scaled
 
     def scaled(self, predictions: Predictions) -> Predictions:
         """Predictions whose regions are as learned so far."""
@@ -117,15 +117,15 @@ class Regions:
         each = np.arange(predictions.steps)
         return widened(predictions, *(np.interp(each, self.steps, values) for values in self.learned))
 
-    def _keeping(self, time_s: float, track_id: np.ndarray, predictions: Predictions) -> Regions:
-        """With the forecasts of some people waiting for their time."""
+    def _keeping(self, time_s: float, track_id: np.ndarray, given: Predictions) -> Regions:
+        """With the forecasts of some people waiting for their time; of the steps that are compared."""
         if not len(track_id):
             return self
         forecast = self.made + np.arange(len(track_id))
-        due_s = time_s + predictions.dt_s * (self.steps + 1) + NEAR_S
+        due_s = time_s + given.dt_s * (self.steps + 1) + NEAR_S
         new = [
-            Waiting(float(due_s[k]), k, forecast, track_id, at_step(predictions, step), self.learned[:, k])
-            for k, step in enumerate(self.steps)
+            Waiting(float(due_s[k]), k, forecast, track_id, given, self.learned[:, k])
+            for k in range(len(self.steps))
         ]
         return replace(self, made=self.made + len(track_id), waiting=(*self.waiting, *new))
 
@@ -140,7 +140,7 @@ class Regions:
         moved, taught = np.zeros_like(self.learned), list(self.taught)
         for own, added in zip(due, by, strict=True):
             moved[:, own.step] += added.sum(axis=1)
-            until_s = own.due_s + own.predictions.dt_s * (self.steps[-1] - self.steps[own.step])
+            until_s = own.due_s + own.given.dt_s * (self.steps[-1] - self.steps[own.step])
             taught.append(Taught(until_s, own.step, own.forecast, added))
         lost = np.concatenate([own.forecast[~here] for own, here in zip(due, seen, strict=True)])
         if len(lost):

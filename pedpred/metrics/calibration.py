@@ -75,10 +75,12 @@ class Points(NamedTuple):
     Attributes:
         offset: [N, 2]
         mass: their probabilities. [N]
+        density: there, in units of the highest. [N]
     """
 
     offset: np.ndarray
     mass: np.ndarray
+    density: np.ndarray
 
 
 def sunflower(bounds: np.ndarray) -> Points:
@@ -89,7 +91,8 @@ def sunflower(bounds: np.ndarray) -> Points:
     """
     middle, place = 0.5 * (bounds[1:] + bounds[:-1]), np.arange(len(bounds) - 1) + 0.5
     radius, angle = np.sqrt(radius2(middle)), place * _GOLDEN_RAD
-    return Points(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1), np.diff(bounds))
+    offset = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+    return Points(offset, np.diff(bounds), 1.0 - middle)
 
 
 FINE = sunflower(np.linspace(0.0, 1.0, 65))
@@ -118,61 +121,63 @@ def share_inside(predictions: Predictions, truth: np.ndarray, points: Points = F
     if predictions.modes == 1:
         error = truth - predictions.most_likely
         return 1.0 - np.exp(-0.5 * squared_mahalanobis(error, predictions.covariance[:, 0]))
-    root = np.linalg.cholesky(predictions.covariance).astype(np.float64)
-    weight = np.asarray(predictions.weight, np.float64)
-    return _share_inside(predictions.path - truth[:, None], root, weight, points.offset, points.mass)
+    centre, weight = predictions.path - truth[:, None], np.asarray(predictions.weight, np.float64)
+    return _share_inside(centre, predictions.covariance, weight, points)
 
 
 @compiled
-def _share_inside(centre, root, weight, points, mass):  # pragma: no cover (compiled)
-    """Of modes [W, K, P, 2] around the truth, with L of Sigma = L L^T [W, K, P, 2, 2]. [W, P]."""
+def _share_inside(centre, covariance, weight, points):  # pragma: no cover (compiled)
+    """Of modes [W, K, P, 2] around the truth. [W, P]."""
     rows, modes, steps = centre.shape[:3]
     found, modes_there = np.zeros((rows, steps)), np.empty((modes, 8))
     for row in range(rows):
         for step in range(steps):
             here = left = 0.0
             for mode in range(modes):
-                own = modes_there[mode]  # mean, L, density at the mean (without 2 pi), inverse diagonal of L
+                # mean, L of Sigma = L L^T, density at the mean (without 2 pi), inverse diagonal of L
+                own, sigma = modes_there[mode], covariance[row, mode, step]
                 own[0], own[1] = centre[row, mode, step, 0], centre[row, mode, step, 1]
-                own[2], own[3] = root[row, mode, step, 0, 0], root[row, mode, step, 1, 0]
-                own[4] = root[row, mode, step, 1, 1]
+                own[2] = math.sqrt(sigma[0, 0])
+                own[3] = sigma[1, 0] / own[2]
+                own[4] = math.sqrt(sigma[1, 1] - own[3] * own[3])
                 own[5] = weight[row, mode] / (own[2] * own[4])
                 own[6], own[7] = 1.0 / own[2], 1.0 / own[4]
-                here += _density(0.0, 0.0, modes_there, mode)
+                here += _density(0.0, 0.0, own)
                 left += own[5]
             for mode in range(modes):
-                inside = 0.0
-                for k in range(len(points)):
-                    x = modes_there[mode, 0] + modes_there[mode, 2] * points[k, 0]
-                    y = modes_there[mode, 1] + modes_there[mode, 3] * points[k, 0]
-                    y += modes_there[mode, 4] * points[k, 1]
-                    inside += mass[k] * _denser(x, y, modes_there, mode, left, here)
+                own, inside = modes_there[mode], 0.0
+                for k in range(len(points.offset)):
+                    x = own[0] + own[2] * points.offset[k, 0]
+                    y = own[1] + own[3] * points.offset[k, 0] + own[4] * points.offset[k, 1]
+                    at_point = own[5] * points.density[k]
+                    if at_point > here or _denser(x, y, modes_there, mode, at_point, left - own[5], here):
+                        inside += points.mass[k]
                 found[row, step] += weight[row, mode] * inside
     return found
 
 
 @compiled
-def _denser(x, y, modes_there, first, left, here):  # pragma: no cover (compiled)
-    """Whether the density at a point exceeds `here`; stops as soon as the other modes cannot change it."""
-    total = 0.0
-    for n in range(len(modes_there)):
-        mode = first if n == 0 else n - 1 if n <= first else n
-        if total + left <= here:
+def _denser(x, y, modes_there, own, density, left, here):  # pragma: no cover (compiled)
+    """Whether `density` and that of the others exceed `here`; stops once the rest cannot change it."""
+    for mode in range(len(modes_there)):
+        if mode == own:
+            continue
+        if density + left <= here:
             return False
-        total += _density(x, y, modes_there, mode)
+        density += _density(x, y, modes_there[mode])
         left -= modes_there[mode, 5]
-        if total > here:
+        if density > here:
             return True
     return False
 
 
 @compiled
-def _density(x, y, modes_there, mode):  # pragma: no cover (compiled)
+def _density(x, y, own):  # pragma: no cover (compiled)
     """Density of a mode at a point, up to the factor 2 pi."""
-    u = (x - modes_there[mode, 0]) * modes_there[mode, 6]
-    v = (y - modes_there[mode, 1] - modes_there[mode, 3] * u) * modes_there[mode, 7]
+    u = (x - own[0]) * own[6]
+    v = (y - own[1] - own[3] * u) * own[7]
     away = 0.5 * (u * u + v * v)
-    return modes_there[mode, 5] * math.exp(-away) if away < 40.0 else 0.0  # below rounding
+    return own[5] * math.exp(-away) if away < 40.0 else 0.0  # below rounding
 
 
 def coverage(inside: np.ndarray, share: float) -> np.ndarray:
