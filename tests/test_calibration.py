@@ -9,11 +9,14 @@ from pedpred.baselines.kalman import kalman_covariance
 from pedpred.evaluation import EvaluationSettings, Scores, summaries
 from pedpred.geometry import rotate, rotated_covariance
 from pedpred.metrics.calibration import (
+    COARSE,
     REGIONS,
     coverage,
+    describe,
     negative_log_likelihood,
     radius2,
     share_inside,
+    share_reached,
     squared_mahalanobis,
 )
 from pedpred.scenes import Predictions
@@ -79,6 +82,21 @@ def test_what_is_drawn_from_several_modes_lies_in_their_regions():
     inside = share_inside(forecast, truth)
     for share in REGIONS:
         assert coverage(inside, share) == pytest.approx(share, abs=0.02)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32 - 1), st.lists(st.floats(0.01, 1.0), min_size=2, max_size=6))
+def test_shares_with_limits_are_on_the_same_side_of_each(seed, weights):
+    rng, limits, modes = np.random.default_rng(seed), np.array(REGIONS), np.empty((len(weights), 9))
+    forecast = some_modes(rng, 20, np.sort(weights)[::-1] / np.sum(weights))
+    truth = rng.normal(size=(20, 1, 2))
+    exact = share_inside(forecast, truth, COARSE)
+    for row in range(20):
+        for k, weight in enumerate(forecast.weight[row]):
+            (x, y), sigma = forecast.path[row, k, 0] - truth[row, 0], forecast.covariance[row, k, 0]
+            describe(modes[k], x, y, sigma[0, 0], sigma[1, 0], sigma[1, 1], weight)
+        share = share_reached(modes, COARSE, limits)
+        np.testing.assert_array_equal(share > limits, exact[row] > limits)
 
 
 def test_one_mode_written_as_several_has_the_same_regions():

@@ -33,6 +33,11 @@ class Detections:
         order = np.argsort(track_id, kind="stable")
         return cls(time_s[order], track_id[order], position[order])
 
+    def since(self, time_s: float) -> Detections:
+        """Those from an instant on."""
+        late = self.time_s >= time_s
+        return Detections(self.time_s[late], self.track_id[late], self.position[late])
+
     def at(self, track_id: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions of some tracks, and their noise.
 

@@ -20,12 +20,12 @@ declared variance is added to that of the forecast before they are compared.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
-from pedpred.forecasting.comparisons import Taught, Waiting, at_steps, comparison, widened
+from pedpred.forecasting.comparisons import Taught, Waiting, comparison, widened
 from pedpred.forecasting.detections import NEAR_S, Detections
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -52,7 +52,7 @@ class Regions:
         made: number of forecasts kept so far.
         waiting: for their time.
         taught: what may be taken back.
-        detections: by instant.
+        detections: of the last seconds; in parts whose instants rise.
     """
 
     steps: np.ndarray
@@ -61,7 +61,7 @@ class Regions:
     looked_s: float = -np.inf
     made: int = 0
     waiting: tuple[Waiting, ...] = ()
-    taught: tuple[Taught, ...] = ()
+    taught: Taught = field(default_factory=Taught.nothing)
     detections: tuple[Detections, ...] = ()
 
     @classmethod
@@ -72,7 +72,7 @@ class Regions:
 
     def without_people(self) -> Regions:
         """What was learned, with nobody to learn from."""
-        return replace(self, looked_s=-np.inf, waiting=(), taught=(), detections=())
+        return replace(self, looked_s=-np.inf, waiting=(), taught=Taught.nothing(), detections=())
 
     def after(
         self,
@@ -97,18 +97,16 @@ class Regions:
         if given.covariance is None:
             return self, given
         now = Detections(np.full(int(seen.sum()), time_s), track_id[seen], detection[seen])
-        here = replace(self, detections=(*self.detections, now))
+        parts = (*self.detections, now)
         if time_s < self.looked_s + _EVERY_S - TIME_TOLERANCE_S:
-            return here, here.scaled(given)
-        known = Detections.join(here.detections)
-        here = here._compared(time_s, known)
+            return replace(self, detections=parts), self.scaled(given)
+        known = Detections.join(parts)
+        here = self._compared(time_s, known)
         scaled = here.scaled(given)
         first, end = (np.searchsorted(known.track_id, track_id, side) for side in ("left", "right"))
         rows = np.flatnonzero(seen & (end - first >= _KNOWN))
-        since_s = time_s - _LATELY_S
-        lately = tuple(part for part in here.detections if len(part.time_s) and part.time_s[0] >= since_s)
-        here = replace(here, looked_s=time_s, detections=lately)
-        return here._keeping(time_s, track_id[rows], at_steps(scaled, rows, self.steps)), scaled
+        here = here._keeping(time_s, track_id[rows], rows, scaled)
+        return replace(here, looked_s=time_s, detections=(known.since(time_s - _LATELY_S),)), scaled
 
     def scaled(self, predictions: Predictions) -> Predictions:
         """Predictions whose regions are as learned so far."""
@@ -117,14 +115,22 @@ class Regions:
         each = np.arange(predictions.steps)
         return widened(predictions, *(np.interp(each, self.steps, values) for values in self.learned))
 
-    def _keeping(self, time_s: float, track_id: np.ndarray, given: Predictions) -> Regions:
-        """With the forecasts of some people waiting for their time; of the steps that are compared."""
+    def _keeping(self, time_s: float, track_id: np.ndarray, rows: np.ndarray, given: Predictions) -> Regions:
+        """With the forecasts of some people waiting for their time."""
         if not len(track_id):
             return self
+        assert given.covariance is not None
         forecast = self.made + np.arange(len(track_id))
-        due_s = time_s + given.dt_s * (self.steps + 1) + NEAR_S
+        due_s = (time_s + given.dt_s * (self.steps + 1) + NEAR_S).tolist()
+        weight = given.weight[rows].astype(np.float64)
+        path, covariance = (  # [A, N, K, ...]
+            values[rows, :, self.steps[:, None]].astype(np.float64)
+            for values in (given.path, given.covariance)
+        )
         new = [
-            Waiting(float(due_s[k]), k, forecast, track_id, given, self.learned[:, k])
+            Waiting(
+                due_s[k], due_s[-1], k, forecast, track_id, path[k], covariance[k], weight, self.learned[:, k]
+            )
             for k in range(len(self.steps))
         ]
         return replace(self, made=self.made + len(track_id), waiting=(*self.waiting, *new))
@@ -136,23 +142,17 @@ class Regions:
         if not due:
             return self
         span_s = min(time_s - self.looked_s, _LONG_S)
-        seen, by = comparison(due, known, self.learned, self.noise_m, span_s)
-        moved, taught = np.zeros_like(self.learned), list(self.taught)
-        for own, added in zip(due, by, strict=True):
-            moved[:, own.step] += added.sum(axis=1)
-            until_s = own.due_s + own.given.dt_s * (self.steps[-1] - self.steps[own.step])
-            taught.append(Taught(until_s, own.step, own.forecast, added))
-        lost = np.concatenate([own.forecast[~here] for own, here in zip(due, seen, strict=True)])
+        new, lost = comparison(due, known, self.learned, self.noise_m, span_s)
+        moved, taught = new.sums(len(self.steps)), self.taught.joined(new)
         if len(lost):
-            parts = [before.without(lost) for before in taught]
-            for before, gone in parts:
-                moved[:, before.step] -= gone
-            taught = [before for before, _ in parts]
+            gone = np.isin(taught.forecast, lost)
+            moved -= taught.select(gone).sums(len(self.steps))
+            taught = taught.select(~gone)
         return replace(
             self,
             learned=np.clip(self.learned + moved, *_LIMITS),
             waiting=tuple(own for own in self.waiting if own.due_s > now_s),
-            taught=tuple(own for own in taught if own.until_s > now_s),
+            taught=taught.select(taught.until_s > now_s),
         )
 
 

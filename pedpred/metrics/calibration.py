@@ -118,9 +118,6 @@ def share_inside(predictions: Predictions, truth: np.ndarray, points: Points = F
         [W, P]
     """
     assert predictions.covariance is not None
-    if predictions.modes == 1:
-        error = truth - predictions.most_likely
-        return 1.0 - np.exp(-0.5 * squared_mahalanobis(error, predictions.covariance[:, 0]))
     centre, weight = predictions.path - truth[:, None], np.asarray(predictions.weight, np.float64)
     return _share_inside(centre, predictions.covariance, weight, points)
 
@@ -129,30 +126,53 @@ def share_inside(predictions: Predictions, truth: np.ndarray, points: Points = F
 def _share_inside(centre, covariance, weight, points):  # pragma: no cover (compiled)
     """Of modes [W, K, P, 2] around the truth. [W, P]."""
     rows, modes, steps = centre.shape[:3]
-    found, modes_there = np.zeros((rows, steps)), np.empty((modes, 8))
+    found, limits, there = np.zeros((rows, steps)), np.zeros(0), np.empty((modes, 9))
     for row in range(rows):
         for step in range(steps):
-            here = left = 0.0
             for mode in range(modes):
-                # mean, L of Sigma = L L^T, density at the mean (without 2 pi), inverse diagonal of L
-                own, sigma = modes_there[mode], covariance[row, mode, step]
-                own[0], own[1] = centre[row, mode, step, 0], centre[row, mode, step, 1]
-                own[2] = math.sqrt(sigma[0, 0])
-                own[3] = sigma[1, 0] / own[2]
-                own[4] = math.sqrt(sigma[1, 1] - own[3] * own[3])
-                own[5] = weight[row, mode] / (own[2] * own[4])
-                own[6], own[7] = 1.0 / own[2], 1.0 / own[4]
-                here += _density(0.0, 0.0, own)
-                left += own[5]
-            for mode in range(modes):
-                own, inside = modes_there[mode], 0.0
-                for k in range(len(points.offset)):
-                    x = own[0] + own[2] * points.offset[k, 0]
-                    y = own[1] + own[3] * points.offset[k, 0] + own[4] * points.offset[k, 1]
-                    at_point = own[5] * points.density[k]
-                    if at_point > here or _denser(x, y, modes_there, mode, at_point, left - own[5], here):
-                        inside += points.mass[k]
-                found[row, step] += weight[row, mode] * inside
+                (x, y), sigma = centre[row, mode, step], covariance[row, mode, step]
+                describe(there[mode], x, y, sigma[0, 0], sigma[1, 0], sigma[1, 1], weight[row, mode])
+            found[row, step] = share_reached(there, points, limits)
+    return found
+
+
+@compiled
+def describe(own, x, y, xx, xy, yy, weight):  # pragma: no cover (compiled)
+    """Fill a row for `share_reached`: a mode's mean, seen from the truth; its covariance; its weight.
+
+    The row is the mean, L of Sigma = L L^T, the density at the mean (without 2 pi), the inverse diagonal
+    of L, and the weight.
+    """
+    own[0], own[1] = x, y
+    own[2] = math.sqrt(xx)
+    own[3] = xy / own[2]
+    own[4] = math.sqrt(yy - own[3] * own[3])
+    own[5] = weight / (own[2] * own[4])
+    own[6], own[7], own[8] = 1.0 / own[2], 1.0 / own[4], weight
+
+
+@compiled
+def share_reached(modes, points, limits):  # pragma: no cover (compiled)
+    """`share_inside` of one truth; with limits, any value on the same side of each, which is faster."""
+    here = left = 0.0
+    for mode in range(len(modes)):
+        here += _density(0.0, 0.0, modes[mode])
+        left += modes[mode, 5]
+    if len(modes) == 1:
+        return 1.0 - here / left
+    found, rest = 0.0, modes[:, 8].sum()
+    for mode in range(len(modes)):
+        own, inside = modes[mode], 0.0
+        for k in range(len(points.offset)):
+            x = own[0] + own[2] * points.offset[k, 0]
+            y = own[1] + own[3] * points.offset[k, 0] + own[4] * points.offset[k, 1]
+            at_point = own[5] * points.density[k]
+            if at_point > here or _denser(x, y, modes, mode, at_point, left - own[5], here):
+                inside += points.mass[k]
+        found += own[8] * inside
+        rest -= own[8]
+        if len(limits) and not ((limits >= found) & (limits < found + rest)).any():
+            break
     return found
 
 
