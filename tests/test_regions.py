@@ -13,6 +13,7 @@ from pedpred.metrics.calibration import REGIONS, coverage, share_inside
 from pedpred.scenes import Predictions
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
+STAND, WALK = 0, 1
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -94,8 +95,8 @@ def test_each_step_learns_as_soon_as_its_time_has_come(until, compared_s):
     given_ = scaled(right, 0.4)
     regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(until + 1))
     over = (regions.steps + 1) * DT_S < compared_s + 0.01
-    assert (regions.learned[0, over] > 0.02).all()
-    np.testing.assert_array_equal(regions.learned[0, ~over], 0.0)
+    assert (regions.learned[0, STAND, over] > 0.02).all()
+    np.testing.assert_array_equal(regions.learned[0, STAND, ~over], 0.0)
 
 
 def test_people_who_leave_teach_nothing_in_the_end():
@@ -104,7 +105,7 @@ def test_people_who_leave_teach_nothing_in_the_end():
     stays = time_s < 2.8
     given_ = scaled(right, 0.5)
     regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(10))
-    assert (regions.learned[0, :2] > 0.02).all()
+    assert (regions.learned[0, STAND, :2] > 0.02).all()
     nobody = np.flatnonzero(~stays)[:0]
     for time in np.unique(time_s[~stays]):
         own = given_.select(nobody)

@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.features.beams import obstacle_distances
-from pedpred.features.history import SPACING_S, past_positions, spaced
+from pedpred.features.history import past_positions
 from pedpred.features.nearest import nearest_neighbours
 from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap
+from pedpred.tracking.spacing import SPACING_S, spaced
 
 NOW, DT_S, STEPS = 10.0, 0.3, 8
 

@@ -14,6 +14,7 @@ from pedpred.features.targets import Futures, future_velocities
 from pedpred.geometry import rotate
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import Tracks
+from pedpred.tracking.spacing import SPACING_S, references
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 
@@ -158,19 +159,22 @@ def clock_steps(tracks: Tracks, detection_dt_s: float, settings: FeatureSettings
 def last_differences(tracks: Tracks, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Velocity and acceleration from the last detections up to some rows; 0 where a track is too short.
 
+    Differences span at least `SPACING_S`, see `pedpred.tracking.spacing`.
+
     World frame, m/s and m/s^2. [Q, 2] each.
     """
-    velocity, dt_s = _last_velocity(tracks, row)
-    before, _ = _last_velocity(tracks, np.maximum(row - 1, 0))
-    old = tracks.age[row, None] >= 2
-    return velocity, np.where(old, (velocity - before) / dt_s, 0.0)
+    reference = references(tracks.time_s, tracks.age)
+    before = reference[row]
+    velocity, dt_s = _difference(tracks, before, row)
+    earlier, _ = _difference(tracks, reference[before], before)
+    known = tracks.age[before, None] >= 1
+    return velocity, np.where(known, (velocity - earlier) / dt_s, 0.0)
 
 
-def _last_velocity(tracks: Tracks, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity from the last two detections, [Q, 2], and the time between them (1 s at a birth), [Q, 1]."""
-    before, known = np.maximum(row - 1, 0), tracks.age[row] >= 1
-    dt_s = np.where(known, tracks.time_s[row] - tracks.time_s[before], 1.0)[:, None]
-    return np.where(known[:, None], (tracks.detection[row] - tracks.detection[before]) / dt_s, 0.0), dt_s
+def _difference(tracks: Tracks, before: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity between two detections, [Q, 2], and the time between them, at least `SPACING_S`, [Q, 1]."""
+    dt_s = np.maximum(tracks.time_s[row] - tracks.time_s[before], SPACING_S)[:, None]
+    return (tracks.detection[row] - tracks.detection[before]) / dt_s, dt_s
 
 
 def pedestrians_at(tracks: Tracks, row: np.ndarray, time_s: np.ndarray) -> Pedestrians:

@@ -9,31 +9,8 @@ import numpy as np
 from pedpred.compiled import compiled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
-SPACING_S = 0.05
-"""Earlier detections that follow another one faster than this are left out, so that a history is bounded."""
-
 PAST = 3
 """Numbers per past position: (forward, left), m, and 1 where it is known."""
-
-
-@compiled
-def spaced(time_s, age):  # pragma: no cover (compiled)
-    """Which detections a history keeps: a life's first one, and each `SPACING_S` after the last kept one.
-
-    Args:
-        time_s: detections sorted by (life, time), s. [M]
-        age: number of earlier detections of the same life. [M]
-
-    Returns:
-        [M] bool
-    """
-    kept = np.empty(len(time_s), np.bool_)
-    last_s = -np.inf
-    for row in range(len(time_s)):
-        kept[row] = age[row] == 0 or time_s[row] - last_s >= SPACING_S - TIME_TOLERANCE_S
-        if kept[row]:
-            last_s = time_s[row]
-    return kept
 
 
 def past_positions(

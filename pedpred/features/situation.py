@@ -8,7 +8,7 @@ import numpy as np
 
 from pedpred.features.beams import obstacle_distances
 from pedpred.features.extract import last_differences, neighbours_at, pedestrians_at
-from pedpred.features.history import PAST, past_positions, spaced
+from pedpred.features.history import PAST, past_positions
 from pedpred.features.nearest import NEIGHBOUR, nearest_neighbours
 from pedpred.features.observe import Neighbours, Pedestrians
 from pedpred.features.table import FeatureSettings
@@ -19,7 +19,7 @@ from pedpred.tracking import Tracks
 TRACK = 6
 """Numbers of channel "track": last velocity (m/s), the tracker's P_pp, P_pv, P_vv, and age."""
 OLD = 10
-"""Detections after which a track counts as old."""
+"""Detections after which a track counts as old, of those that a history keeps."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,8 @@ class Past:
         span: rows [first, last) of each person's own, before the last detection. [Q, 2]
         seen_s: time of the last detection, s. [Q]
         seen: its position, m. [Q, 2]
-        last_velocity: from the last two detections; 0 after the first one, m/s. [Q, 2]
+        last_velocity: see `pedpred.features.extract.last_differences`; 0 after the first one, m/s. [Q, 2]
         covariance: (P_pp, P_pv, P_vv) of the tracker after the last detection. [Q, 3]
-        age: number of detections before the last one. [Q]
     """
 
     trail_s: np.ndarray
@@ -44,12 +43,16 @@ class Past:
     seen: np.ndarray
     last_velocity: np.ndarray
     covariance: np.ndarray
-    age: np.ndarray
+
+    @property
+    def age(self) -> np.ndarray:
+        """Number of kept detections before the last one. [Q]."""
+        return self.span[:, 1] - self.span[:, 0]
 
     @classmethod
     def of(cls, tracks: Tracks, row: np.ndarray) -> Past:
         """The past up to some rows of tracks."""
-        kept = np.flatnonzero(spaced(tracks.time_s, tracks.age))
+        kept = np.flatnonzero(tracks.kept())
         first, last = np.searchsorted(kept, row - tracks.age[row]), np.searchsorted(kept, row)
         velocity, _ = last_differences(tracks, row)
         return cls(
@@ -60,7 +63,6 @@ class Past:
             tracks.detection[row],
             velocity,
             tracks.covariance[row],
-            tracks.age[row],
         )
 
 

@@ -39,13 +39,13 @@ class Futures:
 
     @classmethod
     def of(cls, truth: Trajectories, longest_gap_s: float) -> Futures:
-        """Split trajectories where the next detection is more than `longest_gap_s` away."""
+        """Split trajectories at gaps longer than `longest_gap_s` and at jumps (`births`)."""
         order = np.lexsort((truth.time_s, truth.track_id))
-        person_id, time_s = truth.track_id[order], truth.time_s[order]
-        begin = np.flatnonzero(births(person_id, time_s, longest_gap_s))
+        person_id, time_s, position = truth.track_id[order], truth.time_s[order], truth.position[order]
+        begin = np.flatnonzero(births(person_id, time_s, position, longest_gap_s))
         end = np.append(begin, len(order))[1:]
         first, last = np.repeat(begin, end - begin), np.repeat(end, end - begin)
-        return cls(person_id, time_s, truth.position[order], first, last)
+        return cls(person_id, time_s, position, first, last)
 
     def after(
         self, person_id: np.ndarray, time_s: np.ndarray, ahead_s: np.ndarray

@@ -25,6 +25,20 @@ _TEACHES = np.stack([_Z.mean(axis=1), 0.5 * (0.5 * (_Z[:, 1] + _Z[:, 2]) - _Z[:,
 """What such a person adds to a and b per unit of gain. [2, 4]"""
 
 
+GROUPS, _WALKING_MPS = 2, 0.3
+"""People who are forecast to go slower than this, m/s, and the others have regions of their own."""
+
+
+def groups_of(predictions: Predictions) -> np.ndarray:
+    """0 for who is forecast to stand, 1 for who is forecast to walk, by the point forecast. [W] int64.
+
+    Who stands strays less than who walks, and things that a detector takes for people never move.
+    """
+    way = predictions.point[:, -1] - predictions.point[:, 0]
+    slow_m = _WALKING_MPS * (predictions.steps - 1) * predictions.dt_s
+    return (np.hypot(way[:, 0], way[:, 1]) >= slow_m).astype(np.int64)
+
+
 class Waiting(NamedTuple):
     """Forecasts from one instant at one step whose time is still to come.
 
@@ -33,18 +47,20 @@ class Waiting(NamedTuple):
         until_s: when the last step can be compared.
         step: index into the steps that are compared.
         forecast: numbers of the forecasts. [N]
-        track_id: whose. [N]
+        person: whose. [N]
+        group: which regions they have (`groups_of`). [N]
         path: as published at the step, world frame, m. [N, K, 2]
         covariance: of it. [N, K, 2, 2]
         weight: of the modes. [N, K]
-        learned: a and b at that step and instant. [2]
+        learned: a and b of each group at that step and instant. [2, G]
     """
 
     due_s: float
     until_s: float
     step: int
     forecast: np.ndarray
-    track_id: np.ndarray
+    person: np.ndarray
+    group: np.ndarray
     path: np.ndarray
     covariance: np.ndarray
     weight: np.ndarray
@@ -56,12 +72,14 @@ class Taught(NamedTuple):
 
     Attributes:
         until_s: when the last step of the forecast is compared. [M]
+        group: see `Waiting`. [M]
         step: see `Waiting`. [M]
         forecast: number of the forecast. [M]
         by: added to a and b. [2, M]
     """
 
     until_s: np.ndarray
+    group: np.ndarray
     step: np.ndarray
     forecast: np.ndarray
     by: np.ndarray
@@ -69,7 +87,8 @@ class Taught(NamedTuple):
     @classmethod
     def nothing(cls) -> Taught:
         """Before the first comparison."""
-        return cls(np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((2, 0)))
+        none = np.zeros(0, np.int64)
+        return cls(np.zeros(0), none, none, none, np.zeros((2, 0)))
 
     def joined(self, new: Taught) -> Taught:
         """Both."""
@@ -80,8 +99,9 @@ class Taught(NamedTuple):
         return Taught(*(values[..., rows] for values in self))
 
     def sums(self, steps: int) -> np.ndarray:
-        """Of each step. [2, A]."""
-        return self.by @ (self.step[:, None] == np.arange(steps))
+        """Of each group and step. [2, G, A]."""
+        cell = self.group * steps + self.step
+        return (self.by @ (cell[:, None] == np.arange(GROUPS * steps))).reshape(2, GROUPS, steps)
 
 
 def comparison(
@@ -92,7 +112,7 @@ def comparison(
     Args:
         due: at least one.
         known: where people were.
-        learned: a and b now, of each step. [2, A]
+        learned: a and b now, of each group and step. [2, G, A]
         noise_m: see `Regions`.
         span_s: time that the comparisons stand for, s.
 
@@ -104,25 +124,30 @@ def comparison(
         np.repeat(values, count)
         for values in zip(*((own.step, own.due_s, own.until_s) for own in due), strict=True)
     )
-    forecast, track_id = (
-        np.concatenate(values) for values in zip(*((own.forecast, own.track_id) for own in due), strict=True)
+    forecast, person, group = (
+        np.concatenate(values)
+        for values in zip(*((own.forecast, own.person, own.group) for own in due), strict=True)
     )
-    truth, noise = known.at(track_id, due_s - NEAR_S)
+    truth, noise = known.at(person, due_s - NEAR_S)
     missed, variance, ends = np.empty(len(step), np.int64), noise * noise_m**2, np.cumsum(count)
     for own, begin, end in zip(due, ends - count, ends, strict=True):
-        since = _LATE * (learned[:, own.step] - own.learned)
+        since = _LATE * (learned[:, :, own.step] - own.learned)[:, own.group]
         there = own.path, own.covariance, own.weight, truth[begin:end], variance[begin:end], since
         _count(missed[begin:end], *there, _SHARES, COARSE)
     seen = missed >= 0
-    people = np.bincount(step[seen], minlength=learned.shape[1])
+    cell = group * learned.shape[2] + step
+    people = np.bincount(cell[seen], minlength=learned[0].size)
     gain = span_s * np.minimum(_GAIN, _STEP / np.maximum(people, 1))
-    taught = Taught(until_s, step, forecast, gain[step] * _TEACHES[:, missed])
+    taught = Taught(until_s, group, step, forecast, gain[cell] * _TEACHES[:, missed])
     return taught.select(seen), forecast[~seen]
 
 
 @compiled
 def _count(missed, path, covariance, weight, truth, variance, since, shares, points):  # pragma: no cover
-    """Write how many regions do not hold the truth, -1 if that is not known; see `Waiting`. [N]."""
+    """Write how many regions do not hold the truth, -1 if that is not known; see `Waiting`. [N].
+
+    `since` is what each row's a and b have learned since its forecast. [2, N]
+    """
     modes = np.empty((path.shape[1], 9))
     for row in range(len(path)):
         (x, y), noise, before = truth[row], variance[row], 0.0
@@ -131,7 +156,7 @@ def _count(missed, path, covariance, weight, truth, variance, since, shares, poi
             continue
         for mode in range(len(modes)):
             own, mean, sigma = weight[row, mode], path[row, mode], covariance[row, mode]
-            wide = math.exp(2.0 * (since[0] + since[1] * (2.0 * before + own - 1.0)))
+            wide = math.exp(2.0 * (since[0, row] + since[1, row] * (2.0 * before + own - 1.0)))
             xx, xy, yy = wide * sigma[0, 0] + noise, wide * sigma[1, 0], wide * sigma[1, 1] + noise
             describe(modes[mode], mean[0] - x, mean[1] - y, xx, xy, yy, own)
             before += own
@@ -139,8 +164,8 @@ def _count(missed, path, covariance, weight, truth, variance, since, shares, poi
 
 
 def widened(predictions: Predictions, wider: np.ndarray, tails: np.ndarray) -> Predictions:
-    """With standard deviations times exp(a + b (2 t_k - 1)), see `regions`; a and b of each step. [P]."""
+    """With standard deviations times exp(a + b (2 t_k - 1)), see `regions`; each row's a and b. [W, P]."""
     assert predictions.covariance is not None
     before = np.cumsum(predictions.weight, axis=1) - 0.5 * predictions.weight
-    wide = np.exp(2.0 * (wider + tails * (2.0 * before[..., None] - 1.0)))
+    wide = np.exp(2.0 * (wider[:, None] + tails[:, None] * (2.0 * before[..., None] - 1.0)))
     return replace(predictions, covariance=predictions.covariance * wide[..., None, None])

@@ -17,47 +17,48 @@ NEAR_S, _MANY = 0.2, 3
 
 @dataclass(frozen=True)
 class Detections:
-    """Where people were at some instants, world frame: time_s [M], track_id [M], position, m [M, 2]."""
+    """Where people were at some instants, world frame: time_s [M], person [M], position, m [M, 2]."""
 
     time_s: np.ndarray
-    track_id: np.ndarray
+    person: np.ndarray
     position: np.ndarray
 
     @classmethod
     def join(cls, parts: tuple[Detections, ...]) -> Detections:
-        """All of them, sorted by track and time; instants rise from part to part."""
-        time_s, track_id, position = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("time_s", "track_id", "position")
+        """All of them, sorted by person and time; instants rise from part to part."""
+        nobody = np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2))
+        time_s, person, position = (
+            np.concatenate([none, *(getattr(part, name) for part in parts)])
+            for none, name in zip(nobody, ("time_s", "person", "position"), strict=True)
         )
-        order = np.argsort(track_id, kind="stable")
-        return cls(time_s[order], track_id[order], position[order])
+        order = np.argsort(person, kind="stable")
+        return cls(time_s[order], person[order], position[order])
 
     def since(self, time_s: float) -> Detections:
         """Those from an instant on."""
         late = self.time_s >= time_s
-        return Detections(self.time_s[late], self.track_id[late], self.position[late])
+        return Detections(self.time_s[late], self.person[late], self.position[late])
 
-    def at(self, track_id: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def at(self, person: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions of some tracks, and their noise.
 
-        The value of a line through the detections within 0.2 s, if there are three or more: it is less noisy
-        than one of them. Else interpolated.
+        The value of a line through the detections within 0.2 s, if there are three or more and it is less
+        noisy than what is interpolated.
 
         Returns:
             Positions, NaN between detections too far apart [Q, 2]; their variance in units of a detection's
             [Q].
         """
-        return _at(self.track_id, self.time_s, self.position, track_id, time_s)
+        return _at(self.person, self.time_s, self.position, person, time_s)
 
 
 @compiled
-def _at(known_id, known_s, position, track_id, time_s):  # pragma: no cover (compiled)
+def _at(known_id, known_s, position, person, time_s):  # pragma: no cover (compiled)
     """See `Detections.at`."""
     found, noise = np.full((len(time_s), 2), np.nan), np.ones(len(time_s))
     for q in range(len(time_s)):
-        begin = np.searchsorted(known_id, track_id[q])
-        end = np.searchsorted(known_id, track_id[q], side="right")
+        begin = np.searchsorted(known_id, person[q])
+        end = np.searchsorted(known_id, person[q], side="right")
         own_s, own, now_s = known_s[begin:end], position[begin:end], time_s[q]
         after = np.searchsorted(own_s, now_s - TIME_TOLERANCE_S)
         if after == len(own_s):
@@ -70,11 +71,12 @@ def _at(known_id, known_s, position, track_id, time_s):  # pragma: no cover (com
             part = (now_s - own_s[before]) / gap_s
         first = np.searchsorted(own_s, now_s - NEAR_S - TIME_TOLERANCE_S)
         last = np.searchsorted(own_s, now_s + NEAR_S + TIME_TOLERANCE_S, side="right")
+        found[q] = own[before] + part * (own[after] - own[before])
+        noise[q] = (1.0 - part) ** 2 + part**2
         if last - first >= _MANY:
-            found[q], noise[q] = _on_line(own_s[first:last] - now_s, own[first:last])
-        else:
-            found[q] = own[before] + part * (own[after] - own[before])
-            noise[q] = (1.0 - part) ** 2 + part**2
+            value, variance = _on_line(own_s[first:last] - now_s, own[first:last])
+            if variance < noise[q]:
+                found[q], noise[q] = value, variance
     return found, noise
 
 

@@ -29,7 +29,7 @@ def reduced(predictions: Predictions, most: int = MOST_MODES) -> Predictions:
     few modes are left, the most likely one is given twice, with half of its weight.
 
     Args:
-        predictions: of any people, with covariances.
+        predictions: of any people, with finite paths and valid covariances.
         most: modes that remain, at least 1.
 
     Returns:
@@ -61,7 +61,9 @@ def _reduce(path, covariance, weight, most):  # pragma: no cover (compiled)
     for row in range(rows):
         x, c, w = path[row], covariance[row], weight[row]
         changed[:], left = True, modes
-        while left > most:
+        for _ in range(modes - most):  # each round merges some
+            if left <= most:
+                break
             _price(x, c, w, changed, size, cost)
             _group(w, cost, group)
             for j in range(modes):
@@ -92,15 +94,20 @@ def _price(x, c, w, changed, size, cost):  # pragma: no cover (compiled)
 
 @compiled
 def _group(w, cost, group):  # pragma: no cover (compiled)
-    """Write the least mode that each is to be merged with, through all pairs of the least cost."""
-    least = np.inf
+    """Write the least mode that each is to be merged with, through all pairs of the least cost.
+
+    The pair of the least cost itself always counts, whatever rounding makes of the limit.
+    """
+    least, one, other = np.inf, 0, 0
     for i in range(len(w)):
         group[i] = i
         for j in range(i):
-            least = min(least, cost[i, j])
+            if cost[i, j] < least:
+                least, one, other = cost[i, j], i, j
     for i in range(len(w)):
         for j in range(i):
-            if cost[i, j] <= least * (1.0 + _ALIKE) + _SAME * (w[i] + w[j]):
+            near = cost[i, j] <= least * (1.0 + _ALIKE) + _SAME * (w[i] + w[j])
+            if near or (i == one and j == other):
                 first, second = min(group[i], group[j]), max(group[i], group[j])
                 for k in range(len(w)):
                     if group[k] == second:

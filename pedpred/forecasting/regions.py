@@ -9,13 +9,15 @@ comparison, u is the share of the probability in the smallest region that reache
 at some steps of the horizon, and in between by interpolation (adaptive conformal inference, Gibbs & Candes
 2021, with two parameters). The gain g per second is constant, because crowds change. Standard deviations of
 mode k are multiplied by exp(a + b (2 t_k - 1)), with t_k the probability of the modes before it and half of
-its own: a is for all, b for the tails. Paths, weights and the point forecast stay.
+its own: a is for all, b for the tails. People who are forecast to stand and to walk have an a and a b each.
+Paths, weights and the point forecast stay.
 
 Every step is compared as soon as the detections around its time are there. Forecasts of people who are not
 seen up to the last step do not count, as in the evaluation: what they taught is taken back then. Most of what
 was learned between a forecast and its comparison is applied to it before, or the same error would be
 corrected again and again for up to 3 s. A detection has noise, which is no error of the forecast: its
-declared variance is added to that of the forecast before they are compared.
+declared variance is added to that of the forecast before they are compared. Detections in a burst, which
+follow the last kept one within `pedpred.tracking.kalman.SPACING_S`, are left out.
 """
 
 from __future__ import annotations
@@ -25,10 +27,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from pedpred.forecasting.comparisons import Taught, Waiting, comparison, widened
+from pedpred.forecasting.comparisons import GROUPS, Taught, Waiting, comparison, groups_of, widened
 from pedpred.forecasting.detections import NEAR_S, Detections
 from pedpred.scenes import Predictions
-from pedpred.tracking.tracks import TIME_TOLERANCE_S
+from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S
 
 _EVERY_S, _LONG_S = 0.3, 1.0
 """Least time between instants whose forecasts are kept, and the longest that one of them stands for, s."""
@@ -36,7 +38,7 @@ _KNOWN, _LATELY_S = 4, 4.0
 """Forecasts are kept of people who were detected so often, as in the evaluation, in so many seconds."""
 _COMPARED = 4
 """Steps of the horizon at which forecasts are compared, from the first to the last one."""
-_LIMITS = np.array([[-1.0, -0.3], [1.0, 0.75]])[..., None]
+_LIMITS = np.array([[-1.0, -0.3], [1.0, 0.75]])[..., None, None]
 """Limits of a and b. A lower b would make sharp modes inside wide ones, which b is then lowered to mend."""
 
 
@@ -46,7 +48,7 @@ class Regions:
 
     Attributes:
         steps: those at which forecasts are compared, rising. [A]
-        learned: a and b, of each. [2, A]
+        learned: a and b, of each group (`groups_of`) and step. [2, G, A]
         noise_m: standard deviation of a detection's coordinate, m; 0: detections are where people are.
         looked_s: when forecasts were last compared and kept, s.
         made: number of forecasts kept so far.
@@ -68,7 +70,7 @@ class Regions:
     def unlearned(cls, steps: int, noise_m: float = 0.0) -> Regions:
         """Before the first instant: regions as the network gives them."""
         compared = np.unique(np.geomspace(1, steps, _COMPARED).round().astype(int)) - 1
-        return cls(compared, np.zeros((2, len(compared))), noise_m)
+        return cls(compared, np.zeros((2, GROUPS, len(compared))), noise_m)
 
     def without_people(self) -> Regions:
         """What was learned, with nobody to learn from."""
@@ -77,7 +79,7 @@ class Regions:
     def after(
         self,
         time_s: float,
-        track_id: np.ndarray,
+        person: np.ndarray,
         detection: np.ndarray,
         seen: np.ndarray,
         given: Predictions,
@@ -86,9 +88,10 @@ class Regions:
 
         Args:
             time_s: the instant, later than all before, s.
-            track_id: of the people who are forecast, rising. [N]
+            person: whole numbers that tell the people apart who are forecast, a new one for each life of an
+                id. [N]
             detection: the last one of each, world frame, m. [N, 2]
-            seen: who of them is detected at this instant. [N] bool
+            seen: who of them is detected at this instant, and not in a burst. [N] bool
             given: their forecasts, world frame.
 
         Returns:
@@ -96,31 +99,33 @@ class Regions:
         """
         if given.covariance is None:
             return self, given
-        now = Detections(np.full(int(seen.sum()), time_s), track_id[seen], detection[seen])
-        parts = (*self.detections, now)
+        parts = self.detections
+        if seen.any():
+            parts += (Detections(np.full(int(seen.sum()), time_s), person[seen], detection[seen]),)
         if time_s < self.looked_s + _EVERY_S - TIME_TOLERANCE_S:
             return replace(self, detections=parts), self.scaled(given)
         known = Detections.join(parts)
         here = self._compared(time_s, known)
         scaled = here.scaled(given)
-        first, end = (np.searchsorted(known.track_id, track_id, side) for side in ("left", "right"))
+        first, end = (np.searchsorted(known.person, person, side) for side in ("left", "right"))
         rows = np.flatnonzero(seen & (end - first >= _KNOWN))
-        here = here._keeping(time_s, track_id[rows], rows, scaled)
+        here = here._keeping(time_s, person[rows], rows, scaled)
         return replace(here, looked_s=time_s, detections=(known.since(time_s - _LATELY_S),)), scaled
 
     def scaled(self, predictions: Predictions) -> Predictions:
         """Predictions whose regions are as learned so far."""
         if not self.learned.any():
             return predictions
-        each = np.arange(predictions.steps)
-        return widened(predictions, *(np.interp(each, self.steps, values) for values in self.learned))
+        each, group = np.arange(predictions.steps), groups_of(predictions)
+        wider, tails = np.array([[np.interp(each, self.steps, own) for own in both] for both in self.learned])
+        return widened(predictions, wider[group], tails[group])
 
-    def _keeping(self, time_s: float, track_id: np.ndarray, rows: np.ndarray, given: Predictions) -> Regions:
+    def _keeping(self, time_s: float, person: np.ndarray, rows: np.ndarray, given: Predictions) -> Regions:
         """With the forecasts of some people waiting for their time."""
-        if not len(track_id):
+        if not len(person):
             return self
         assert given.covariance is not None
-        forecast = self.made + np.arange(len(track_id))
+        forecast, group = self.made + np.arange(len(person)), groups_of(given)[rows]
         due_s = (time_s + given.dt_s * (self.steps + 1) + NEAR_S).tolist()
         weight = given.weight[rows].astype(np.float64)
         path, covariance = (  # [A, N, K, ...]
@@ -129,11 +134,12 @@ class Regions:
         )
         new = [
             Waiting(
-                due_s[k], due_s[-1], k, forecast, track_id, path[k], covariance[k], weight, self.learned[:, k]
+                due_s[k], due_s[-1], k, forecast, person, group, path[k], covariance[k], weight,
+                self.learned[:, :, k],
             )
             for k in range(len(self.steps))
-        ]
-        return replace(self, made=self.made + len(track_id), waiting=(*self.waiting, *new))
+        ]  # fmt: skip
+        return replace(self, made=self.made + len(person), waiting=(*self.waiting, *new))
 
     def _compared(self, time_s: float, known: Detections) -> Regions:
         """After the comparison of the forecasts whose time has come with the detections."""
@@ -158,28 +164,32 @@ class Regions:
 
 def learned(
     predictions: Predictions,
-    track_id: np.ndarray,
+    person: np.ndarray,
     time_s: np.ndarray,
     detection: np.ndarray,
     seen: np.ndarray,
     noise_m: float = 0.0,
+    lost_after_s: float = LOST_AFTER_S,
 ) -> Predictions:
     """Forecasts of many instants with regions that learn from one to the next; each from earlier ones only.
 
     Args:
         predictions: world frame. [W]
-        track_id: of each row; rising in an instant. [W]
+        person: see `Regions.after`. [W]
         time_s: the instants, never falling, s. [W]
         detection: see `Regions.after`. [W, 2]
         seen: see there. [W]
         noise_m: see `Regions`.
+        lost_after_s: after a longer time without an instant, all people are new, as on a robot, s.
     """
     regions = Regions.unlearned(predictions.steps, noise_m)
     parts = [predictions.select(np.zeros(0, np.int64))]
     later = np.flatnonzero(np.diff(time_s) > TIME_TOLERANCE_S) + 1
     for begin, end in pairwise([0, *later.tolist(), len(predictions)]):
         now = np.arange(begin, end)
-        own = predictions.select(now)
-        regions, scaled = regions.after(float(time_s[begin]), track_id[now], detection[now], seen[now], own)
+        own, now_s = predictions.select(now), float(time_s[begin])
+        if begin and now_s - time_s[begin - 1] > lost_after_s + TIME_TOLERANCE_S:
+            regions = regions.without_people()
+        regions, scaled = regions.after(now_s, person[now], detection[now], seen[now], own)
         parts.append(scaled)
     return Predictions.join(parts)

@@ -20,6 +20,20 @@ TENSORS = ("velocities", "path", "weight", "covariance")
 _LEAST = 1e-5  # weight
 
 
+def sound_rows(tensors: Mapping[str, np.ndarray]) -> np.ndarray:
+    """For whom tensors are a forecast: finite, with weights, and with covariances that are some. [W] bool."""
+    sound = np.ones(len(tensors["velocities"]), bool)
+    for values in tensors.values():
+        sound &= np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+    if "weight" in tensors:
+        sound &= (tensors["weight"] >= 0).all(axis=1) & (tensors["weight"].sum(axis=1) > 0)
+    if "covariance" in tensors:
+        (xx, xy), (_, yy) = np.moveaxis(tensors["covariance"].astype(np.float64), (-2, -1), (0, 1))
+        definite = (xx > 0) & (xx * yy > xy * xy)
+        sound &= definite.all(axis=(1, 2))
+    return sound
+
+
 def predictions_of(tensors: Mapping[str, np.ndarray], dt_s: float) -> Predictions:
     """Agent-frame predictions; modes are sorted by weight, which is made to sum to 1.
 

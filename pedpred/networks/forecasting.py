@@ -74,9 +74,9 @@ class NetworkForecaster:
         if self.together:
             predictions = consistent(predictions, here, time_s)
         if self.learning:
-            seen = past.time_s[row] > time_s - TIME_TOLERANCE_S
-            who, detection, noise_m = past.track_id[row], past.detection[row], request.detection_noise_m
-            predictions = learned(predictions, who, time_s, detection, seen, noise_m)
+            seen = (past.time_s[row] > time_s - TIME_TOLERANCE_S) & past.kept()[row]
+            person, detection, noise_m = past.life[row], past.detection[row], request.detection_noise_m
+            predictions = learned(predictions, person, time_s, detection, seen, noise_m, sizes.lost_after_s)
         return predictions.select(asked)
 
     def _answer(self, outputs: Tensors, dt_s: float) -> Predictions:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from tqdm import tqdm
 
+from pedpred.errors import ValueRuleError
 from pedpred.features.situation import tracked_situations
 from pedpred.forecasting import ForecastRequest
 from pedpred.forecasting.regions import learned
@@ -44,12 +45,16 @@ def predictions_at_once(predictor: OnlinePredictor, request: ForecastRequest, ti
     for at, end in tqdm(list(zip(edges, [*edges[1:], len(row)], strict=True)), desc=title, unit="block"):
         own, now_s = row[at:end], time_s[at:end]
         inputs = tracked_situations(tracks, own, now_s, occupancy, sizes, present_s)
-        found, _, _ = predictor.network.step({name: inputs[name] for name in about.inputs}, {})
-        there = found.in_world(here[at:end], tracks.heading_rad[own])
+        answer = predictor.network.step({name: inputs[name] for name in about.inputs}, {})
+        if not answer.sound.all():
+            lost = tracks.track_id[own[~answer.sound]]
+            raise ValueRuleError("track_id", lost.tolist(), "the network gives no valid forecast for them")
+        there = answer.predictions.in_world(here[at:end], tracks.heading_rad[own])
         parts.append(consistent(there, here[at:end], now_s))
-    seen = tracks.time_s[row] > time_s - TIME_TOLERANCE_S
-    who, detection, noise_m = tracks.track_id[row], tracks.detection[row], settings.detection_noise_m
-    everybody = learned(Predictions.join(parts), who, time_s, detection, seen, noise_m)
+    seen = (tracks.time_s[row] > time_s - TIME_TOLERANCE_S) & tracks.kept()[row]
+    person, detection, noise_m = tracks.life[row], tracks.detection[row], settings.detection_noise_m
+    joined = Predictions.join(parts)
+    everybody = learned(joined, person, time_s, detection, seen, noise_m, sizes.lost_after_s)
     predictions = everybody.select(asked)
     return shortened(predictions, here[asked], _moving_shares(predictor, request))
 
@@ -59,6 +64,6 @@ def _moving_shares(predictor: OnlinePredictor, request: ForecastRequest) -> np.n
     tracks, row = request.past, request.rows
     first = row - tracks.age[row]
     young = tracks.time_s[row] - tracks.time_s[first] < YOUNG_S - TIME_TOLERANCE_S
-    new = young | (tracks.age[row] < NEWBORN)
+    new = young | (tracks.kept_before(row) < NEWBORN)
     noise_m = predictor.description.tracker.position_noise_m
     return moving_shares(tracks.detection[first], tracks.detection[row], new, tracks.covariance[row], noise_m)

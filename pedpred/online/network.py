@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import onnxruntime
@@ -19,7 +19,7 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import FeatureSettings
 from pedpred.features.situation import channel_widths
 from pedpred.files import read_bytes, read_json, translate_errors, write_json
-from pedpred.forecasting.tensors import TENSORS, predictions_of
+from pedpred.forecasting.tensors import TENSORS, predictions_of, sound_rows
 from pedpred.scenes import Predictions
 from pedpred.simulation.fields import check_ranges
 from pedpred.tracking import KalmanSettings
@@ -190,6 +190,23 @@ def _shapes(plain: Mapping[str, list[int]]) -> dict[str, Shape]:
     return {str(name): tuple(int(side) for side in shape) for name, shape in plain.items()}
 
 
+class Answer(NamedTuple):
+    """What a network says of those people of whom it says anything.
+
+    Attributes:
+        sound: who of the people asked about; the network gave no numbers, or none that are a forecast, for
+            the others. [N] bool
+        predictions: agent frames. R rows
+        velocities: of the point forecast, agent frames, m/s. [R, P, 2]
+        memory: after the step, name -> [R, ...]
+    """
+
+    sound: np.ndarray
+    predictions: Predictions
+    velocities: np.ndarray
+    memory: dict[str, np.ndarray]
+
+
 class ExportedNetwork:
     """The network of a model folder; one thread, no state of its own."""
 
@@ -214,27 +231,27 @@ class ExportedNetwork:
         if (ends, sizes) != description.ends():
             raise StorageError(path, "graph", f"it has {ends} -> {sizes}, not {ABOUT}'s", _REMEDY)
 
-    def step(
-        self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]
-    ) -> tuple[Predictions, np.ndarray, dict[str, np.ndarray]]:
+    def step(self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]) -> Answer:
         """One step of N people.
 
         Args:
             inputs: name -> [N, ...] float32.
             memory: name -> [N, ...] float32, before the step.
-
-        Returns:
-            Predictions, agent frames; velocities of the point forecast, agent frames, m/s [N, P, 2]; and the
-            memory after the step.
         """
-        values = self._session.run(None, {**inputs, **memory})
-        split = len(self._about.outputs)
-        return *self._answer(values[:split]), dict(zip(self._about.memory, values[split:], strict=True))
+        return self._answer(self._session.run(None, {**inputs, **memory}))
 
-    def nobody(self) -> tuple[Predictions, np.ndarray]:
+    def nobody(self) -> Answer:
         """The answer for no people."""
-        return self._answer([np.zeros((0, *shape), np.float32) for shape in self._about.outputs.values()])
+        _, shapes = self._about.ends()
+        return self._answer([np.zeros((0, *shape), np.float32) for shape in shapes])
 
-    def _answer(self, values: list[np.ndarray]) -> tuple[Predictions, np.ndarray]:
-        tensors = dict(zip(self._about.outputs, values, strict=True))
-        return predictions_of(tensors, self._about.features.dt_s), tensors["velocities"]
+    def _answer(self, values: list[np.ndarray]) -> Answer:
+        tensors = dict(zip((*self._about.outputs, *self._about.memory), values, strict=True))
+        sound = sound_rows(tensors)
+        if not sound.all():
+            tensors = {name: tensor[sound] for name, tensor in tensors.items()}
+        outputs = {name: tensors[name] for name in self._about.outputs}
+        memory = {name: tensors[name] for name in self._about.memory}
+        return Answer(
+            sound, predictions_of(outputs, self._about.features.dt_s), outputs["velocities"], memory
+        )

@@ -12,7 +12,7 @@ from pedpred.features import Pedestrians
 from pedpred.online.frame import Frame
 from pedpred.online.past import Arrays, first_seen, seen_again
 from pedpred.tracking import Belief, KalmanSettings, born, updated
-from pedpred.tracking.tracks import TIME_TOLERANCE_S
+from pedpred.tracking.tracks import TIME_TOLERANCE_S, jumped
 
 _NAMED = ("memory", "past")
 
@@ -23,8 +23,10 @@ class People:
 
     Attributes:
         track_id: [N] int64, rising
+        life: number of the stay of this id, counted over all people since the last reset. [N] int64
         born_s: time of the first detection, s. [N]
         seen_s: time of the last detection, s. [N]
+        detection: the last one, m. [N, 2]
         position: tracked at `seen_s`, m. [N, 2]
         velocity: tracked, m/s. [N, 2]
         covariance: of the tracker's belief. [N, 3]
@@ -36,8 +38,10 @@ class People:
     """
 
     track_id: np.ndarray
+    life: np.ndarray
     born_s: np.ndarray
     seen_s: np.ndarray
+    detection: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
     covariance: np.ndarray
@@ -55,8 +59,12 @@ class People:
         """Nobody yet; memory: name -> shape per person; slots: detections that their past holds, or 0."""
         none, pairs, whole = np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.int64)
         empty = {name: np.zeros((0, *shape), np.float32) for name, shape in memory.items()}
-        past, walked = first_seen(pairs, slots) if slots else {}, np.zeros(0, bool)
-        return cls(whole, none, none, pairs, pairs, np.zeros((0, 3)), none, walked, whole, empty, past)
+        past = first_seen(0, slots) if slots else {}
+        return cls(
+            track_id=whole, life=whole, born_s=none, seen_s=none, detection=pairs, position=pairs,
+            velocity=pairs, covariance=np.zeros((0, 3)), heading_rad=none, walked=np.zeros(0, bool),
+            ticks=whole, memory=empty, past=past,
+        )  # fmt: skip
 
     def select(self, rows: np.ndarray) -> People:
         """Some of them (mask or indices)."""
@@ -93,18 +101,27 @@ class People:
         return People(**values, **named)
 
 
-def detected(people: People, frame: Frame, tracker: KalmanSettings, standstill_mps: float) -> People:
-    """People after the detections of one instant; an unknown id is added.
+def detected(
+    people: People, frame: Frame, tracker: KalmanSettings, standstill_mps: float, lives: int
+) -> People:
+    """People after the detections of one instant.
+
+    An unknown id is added; one that jumps (`pedpred.tracking.tracks.jumped`) is somebody else from now on.
 
     Args:
         people: before, at an earlier instant.
         frame: the detections; where it has velocities, nothing is filtered.
         tracker: noise of the filter.
         standstill_mps: below this speed the heading is held.
+        lives: number of the next new life.
     """
-    time_s, track_id, position, velocity = vars(frame).values()
-    at = people.track_id.searchsorted(track_id)
-    known = people.track_id.searchsorted(track_id, side="right") > at
+    time_s, track_id, position, velocity = frame.time_s, frame.track_id, frame.position, frame.velocity
+    at, known = _found(people, track_id)
+    gap_s = time_s - people.seen_s[at[known]]
+    elsewhere = jumped(people.detection[at[known]], position[known], gap_s)
+    if elsewhere.any():
+        people = people.select(np.delete(np.arange(len(people)), at[known][elsewhere]))
+        at, known = _found(people, track_id)
     rows = at[known] if known.sum() < len(people) else slice(None)
     seen = position[known]
     before = Belief(people.position[rows], people.velocity[rows], people.covariance[rows])
@@ -113,11 +130,13 @@ def detected(people: People, frame: Frame, tracker: KalmanSettings, standstill_m
     if velocity is not None:
         again = Belief(seen, velocity[known], np.zeros_like(before.covariance))
     heading, walked = _heading(again.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
-    moved = {"seen_s": time_s, "heading_rad": heading, "walked": walked, **vars(again)}
+    moved = {
+        "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, **vars(again)
+    }  # fmt: skip
     past = people.past
     if past:
         mine = {name: values[rows] for name, values in past.items()}
-        after = seen_again(mine, people.seen_s[rows], time_s, seen)
+        after = seen_again(mine, people.seen_s[rows], people.detection[rows], time_s, seen)
         past = {name: _written(values, rows, after[name]) for name, values in past.items()}
     changed: dict[str, Any] = {
         name: _written(getattr(people, name), rows, values) for name, values in moved.items()
@@ -129,8 +148,15 @@ def detected(people: People, frame: Frame, tracker: KalmanSettings, standstill_m
     first = born(position[new], r, tracker.initial_speed_mps)
     if velocity is not None:
         first = Belief(position[new], velocity[new], np.zeros_like(first.covariance))
-    newborn = _newborn(people, time_s, track_id[new], position[new], first, standstill_mps)
+    life = lives + np.arange(new.sum())
+    newborn = _newborn(people, time_s, track_id[new], life, position[new], first, standstill_mps)
     return followed.together(newborn)
+
+
+def _found(people: People, track_id: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of some ids, where they are known, and whether they are. [D] each."""
+    at = people.track_id.searchsorted(track_id)
+    return at, people.track_id.searchsorted(track_id, side="right") > at
 
 
 def _written(values: np.ndarray, rows: np.ndarray | slice, new: np.ndarray | float) -> np.ndarray:
@@ -146,6 +172,7 @@ def _newborn(
     people: People,
     time_s: float,
     track_id: np.ndarray,
+    life: np.ndarray,
     position: np.ndarray,
     belief: Belief,
     standstill_mps: float,
@@ -155,9 +182,11 @@ def _newborn(
     now = np.full(count, time_s)
     heading, walked = _heading(belief.velocity, np.zeros(count), np.zeros(count, bool), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
-    past = first_seen(position, people.past["trail_s"].shape[1]) if people.past else {}
-    state = (belief.position, belief.velocity, belief.covariance)
-    return People(track_id, now, now.copy(), *state, heading, walked, np.zeros(count, np.int64), memory, past)
+    past = first_seen(count, people.past["trail_s"].shape[1]) if people.past else {}
+    return People(
+        track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=position, **vars(belief),
+        heading_rad=heading, walked=walked, ticks=np.zeros(count, np.int64), memory=memory, past=past,
+    )  # fmt: skip
 
 
 def _heading(

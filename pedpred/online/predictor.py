@@ -18,7 +18,7 @@ from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shortened
 from pedpred.online.frame import Frame
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
-from pedpred.online.past import earliest, past_of, slots_for
+from pedpred.online.past import earliest, kept_before, past_of, slots_for
 from pedpred.online.people import People, detected, next_ticks_s
 from pedpred.online.settings import OnlineSettings
 from pedpred.online.shipped import default_model
@@ -81,10 +81,10 @@ class OnlinePredictor:
 
     def reset(self) -> None:
         """Forget everybody, and what was learned of the regions; the map stays."""
-        self._people, self._now, self._jumps = self._nobody(), -np.inf, 0
+        self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
         self._regions = Regions.unlearned(self.features.horizon_steps, self._settings.detection_noise_m)
-        none = np.zeros(0, int)
-        nobody = self._people.at(none, 0.0), *self._network.nobody()
+        none, answer = np.zeros(0, int), self._network.nobody()
+        nobody = self._people.at(none, 0.0), answer.predictions, answer.velocities
         self._last = self._forecast(self._people, self._regions, none, *nobody, 0.0)[1]
 
     def _nobody(self) -> People:
@@ -111,6 +111,8 @@ class OnlinePredictor:
         A frame that is not later than the last one is dropped, with a warning, and the last forecast returned
         again. Who is not seen is extrapolated for `max_age_s` and forgotten after the model's `lost_after_s`.
         Where time jumps by more than that, forward or backward, all are forgotten: twice after a false stamp.
+        An id that jumps farther than anybody can move is a new person. People for whom the network gives no
+        valid forecast are left out, named in a warning and forgotten.
 
         Args:
             time_s: of the frame, s; any rate, also an irregular one.
@@ -128,17 +130,18 @@ class OnlinePredictor:
             _LOG.warning("frame at %s s dropped: the last one was at %s s", now, self._now)
             return self._last
         people, regions, jumps = self._people, self._regions, self._jumps
-        if len(people) and abs(now - self._now) > longest_s:
-            if now < self._now or not jumps:  # of long gaps the first one
+        if abs(now - self._now) > longest_s:
+            if len(people) and (now < self._now or not jumps):  # of long gaps the first one
                 _LOG.warning("time jumps from %s s to %s s (seconds?): all are forgotten", self._now, now)
-            people, regions, jumps = self._nobody(), regions.without_people(), jumps + 1
+            jumps += len(people) > 0
+            people, regions = self._nobody(), regions.without_people()
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
-        people = detected(people, frame, self._about.tracker, self._about.standstill_mps)
+        people = detected(people, frame, self._about.tracker, self._about.standstill_mps, self._lives)
         people, rows, observers, predictions, velocities = self._predicted(people, now)
         regions, forecast = self._forecast(people, regions, rows, observers, predictions, velocities, now)
-        self._regions = regions
+        self._regions, self._lives = regions, self._lives + len(frame.track_id)
         self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
         return forecast
 
@@ -170,33 +173,46 @@ class OnlinePredictor:
             People afterwards; rows of those present; where they are, predictions and velocities, see `_step`.
         """
         due = self._due(people) <= time_s + TIME_TOLERANCE_S
-        there = people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S
-        person = np.flatnonzero(due | there)
-        people, observers, predictions, velocities = self._step(people, person, time_s, due[person])
-        given = there[person]
+        person = np.flatnonzero(due | self._present(people, time_s))
+        people, person, observers, predictions, velocities = self._step(people, person, time_s, due[person])
+        given = self._present(people, time_s)[person]
         if not given.all():
             person, predictions, velocities = person[given], predictions.select(given), velocities[given]
             observers = people.at(person, time_s)
         return people, person, observers, predictions, velocities
 
+    def _present(self, people: People, time_s: float) -> np.ndarray:
+        """Who was detected at most `max_age_s` ago. [N] bool."""
+        return people.seen_s >= time_s - self._settings.max_age_s - TIME_TOLERANCE_S
+
     def _step(
         self, people: People, person: np.ndarray, time_s: float, keep: np.ndarray
-    ) -> tuple[People, Pedestrians, Predictions, np.ndarray]:
+    ) -> tuple[People, np.ndarray, Pedestrians, Predictions, np.ndarray]:
         """Run the network for some people.
 
         Returns:
-            People after the step of those to `keep`; where they are; predictions and velocities of
-            `ExportedNetwork.step`; R rows each.
+            People after the step of those to `keep`, without those for whom the network gave no forecast;
+            rows of those for whom it gave one; where they are; predictions and velocities of `Answer`.
         """
         observers = people.at(person, time_s)
-        if not len(person):
-            return people, observers, *self._network.nobody()
-        inputs = self._inputs(people, person, observers, time_s)
-        memory = {name: values[person] for name, values in people.memory.items()}
-        predictions, velocities, after = self._network.step(inputs, memory)
+        answer = self._network.nobody()
+        if len(person):
+            inputs = self._inputs(people, person, observers, time_s)
+            memory = {name: values[person] for name, values in people.memory.items()}
+            answer = self._network.step(inputs, memory)
+        if not answer.sound.all():
+            stays = np.ones(len(people), bool)
+            stays[person[~answer.sound]] = False
+            named = people.track_id[~stays].tolist()
+            _LOG.warning("no forecast at %s s for tracks %s: they are forgotten", time_s, named)
+            person, keep = (np.cumsum(stays) - 1)[person[answer.sound]], keep[answer.sound]
+            people = people.select(stays)
+            observers = people.at(person, time_s)
         if keep.any():
-            people = people.stepped(person[keep], {name: values[keep] for name, values in after.items()})
-        return people, observers, predictions, velocities
+            people = people.stepped(
+                person[keep], {name: after[keep] for name, after in answer.memory.items()}
+            )
+        return people, person, observers, answer.predictions, answer.velocities
 
     def _inputs(
         self, people: People, person: np.ndarray, observers: Pedestrians, time_s: float
@@ -208,7 +224,7 @@ class OnlinePredictor:
         crowd = observers if everybody else people.at(np.flatnonzero(lately), time_s)
         around = Neighbours.together(crowd, len(observers))
         if self._about.reads_situations:
-            past = past_of(people.past, person, people.seen_s, people.covariance)
+            past = past_of(people.past, person, people.seen_s, people.detection, people.covariance)
             now_s = np.full(len(observers), time_s)
             inputs = situations(observers, past, now_s, around, self._map, sizes)
         else:
@@ -237,8 +253,8 @@ class OnlinePredictor:
         if not self._about.memory:  # as `pedpred.networks.forecasting` does
             there = consistent(there, position, np.full(len(rows), time_s))
         if people.past:
-            seen, detection = people.seen_s[rows] == time_s, people.past["detection"][rows]
-            regions, there = regions.after(time_s, observers.track_id, detection, seen, there)
+            seen = (people.seen_s[rows] == time_s) & people.past["kept"][rows]
+            regions, there = regions.after(time_s, people.life[rows], people.detection[rows], seen, there)
         share = self._moving_shares(people, rows)
         if not (share == 1.0).all():
             world, there = share[:, None, None] * world, shortened(there, position, share)
@@ -249,9 +265,10 @@ class OnlinePredictor:
         if not people.past:
             return np.ones(len(rows))
         young = (people.seen_s - people.born_s)[rows] < YOUNG_S - TIME_TOLERANCE_S
-        new = young | (people.past["age"][rows] < NEWBORN)
+        new = young | (kept_before(people.past, rows) < NEWBORN)
         if not new.any():
             return np.ones(len(rows))
         noise_m = self._about.tracker.position_noise_m
-        first, last = earliest(people.past, rows), people.past["detection"][rows]
+        last = people.detection[rows]
+        first = earliest(people.past, rows, last)
         return moving_shares(first, last, new, people.covariance[rows], noise_m)

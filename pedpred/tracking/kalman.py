@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pedpred.tracking.spacing import SPACING_S
+
 
 @dataclass(frozen=True)
 class Belief:
@@ -66,11 +68,13 @@ def updated(
 ) -> Belief:
     """Correct the belief `predicted` at the next detections (world frame, m, [N, 2]) by them.
 
-    `position_noise_m` is the standard deviation r of a detection, m.
+    `position_noise_m` is the standard deviation r of a detection, m. The errors of a detector last longer
+    than a few milliseconds, and bursts of frames must not count as many independent ones: a detection that
+    follows the one before sooner than `SPACING_S` has the variance r^2 SPACING_S / dt.
     """
     before = predicted(belief, dt_s, acceleration_noise)
     p_pp, p_pv, p_vv = before.covariance.T
-    innovation_variance = p_pp + position_noise_m**2
+    innovation_variance = p_pp + position_noise_m**2 * np.maximum(1.0, SPACING_S / dt_s)
     gain_p, gain_v = p_pp / innovation_variance, p_pv / innovation_variance
     innovation = detection - before.position
     covariance = np.empty_like(before.covariance)

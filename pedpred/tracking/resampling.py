@@ -22,14 +22,14 @@ def resampled(scene: Scene, dt_s: float, lost_after_s: float = LOST_AFTER_S) -> 
     Args:
         scene: annotated at any rate.
         dt_s: time between the new states, s.
-        lost_after_s: an id that reappears after a longer gap counts as a new person, s.
+        lost_after_s: an id that reappears after a longer gap, or jumps, counts as a new person, s.
     """
     trajectories = scene.trajectories
     order = np.lexsort((trajectories.time_s, trajectories.track_id))
     track_id, time_s, position = (
         values[order] for values in (trajectories.track_id, trajectories.time_s, trajectories.position)
     )
-    first = np.flatnonzero(births(track_id, time_s, lost_after_s))
+    first = np.flatnonzero(births(track_id, time_s, position, lost_after_s))
     parts: list[tuple[np.ndarray, ...]] = []
     for a, b in zip(first, np.append(first, len(track_id))[1:], strict=True):
         ticks = int((time_s[b - 1] - time_s[a] + TIME_TOLERANCE_S) / dt_s) + 1

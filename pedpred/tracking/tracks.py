@@ -9,12 +9,13 @@ import numpy as np
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
 from pedpred.tracking.kalman import Belief, born, predicted, updated
-
-TIME_TOLERANCE_S = 1e-6
-"""Time stamps closer than this are the same instant (frame / rate is not exact in binary)."""
+from pedpred.tracking.spacing import TIME_TOLERANCE_S, spaced
 
 LOST_AFTER_S = 2.0
 """Longest gap within a track by default, s."""
+
+FASTEST_MPS, JUMP_M = 10.0, 1.0
+"""Nobody moves farther between two detections than at this speed, m/s, and by this error of detections, m."""
 
 _CONVERGED = 200
 """Detections after which the covariance of the filter no longer changes."""
@@ -44,7 +45,8 @@ class KalmanSettings:
 class Tracks:
     """The tracker's state after each detection, sorted by (track, time). Row k depends on rows <= k only.
 
-    An id that reappears after a long gap counts as a new person: a life is one stay of one id.
+    An id that reappears after a long gap or impossibly far away counts as a new person: a life is one stay
+    of one id.
 
     Attributes:
         track_id: [M]
@@ -69,6 +71,15 @@ class Tracks:
     velocity: np.ndarray
     covariance: np.ndarray
     heading_rad: np.ndarray
+
+    def kept(self) -> np.ndarray:
+        """Which detections a history keeps, see `pedpred.tracking.spacing`. [M] bool."""
+        return spaced(self.time_s, self.age)
+
+    def kept_before(self, row: np.ndarray) -> np.ndarray:
+        """How many earlier detections of the same life a history keeps. [Q]."""
+        count = np.cumsum(self.kept())
+        return np.where(self.age[row] > 0, count[row - 1] - count[row - self.age[row]] + 1, 0)
 
     def last_row(self, track_id: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         """Row of each track's last detection at or before a time; -1 when there is none. [Q]."""
@@ -112,17 +123,31 @@ def last_rows(
     return np.where(found, row, -1)
 
 
-def births(track_id: np.ndarray, time_s: np.ndarray, lost_after_s: float) -> np.ndarray:
-    """Rows where a life begins: a new id, or a gap longer than `lost_after_s`. [M] bool.
+def births(track_id: np.ndarray, time_s: np.ndarray, position: np.ndarray, lost_after_s: float) -> np.ndarray:
+    """Rows where a life begins: a new id, a gap longer than `lost_after_s`, or a jump. [M] bool.
 
     Args:
         track_id: rows sorted by (track, time). [M]
         time_s: of those rows, s. [M]
+        position: detected there, m. [M, 2]
         lost_after_s: longest gap within a life, s.
     """
-    first = np.diff(track_id, prepend=track_id[:1] - 1) != 0
-    gap_s = np.diff(time_s, prepend=time_s[:1])
-    return first | (gap_s > lost_after_s + TIME_TOLERANCE_S)
+    born = np.diff(track_id, prepend=track_id[:1] - 1) != 0
+    gap_s = np.diff(time_s)
+    born[1:] |= (gap_s > lost_after_s + TIME_TOLERANCE_S) | jumped(position[:-1], position[1:], gap_s)
+    return born
+
+
+def jumped(before: np.ndarray, after: np.ndarray, gap_s: np.ndarray) -> np.ndarray:
+    """Which detections are too far from the last one of the same id to be the same person. [N] bool.
+
+    Args:
+        before: the last detections, m. [N, 2]
+        after: the next ones, m. [N, 2]
+        gap_s: time between both, s. [N]
+    """
+    away_m = np.hypot(*(after - before).T)
+    return away_m > JUMP_M + FASTEST_MPS * gap_s
 
 
 def follow(
@@ -139,7 +164,7 @@ def follow(
         kind: "kalman" filters the positions; "truth" takes the true states of a simulation.
         kalman: the filter's parameters, for kind "kalman".
         standstill_mps: below this speed the heading is held, m/s.
-        lost_after_s: an id that reappears after a longer gap starts a new life, s.
+        lost_after_s: an id that reappears after a longer gap starts a new life, s; one that jumps does, too.
 
     Raises:
         ValueRuleError: an unknown kind, or "truth" for trajectories without velocities.
@@ -148,7 +173,7 @@ def follow(
     track_id, time_s = trajectories.track_id[order], trajectories.time_s[order]
     person_id = track_id if trajectories.person_id is None else trajectories.person_id[order]
     detection = trajectories.position[order]
-    born_here = births(track_id, time_s, lost_after_s)
+    born_here = births(track_id, time_s, detection, lost_after_s)
     first = np.flatnonzero(born_here)
     age = np.arange(len(track_id)) - np.repeat(first, np.diff(first, append=len(track_id)))
     if kind == "kalman" and kalman is not None:

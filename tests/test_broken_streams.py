@@ -1,0 +1,209 @@
+"""Streams that break rules: jumps, bursts, clocks, furniture. Who is not concerned is forecast as before."""
+
+import logging
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.metrics.calibration import share_inside
+from pedpred.online import OnlinePredictor
+from pedpred.scenes.occupancy import FARTHEST_M
+from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
+
+SEEDS = st.integers(0, 2**32 - 1)
+JUMPER, NOBODY = 7, 1000
+
+
+@pytest.fixture(params=["model", "mixture", "default"], scope="session")
+def folder(request):
+    """With memory, without, and the model that the package ships."""
+    return None if request.param == "default" else request.getfixturevalue(request.param)[0]
+
+
+def walkers(rng, people=20, apart_m=0.0):
+    """Start and velocity of people; `apart_m` more between the jumper and the others."""
+    start, velocity = rng.uniform(-9, 9, (people, 2)), rng.normal(0, 0.8, (people, 2))
+    start[JUMPER] += apart_m
+    return start, velocity
+
+
+def assert_sound(forecast, track_id):
+    """Everybody has a forecast that a planner can use."""
+    predictions = forecast.predictions
+    np.testing.assert_array_equal(forecast.track_id, track_id)
+    assert np.isfinite(predictions.path).all()
+    assert np.isfinite(predictions.point).all()
+    np.testing.assert_allclose(predictions.weight.sum(axis=1), 1.0, atol=1e-9)
+    assert (np.linalg.eigvalsh(predictions.covariance) > 0).all()
+    predictions.sample(2, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("jump_m", [12.0, 300.0, 2e4, 9e7])
+def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
+    """All forecasts are those of a stream in which the person leaves and somebody else appears."""
+    rng = np.random.default_rng(1)
+    start, velocity = walkers(rng, people=8, apart_m=100.0)
+    robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
+    for k in range(60):
+        position = start + 0.1 * k * velocity + rng.normal(0, 0.02, start.shape)
+        ids, renamed = np.arange(8), np.arange(8)
+        if k >= 25:
+            position[JUMPER] += jump_m
+            renamed[JUMPER] = NOBODY
+        found, expected = robot.update(0.1 * k, ids, position), other.update(0.1 * k, renamed, position)
+        rows = [*range(JUMPER), -1]  # in between, for half a second, is the person who left
+        np.testing.assert_allclose(found.predictions.path, expected.predictions.path[rows], atol=1e-6)
+        np.testing.assert_allclose(found.covariance, expected.covariance[rows], atol=1e-6)
+        assert_sound(found, ids)
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    seed=SEEDS,
+    jumps=st.lists(st.floats(0, np.log10(FARTHEST_M) - 0.1), min_size=1, max_size=3),
+    gaps=st.lists(st.floats(-6, 1), min_size=4, max_size=8),
+)
+def test_no_jump_and_no_gap_spoils_a_forecast(folder, seed, jumps, gaps):
+    """Jumps of 1 m to 1e8 m, frames 1 us to 10 s apart: everybody has a forecast, the others the same."""
+    rng = np.random.default_rng(seed)
+    start, velocity = walkers(rng, apart_m=100.0)
+    robot, other, now = OnlinePredictor.load(folder), OnlinePredictor.load(folder), 0.0
+    others = np.delete(np.arange(len(start)), JUMPER)
+    for k in range(30):
+        now += 10.0 ** gaps[k % len(gaps)] if k >= 10 else 0.1
+        position = np.clip(start + now * velocity, -50, 50) + rng.normal(0, 0.05, start.shape)
+        without = robot_sees = position
+        if k >= 10 and k % 3 == 0:
+            robot_sees = position.copy()
+            robot_sees[JUMPER] += 10.0 ** jumps[k % len(jumps)] * np.array([0.6, -0.8])
+        found = robot.update(now, np.arange(len(start)), robot_sees)
+        expected = other.update(now, np.arange(len(start)), without)
+        assert_sound(found, np.arange(len(start)))
+        np.testing.assert_array_equal(found.predictions.path[others], expected.predictions.path[others])
+
+
+def test_farther_than_the_earth_is_refused_and_nothing_changes(folder):
+    robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
+    for predictor in (robot, other):
+        predictor.update(0.0, [1, 2], [[0.0, 0.0], [3.0, 0.0]])
+    with pytest.raises(Exception, match=r"position\[1\]"):
+        robot.update(0.1, [1, 2], [[0.1, 0.0], [1e9, 0.0]])
+    a, b = (predictor.update(0.2, [1, 2], [[0.2, 0.0], [3.0, 0.0]]) for predictor in (robot, other))
+    np.testing.assert_array_equal(a.predictions.path, b.predictions.path)
+
+
+def test_people_who_run_keep_their_life():
+    """Steps of a sprinter are no jumps, at any rate."""
+    for interval_s in (1e-3, 0.1, 0.4, 1.0):
+        robot = OnlinePredictor.load()
+        for k in range(8):
+            forecast = robot.update(interval_s * k, [1], [[0.9 * FASTEST_MPS * interval_s * k, 0.5 * JUMP_M]])
+        if interval_s >= 0.1:
+            assert forecast.velocity[0, 0, 0] > 0.5 * FASTEST_MPS
+
+
+def regular(rate_hz):
+    return lambda: np.arange(0, 6, 1 / rate_hz)
+
+
+def bursts(rate_hz, gap_s, frames):
+    return lambda: np.sort(np.add.outer(np.arange(0, 6, 1 / rate_hz), gap_s * np.arange(frames)).ravel())
+
+
+def queue():
+    """Frames of each second arrive at its end and are stamped on arrival."""
+    return np.concatenate([second + 0.9 + 0.001 * np.arange(10) for second in range(6)])
+
+
+def error_m(instants, people=30, noise_m=0.03, speed_mps=1.3):
+    """Mean error of forecasts of straight walkers, m."""
+    rng, robot = np.random.default_rng(0), OnlinePredictor.load()
+    start, velocity = np.stack([np.zeros(people), 60.0 * np.arange(people)], 1), np.array([speed_mps, 0.0])
+    errors = []
+    for now in instants():
+        seen = start + now * velocity + rng.normal(0, noise_m, (people, 2))
+        forecast = robot.update(float(now), np.arange(people), seen)
+        if now > 4.0:
+            ahead = velocity * (now + 0.3 * np.arange(1, 11))[:, None]
+            errors.append(np.linalg.norm(forecast.position - start[:, None] - ahead, axis=-1).mean())
+    return np.mean(errors)
+
+
+@pytest.mark.parametrize(
+    "instants",
+    [regular(5), regular(30), regular(100), regular(1000), bursts(10, 1e-3, 2), bursts(10, 2e-6, 3)],
+    ids=["5 Hz", "30 Hz", "100 Hz", "1000 Hz", "pairs 1 ms", "three 2 us"],
+)
+def test_fast_frames_are_no_noisier(instants):
+    assert error_m(instants) < 1.3 * error_m(regular(10))
+
+
+def test_a_queue_that_catches_up_is_no_noisier_than_one_frame_of_each_second():
+    assert error_m(queue) < error_m(regular(1))
+
+
+@pytest.mark.parametrize("odd_s", [1e9, 36000.0, -5.0])
+def test_a_clock_that_changes_while_nobody_is_there_costs_nothing(odd_s):
+    """Regions learn, and nothing is kept for ever."""
+    rng = np.random.default_rng(3)
+    robot, other = OnlinePredictor.load(), OnlinePredictor.load()
+    robot.update(odd_s, [], [])
+    for k in range(120):
+        position = np.array([[0.12 * k, 0.0], [5.0 - 0.12 * k, 1.0]]) + rng.normal(0, 0.03, (2, 2))
+        found, expected = (p.update(0.1 * k, [1, 2], position) for p in (robot, other))
+        np.testing.assert_array_equal(found.predictions.covariance, expected.predictions.covariance)
+    for regions in (robot._regions, other._regions):
+        assert regions.learned.any()
+        assert len(regions.detections) <= 4
+
+
+def test_regions_of_walkers_do_not_learn_from_furniture():
+    """Twenty things that never move are detected as people: the walkers' regions hold as many as without."""
+    shares = []
+    for things in (0, 20):
+        rng, robot, kept = np.random.default_rng(5), OnlinePredictor.load(), []
+        where = np.stack([np.full(things, 40.0), np.arange(things)], axis=1)
+        start, heading = rng.uniform(-5, 5, (6, 2)), rng.uniform(-np.pi, np.pi, 6)
+        truth = np.empty((600, 6, 2))
+        for k in range(len(truth)):
+            heading += rng.normal(0, 0.05, 6)
+            start = start + 0.12 * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+            truth[k] = start
+        for k, position in enumerate(truth):
+            seen = np.concatenate([position + rng.normal(0, 0.02, position.shape), where])
+            forecast = robot.update(0.1 * k, np.arange(6 + things), seen)
+            if k > 300 and k % 3 == 0 and k + 30 < len(truth):
+                after = truth[k + 3 : k + 31 : 3][:10].swapaxes(0, 1)
+                kept.append(share_inside(forecast.predictions.select(np.arange(6)), after))
+        shares.append([(np.concatenate(kept) <= share).mean() for share in (0.5, 0.9, 0.95)])
+    np.testing.assert_allclose(shares[1], shares[0], atol=0.05)
+
+
+def test_who_cannot_be_forecast_is_left_out_and_named(folder, monkeypatch, caplog):
+    """A network that gives no numbers for one person costs that person alone a forecast, and its memory."""
+    robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
+    session = robot.network._session
+
+    class Broken:
+        def run(self, names, values):
+            found = [tensor.copy() for tensor in session.run(names, values)]
+            if len(found[0]) == 3:
+                found[0][1] = np.nan
+            return found
+
+    ids = [3, 5, 8]
+    for k in range(4):
+        position = [[0.1 * k, 0.0], [20.0, 0.1 * k], [40.0, 0.0]]
+        robot.update(0.1 * k, ids, position)
+        other.update(0.1 * k, ids, position)
+    position = [[0.4, 0.0], [20.0, 0.4], [40.0, 0.0]]
+    with monkeypatch.context() as patch, caplog.at_level(logging.WARNING):
+        patch.setattr(robot.network, "_session", Broken())
+        found = robot.update(0.4, ids, position)
+    expected = other.update(0.4, ids, position)
+    assert found.track_id.tolist() == [3, 8]
+    assert "tracks [5]" in caplog.text
+    np.testing.assert_allclose(found.predictions.path, expected.predictions.path[[0, 2]], atol=1e-4)
+    assert_sound(robot.update(0.5, ids, position), ids)
