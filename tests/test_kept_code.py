@@ -5,6 +5,8 @@ import os
 import shutil
 import subprocess
 import sys
+import textwrap
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -87,11 +89,11 @@ print(value, " ".join(sorted({"outside", "inside", "deeper"} & set(compiled))))
 VALUE = 20.0 * (1.0 + np.sqrt(2.0) + np.sqrt(3.0)) + 1000.0
 
 
-def run(folder, cache, script=SCRIPT, **environment):
+def run(folder, cache, script=SCRIPT, wrapper=(), **environment):
     """Run in a process of its own: the value that a loop gives, names of compiled loops, what was said."""
     environment = {"NUMBA_CACHE_DIR": str(cache), **environment, "PYTHONPATH": f"{folder}:{ROOT}"}
     done = subprocess.run(
-        [sys.executable, "-B", "-c", script],
+        [*wrapper, sys.executable, "-B", "-c", script],
         cwd=folder,
         env={k: v for k, v in (os.environ | environment).items() if v},
         capture_output=True,
@@ -225,6 +227,40 @@ def test_without_a_place_loops_are_compiled_all_the_same(before, tmp_path, place
     assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
     assert said.count("compiled code cannot be kept in ") == 1
     assert not kept(tmp_path)
+
+
+@contextmanager
+def read_only(folder):
+    """Nobody can write into a folder: the beginning of commands that are to see it so."""
+    if os.geteuid():
+        for path in [folder, *folder.rglob("*/")]:
+            path.chmod(0o555)
+        yield []
+        for path in [folder, *folder.rglob("*/")]:
+            path.chmod(0o755)
+        return
+    mount = 'mount --bind "$0" "$0" && mount -o remount,bind,ro "$0" && exec "$@"'
+    wrapper = ["unshare", "--mount", "sh", "-c", mount, str(folder)]
+    if subprocess.run([*wrapper, "true"], capture_output=True, check=False).returncode:
+        pytest.skip("a superuser who may mount nothing can write everywhere")
+    yield wrapper
+
+
+def test_a_read_only_installation_works(before, tmp_path):
+    """Package and home as in a container: the command answers, loops are compiled."""
+    shutil.copytree(before[0], tmp_path / "all")
+    shutil.copytree(ROOT / "pedpred", tmp_path / "all" / "pedpred")
+    for path in (tmp_path / "all").rglob("__pycache__"):
+        shutil.rmtree(path)
+    (tmp_path / "all" / "home").mkdir()
+    about = f"from pedpred.command import main\nmain(['info', {str(ROOT / 'examples/corner/walk.txt')!r}])\n"
+    silent = "import contextlib, io\nwith contextlib.redirect_stdout(io.StringIO()):\n"
+    command = silent + textwrap.indent(about, "    ")
+    environment = {"XDG_CACHE_HOME": "", "HOME": str(tmp_path / "all" / "home")}
+    with read_only(tmp_path / "all") as wrapper:
+        value, names, said = run(tmp_path / "all", "", command + SCRIPT, wrapper, **environment)
+    assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
+    assert said.count("compiled code cannot be kept in ") == 1
 
 
 def test_a_folder_that_cannot_be_written_to_is_read(before, tmp_path):
