@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pedpred.online import OnlinePredictor, OnlineSettings
+    from pedpred.online.warming import warm_up
     from pedpred.scenes import Forecast, OccupancyMap
 
-__all__ = ["Forecast", "OccupancyMap", "OnlinePredictor", "OnlineSettings"]
+__all__ = ["Forecast", "OccupancyMap", "OnlinePredictor", "OnlineSettings", "warm_up"]
 
 _HOMES = {
     "Forecast": "pedpred.scenes",
     "OccupancyMap": "pedpred.scenes",
     "OnlinePredictor": "pedpred.online",
     "OnlineSettings": "pedpred.online",
+    "warm_up": "pedpred.online.warming",
 }
 
 

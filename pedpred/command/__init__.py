@@ -1,4 +1,4 @@
-"""Describe and convert recordings of pedestrians, forecast in them and evaluate a network."""
+"""Describe and convert recordings of pedestrians, forecast in them, evaluate networks; compile beforehand."""
 
 from __future__ import annotations
 

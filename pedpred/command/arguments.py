@@ -18,6 +18,7 @@ from pedpred.errors import FileError, OutputError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.files import check_output
 from pedpred.online.network import read_description
+from pedpred.online.warming import warm_up
 
 _SCENE = (
     "a scene folder, an MCAP recording, a ROS bag, a table (.csv, .tsv, .txt) with time, id, x, y, a text "
@@ -44,6 +45,10 @@ def parser() -> argparse.ArgumentParser:
     _model(command, f"{_TRACKER}; or `tune`: fit it to the recording itself")
     _conditions(command)
     _measures(command)
+    about = "Compile loops now, so that no later command and no robot waits for it."
+    command = commands.add_parser("warm-up", help=about, description=about)
+    _network(command)
+    command.set_defaults(action=lambda given: warm_up(given.model), scene=[])
     return top
 
 
@@ -143,8 +148,12 @@ def _output(command: argparse.ArgumentParser, what: str, required: bool = True) 
     command.add_argument("--force", action="store_true", help="replace an existing file")
 
 
-def _model(command: argparse.ArgumentParser, tracker: str) -> None:
+def _network(command: argparse.ArgumentParser) -> None:
     command.add_argument("--model", type=_path, help="a model folder (default: the one of the package)")
+
+
+def _model(command: argparse.ArgumentParser, tracker: str) -> None:
+    _network(command)
     command.add_argument("--tracker", type=lambda text: text if text == "tune" else _path(text), help=tracker)
 
 

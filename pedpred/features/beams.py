@@ -34,6 +34,7 @@ def obstacle_distances(
     found = np.empty((len(start), beams), np.float32)
     turns = 2.0 * math.pi * np.arange(beams) / beams
     shape, cells = occupancy.occupied.shape, occupancy.occupied.ravel()
+    cells.flags.writeable = False  # of this view alone: whoever owns the map, one type is compiled
     heading_rad = np.asarray(heading_rad, np.float64)
     _cast(cells, shape, start, heading_rad, turns, range_m / occupancy.resolution_m, found)
     found *= np.float32(occupancy.resolution_m)

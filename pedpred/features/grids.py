@@ -37,18 +37,19 @@ def occupancy_crops(
     start = (np.asarray(position, dtype=np.float64) - occupancy.origin) * scale
     centers = np.arange(cells) + (0.5 - 0.5 * cells)
     heading_rad = np.asarray(heading_rad, dtype=np.float64)
-    _crop(occupancy.occupied, start, heading_rad, centers, resolution_m * scale, crops)
+    flat = occupancy.occupied.ravel()
+    flat.flags.writeable = False  # of this view alone: whoever owns the map, one type is compiled
+    _crop(flat, occupancy.occupied.shape, start, heading_rad, centers, resolution_m * scale, crops)
     return crops
 
 
 @compiled
-def _crop(occupied, start, heading_rad, centers, step, crops):  # pragma: no cover (compiled)
+def _crop(flat, shape, start, heading_rad, centers, step, crops):  # pragma: no cover (compiled)
     """`start` and `step` are in map cells, `centers` in crop cells. Writes into `crops`.
 
     The loop over coordinates is vectorised; the look-ups in the map take most of the time.
     """
-    size_x, size_y = occupied.shape
-    flat = occupied.ravel()
+    size_x, size_y = shape
     cells = len(centers)
     for q in range(len(start)):
         cos, sin = math.cos(heading_rad[q]) * step, math.sin(heading_rad[q]) * step

@@ -99,8 +99,9 @@ def situations(
         Channel -> [Q, width] float32, see `channel_widths`.
     """
     position, heading = observers.position, observers.heading_rad
+    first, last = np.ascontiguousarray(past.span.T)
     history = past_positions(
-        past.trail_s, past.trail, past.span[:, 0], past.span[:, 1], past.seen_s, past.seen, time_s,
+        past.trail_s, past.trail, first, last, past.seen_s, past.seen, time_s,
         position, observers.velocity, heading, sizes.history_steps, sizes.dt_s,
     )  # fmt: skip
     nearest = nearest_neighbours(

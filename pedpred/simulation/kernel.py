@@ -2,8 +2,7 @@
 
 The forces are those of `forces.py` and of Moussaid et al. 2010 for groups; tests compare them with plain
 implementations. Repulsion from beyond `interaction_range_m` is neglected, and people are sorted into square
-cells of that side, so that a step costs O(N) at constant density. All inputs of the compiled code are
-arguments or constants of this file, so that numba's cache in `__pycache__` cannot become stale.
+cells of that side, so that a step costs O(N) at constant density.
 """
 
 from __future__ import annotations

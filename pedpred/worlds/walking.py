@@ -12,7 +12,7 @@ Collision-free speed model (Tordeux, Chraibi & Seyfried 2016), with inertia of d
 Here l = r_n + r_m is the sum of the radii, s the weight of what is seen, and the speed w is limited by the
 headway T: w <= max(0, d - l) / T for everybody ahead within 0.95 l of the own line. w is 0 during a stop;
 wander and speed are Ornstein-Uhlenbeck processes. Members of a group slow down or hurry to stay level
-and are pulled to 0.5 to 0.9 m beside the others. numba's cache misses changes of `simulation.kernel`.
+and are pulled to 0.5 to 0.9 m beside the others.
 """
 
 from __future__ import annotations
