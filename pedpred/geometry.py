@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pedpred.arrays import real_numbers
 from pedpred.compiled import compiled
 from pedpred.errors import ShapeError, ValueRuleError
 
@@ -105,7 +106,7 @@ class Homography:
     first_pixel: int = 0
 
     def __post_init__(self) -> None:
-        matrix = np.asarray(self.matrix, dtype=np.float64)
+        matrix = real_numbers("homography", self.matrix).astype(np.float64)
         if matrix.shape != (3, 3):
             raise ShapeError("homography", matrix.shape, "(3, 3)")
         if not np.isfinite(matrix).all():
@@ -136,7 +137,7 @@ class Homography:
 
 
 def _pairs(points: np.ndarray, field: str) -> np.ndarray:
-    points = np.asarray(points, dtype=np.float64)
+    points = real_numbers(field, points).astype(np.float64, copy=False)
     if points.ndim == 0 or points.shape[-1] != 2:
         raise ShapeError(field, points.shape, "[..., 2]")
     return points

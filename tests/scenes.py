@@ -29,13 +29,15 @@ def scenes(draw, time_s=number, track_id=st.integers(0, 99)):  # noqa: B008
     times = draw(arrays(float, rows, elements=time_s))
     tracks = draw(arrays(np.int64, rows, elements=track_id))
     assume(len(set(zip(times.tolist(), tracks.tolist(), strict=True))) == rows)
-    groups = arrays(np.int64, rows, elements=st.integers(-1, 2**31))
-    known = [draw(st.none() | values) for values in (pairs, pairs, column, groups)]
-    names = ("velocity", "goal", "desired_speed_mps", "group_id")
+    whole = arrays(np.int64, rows, elements=st.integers(-(2**63), 2**63 - 1))
+    known = [draw(st.none() | values) for values in (pairs, pairs, column, whole, whole)]
+    names = ("velocity", "goal", "desired_speed_mps", "group_id", "person_id")
+    assert {"time_s", "track_id", "position", *names} == {field.name for field in fields(Trajectories)}
     trajectories = Trajectories(times, tracks, draw(pairs), **dict(zip(names, known, strict=True)))
     picture = draw(st.none() | arrays(np.uint8, (2, 3, 3)))
     camera = None if picture is None else Camera(Homography(np.diag([0.1, 0.3, 1.0]), 1), picture)
-    return Scene("place", trajectories, draw(maps()), draw(st.floats(1e-3, 10.0)), camera)
+    why = draw(st.none() | st.text("ab \n\u00e9", max_size=9)) if not rows else None
+    return Scene("place", trajectories, draw(maps()), draw(st.floats(1e-3, 10.0)), camera, why)
 
 
 def assert_same(left, right):

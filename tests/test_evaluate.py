@@ -10,9 +10,10 @@ import yaml
 
 from pedpred.command import main
 from pedpred.command.conversion import read_any
-from pedpred.command.evaluation import one_by_one
+from pedpred.command.evaluation import Apart
 from pedpred.command.foreign import COLUMNS
 from pedpred.command.prediction import robot_for
+from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online.assessment import assess
 from pedpred.online.replay import replayed
@@ -137,7 +138,9 @@ def test_the_table_is_the_same_with_and_without_a_file_of_all_figures(hall, tmp_
 
 def test_alone_means_each_person_by_itself(hall, mixture):
     scene, settings = read_scene(hall), EvaluationSettings(bootstrap=1)
-    together = assess(one_by_one(scene), robot_for(scene, mixture[0]), settings)["network"]
+    own = Apart.of(scene.trajectories).moved(scene.trajectories)
+    alone = dataclasses.replace(scene, trajectories=own)
+    together = assess(alone, robot_for(scene, mixture[0]), settings)["network"]
     people = scene.trajectories.track_id
     for track in np.unique(people):
         one = dataclasses.replace(scene, trajectories=scene.trajectories.select(people == track))
@@ -268,3 +271,106 @@ def test_wrong_predictions_of_trajnet_are_refused_with_the_reason(text, message,
     given = ["--model", mixture[0], "--forecasts", tmp_path / "them.ndjson"]
     with pytest.raises(SystemExit, match=message):
         main(["evaluate", str(walk), *map(str, given)])
+
+
+# Names of forecasts, and options that move people
+
+
+@pytest.mark.parametrize("stem", ["network", "cv", "ca", "kalman_cv"])
+def test_a_file_named_like_a_method_takes_no_place_but_its_own(
+    stem, walk, tmp_path, mixture, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / f"{stem}.csv").write_text(straight_lines(12, 0.3).replace(",0\n", ",1\n"))
+    (tmp_path / "mine.csv").write_text(straight_lines(12, 0.3).replace(",0\n", ",1\n"))
+    found = measured(walk, "--forecasts", f"{stem}.csv", "--model", mixture[0], out=tmp_path / "a.json")[
+        "walk"
+    ]
+    other = measured(walk, "--forecasts", "mine.csv", "--model", mixture[0], out=tmp_path / "b.json")["walk"]
+    assert list(found) == ["cv", "ca", "kalman_cv", "network", f"{stem} ({stem}.csv)"]
+    assert found == {f"{stem} ({stem}.csv)" if name == "mine" else name: own for name, own in other.items()}
+    assert f"{stem} ({stem}.csv): worse than" in capsys.readouterr().out
+
+
+def test_two_files_of_one_name_are_both_measured(walk, tmp_path, mixture):
+    given = ["--model", mixture[0]]
+    for folder, side in {"right": 0, "left": 1}.items():
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "them.csv").write_text(straight_lines(12, 0.3).replace(",0\n", f",{side}\n"))
+        given += ["--forecasts", tmp_path / folder / "them.csv"]
+    figures = measured(walk, *given, out=tmp_path / "e.json")["walk"]
+    right, left = (f"them ({tmp_path / folder / 'them.csv'})" for folder in ("right", "left"))
+    assert list(figures)[-2:] == [right, left]
+    assert figures[right]["ade_m"] == pytest.approx(0.0, abs=1e-5)
+    assert figures[left]["ade_m"] == pytest.approx(1.0, abs=1e-5)
+    (tmp_path / "right" / "again.csv").symlink_to(tmp_path / "left" / "them.csv")
+    with pytest.raises(SystemExit, match="given twice"):
+        measured(walk, *given, "--forecasts", tmp_path / "right" / "again.csv", out=tmp_path / "e.json")
+
+
+def test_methods_are_compared_where_all_files_have_forecasts(walk, tmp_path, mixture):
+    for name, now in {"one": "2.0", "other": "2.4"}.items():
+        (tmp_path / f"{name}.csv").write_text(straight_lines(12, 0.3).replace("1,2.0", f"1,{now}"))
+    given = [part for name in ("one", "other") for part in ("--forecasts", tmp_path / f"{name}.csv")]
+    with pytest.raises(SystemExit, match="no window has a forecast in each of the files"):
+        measured(walk, *given, "--model", mixture[0], out=tmp_path / "e.json")
+
+
+@pytest.mark.parametrize("name", ["network", "cv"])
+def test_no_other_method_has_the_name_of_one_that_is_always_there(name, hall, mixture):
+    scene = read_scene(hall)
+    with pytest.raises(ValueRuleError, match=name):
+        assess(scene, robot_for(scene, mixture[0]), EvaluationSettings(), others={name: None})
+
+
+@pytest.fixture(scope="module")
+def circles(tmp_path_factory):
+    """Eight people on circles, as a table, and forecasts that are right."""
+    folder, rng = tmp_path_factory.mktemp("circles"), np.random.default_rng(0)
+    seen, ahead = ["time,id,x,y"], [",".join(COLUMNS)]
+    for who in range(8):
+        centre, radius, turn = rng.uniform(-8, 8, 2), rng.uniform(2, 4), rng.uniform(0.2, 0.5)
+        now = 0.4 * np.arange(5 * who, 5 * who + 40)
+        at = centre + radius * np.stack([np.cos(turn * now), np.sin(turn * now)], axis=-1)
+        seen += [f"{t:.1f},{who},{x},{y}" for t, (x, y) in zip(now, at, strict=True)]
+        for t in now:
+            for step in range(1, 11):
+                angle = turn * (t + 0.3 * step)
+                x, y = centre + radius * np.array([np.cos(angle), np.sin(angle)])
+                ahead.append(f"{who},{t:.1f},0,1,{step},{x},{y}")
+    (folder / "walk.csv").write_text("\n".join(seen) + "\n")
+    (folder / "perfect.csv").write_text("\n".join(ahead) + "\n")
+    convert = ["convert", str(folder / "walk.csv"), "-o"]
+    for name in ("walk.mcap", "walk"):
+        main([*convert, str(folder / name)])
+    rows = [line.split(",") for line in seen[1:]]
+    milliseconds = [f"{round(1000 * float(t))},{rest}" for t, *others in rows for rest in [",".join(others)]]
+    (folder / "ms.csv").write_text("\n".join(["time_ms,id,x,y", *milliseconds]) + "\n")
+    return folder
+
+
+ALONE, FREE, MOVED = ("--alone",), ("--no-map",), ("--transform", "30", "-4", "2.1")
+
+
+@pytest.mark.parametrize("recording", ["walk.csv", "ms.csv", "walk.mcap", "walk"])
+@pytest.mark.parametrize("options", [(), ALONE, FREE, MOVED, (*ALONE, *MOVED), (*ALONE, *FREE, *MOVED)])
+def test_forecasts_follow_their_people_through_every_option(options, recording, circles, tmp_path, mixture):
+    """Those that are right stay right, whatever is done to the scene, in as many windows."""
+    given = (circles / recording, "--forecasts", circles / "perfect.csv", "--model", mixture[0])
+    (figures,) = measured(*given, *options, out=tmp_path / "e.json").values()
+    assert figures["perfect"]["ade_m"] < 0.01
+    assert figures["perfect"]["windows"] == 8 * (40 - 3 - 8)
+    assert figures["cv"]["ade_m"] > 0.1
+
+
+def test_tracks_apart_share_no_instant_and_keep_their_times(circles):
+    people = read_any(circles / "walk.csv").trajectories
+    apart = Apart.of(people)
+    moved = apart.moved(people)
+    first, last = ([f(moved.time_s[moved.track_id == who]) for who in range(8)] for f in (np.min, np.max))
+    assert (np.subtract(first[1:], last[:-1]) > 9).all()
+    for who in range(8):
+        then, now = (p.time_s[p.track_id == who] for p in (people, moved))
+        np.testing.assert_allclose(np.diff(now), np.diff(then), atol=1e-9)
+    stranger = dataclasses.replace(people, track_id=people.track_id + 100)
+    np.testing.assert_array_equal(apart.moved(stranger).time_s, stranger.time_s)

@@ -96,11 +96,32 @@ def by_ingest(folder):
         by_ingest,
         lambda folder: main(["info", str(folder)]),
         lambda folder: main(["convert", str(folder), "-o", str(folder.with_name("out.mcap"))]),
+        lambda folder: main(["predict", str(folder), "-o", str(folder.with_name("out.mcap"))]),
+        lambda folder: main(["evaluate", str(folder), "--samples", "20"]),
     ],
-    ids=["ingest", "info", "convert"],
+    ids=["ingest", "info", "convert", "predict", "evaluate"],
 )
-def test_a_flipped_map_is_warned_about_by(read, flipped, caplog):
+def test_a_flipped_map_is_warned_about_by(read, flipped, caplog, mixture, monkeypatch):
+    monkeypatch.setattr("pedpred.online.predictor.default_model", lambda: mixture[0])
     read(flipped)
-    warnings = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+    warnings = [record.getMessage() for record in caplog.records if "on the map" not in record.getMessage()]
+    warnings = [text for text in warnings if "The map does not lie under the people" in text]
     assert len(warnings) == 1
+    assert warnings[0].startswith("WRONG MAP? corner: ")
     assert "With the map mirrored in y: 0.0 % of the detections in obstacles" in warnings[0]
+
+
+@pytest.mark.parametrize(("share", "marked"), [(0.0, False), (0.04, False), (0.06, True), (0.3, True)])
+def test_figures_with_a_map_that_can_hardly_be_right_are_marked(share, marked, tmp_path, mixture, capsys):
+    scene = corner(people=50)
+    position = scene.trajectories.position.copy()
+    position[scene.trajectories.track_id < round(50 * share), 1] += 100.0
+    people = replace(scene.trajectories, position=position)
+    write_scene(replace(scene, trajectories=people), tmp_path / "corner")
+    given = ["evaluate", str(tmp_path / "corner"), "--samples", "20", "--model", str(mixture[0])]
+    main(given)
+    *_, last = capsys.readouterr().out.splitlines()
+    assert last.startswith("corner: WRONG MAP? ") is marked
+    assert ("% outside the map: figures with this map say little" in last) is marked
+    main([*given, "--no-map"])
+    assert "WRONG MAP?" not in capsys.readouterr().out

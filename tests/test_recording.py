@@ -18,10 +18,10 @@ from pedpred.errors import SourceError, ValueRuleError
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.report.animation import Animation, busiest_start, positions_at, write_animation
-from pedpred.ros import check_recordable, read_recording, write_recording
+from pedpred.ros import check_recordable, read_recording, recordings, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition
-from pedpred.scenes import OccupancyMap, Predictions, Trajectories
+from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories
 from tests.forecasts import METHODS, windows_with
 from tests.scenes import assert_same, scenes
 from tests.worlds import walled_scene
@@ -29,7 +29,6 @@ from tests.worlds import walled_scene
 STEPS = 10
 SHOWN = {"lstm": (1.0, 0.5, 0.0)}
 LINES = {"truth", "lstm"}
-NOBODY = Trajectories([], [], np.zeros((0, 2)))
 
 
 def small_scene(tracks=3, detections=12):
@@ -60,12 +59,36 @@ def contents(path, wanted=MARKERS):
 @given(scenes(st.floats(0, 2**31 - 1), st.integers(-(2**62), 2**62)))
 @settings(max_examples=40)
 def test_a_scene_comes_back_as_it_was(tmp_path_factory, scene):
-    """But for the camera's picture and columns without rows, which have no message."""
+    """But for the camera."""
     path = tmp_path_factory.mktemp("recording") / "scene.mcap"
-    people = scene.trajectories if len(scene.trajectories) else NOBODY
-    scene = replace(scene, camera=None, trajectories=people)
+    scene = replace(scene, camera=None)
     write_recording(scene, path)
     assert_same(scene, read_recording(path))
+
+
+def test_an_earlier_recording_without_people_says_no_columns_and_is_read(tmp_path, monkeypatch):
+    scene = Scene("empty", Trajectories([], [], np.zeros((0, 2))), small_scene().occupancy, 0.4)
+    add = recordings.Writer.add_metadata
+    monkeypatch.setattr(
+        recordings.Writer,
+        "add_metadata",
+        lambda writer, name, about: add(writer, name, {k: v for k, v in about.items() if k != "columns"}),
+    )
+    write_recording(scene, tmp_path / "scene.mcap")
+    assert b"columns" not in (tmp_path / "scene.mcap").read_bytes()[:400]
+    assert_same(read_recording(tmp_path / "scene.mcap"), scene)
+
+
+@pytest.mark.parametrize("text", ["7", "7.0", "-1"])
+def test_whole_numbers_in_tags_may_be_written_as_fractions(tmp_path, monkeypatch, text):
+    scene = small_scene()
+    ids = np.full(len(scene.trajectories), int(float(text)))
+    scene = replace(scene, trajectories=replace(scene.trajectories, group_id=ids, person_id=ids))
+    monkeypatch.setattr(
+        "pedpred.ros.scene_messages.repr", lambda own: text if type(own) is int else repr(own), raising=False
+    )
+    write_recording(scene, tmp_path / "scene.mcap")
+    assert_same(read_recording(tmp_path / "scene.mcap"), scene)
 
 
 def test_every_message_can_be_read_and_carries_its_time_and_frame(tmp_path):

@@ -94,7 +94,7 @@ def change_map(folder, old, new):
         (lambda f: change_json(f, schema=99), "schema: 99, expected 1"),
         (lambda f: change_json(f, name=None), "'name' is missing"),
         (lambda f: change_json(f, detection_dt_s=-1.0), "detection_dt_s = -1.0"),
-        (lambda f: change_json(f, detection_dt_s="often"), "'str'"),
+        (lambda f: change_json(f, detection_dt_s="often"), "detection_dt_s = 'often'"),
         (lambda f: (f / "scene.json").write_text("[]"), "list, expected an object"),
         (lambda f: (f / "scene.json").write_text("{"), r"scene\.json"),
         (lambda f: (f / "tracks.parquet").write_text("no table"), r"tracks\.parquet"),

@@ -59,8 +59,9 @@ def check(given: argparse.Namespace) -> None:
         PedpredError: something is wrong with an argument.
     """
     scenes = given.scene if isinstance(given.scene, list) else [given.scene]
-    named = [getattr(given, name, None) for name in ("map", "model", "tracker", "forecasts")]
-    inputs = [*scenes, *(path for path in named if isinstance(path, Path))]
+    theirs = getattr(given, "forecasts", [])
+    named = [getattr(given, name, None) for name in ("map", "model", "tracker")]
+    inputs = [*scenes, *(path for path in named if isinstance(path, Path)), *theirs]
     for path in inputs:
         if not path.exists():
             raise FileError(path, "", "there is no such file or folder", "Correct the name")
@@ -76,8 +77,11 @@ def check(given: argparse.Namespace) -> None:
         _check_output(figures, inputs)
     if model := getattr(given, "model", None):
         read_description(model)
-    if getattr(given, "forecasts", None) and len(scenes) > 1:
-        raise ValueRuleError("--forecasts", str(given.forecasts), "give the one scene that they are about")
+    if theirs and len(scenes) > 1:
+        raise ValueRuleError("--forecasts", str(theirs[0]), "give the one scene that they are about")
+    for number, path in enumerate(theirs):
+        if any(path.samefile(other) for other in theirs[:number]):
+            raise ValueRuleError("--forecasts", str(path), "it is given twice")
 
 
 def _check_output(path: Path, inputs: list[Path], folder: bool = False) -> None:
@@ -124,7 +128,7 @@ def _path(text: str) -> Path:
 def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: str | None = None) -> Any:
     """Add a subcommand named after its function, which reads one scene or several."""
     command = commands.add_parser(action.__name__, help=action.__doc__, description=action.__doc__)
-    command.set_defaults(action=action)
+    command.set_defaults(action=action, no_map=False)
     command.add_argument("scene", type=_path, nargs=scenes, help=_SCENE)
     command.add_argument("--topic", help="of a bag's people, if several topics carry people")
     pose = "pose of the people's frame in the map's frame, if they differ, m, m, rad"
@@ -161,7 +165,8 @@ def _conditions(command: argparse.ArgumentParser) -> None:
     command.add_argument("--no-map", action="store_true", help="without obstacles")
     command.add_argument("--alone", action="store_true", help="everybody alone, without the other people")
     theirs = "measure somebody else's forecasts too: a table with track, time, mode, weight, step, x, y, or "
-    command.add_argument("--forecasts", type=_path, help=f"{theirs}the .ndjson predictions of TrajNet++")
+    theirs += "the .ndjson predictions of TrajNet++; may be repeated"
+    command.add_argument("--forecasts", type=_path, action="append", default=[], metavar="FILE", help=theirs)
     step = "time between two steps of such a table, s (default: that of the model)"
     command.add_argument("--step-s", type=_number(float, 0.01, 10.0), help=step)
 

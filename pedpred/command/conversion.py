@@ -14,7 +14,7 @@ from pedpred.command.maps import map_at
 from pedpred.errors import ValueRuleError
 from pedpred.ros import Transform, is_bag, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
-from pedpred.scenes import OccupancyMap, Scene, checked_placement
+from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
 from pedpred.sources.single_file import FORMATS, read_file
 from pedpred.sources.walls import occupancy_of, read_walls
 from pedpred.storage.scenes import read_scene, write_scene
@@ -24,7 +24,7 @@ _CELL_M, _WALL_M, _OPEN_END_M = 0.05, 3.0, 6.0
 """Of maps made from geometry files, m: side of a cell, thickness of walls, corridors beyond open ends."""
 
 _log = logging.getLogger(__name__)
-_OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id")
+_OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id", "person_id")
 
 
 def info(given: argparse.Namespace) -> None:
@@ -41,7 +41,7 @@ def info(given: argparse.Namespace) -> None:
         "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
         f"{100 * occupancy.occupied.mean():.1f} % occupied",
-        "on the map": str(checked_placement(scene)),
+        "on the map": str(placement(trajectories.position, occupancy)),
         "also known": ", ".join(known) or "nothing",
         "camera": "yes" if scene.camera else "no",
     }
@@ -58,7 +58,7 @@ def convert(given: argparse.Namespace) -> None:
     scene = read_given(given)
     if given.scene.suffix in FORMATS:  # without a name of its own
         scene = replace(scene, name=given.output.stem)
-    _log.info("%s: %s", scene.name, checked_placement(scene))
+    _log.info("%s: %s", scene.name, placement(scene.trajectories.position, scene.occupancy))
     if given.output.suffix == ".mcap":
         write_recording(scene, given.output)
         write_layout(scene.occupancy, set(), layout_of(given.output))
@@ -67,7 +67,7 @@ def convert(given: argparse.Namespace) -> None:
 
 
 def read_given(given: argparse.Namespace) -> Scene:
-    """Read the scene that the arguments name, on the map that they name.
+    """Read the scene that the arguments name, on the map that they name; a misplaced map is warned about.
 
     Raises:
         ValueRuleError: open ends are given without a geometry file.
@@ -75,13 +75,22 @@ def read_given(given: argparse.Namespace) -> Scene:
     columns = None if given.columns is None else tuple(given.columns.split(","))
     transform = None if given.transform is None else Transform(*given.transform)
     scene = read_any(given.scene, given.topic, TableOptions(columns, given.rate), transform)
+    if ground := _ground_given(given):
+        scene = replace(scene, occupancy=ground)
+    if given.no_map:
+        scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
+    checked_placement(scene)
+    return scene
+
+
+def _ground_given(given: argparse.Namespace) -> OccupancyMap | None:
+    """The map that replaces that of the scene."""
     if given.map is not None and given.map.suffix == ".xml":
         edges = [[end[:2], end[2:]] for end in given.open_end]
-        ground = occupancy_of(read_walls(given.map), _CELL_M, _WALL_M, edges, _OPEN_END_M)
-        return replace(scene, occupancy=ground)
+        return occupancy_of(read_walls(given.map), _CELL_M, _WALL_M, edges, _OPEN_END_M)
     if given.open_end:
         raise ValueRuleError("--open-end", given.open_end[0], "it needs a geometry file: --map walls.xml")
-    return scene if given.map is None else replace(scene, occupancy=map_at(given.map))
+    return None if given.map is None else map_at(given.map)
 
 
 def layout_of(recording: Path) -> Path:

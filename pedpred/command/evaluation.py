@@ -6,22 +6,27 @@ import argparse
 import copy
 import logging
 import sys
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.conversion import read_given
-from pedpred.command.foreign import ForeignForecasts, read_forecasts
+from pedpred.command.foreign import ForeignForecasts, by_name, read_forecasts
 from pedpred.command.prediction import read_tracker, robot_for
-from pedpred.command.tables import SHOWN, table, verdict
+from pedpred.command.tables import SHOWN, caution, table, verdict
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
 from pedpred.files import write_json
+from pedpred.forecasting import ForecastRequest
 from pedpred.metrics import METRICS
-from pedpred.online.assessment import assess
-from pedpred.scenes import OccupancyMap, Scene
+from pedpred.online.assessment import ALWAYS, assess
+from pedpred.ros import Transform
+from pedpred.scenes import Placement, Scene, Trajectories, placement
 from pedpred.sources.single_file import check_clock
 from pedpred.tracking import KalmanSettings, tune_kalman
 
@@ -29,6 +34,7 @@ _log = logging.getLogger(__name__)
 _TUNED_AHEAD_S = 3.2
 _PAUSE_S = 10.0  # longer than anybody is remembered
 
+Moved = TypeVar("Moved", Trajectories, ForeignForecasts)
 Assessed = dict[str, dict[str, Scores]]
 """Scene -> method -> scores."""
 
@@ -42,8 +48,9 @@ def evaluate(given: argparse.Namespace) -> None:
         seed=given.seed,
     )
     tracker = read_tracker(given.tracker) if isinstance(given.tracker, Path) else given.tracker
-    foreign = read_forecasts(given.forecasts, given.step_s) if given.forecasts else None
+    foreign = by_name([read_forecasts(path, given.step_s) for path in given.forecasts], ALWAYS)
     scores: Assessed = {}
+    places: dict[str, Placement] = {}
     for path in given.scene:
         one = copy.copy(given)
         one.scene = path
@@ -51,6 +58,7 @@ def evaluate(given: argparse.Namespace) -> None:
         check_clock(path, scene.detection_dt_s)
         if scene.name in scores:
             raise ValueRuleError("name", scene.name, f"{path} is the second scene of that name")
+        places[scene.name] = placement(scene.trajectories.position, scene.occupancy)
         scores[scene.name] = _assessed(scene, given, tracker, settings, foreign)
     if len(scores) > 1:
         _add_pool(scores)
@@ -58,6 +66,7 @@ def evaluate(given: argparse.Namespace) -> None:
     for name, rows in figures.items():
         sys.stdout.write(table(name, rows, scores[name]))
     sys.stdout.write(verdict(list(scores.values())[-1], settings))
+    sys.stdout.writelines(caution(name, place) for name, place in places.items())
     if given.json is not None:
         write_json(given.json, figures)
 
@@ -67,7 +76,7 @@ def _assessed(
     given: argparse.Namespace,
     tracker: KalmanSettings | str | None,
     settings: EvaluationSettings,
-    foreign: ForeignForecasts | None,
+    foreign: Mapping[str, ForeignForecasts],
 ) -> dict[str, Scores]:
     """Scores in one scene under the given conditions, without metrics that mean nothing there."""
     meaningless = []
@@ -75,32 +84,64 @@ def _assessed(
         tracker = _tuned(scene)
     assert not isinstance(tracker, str)
     if given.no_map:
-        scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
         meaningless += ["obstacle_share"]
     predictor = robot_for(scene, given.model, tracker)
+    if given.transform is not None:  # the people of the scene were moved when it was read
+        moved = Transform(*given.transform)
+        foreign = {name: own.moved(moved) for name, own in foreign.items()}
     if given.alone:
-        scene = one_by_one(scene)
+        apart = Apart.of(scene.trajectories)
+        scene = replace(scene, trajectories=apart.moved(scene.trajectories))
+        foreign = {name: apart.moved(own) for name, own in foreign.items()}
         meaningless += ["collision_share", "mode_collision_share"]
-    others = {} if foreign is None else {foreign.name: foreign}
-    answered = None if foreign is None else foreign.answered
+    answered = partial(_answered, foreign) if foreign else None
     metrics = None if given.json else {key: METRICS[key] for key in SHOWN}
-    found = assess(scene, predictor, settings, None, others, answered, metrics)
+    found = assess(scene, predictor, settings, None, foreign, answered, metrics)
     return {
         method: replace(own, values={key: v for key, v in own.values.items() if key not in meaningless})
         for method, own in found.items()
     }
 
 
-def one_by_one(scene: Scene) -> Scene:
-    """Return the scene with one track after the other, so that nobody meets anybody."""
-    own = scene.trajectories
-    _, who = np.unique(own.track_id, return_inverse=True)
-    first, last = np.full(who.max(initial=-1) + 1, np.inf), np.full(who.max(initial=-1) + 1, -np.inf)
-    np.minimum.at(first, who, own.time_s)
-    np.maximum.at(last, who, own.time_s)
-    end = np.cumsum(last - first + _PAUSE_S)
-    shift = end - last
-    return replace(scene, trajectories=replace(own, time_s=own.time_s + shift[who]))
+def _answered(foreign: Mapping[str, ForeignForecasts], request: ForecastRequest) -> np.ndarray:
+    """Which windows have a forecast in every file. [W] bool.
+
+    Raises:
+        SourceError: a file has none.
+        ValueRuleError: there is no such window.
+    """
+    found: np.ndarray = np.logical_and.reduce([own.answered(request) for own in foreign.values()])
+    if not found.any():
+        raise ValueRuleError("--forecasts", list(foreign), "no window has a forecast in each of the files")
+    return found
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Shifts of time that let one track come after the other, so that nobody meets anybody.
+
+    Attributes:
+        track_id: rising. [T]
+        shift_s: of each track, s. [T]
+    """
+
+    track_id: np.ndarray
+    shift_s: np.ndarray
+
+    @classmethod
+    def of(cls, people: Trajectories) -> Apart:
+        """Those of the people of a scene."""
+        track_id, who = np.unique(people.track_id, return_inverse=True)
+        first, last = np.full(len(track_id), np.inf), np.full(len(track_id), -np.inf)
+        np.minimum.at(first, who, people.time_s)
+        np.maximum.at(last, who, people.time_s)
+        return cls(track_id, np.cumsum(last - first + _PAUSE_S) - last)
+
+    def moved(self, whose: Moved) -> Moved:
+        """Detections or forecasts at their new times; those of tracks that are not in the scene stay."""
+        at = np.searchsorted(self.track_id, whose.track_id).clip(max=len(self.track_id) - 1)
+        shift_s = np.where(self.track_id[at] == whose.track_id, self.shift_s[at], 0.0)
+        return replace(whose, time_s=whose.time_s + shift_s)
 
 
 def _tuned(scene: Scene) -> KalmanSettings:

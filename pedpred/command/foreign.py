@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import csv
 import logging
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from pedpred.command.trajnet import trajnet_columns
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, ValueRuleError
 from pedpred.forecasting import ForecastRequest
+from pedpred.ros import Transform
 from pedpred.scenes import Predictions
 from pedpred.storage.text import read_numbers, text_lines
 
@@ -42,10 +45,9 @@ class ForeignForecasts:
     weight: np.ndarray
     step_s: float | None
 
-    @property
-    def name(self) -> str:
-        """What the method is called."""
-        return self.source.stem
+    def moved(self, transform: Transform) -> ForeignForecasts:
+        """The forecasts of people who are in another frame than the map, as seen in the map's."""
+        return replace(self, path=transform.to_map(self.path))
 
     def answered(self, request: ForecastRequest) -> np.ndarray:
         """Which windows have a forecast, made within 5 ms of them. [W] bool.
@@ -94,6 +96,31 @@ class ForeignForecasts:
                 best = np.take_along_axis(near, gaps.argmin(axis=0)[None], axis=0)[0]
                 rows[asked] = np.where(gaps.min(axis=0) <= _SAME_S, best, -1)
         return rows
+
+
+def by_name(forecasts: Sequence[ForeignForecasts], taken: Collection[str]) -> dict[str, ForeignForecasts]:
+    """Name forecasts after their files; where a name is taken or appears twice, with the file's path.
+
+    Args:
+        forecasts: of different files.
+        taken: names of other methods.
+
+    Raises:
+        ValueRuleError: two files still have one name.
+    """
+    count = Counter([*taken, *(own.source.stem for own in forecasts)])
+    named: dict[str, ForeignForecasts] = {}
+    for own in forecasts:
+        name = own.source.stem
+        if count[name] > 1:
+            name = f"{name} ({own.source})"
+            _LOG.info("the forecasts of %s are called '%s', since their name is taken", own.source, name)
+        if name in (*taken, *named):
+            raise ValueRuleError(
+                "--forecasts", str(own.source), f"the name {name!r} is taken: rename the file"
+            )
+        named[name] = own
+    return named
 
 
 def _span(track_id: np.ndarray, time_s: np.ndarray) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.evaluation import EvaluationSettings, Scores, summaries
 from pedpred.metrics import METRICS
+from pedpred.scenes import Placement
 
 SHOWN = (*("ade_m", "fde_m", "moving_ade_m", "standing_ade_m", "nll", "obstacle_share", "collision_share"),)
 """Metrics in the table, in its order."""
@@ -38,6 +39,13 @@ def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str,
     without = f"; {lost} more without truth" if lost else ""
     about = f"{name}: {some['windows']} windows of {some['tracks']} tracks ({split}{without})"
     return "\n".join([about, *lines, "", ""])
+
+
+def caution(name: str, place: Placement) -> str:
+    """A line about a scene whose map can hardly be right; empty for others."""
+    if not place.wrong:
+        return ""
+    return f"{name}: WRONG MAP? {place}: figures with this map say little; look at both, or use --no-map\n"
 
 
 def _cell(key: str, value: float | None) -> str:

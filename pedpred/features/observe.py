@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pedpred.arrays import real_numbers
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features.grids import angular_grids, occupancy_crops
 from pedpred.features.table import FeatureSettings
@@ -32,7 +33,7 @@ class Pedestrians:
     def __post_init__(self) -> None:
         rows = len(self.track_id)
         for field, shape in {"position": (rows, 2), "heading_rad": (rows,), "velocity": (rows, 2)}.items():
-            value = np.asarray(getattr(self, field), dtype=np.float64)
+            value = real_numbers(field, getattr(self, field)).astype(np.float64, copy=False)
             if value.shape != shape:
                 raise ShapeError(field, value.shape, str(shape))
             if not np.isfinite(value).all():

@@ -9,6 +9,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
+from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, score
 from pedpred.evaluation.scores import metric_scene, true_paths
 from pedpred.evaluation.windows import count_without_truth, window_request
@@ -23,6 +24,8 @@ from pedpred.simulation.sensor import SensorSettings
 
 NETWORK = "network"
 """Name of the exported network beside the other methods."""
+ALWAYS = (*PRESENT_MOTION, NETWORK)
+"""The methods of every assessment."""
 
 
 def assess(
@@ -44,16 +47,18 @@ def assess(
         predictor: its tracker and window sizes are used for all methods.
         settings: thresholds of the metrics.
         sensor: between the scene and the tracker; None for a perfect one.
-        others: further methods by name.
+        others: further methods by name; no name of `ALWAYS`.
         answered: which windows count, [W] bool; None: all.
         metrics: which ones alone; None: all, and the calibration at each step.
 
     Raises:
-        ValueRuleError: the scene has no window.
+        ValueRuleError: the scene has no window, or a further method has the name of one of `ALWAYS`.
 
     Returns:
         The scores of each method in the same windows.
     """
+    if taken := sorted(set(others or {}).intersection(ALWAYS)):
+        raise ValueRuleError("others", taken, f"the names {ALWAYS} are taken")
     about, sizes, sensor = predictor.description, predictor.features, sensor or SensorSettings()
     how = Perception(about.tracker, about.standstill_mps, sensor)
     request = window_request(scene, how, sizes, memory=bool(others))

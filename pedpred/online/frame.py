@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pedpred.arrays import real_number, real_numbers
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.scenes import rule_of
 
@@ -34,10 +35,8 @@ class Frame:
         Raises:
             ValueRuleError, ShapeError: something is no number or out of range, or an id appears twice.
         """
-        now, names = _array("time_s", time_s), _array("track_id", track_id)
-        if now.shape or now.dtype.kind not in "iuf":
-            raise ValueRuleError("time_s", time_s, "it must be one number")
-        _check("time_s", now)
+        now, names = real_number("time_s", time_s), real_numbers("track_id", track_id)
+        _check("time_s", np.asarray(now))
         if names.ndim != 1 or (len(names) and names.dtype.kind not in "iu"):
             raise ValueRuleError("track_id", names.tolist(), "it must be a list of whole numbers of 64 bits")
         _check("track_id", names)
@@ -47,7 +46,7 @@ class Frame:
         if again.any():
             raise ValueRuleError("track_id", int(names[1:][again][0]), "it must appear once in a frame")
         return cls(
-            float(now),
+            now,
             names.astype(np.int64),
             _pairs("position", position, len(names))[order],
             None if velocity is None else _pairs("velocity", velocity, len(names))[order],
@@ -56,19 +55,12 @@ class Frame:
 
 def _pairs(name: str, value: Any, rows: int) -> np.ndarray:
     """Numbers, [rows, 2]; an empty frame may come in any shape."""
-    pairs = _array(name, value, np.float64)
+    pairs = real_numbers(name, value).astype(np.float64)
     pairs = pairs.reshape(0, 2) if not pairs.size else pairs
     if pairs.shape != (rows, 2):
         raise ShapeError(name, pairs.shape, f"({rows}, 2)")
     _check(name, pairs)
     return pairs
-
-
-def _array(name: str, value: Any, kind: type | None = None) -> np.ndarray:
-    try:
-        return np.asarray(value, kind)
-    except (OverflowError, TypeError, ValueError) as cause:
-        raise ValueRuleError(name, value, "it must be numbers, as many in each row") from cause
 
 
 def _check(name: str, values: np.ndarray) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pedpred.arrays import real_number, real_numbers
 from pedpred.errors import ValueRuleError
 from pedpred.geometry import rotate
 from pedpred.scenes import Trajectories, rule_of
@@ -28,13 +29,13 @@ class Transform:
 
     def __post_init__(self) -> None:
         for field, value in vars(self).items():
-            rule, valid = rule_of("position", np.asarray(value, dtype=np.float64))
+            rule, valid = rule_of("position", np.asarray(real_number(field, value)))
             if not valid:
                 raise ValueRuleError(field, value, rule)
 
     def to_map(self, position: np.ndarray) -> np.ndarray:
         """Points of the people's frame in the map's frame, m. [..., 2]."""
-        points = np.asarray(position, dtype=np.float64)
+        points = real_numbers("position", position).astype(np.float64)
         return self._turned(points) + np.array([self.x_m, self.y_m])
 
     def moved(self, people: Trajectories) -> Trajectories:

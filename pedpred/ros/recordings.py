@@ -51,7 +51,8 @@ _CHUNK_BYTES = 256 * 1024
 _SAME_INSTANT_NS = 1000
 """Times of detections and forecasts that differ by no more are one instant."""
 _REMEDY = f"A recording is an MCAP file with {TYPES[MAP]} on {MAP} and {TYPES[PEOPLE]} on {PEOPLE}, in CDR"
-_NOBODY = {name: np.zeros(0) for name in ("time_s", "track_id", "x_m", "y_m")}
+_NOBODY = "time_s,track_id,x_m,y_m"
+"""Columns of a recording without people, which has no message to say them."""
 
 
 def read_recording(path: Path, transform: Transform | None = None) -> Scene:
@@ -96,7 +97,8 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
     with translate_errors(problem):
         grid = known_types().deserialize_cdr(last, TYPES[MAP])
         check_frames(frames, grid.header.frame_id, transform)
-        table = pd.DataFrame(rows or _NOBODY)
+        nobody = {name: np.zeros(0) for name in about.get("columns", _NOBODY).split(",")}
+        table = pd.DataFrame(rows or nobody)
         time_s, track_id = table["time_s"].to_numpy(), table["track_id"].to_numpy()
         kept, left_out = usable(time_s, track_id, table[["x_m", "y_m"]].to_numpy())
         if left_out:
@@ -105,7 +107,8 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
         trajectories = trajectories if transform is None else transform.moved(trajectories)
         occupancy = map_of_grid(grid, about.get("resolution_m"))
         dt_s = float(about.get("detection_dt_s") or trajectories.usual_interval_s())
-        return Scene(about.get("name", path.stem), trajectories, occupancy, dt_s)
+        name, unavailable = about.get("name", path.stem), about.get("unavailable")
+        return Scene(name, trajectories, occupancy, dt_s, unavailable=unavailable)
 
 
 def check_recordable(scene: Scene, steps: int = 1, cell_m: float | None = None) -> None:
@@ -131,8 +134,8 @@ def write_recording(
 ) -> None:
     """Write a scene, and forecasts in it, as MCAP with ROS 2 messages (profile `ros2`, CDR).
 
-    The same scene gives the same bytes. `read_recording` returns an equal scene, but for the camera, which is
-    not recorded.
+    The same scene gives the same bytes. `read_recording` returns an equal scene, field by field, but for the
+    camera, which is not recorded.
 
     Args:
         scene: people (`/people`, `/markers`) and obstacles (`/map`).
@@ -151,6 +154,10 @@ def write_recording(
         raise ValueRuleError("method", unknown[0], f"scene {scene.name} has no forecasts of it")
     about = {"name": scene.name, "detection_dt_s": repr(float(scene.detection_dt_s))}
     about["resolution_m"] = repr(float(scene.occupancy.resolution_m))
+    if scene.unavailable is not None:
+        about["unavailable"] = scene.unavailable
+    if not len(scene.trajectories):
+        about["columns"] = ",".join(map(str, tracks_table(scene.trajectories)))
     with atomic_write(path) as new, new.open("wb") as stream:
         writer = Writer(stream, chunk_size=_CHUNK_BYTES)
         writer.start(profile="ros2")

@@ -20,8 +20,9 @@ Content = dict[str, Any]
 
 FRAME, WORLD = "map", "world"
 
-_TAGS = ("time_s", "goal_x_m", "goal_y_m", "desired_speed_mps", "group_id")
-"""Columns of `tracks_table` that become tags."""
+_WHOLE_TAGS = ("group_id", "person_id")
+_TAGS = ("time_s", "goal_x_m", "goal_y_m", "desired_speed_mps", *_WHOLE_TAGS)
+"""Columns of `tracks_table` that become tags; the first ones may have all values of 64 bits."""
 _OCCUPIED, _FREE, _UNKNOWN = 100, 0, -1
 _LATEST_S = 2**31
 
@@ -154,4 +155,11 @@ def people_rows(message: Any) -> Iterator[dict[str, Any]]:
         if not np.isnan([person.velocity.x, person.velocity.y]).all():
             row |= {"vx_mps": person.velocity.x, "vy_mps": person.velocity.y}
         tags = zip(person.tagnames, person.tags, strict=True)
-        yield row | {name: float(text) for name, text in tags if name in _TAGS}
+        yield row | {name: _tagged(name, text) for name, text in tags if name in _TAGS}
+
+
+def _tagged(name: str, text: str) -> float:
+    """The number in a tag; whole ones are exact, also beyond 2^53."""
+    if name in _WHOLE_TAGS and text.lstrip("-").isdecimal():
+        return int(text)
+    return float(text)

@@ -1,7 +1,7 @@
 """Value types: trajectories, occupancy maps, scenes and forecasts."""
 
 from pedpred.scenes.occupancy import OccupancyMap, blocked_greys
-from pedpred.scenes.placement import Placement, checked_placement
+from pedpred.scenes.placement import Placement, checked_placement, placement
 from pedpred.scenes.predicted import BODY_M, predicted_occupancy
 from pedpred.scenes.predictions import Forecast, Predictions
 from pedpred.scenes.scene import Camera, Scene, Trajectories, rule_of
@@ -19,6 +19,7 @@ __all__ = [
     "Trajectories",
     "blocked_greys",
     "checked_placement",
+    "placement",
     "predicted_occupancy",
     "rule_of",
 ]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pedpred.arrays import locked, real_number, real_numbers
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.files import MOST_PIXELS
 
@@ -25,6 +26,8 @@ _FREE_CELLS = 1000
 class OccupancyMap:
     """Which cells of the ground are blocked. The ground outside the map is free.
 
+    A map never changes: its arrays are read-only, and copies of arrays that could be written into.
+
     Attributes:
         occupied: cell (i, j) spans origin + resolution * [i, i+1) x [j, j+1). True or 1: blocked. At most
             `MOST_PIXELS` cells. [X, Y] bool
@@ -42,14 +45,22 @@ class OccupancyMap:
 
     def __post_init__(self) -> None:
         occupied = _blocked(self.occupied)
-        origin = np.asarray(self.origin, dtype=np.float64)
+        origin = locked(real_numbers("origin", self.origin), float)
         if origin.shape != (2,):
             raise ShapeError("origin", origin.shape, "(2,)")
         if not (np.abs(origin) <= FARTHEST_M).all():
             raise ValueRuleError("origin", origin.tolist(), f"it must be within {FARTHEST_M:g} m of 0")
+        object.__setattr__(self, "resolution_m", real_number("resolution_m", self.resolution_m))
         _check_side("resolution_m", self.resolution_m)
         object.__setattr__(self, "occupied", occupied)
         object.__setattr__(self, "origin", origin)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the arrays of a map that another process sent read-only, as they were there."""
+        for values in state.values():
+            if isinstance(values, np.ndarray):
+                values.flags.writeable = False
+        self.__dict__.update(state)
 
     @classmethod
     def free_around(
@@ -114,17 +125,17 @@ def check_cells(width: int, height: int) -> None:
 
 def _blocked(given: Any) -> np.ndarray:
     """Cells as bool, after a check that each is clearly blocked or free."""
-    cells = np.asarray(given)
+    cells = real_numbers("occupied", given, "biuf")
     if cells.ndim != 2:
         raise ShapeError("occupied", cells.shape, "[X, Y]")
     check_cells(*cells.shape)
     if cells.dtype != bool:
-        clear = (cells == 0) | (cells == 1) if cells.dtype.kind in "iuf" else np.zeros(cells.shape, bool)
+        clear = (cells == 0) | (cells == 1)
         if not clear.all():
             row, column = np.argwhere(~clear)[0].tolist()
             rule = "cells are 1 (blocked) or 0 (free): decide about others first, such as `grid > 50`"
             raise ValueRuleError(f"occupied[{row}, {column}]", cells[[row], [column]].tolist()[0], rule)
-    return np.ascontiguousarray(cells, dtype=bool)
+    return locked(cells, bool)
 
 
 def blocked_greys(negate: Any, occupied_thresh: Any) -> np.ndarray:

@@ -12,6 +12,8 @@ from pedpred.scenes.scene import Scene
 
 MOST_MISPLACED = 0.01
 """A larger share of detections in obstacles or outside the map is warned about."""
+SURELY_MISPLACED = 0.05
+"""Above this share, figures with the map say little; they are marked."""
 
 _log = logging.getLogger(__name__)
 
@@ -36,6 +38,11 @@ class Placement:
     def worst(self) -> float:
         """The larger share."""
         return max(self.in_obstacles, self.outside)
+
+    @property
+    def wrong(self) -> bool:
+        """Whether so many detections are misplaced that the map can hardly be right."""
+        return self.worst > SURELY_MISPLACED
 
 
 def placement(position: np.ndarray, occupancy: OccupancyMap) -> Placement:
@@ -68,8 +75,9 @@ def checked_placement(scene: Scene) -> Placement:
     best = min(others, key=lambda how: others[how].worst)
     hint = f" With the map {best}: {others[best]}." if others[best].worst <= MOST_MISPLACED else ""
     _log.warning(
-        "%s: %s. The map does not lie under the people, and such a map doubles errors silently. Draw both; "
+        "%s%s: %s. The map does not lie under the people, and such a map doubles errors silently. Draw both; "
         "origin is the map's lower left corner in metres, the first row of its picture is its largest y.%s",
+        "WRONG MAP? " if found.wrong else "",
         scene.name,
         found,
         hint,

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pedpred.arrays import real_number, real_numbers
 from pedpred.compiled import compiled
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.geometry import placed, rotated_covariance
@@ -42,6 +43,9 @@ class Predictions:
     frame: Frame = "world"
 
     def __post_init__(self) -> None:
+        for name in ("point", "path", "weight", "covariance"):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, real_numbers(name, value))
         if self.point.ndim != 3 or self.point.shape[2] != 2:
             raise ShapeError("point", self.point.shape, "[W, P, 2]")
         rows, steps = self.point.shape[:2]
@@ -52,6 +56,7 @@ class Predictions:
         for name, shape in expected.items():
             if getattr(self, name).shape != shape:
                 raise ShapeError(name, getattr(self, name).shape, str(shape))
+        object.__setattr__(self, "dt_s", real_number("dt_s", self.dt_s))
         if not 0 < self.dt_s < np.inf:
             raise ValueRuleError("dt_s", self.dt_s, "it must be positive")
         if not _fall_and_sum_to_1(np.ascontiguousarray(self.weight, np.float64)):
@@ -161,6 +166,8 @@ class Forecast:
     predictions: Predictions
 
     def __post_init__(self) -> None:
+        for name in ("track_id", "velocity"):
+            object.__setattr__(self, name, real_numbers(name, getattr(self, name)))
         shape = (len(self.track_id), self.predictions.steps, 2)
         for name, values in (("predictions", self.position), ("velocity", self.velocity)):
             if values.shape != shape:

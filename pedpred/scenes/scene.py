@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from pedpred.arrays import real_number, real_numbers
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.scenes.occupancy import FARTHEST_M, OccupancyMap
@@ -47,7 +48,7 @@ class Trajectories:
             value = getattr(self, field.name)
             if value is None:
                 continue
-            given = np.asarray(value)
+            given = real_numbers(field.name, value)
             shape = (rows, 2) if field.name in _PAIRS else (rows,)
             if given.shape != shape:
                 raise ShapeError(field.name, given.shape, str(shape))
@@ -119,6 +120,7 @@ class Camera:
     picture: np.ndarray
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "picture", real_numbers("picture", self.picture))
         if self.picture.ndim != 3 or self.picture.shape[2] != 3:
             raise ShapeError("picture", self.picture.shape, "[rows, columns, 3]")
 
@@ -146,6 +148,7 @@ class Scene:
     def __post_init__(self) -> None:
         if not self.name.isprintable() or self.name in ("", ".", "..") or "/" in self.name:
             raise ValueRuleError("name", self.name, "it must be a valid folder name")
+        object.__setattr__(self, "detection_dt_s", real_number("detection_dt_s", self.detection_dt_s))
         if not 0 < self.detection_dt_s < np.inf:
             raise ValueRuleError("detection_dt_s", self.detection_dt_s, "it must be positive")
         if self.unavailable is not None and len(self.trajectories):

@@ -1,0 +1,96 @@
+"""Numbers as users pass them: taken as they are, or refused by name before anything of them is lost.
+
+Conversion by numpy drops the mask of a masked array and the imaginary part of complex numbers, counts dates
+in whatever unit they have, and reads text as numbers. Here these are errors; value types use these functions.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pedpred.errors import ValueRuleError
+
+_REAL = "iuf"
+_RULES = {
+    "b": "it must be numbers, not true or false",
+    "c": "it must be real numbers: decide what the imaginary part means",
+    "S": "it must be numbers, not text: convert it first",
+    "U": "it must be numbers, not text: convert it first",
+    "M": "it must be numbers, not dates: convert them to seconds",
+    "m": "it must be numbers, not durations: convert them to seconds",
+}
+_OTHERS = "it must be numbers, as many in each row, none of them missing: convert objects first"
+_MASKED = "it must be numbers, none of them masked: leave out such rows, or fill them"
+
+
+def real_numbers(field: str, value: Any, kinds: str = _REAL) -> np.ndarray:
+    """Take an argument as an array of real numbers of any width; it may be the argument itself.
+
+    Args:
+        field: its name, for errors.
+        value: an array, nested lists, a table of pandas or anything else that numpy understands.
+        kinds: of numpy's types (`numpy.dtype.kind`) that are allowed.
+
+    Raises:
+        ValueRuleError: it is no array of real numbers, or some are masked.
+    """
+    if type(value) is np.ndarray and value.dtype.kind in kinds:
+        return value
+    if _hides(value):
+        raise ValueRuleError(field, value, _MASKED)
+    try:
+        array = np.asarray(value)
+    except (OverflowError, RuntimeError, TypeError, ValueError) as cause:
+        raise ValueRuleError(field, value, _OTHERS) from cause
+    if array.dtype.kind not in kinds:
+        raise ValueRuleError(field, value, _RULES.get(array.dtype.kind, _OTHERS))
+    return array
+
+
+def real_number(field: str, value: Any) -> float:
+    """Take an argument as one real number.
+
+    Raises:
+        ValueRuleError: it is something else, or masked.
+    """
+    if type(value) is float:
+        return value
+    try:
+        array = real_numbers(field, value)
+        if not array.shape:
+            return float(array)
+    except (OverflowError, ValueRuleError) as cause:
+        raise ValueRuleError(field, value, "it must be one number") from cause
+    raise ValueRuleError(field, value, "it must be one number")
+
+
+def locked(values: np.ndarray, kind: type) -> np.ndarray:
+    """Return values of a type, in C order, as an array that nobody can write into.
+
+    It is a copy, unless they are such an array already: read-only, and no view of memory that can be written.
+    """
+    if values.dtype == kind and values.flags.c_contiguous and _never_changes(values):
+        return values
+    own: np.ndarray = np.array(values, kind, order="C")
+    own.flags.writeable = False
+    return own
+
+
+def _hides(value: Any) -> bool:
+    """Whether an array, or one in a list, has masked elements."""
+    if isinstance(value, np.ma.MaskedArray):
+        return bool(np.ma.getmaskarray(value).any())
+    return isinstance(value, (list, tuple)) and any(map(_hides, value))
+
+
+def _never_changes(values: Any) -> bool:
+    """Whether an array and the memory that it shows are read-only."""
+    while isinstance(values, np.ndarray):
+        if values.flags.writeable:
+            return False
+        if values.base is None:
+            return True
+        values = values.base
+    return isinstance(values, bytes)
