@@ -8,6 +8,7 @@ one is complete; scratch data go to `nameless` files.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import itertools
 import json
@@ -22,10 +23,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from PIL import Image
 
-from pedpred.errors import FileError, OutputError, PedpredError, ShapeError
+from pedpred.errors import NO_ROOM, ROOM_REMEDY, FileError, OutputError, PedpredError, ShapeError
+from pedpred.plain import parse_json, parse_yaml
 
 MOST_PIXELS = 2**26
 """Limit for a picture or a map: 400 m x 400 m in cells of 5 cm."""
@@ -112,13 +113,13 @@ def read_json(path: Path, wording: Wording) -> dict[str, Any]:
         FileError: the file is missing, too large or no JSON, or its content is no object.
     """
     with translate_errors(wording):
-        return _mapping(json.loads(read_bytes(path, _LARGEST_JSON_BYTES)))
+        return _mapping(parse_json(read_bytes(path, _LARGEST_JSON_BYTES)))
 
 
 def read_yaml(path: Path, wording: Wording) -> dict[str, Any]:
     """Read the mapping in a YAML file (safe subset); arguments and errors as in `read_json`."""
     with translate_errors(wording):
-        return _mapping(yaml.safe_load(read_bytes(path, _LARGEST_YAML_BYTES)))
+        return _mapping(parse_yaml(read_bytes(path, _LARGEST_YAML_BYTES)))
 
 
 def _mapping(content: Any) -> dict[str, Any]:
@@ -176,42 +177,76 @@ def atomic_write(path: Path) -> Iterator[Path]:
     try:
         new = folder / path.name
         new.unlink(missing_ok=True)  # of a writer that was killed
-        yield new
+        try:
+            yield new
+        except Exception as cause:
+            if not (problem := _no_room(cause, new)):
+                raise
+            raise OutputError(path, problem, ROOM_REMEDY) from cause
         new.replace(path)
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)  # it follows no link
         os.close(lock)
+
+
+def _no_room(cause: Exception, new: Path) -> str:
+    """What the system says about a disk that is full, if that is why writing failed; else nothing.
+
+    Libraries say it in many ways, some not at all; then the unfinished file is asked for some more bytes.
+    """
+    if isinstance(cause, OSError) and cause.errno in NO_ROOM:
+        return os.strerror(cause.errno)
+    try:
+        if new.exists():
+            with new.open("r+b") as file:
+                file.seek(0, os.SEEK_END)
+                file.write(bytes(_LONGEST_LINE))
+    except OSError as problem:
+        return problem.strerror or str(problem)
+    return ""
 
 
 def _lock_folder(path: Path) -> tuple[Path, int]:
     """Make a folder beside a file, or take over that of a killed writer: the folder and its lock.
 
-    The system releases the locks of killed processes.
+    The system releases the locks of killed processes. Whatever else has such a name is left alone: links,
+    files, folders of other people and folders with other content.
     """
     for number in itertools.count():
         folder = path.with_name(f".{path.name}.new-{number}")
         with suppress(FileExistsError):
-            folder.mkdir()
-        with suppress(FileNotFoundError):  # another writer has just removed it
-            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+            folder.mkdir(mode=0o700)
+        with suppress(FileNotFoundError, NotADirectoryError, PermissionError):  # gone, a link or not ours
+            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             with suppress(BlockingIOError, FileNotFoundError):
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if os.path.samestat(os.fstat(lock), folder.stat()):
+                if os.path.samestat(os.fstat(lock), folder.lstat()) and _is_writers(lock, path.name):
                     return folder, lock
             os.close(lock)
     raise AssertionError("itertools.count ends")
 
 
+def _is_writers(folder: int, name: str) -> bool:
+    """Whether a folder is one of this user's writers: it holds nothing but perhaps the unfinished file."""
+    return os.listdir(folder) in ([], [name]) and os.fstat(folder).st_uid == os.geteuid()
+
+
 def nameless() -> FileIO:
     """Open a scratch file without a name in `SCRATCH`; the system removes it when it is closed or by a kill.
 
-    It is not buffered, so that `write` reports a full disk, and no later call.
+    Where nothing may be written, it is in the system's temporary folder. It is not buffered, so that `write`
+    reports a full disk, and no later call.
 
     Raises:
-        OSError: the folder cannot be made or written to.
+        OSError: the disk is full, or nothing may be written anywhere.
     """
-    SCRATCH.mkdir(exist_ok=True)
-    return tempfile.TemporaryFile(buffering=0, dir=SCRATCH)
+    try:
+        SCRATCH.mkdir(exist_ok=True)
+        return tempfile.TemporaryFile(buffering=0, dir=SCRATCH)
+    except OSError as cause:
+        if cause.errno not in (errno.EROFS, errno.EACCES, errno.EPERM):
+            raise
+        return tempfile.TemporaryFile(buffering=0)
 
 
 def write_text(path: Path, text: str) -> None:
