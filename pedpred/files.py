@@ -14,6 +14,7 @@ import itertools
 import json
 import math
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -34,11 +35,8 @@ MOST_PIXELS = 2**26
 SCRATCH = Path("build")
 """Folder for scratch data, on the project's disk: the system's temporary folder is often in memory."""
 
-_LARGEST_BYTES = 2**30
-_LARGEST_JSON_BYTES = 2**22
-_LARGEST_YAML_BYTES = 2**18
-_LONGEST_LINE = 2**16
-_LONGEST_PROBLEM = 600
+_LARGEST_BYTES, _LARGEST_JSON_BYTES, _LARGEST_YAML_BYTES = 2**30, 2**22, 2**18
+_LONGEST_LINE, _LONGEST_PROBLEM = 2**16, 600
 _PICTURES = ("PNG", "PPM", "BMP", "JPEG")  # formats that are decoded here, not by another program
 
 Wording = Callable[[str], PedpredError]
@@ -194,8 +192,10 @@ def _no_room(cause: Exception, new: Path) -> str:
 
     Libraries say it in many ways, some not at all; then the unfinished file is asked for some more bytes.
     """
-    if isinstance(cause, OSError) and cause.errno in NO_ROOM:
-        return os.strerror(cause.errno)
+    said = re.search(r"\(os error (\d+)\)", str(cause))  # of libraries in Rust
+    number = cause.errno if isinstance(cause, OSError) else int(said[1]) if said else None
+    if number in NO_ROOM:
+        return os.strerror(number)
     try:
         if new.exists():
             with new.open("r+b") as file:
