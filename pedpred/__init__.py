@@ -3,6 +3,7 @@
 The names below are imported on first use, so that `import pedpred` itself loads nothing.
 """
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,8 @@ if TYPE_CHECKING:
     from pedpred.online import OnlinePredictor, OnlineSettings
     from pedpred.online.warming import warm_up
     from pedpred.scenes import Forecast, OccupancyMap
+
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # else onnxruntime reports to its makers, with an id
 
 __all__ = ["Forecast", "OccupancyMap", "OnlinePredictor", "OnlineSettings", "warm_up"]
 

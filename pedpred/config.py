@@ -21,12 +21,12 @@ from pathlib import Path
 from typing import Any, cast
 
 import hydra
-import yaml
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from pedpred.errors import ConfigError, FileError, ValueRuleError, user_errors
 from pedpred.files import check_output, read_yaml, translate_errors, write_text
+from pedpred.plain import parse_yaml
 
 SETS = {"simulated": "simulations", "real": "places"}
 """Kinds of scene sets and the groups of rows that describe them."""
@@ -232,7 +232,7 @@ def difference(params: Path, text: str) -> str:
     """
     with translate_errors(partial(ConfigError, "params", str(params))):
         written = params.read_text() if params.exists() else ""
-        same = yaml.safe_load(written) == yaml.safe_load(text)
+        same = parse_yaml(written) == parse_yaml(text)
     both = written.splitlines(True), text.splitlines(True)
     return "" if same else "".join(difflib.unified_diff(*both, "params.yaml", "conf/ composed"))
 

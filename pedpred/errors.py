@@ -6,12 +6,74 @@ know neither configuration keys nor DVC; `pedpred.config` adds both for stages. 
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
+"""The system's numbers for a full disk or quota, a file that is too large, and a disk that is read-only."""
+
+ROOM_REMEDY = "Nothing half-written was kept; make room on the disk or the folder writable, and try again"
+
+_LONGEST_VALUE, _LONGEST_PROBLEM, _DEEPEST = 400, 1000, 8
+_MOST_BITS = 512
+_BRACKETS: dict[type, tuple[str, str]] = {
+    list: ("[", "]"),
+    tuple: ("(", ")"),
+    set: ("{", "}"),
+    frozenset: ("frozenset({", "})"),
+    dict: ("{", "}"),
+}
+
+
+def brief(value: object) -> str:
+    """Write a value into a message: as `repr` does, but at most a few lines, whatever the value holds.
+
+    What is left out is never looked at, so that a file of a few bytes cannot make a huge text.
+    """
+    return _cut("".join(_pieces(value, _LONGEST_VALUE, _DEEPEST)), _LONGEST_VALUE)
+
+
+def _pieces(value: object, room: int, deepest: int) -> Iterator[str]:
+    """Yield the parts of a value's text, until `room` characters are full."""
+    if type(value) in _BRACKETS:
+        yield from _entries(value, room, deepest)  # type: ignore[arg-type]
+    elif isinstance(value, str | bytes):
+        yield repr(value[: room + 1])
+    elif isinstance(value, int) and value.bit_length() > _MOST_BITS:
+        yield f"a whole number of {value.bit_length()} bits"
+    else:
+        yield repr(value)
+
+
+def _entries(values: Iterable[object], room: int, deepest: int) -> Iterator[str]:
+    opening, closing = _BRACKETS[type(values)]
+    if not values and type(values) in (set, frozenset):
+        yield repr(values)
+        return
+    yield opening
+    for number, entry in enumerate(values):
+        if room <= 0 or not deepest:
+            yield "..."
+            break
+        parts = [", "] if number else []
+        parts += _pieces(entry, room, deepest - 1)
+        if isinstance(values, dict):
+            parts += [": ", *_pieces(values[entry], room, deepest - 1)]
+        room -= sum(map(len, parts))
+        yield from parts
+    else:
+        if isinstance(values, tuple) and len(values) == 1:
+            yield ","
+    yield closing
+
+
+def _cut(text: str, longest: int) -> str:
+    return text if len(text) <= longest else f"{text[:longest]}..."
 
 
 class PedpredError(Exception):
@@ -40,7 +102,7 @@ class ValueRuleError(PedpredError):
     """A field of a value object breaks its rule."""
 
     def __init__(self, field: str, value: object, rule: str):
-        super().__init__(f"{field} = {value!r}, but {rule}")
+        super().__init__(f"{field} = {brief(value)}, but {rule}")
         self.field, self.value, self.rule = field, value, rule
 
 
@@ -48,7 +110,7 @@ class ConfigError(PedpredError):
     """A configuration key, option or combination is not understood."""
 
     def __init__(self, key: str, value: object, remedy: str):
-        super().__init__(f"configuration key '{key}' = {value!r}: {remedy}")
+        super().__init__(f"configuration key '{key}' = {brief(value)}: {remedy}")
         self.field, self.value = key, value
 
 
@@ -56,7 +118,8 @@ class FileError(PedpredError):
     """A file cannot be understood; the message names it."""
 
     def __init__(self, path: Path, where: str, problem: str, remedy: str):
-        super().__init__(f"{path}{where}: {problem}{f'. {remedy}' if remedy else ''}")
+        about, told = (_cut(text, _LONGEST_PROBLEM) for text in (f"{path}{where}", problem))
+        super().__init__(f"{about}: {told}{f'. {remedy}' if remedy else ''}")
         self.path = Path(path)
 
 
@@ -81,8 +144,8 @@ class StorageError(FileError):
 class OutputError(FileError):
     """A file or folder cannot be written where it was asked for."""
 
-    def __init__(self, path: Path, problem: str):
-        super().__init__(path, "", f"it cannot be written: {problem}", "Name another file or folder")
+    def __init__(self, path: Path, problem: str, remedy: str = "Name another file or folder"):
+        super().__init__(path, "", f"it cannot be written: {problem}", remedy)
 
 
 class WorkerError(PedpredError):
@@ -117,12 +180,20 @@ def user_errors() -> Iterator[None]:
     except KeyboardInterrupt:
         raise SystemExit(130) from None  # as shells report the signal
     except BrokenPipeError:  # nobody reads the output any more
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _end_output()
         raise SystemExit(141) from None
     except PedpredError as error:
         raise SystemExit(f"{type(error).__name__}: {error}") from error
     except OSError as error:
-        if error.filename is None:
+        if error.filename is None and error.errno not in NO_ROOM:
             raise
-        remedy = "Nothing half-written was kept; make room on the disk or the folder writable, and try again"
-        raise SystemExit(f"{error}. {remedy}") from error
+        _end_output()
+        raise SystemExit(f"{error}. {ROOM_REMEDY}") from error
+
+
+def _end_output() -> None:
+    """Print what is not printed yet, or let it go: Python would try once more when it ends, and fail."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

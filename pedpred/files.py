@@ -8,11 +8,13 @@ one is complete; scratch data go to `nameless` files.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import itertools
 import json
 import math
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -22,10 +24,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from PIL import Image
 
-from pedpred.errors import FileError, OutputError, PedpredError, ShapeError
+from pedpred.errors import NO_ROOM, ROOM_REMEDY, FileError, OutputError, PedpredError, ShapeError
+from pedpred.plain import parse_json, parse_yaml
 
 MOST_PIXELS = 2**26
 """Limit for a picture or a map: 400 m x 400 m in cells of 5 cm."""
@@ -33,11 +35,8 @@ MOST_PIXELS = 2**26
 SCRATCH = Path("build")
 """Folder for scratch data, on the project's disk: the system's temporary folder is often in memory."""
 
-_LARGEST_BYTES = 2**30
-_LARGEST_JSON_BYTES = 2**22
-_LARGEST_YAML_BYTES = 2**18
-_LONGEST_LINE = 2**16
-_LONGEST_PROBLEM = 600
+_LARGEST_BYTES, _LARGEST_JSON_BYTES, _LARGEST_YAML_BYTES = 2**30, 2**22, 2**18
+_LONGEST_LINE, _LONGEST_PROBLEM = 2**16, 600
 _PICTURES = ("PNG", "PPM", "BMP", "JPEG")  # formats that are decoded here, not by another program
 
 Wording = Callable[[str], PedpredError]
@@ -112,13 +111,13 @@ def read_json(path: Path, wording: Wording) -> dict[str, Any]:
         FileError: the file is missing, too large or no JSON, or its content is no object.
     """
     with translate_errors(wording):
-        return _mapping(json.loads(read_bytes(path, _LARGEST_JSON_BYTES)))
+        return _mapping(parse_json(read_bytes(path, _LARGEST_JSON_BYTES)))
 
 
 def read_yaml(path: Path, wording: Wording) -> dict[str, Any]:
     """Read the mapping in a YAML file (safe subset); arguments and errors as in `read_json`."""
     with translate_errors(wording):
-        return _mapping(yaml.safe_load(read_bytes(path, _LARGEST_YAML_BYTES)))
+        return _mapping(parse_yaml(read_bytes(path, _LARGEST_YAML_BYTES)))
 
 
 def _mapping(content: Any) -> dict[str, Any]:
@@ -176,42 +175,78 @@ def atomic_write(path: Path) -> Iterator[Path]:
     try:
         new = folder / path.name
         new.unlink(missing_ok=True)  # of a writer that was killed
-        yield new
+        try:
+            yield new
+        except Exception as cause:
+            if not (problem := _no_room(cause, new)):
+                raise
+            raise OutputError(path, problem, ROOM_REMEDY) from cause
         new.replace(path)
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)  # it follows no link
         os.close(lock)
+
+
+def _no_room(cause: Exception, new: Path) -> str:
+    """What the system says about a disk that is full, if that is why writing failed; else nothing.
+
+    Libraries say it in many ways, some not at all; then the unfinished file is asked for some more bytes.
+    """
+    said = re.search(r"\(os error (\d+)\)", str(cause))  # of libraries in Rust
+    number = cause.errno if isinstance(cause, OSError) else int(said[1]) if said else None
+    if number in NO_ROOM:
+        return os.strerror(number)
+    try:
+        if new.exists():
+            with new.open("r+b") as file:
+                file.seek(0, os.SEEK_END)
+                file.write(bytes(_LONGEST_LINE))
+    except OSError as problem:
+        return problem.strerror or str(problem)
+    return ""
 
 
 def _lock_folder(path: Path) -> tuple[Path, int]:
     """Make a folder beside a file, or take over that of a killed writer: the folder and its lock.
 
-    The system releases the locks of killed processes.
+    The system releases the locks of killed processes. Whatever else has such a name is left alone: links,
+    files, folders of other people and folders with other content.
     """
     for number in itertools.count():
         folder = path.with_name(f".{path.name}.new-{number}")
         with suppress(FileExistsError):
-            folder.mkdir()
-        with suppress(FileNotFoundError):  # another writer has just removed it
-            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+            folder.mkdir(mode=0o700)
+        with suppress(FileNotFoundError, NotADirectoryError, PermissionError):  # gone, a link or not ours
+            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             with suppress(BlockingIOError, FileNotFoundError):
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if os.path.samestat(os.fstat(lock), folder.stat()):
+                if os.path.samestat(os.fstat(lock), folder.lstat()) and _is_writers(lock, path.name):
                     return folder, lock
             os.close(lock)
     raise AssertionError("itertools.count ends")
 
 
+def _is_writers(folder: int, name: str) -> bool:
+    """Whether a folder is one of this user's writers: it holds nothing but perhaps the unfinished file."""
+    return os.listdir(folder) in ([], [name]) and os.fstat(folder).st_uid == os.geteuid()
+
+
 def nameless() -> FileIO:
     """Open a scratch file without a name in `SCRATCH`; the system removes it when it is closed or by a kill.
 
-    It is not buffered, so that `write` reports a full disk, and no later call.
+    Where nothing may be written, it is in the system's temporary folder. It is not buffered, so that `write`
+    reports a full disk, and no later call.
 
     Raises:
-        OSError: the folder cannot be made or written to.
+        OSError: the disk is full, or nothing may be written anywhere.
     """
-    SCRATCH.mkdir(exist_ok=True)
-    return tempfile.TemporaryFile(buffering=0, dir=SCRATCH)
+    try:
+        SCRATCH.mkdir(exist_ok=True)
+        return tempfile.TemporaryFile(buffering=0, dir=SCRATCH)
+    except OSError as cause:
+        if cause.errno not in (errno.EROFS, errno.EACCES, errno.EPERM):
+            raise
+        return tempfile.TemporaryFile(buffering=0)
 
 
 def write_text(path: Path, text: str) -> None:

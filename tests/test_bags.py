@@ -1,5 +1,7 @@
 """Bags of ROS 1 and ROS 2, in every storage and with every message of tracked people."""
 
+import sqlite3
+from contextlib import closing
 from types import SimpleNamespace
 
 import numpy as np
@@ -289,3 +291,26 @@ def lz4_of_zeros(count):
 def zstd_of_zeros(count):
     packer, block = zstandard.ZstdCompressor().compressobj(size=count), bytes(2**22)
     return b"".join(packer.compress(block) for _ in range(count // 2**22)) + packer.flush()
+
+
+@pytest.mark.parametrize(
+    "computed",
+    [
+        "CREATE VIEW schema AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) "
+        "SELECT x AS schema_version FROM n WHERE x < 0",
+        "CREATE VIEW more AS SELECT 1",
+        "CREATE TABLE large (x, data GENERATED ALWAYS AS (zeroblob(1000000000)))",
+    ],
+    ids=["endless", "view", "computed column"],
+)
+def test_a_bag_whose_tables_are_computed_is_refused(computed, tmp_path):
+    """The first one would be searched for ever for a version that it does not hold."""
+    store = Store(Stores.ROS2_HUMBLE)
+    store.write(tmp_path / "hall", stream(store, "people_msgs/msg/People"))
+    with closing(sqlite3.connect(tmp_path / "hall" / "hall.db3")) as base:
+        base.execute("DROP TABLE IF EXISTS schema")
+        base.execute(computed)
+        base.commit()
+    for path in (tmp_path / "hall", tmp_path / "hall" / "hall.db3"):
+        with pytest.raises(SourceError, match=r"hall.*nothing that is computed"):
+            read_bag(path)

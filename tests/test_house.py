@@ -26,7 +26,7 @@ DEFAULTS = yaml.safe_load((ROOT / "conf" / "config.yaml").read_text())["defaults
 SCRIPTS = sorted(path for path in (ROOT / "stages").glob("*.py") if path.name != "__init__.py")
 SOURCES = [*sorted((ROOT / "pedpred").rglob("*.py")), *SCRIPTS]
 # what these decide is checked, only said, where the work is done, or whether a file is read or written at all
-NAMES = ("arrays", "compiled", "config", "contents", "errors", "files", "workers")
+NAMES = ("arrays", "compiled", "config", "contents", "errors", "files", "plain", "workers")
 NO_RESULT_DEPENDS_ON = {f"pedpred/{name}.py" for name in NAMES}
 
 

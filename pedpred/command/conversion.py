@@ -101,7 +101,7 @@ def layout_of(recording: Path) -> Path:
 def refuse_overwriting(path: Path, force: bool) -> None:
     """End the command if an output, or the layout beside a recording, exists and `--force` is not given."""
     for output in (path, layout_of(path)) if path.suffix == ".mcap" else (path,):
-        if output.exists() and not force:
+        if (output.exists() or output.is_symlink()) and not force:
             sys.exit(f"{output} is there already; --force replaces it")
 
 

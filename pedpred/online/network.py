@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -13,20 +12,20 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import onnxruntime
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import StorageError, ValueRuleError, brief
 from pedpred.features import FeatureSettings
 from pedpred.features.situation import channel_widths
 from pedpred.files import read_bytes, read_json, translate_errors, write_json
 from pedpred.forecasting.tensors import TENSORS, predictions_of, sound_rows
+from pedpred.online.graph import load_graph
 from pedpred.scenes import Predictions
 from pedpred.simulation.fields import check_ranges
 from pedpred.tracking import KalmanSettings
 
 MODEL_SCHEMA = 3
 _LARGEST_MEMORY = 100_000
-_EXTERNAL = "session.model_external_initializers_file_folder_path"
+_LARGEST_BYTES = 2**28
 _CHECKSUM = "description_sha256"
 _SIZES = {
     "dt_s": "[0.01, 10]",
@@ -171,7 +170,7 @@ def _read_about(folder: Path) -> dict[str, Any]:
     about = read_json(path, wording)
     with translate_errors(wording):
         if about["schema"] != MODEL_SCHEMA:
-            raise StorageError(path, "schema", f"{about['schema']!r}, expected {MODEL_SCHEMA}", _REMEDY)
+            raise StorageError(path, "schema", f"{brief(about['schema'])}, expected {MODEL_SCHEMA}", _REMEDY)
         if about.pop(_CHECKSUM) != _digest_of(about):
             raise StorageError(path, "checksum", "its values are not those that were written", _REMEDY)
     return about
@@ -214,22 +213,14 @@ class ExportedNetwork:
         """Load the graph.
 
         Raises:
-            StorageError: it is missing or damaged, its inputs and outputs are not those described, or weights
-                are in other files.
+            StorageError: it is missing, damaged or refused (`pedpred.online.graph`), its inputs and outputs
+                are not those described, or weights are in other files.
         """
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.add_session_config_entry(_EXTERNAL, os.devnull)  # no weights beside the graph are read
         path = folder / GRAPH
-        with translate_errors(partial(StorageError, path, "graph", remedy=_REMEDY)):
-            self._session = onnxruntime.InferenceSession(
-                read_bytes(path), options, providers=["CPUExecutionProvider"]
-            )
+        self._wording = partial(StorageError, path, "graph", remedy=_REMEDY)
+        with translate_errors(self._wording):
+            self._session = load_graph(read_bytes(path, _LARGEST_BYTES), *description.ends())
         self._about = description
-        ends = {end.name: tuple(end.shape[1:]) for end in self._session.get_inputs()}
-        sizes = [tuple(end.shape[1:]) for end in self._session.get_outputs()]
-        if (ends, sizes) != description.ends():
-            raise StorageError(path, "graph", f"it has {ends} -> {sizes}, not {ABOUT}'s", _REMEDY)
 
     def step(self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]) -> Answer:
         """One step of N people.
@@ -237,8 +228,13 @@ class ExportedNetwork:
         Args:
             inputs: name -> [N, ...] float32.
             memory: name -> [N, ...] float32, before the step.
+
+        Raises:
+            StorageError: the graph fails, as when it would take more than `MOST_MEMORY_BYTES`.
         """
-        return self._answer(self._session.run(None, {**inputs, **memory}))
+        with translate_errors(self._wording):
+            values = self._session.run(None, {**inputs, **memory})
+        return self._answer(values)
 
     def nobody(self) -> Answer:
         """The answer for no people."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -16,6 +15,7 @@ from matplotlib.figure import Figure
 from pedpred.errors import FileError, ValueRuleError
 from pedpred.files import read_yaml, translate_errors
 from pedpred.forecasting import Methods
+from pedpred.plain import parse_json
 from pedpred.report.canvas import blank, styled
 from pedpred.report.document import Picture, Pictures, Section, markdown_table
 from pedpred.report.tables import interval
@@ -80,7 +80,7 @@ def ablation_sections(asked: Path, found: Path, methods: Methods) -> list[Sectio
     sections = []
     for path in sorted(found.glob("*.json")):
         ablation = read_ablation(asked / f"{path.stem}.yaml")
-        figure = ablation_figure(ablation, json.loads(path.read_text()), methods)
+        figure = ablation_figure(ablation, parse_json(path.read_text()), methods)
         caption = f"Made by python -m tools.ablate {path.stem}; bars: 95 % intervals over tracks."
         sections.append(Section(ablation.title, [Pictures([Picture(path.stem, caption, figure)])]))
     return sections

@@ -5,7 +5,6 @@ A figure `x` is judged by the earlier 95 % interval `x_ci95` beside it: it moved
 
 from __future__ import annotations
 
-import json
 import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from typing import Any
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.files import read_json, translate_errors
 from pedpred.metrics import METRICS
+from pedpred.plain import parse_json
 from pedpred.report.document import NOTHING, markdown_table
 from pedpred.report.tables import interval
 
@@ -76,7 +76,7 @@ def metrics_at(revision: str, folder: Path) -> dict[str, Any]:
     for name in filter(lambda name: name.endswith(".json"), _git("ls-tree", folder, revision).splitlines()):
         remedy = "Compare with another revision"
         with translate_errors(partial(StorageError, folder / name, revision, remedy=remedy)):
-            found[Path(name).stem] = json.loads(_git("show", folder, f"{revision}:./{name}"))
+            found[Path(name).stem] = parse_json(_git("show", folder, f"{revision}:./{name}"))
     return found
 
 

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from rosbags.highlevel import AnyReader
 
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, brief
 from pedpred.files import read_yaml, translate_errors
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.mcap_reader import McapReader
 from pedpred.ros.message_types import MAP, TYPES, known_types
 from pedpred.ros.people import ADAPTERS, TrackNumbers, usable
 from pedpred.ros.scene_messages import map_of_grid, seconds
-from pedpred.ros.unpacking import bound
+from pedpred.ros.unpacking import bound, check_tables
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 
 _log = logging.getLogger(__name__)
@@ -85,6 +85,9 @@ def _opened(path: Path) -> Iterator[Any]:
     if files := _mcap_files(path):
         yield McapReader(files)
         return
+    for data_base in path.glob("*.db3") if path.is_dir() else [path]:
+        if data_base.suffix == ".db3":
+            check_tables(data_base)
     with AnyReader([path], default_typestore=known_types()) as bag:
         for reader in bag.readers:
             bound(reader)
@@ -104,7 +107,7 @@ def _mcap_files(path: Path) -> list[Path]:
     if bag["storage_identifier"] != "mcap":
         return []
     if mode := bag.get("compression_mode"):
-        problem = f"its messages or files are compressed one by one ({mode})"
+        problem = f"its messages or files are compressed one by one ({brief(mode)})"
         raise SourceError(path, None, problem, _MCAP_REMEDY)
     return [path / Path(name).name for name in bag["relative_file_paths"]]
 
@@ -116,4 +119,4 @@ def _people_topic(path: Path, connections: Sequence[Any], topic: str | None) -> 
         return carriers[0]
     found = {c.topic: c.msgtype for c in (carriers or connections)}
     lack = "several topics carry people: choose one" if carriers else "no topic carries people"
-    raise SourceError(path, None, f"{lack}, among {found}", _REMEDY)
+    raise SourceError(path, None, f"{lack}, among {brief(found)}", _REMEDY)

@@ -1,11 +1,14 @@
-"""Unpacking of compressed bytes within a bound: a few bytes may unpack to more than the memory holds."""
+"""Unpacking within a bound: a few bytes may unpack to, or compute, more than the memory holds."""
 
 from __future__ import annotations
 
+import sqlite3
 from bz2 import BZ2Decompressor
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from functools import partial
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 from lz4.frame import LZ4FrameDecompressor
@@ -13,7 +16,7 @@ from rosbags import rosbag1
 from rosbags.rosbag1.reader import decompressors
 from zstandard import ZstdDecompressor
 
-from pedpred.errors import ShapeError
+from pedpred.errors import ShapeError, ValueRuleError
 
 LARGEST_CHUNK_BYTES = 2**27
 """Limit of a chunk's uncompressed size; usual writers make chunks of some MiB, and the largest map has 64."""
@@ -49,6 +52,20 @@ def unpack(raw: bytes, compression: str) -> bytes:
     plain = _UNPACK[compression](raw, LARGEST_CHUNK_BYTES + 1)
     check_unpacked(len(plain))
     return plain
+
+
+def check_tables(path: Path) -> None:
+    """Check that a data base holds what it says; views and computed columns could go on without end.
+
+    Raises:
+        ValueRuleError: something in it would be computed.
+        Exception: it is damaged; see `pedpred.files.translate_errors`.
+    """
+    entries = "sqlite_master AS entry LEFT JOIN pragma_table_xinfo(entry.name) AS part"
+    found = f"SELECT entry.name FROM {entries} WHERE entry.rootpage = 0 OR part.hidden > 1"  # noqa: S608
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)) as base:
+        if (computed := base.execute(found).fetchone()) is not None:
+            raise ValueRuleError("table", computed[0], "a bag has plain tables, nothing that is computed")
 
 
 def bound(reader: Any) -> None:

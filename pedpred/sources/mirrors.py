@@ -22,14 +22,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from http.client import HTTPException
 from pathlib import Path, PurePosixPath
-from typing import IO, Any, cast
-
-from tqdm import tqdm
+from typing import Any
 
 from pedpred.errors import FetchError, ValueRuleError
+from pedpred.sources.archives import unpack_members
 
-_LARGEST_FILE_BYTES = 2**24
 _SCHEMES = ("https://", "file://")
+_FAILURES = (OSError, ValueError, EOFError, RecursionError, HTTPException, tarfile.TarError, zlib.error)
 _log = logging.getLogger(__name__)
 
 NOTE = "UNAVAILABLE.txt"
@@ -202,10 +201,10 @@ def _collect(place: str, names: Mapping[str, str], copy: Path, timeout_s: float)
             with urllib.request.urlopen(place, timeout=timeout_s) as response:
                 if not response.url.startswith(_SCHEMES):
                     return f"it redirects to {response.url}, which is not https"
-                _unpack(response, int(response.headers["Content-Length"] or 0), names, copy)
+                unpack_members(response, int(response.headers["Content-Length"] or 0), names, copy)
         elif Path(place).is_file():
             with Path(place).open("rb") as archive:
-                _unpack(archive, Path(place).stat().st_size, names, copy)
+                unpack_members(archive, Path(place).stat().st_size, names, copy)
         elif Path(place).is_dir():
             for name in names:
                 if Path(place, name).is_file():
@@ -213,32 +212,14 @@ def _collect(place: str, names: Mapping[str, str], copy: Path, timeout_s: float)
                     shutil.copyfile(Path(place, name), copy / name)
         else:
             return "it does not exist"
-    except (OSError, ValueError, EOFError, HTTPException, tarfile.TarError, zlib.error) as cause:
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        HTTPException,
+        RecursionError,
+        tarfile.TarError,
+        zlib.error,
+    ) as cause:
         return f"{type(cause).__name__}: {cause}"
     return None
-
-
-def _unpack(stream: IO[bytes], size_bytes: int, names: Mapping[str, str], copy: Path) -> None:
-    """Copy the named files out of a tar stream, whatever folder their paths begin in.
-
-    A member is written under the requested name or not at all; paths in the archive are not used.
-
-    Raises:
-        tarfile.ExtractError: a member with an expected name is a link, leads outside or is huge.
-    """
-    with (
-        tqdm.wrapattr(stream, "read", total=size_bytes or None, desc="fetch", disable=None) as counted,
-        tarfile.open(fileobj=cast(IO[bytes], counted), mode="r|*") as archive,
-    ):
-        for member in archive:
-            path = PurePosixPath(member.name)
-            name = next((name for name, inside in names.items() if f"/{path}".endswith(f"/{inside}")), None)
-            if name is None:
-                continue
-            if not member.isreg() or path.is_absolute() or ".." in path.parts:
-                raise tarfile.ExtractError(f"member {member.name} is no plain file inside the archive")
-            if member.size > _LARGEST_FILE_BYTES:
-                raise tarfile.ExtractError(f"member {member.name} has {member.size} bytes")
-            (copy / name).parent.mkdir(parents=True, exist_ok=True)
-            with (copy / name).open("wb") as file:
-                shutil.copyfileobj(cast(IO[bytes], archive.extractfile(member)), file)

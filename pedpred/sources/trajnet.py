@@ -6,7 +6,6 @@ were annotated: the usual number of frames between two detections of a track las
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
+from pedpred.plain import parse_json
 from pedpred.scenes import Trajectories
 from pedpred.storage.tables import TableOptions
 from pedpred.storage.text import Row, check_unique, read_numbers, text_lines
@@ -79,7 +79,7 @@ def track_rows(
     """
     for line, text in text_lines(path):
         with translate_errors(partial(SourceError, path, line)):
-            track = wanted(json.loads(text), line)
+            track = wanted(parse_json(text), line)
             fields = None if track is None else [_written(track[name]) for name in names]
         if fields is not None:
             yield line, fields

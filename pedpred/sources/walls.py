@@ -18,7 +18,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import SourceError, ValueRuleError, brief
 from pedpred.files import read_bytes, translate_errors
 from pedpred.scenes import OccupancyMap
 from pedpred.storage.text import numbers
@@ -73,7 +73,7 @@ class _Reading:
         is_obstacle = "obstacle" in self.within
         if name == "geometry":
             if (unit := attributes.get("unit", "m")) not in UNITS:
-                raise self.error(f"unit = {unit!r}, expected one of {', '.join(UNITS)}")
+                raise self.error(f"unit = {brief(unit)}, expected one of {', '.join(UNITS)}")
             self.unit_m = UNITS[unit]
         elif name == "subroom":
             self.in_subroom = 0

@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from pedpred.errors import StorageError
 from pedpred.files import atomic_write, translate_errors
+from pedpred.plain import parse_json
 
 _VERSION_KEY = b"pedpred.schema"
 _ABOUT_KEY = b"pedpred.about"
@@ -106,7 +107,7 @@ def read_about(path: Path) -> dict[str, Any]:
         StorageError: there are none, or the file is damaged.
     """
     with translate_errors(partial(StorageError, path, "schema", remedy=_REMEDY)):
-        return json.loads(pq.read_schema(path).metadata[_ABOUT_KEY])
+        return parse_json(pq.read_schema(path).metadata[_ABOUT_KEY])
 
 
 def column_names(path: Path) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import StorageError
+from pedpred.errors import StorageError, brief
 from pedpred.features.table import FeatureSettings
 from pedpred.files import read_json, translate_errors, write_json
 
@@ -80,8 +80,8 @@ def read_manifest_of(folder: Path, schema: int, files: str) -> tuple[FeatureSett
     about = read_json(path, wording)
     with translate_errors(wording):
         if about["schema"] != schema:
-            raise StorageError(path, "schema", f"{about['schema']!r}, expected {schema}", _REMEDY)
+            raise StorageError(path, "schema", f"{brief(about['schema'])}, expected {schema}", _REMEDY)
         for name in about[files]:
             if Path(name).name != name:
-                raise StorageError(path, files, f"{name!r} is no name of a file in this folder", _REMEDY)
+                raise StorageError(path, files, f"{brief(name)} is no name of a file in this folder", _REMEDY)
         return FeatureSettings(**about["settings"]), about[files]

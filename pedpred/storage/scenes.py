@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from pedpred.errors import StorageError
+from pedpred.errors import StorageError, brief
 from pedpred.files import (
     Wording,
     atomic_write,
@@ -71,7 +71,7 @@ def read_scene(folder: Path) -> Scene:
     path = folder / "scene.json"
     about = read_json(path, _wording(path, "file"))
     if about.get("schema") != SCENE_SCHEMA:
-        raise StorageError(path, "schema", f"{about.get('schema')!r}, expected {SCENE_SCHEMA}", _REMEDY)
+        raise StorageError(path, "schema", f"{brief(about.get('schema'))}, expected {SCENE_SCHEMA}", _REMEDY)
     trajectories = _read_tracks(folder)
     free = not (folder / "map.yaml").exists()
     occupancy = OccupancyMap.free_around(trajectories.position) if free else read_map(folder)
@@ -135,9 +135,11 @@ def read_map_file(path: Path, remedy: str = _REMEDY) -> OccupancyMap:
     with translate_errors(wording):
         x, y, yaw = about["origin"]
         if yaw:
-            raise StorageError(path, "origin", f"yaw is {yaw} rad", "Only maps with yaw 0 are understood")
+            raise StorageError(
+                path, "origin", f"yaw is {brief(yaw)} rad", "Only maps with yaw 0 are understood"
+            )
         if Path(about["image"]).name != about["image"]:
-            raise StorageError(path, "image", f"{about['image']!r}", f"Put the picture beside {path.name}")
+            raise StorageError(path, "image", brief(about["image"]), f"Put the picture beside {path.name}")
         picture = path.with_name(about["image"])
         grey = read_picture(picture, "L", partial(StorageError, picture, "file", remedy=remedy))
         occupied = blocked_greys(about["negate"], about["occupied_thresh"])[grey]

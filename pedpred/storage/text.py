@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, brief
 from pedpred.files import read_lines, translate_errors
 
 Row = tuple[int, Sequence[str]]
@@ -50,9 +50,9 @@ def number(path: Path, line: int, column: str, field: str) -> float:
     try:
         value = float(field)
     except ValueError as cause:
-        raise SourceError(path, line, f"{column} = {field.strip()!r} is not a number") from cause
+        raise SourceError(path, line, f"{column} = {brief(field.strip())} is not a number") from cause
     if not math.isfinite(value):
-        raise SourceError(path, line, f"{column} = {field.strip()!r}, but it must be finite")
+        raise SourceError(path, line, f"{column} = {brief(field.strip())}, but it must be finite")
     return value
 
 

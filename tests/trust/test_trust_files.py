@@ -1,6 +1,8 @@
 """Foreign files are read right or refused by name; the short version of `make trust`."""
 
 import json
+import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -161,3 +163,71 @@ def test_two_writers_of_one_file_do_not_mix_their_bytes(tmp_path):
         assert not path.exists()
     assert path.read_text() == "first", "the block that ends last"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.fixture
+def precious(tmp_path):
+    """A folder that is not a writer's, with a file of the output's name and another one."""
+    folder = tmp_path / "precious"
+    folder.mkdir()
+    for name in ("out.mcap", "other.txt"):
+        (folder / name).write_text("precious")
+    return folder
+
+
+def contents(folder):
+    """What lies below a folder, links unfollowed: name -> kind, text or target."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        kind = path.readlink() if path.is_symlink() else None if path.is_dir() else path.read_text()
+        found[str(path.relative_to(folder))] = kind
+    return found
+
+
+LEFT_THERE = {
+    "a link to a folder": lambda there, precious: there.symlink_to(precious),
+    "a link to a file": lambda there, precious: there.symlink_to(precious / "out.mcap"),
+    "a link to nothing": lambda there, precious: there.symlink_to(precious / "nothing"),
+    "a chain of links": lambda there, precious: (
+        (precious / "link").symlink_to(precious),
+        there.symlink_to(precious / "link"),
+    ),
+    "a link to itself": lambda there, precious: there.symlink_to(there),
+    "a file": lambda there, precious: there.write_text("precious"),
+    "a folder with other content": lambda there, precious: shutil.copytree(precious, there),
+    "a folder of somebody else": lambda there, precious: (
+        there.mkdir(),
+        (there / "out.mcap").write_text("precious"),
+        os.chown(there, 12345, 12345),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", LEFT_THERE)
+def test_what_has_the_name_of_a_writer_s_folder_is_left_alone(kind, precious, tmp_path):
+    if kind == "a folder of somebody else" and os.geteuid():
+        pytest.skip("only root can give a folder away")
+    LEFT_THERE[kind](tmp_path / ".out.mcap.new-0", precious)
+    before = contents(tmp_path)
+    write_text(tmp_path / "out.mcap", "new")
+    assert contents(tmp_path) == before | {"out.mcap": "new"}
+
+
+def test_an_unfinished_file_that_is_a_link_is_removed_and_not_followed(precious, tmp_path):
+    folder = tmp_path / ".out.mcap.new-0"
+    folder.mkdir()
+    (folder / "out.mcap").symlink_to(precious / "out.mcap")
+    write_text(tmp_path / "out.mcap", "new")
+    assert (precious / "out.mcap").read_text() == "precious"
+    assert (tmp_path / "out.mcap").read_text() == "new"
+    assert not folder.exists()
+
+
+def test_an_output_that_is_a_link_is_replaced_and_not_followed(precious, tmp_path):
+    for target in (precious / "out.mcap", precious / "nothing"):
+        (tmp_path / "out.mcap").unlink(missing_ok=True)
+        (tmp_path / "out.mcap").symlink_to(target)
+        write_text(tmp_path / "out.mcap", "new")
+        assert not (tmp_path / "out.mcap").is_symlink()
+    assert (precious / "out.mcap").read_text() == "precious"
+    assert not (precious / "nothing").exists()

@@ -1,0 +1,91 @@
+"""Plain values from JSON and YAML, within bounds: a short YAML text can stand for any number of values."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from typing import Any
+
+import yaml
+
+from pedpred.errors import brief
+
+_MOST_NODES, _DEEPEST, _LONGEST_SCALAR = 2**15, 40, 2**16
+
+
+def parse_json(raw: bytes | str) -> Any:
+    """Parse JSON in the strict sense: no NaN or Infinity, no key twice.
+
+    Raises:
+        ValueError: it is no such JSON.
+        RecursionError: it is nested too deeply.
+    """
+    text = raw if isinstance(raw, str) else raw.decode(json.detect_encoding(raw))
+    return _JSON.decode(text)
+
+
+def _no_number(name: str) -> None:
+    raise ValueError(f"{name} is no number")
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    _check_keys([key for key, _ in pairs])
+    return dict(pairs)
+
+
+def _check_keys(keys: list[str]) -> None:
+    """Refuse a key that is there twice: nobody knows which value counts."""
+    if len(set(keys)) < len(keys):
+        twice, _ = Counter(keys).most_common(1)[0]
+        raise ValueError(f"the key {brief(twice)} is there twice")
+
+
+_JSON = json.JSONDecoder(parse_constant=_no_number, object_pairs_hook=_object)
+
+
+def parse_yaml(raw: bytes | str) -> Any:
+    """Parse YAML, safe subset, that expands to some ten thousand values at most, and has no key twice.
+
+    Raises:
+        yaml.YAMLError: it is no such YAML.
+        ValueError: it is or stands for too much, or a value is none of its type.
+    """
+    loader = _BoundedLoader(raw)
+    try:
+        return loader.get_single_data()
+    finally:
+        loader.dispose()
+
+
+class _BoundedLoader(yaml.SafeLoader):
+    """Count every alias as what it stands for: ten aliases of ten aliases and so on are a huge value."""
+
+    def __init__(self, stream: bytes | str):
+        super().__init__(stream)
+        self._nodes = self._depth = 0
+        self._sizes: dict[str, int] = {}
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """Compose a node within the bounds."""
+        event, before = self.peek_event(), self._nodes
+        line = f"line {event.start_mark.line + 1}"
+        if isinstance(event, yaml.AliasEvent):
+            self._nodes += self._sizes.get(str(event.anchor), _MOST_NODES)  # no size yet: inside itself
+        self._nodes, self._depth = self._nodes + 1, self._depth + 1
+        if self._nodes > _MOST_NODES:
+            raise ValueError(f"{line}: more than {_MOST_NODES} values with those that aliases stand for")
+        if self._depth > _DEEPEST:
+            raise ValueError(f"{line}: nested more than {_DEEPEST} deep")
+        if isinstance(event, yaml.ScalarEvent) and len(event.value) > _LONGEST_SCALAR:
+            raise ValueError(f"{line}: a text of more than {_LONGEST_SCALAR} characters")
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if isinstance(event, yaml.NodeEvent) and event.anchor and not isinstance(event, yaml.AliasEvent):
+            self._sizes[event.anchor] = self._nodes - before
+        return node
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """Compose a mapping whose keys differ."""
+        node = super().compose_mapping_node(anchor)
+        _check_keys([f"{key.tag} {key.value}" for key, _ in node.value if isinstance(key, yaml.ScalarNode)])
+        return node

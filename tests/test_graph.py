@@ -1,0 +1,178 @@
+"""Model folders of strangers: right checksums, and a graph that would not end or fills the memory."""
+
+import resource
+import threading
+from contextlib import suppress
+
+import numpy as np
+import onnx
+import onnx.helper as make
+import pytest
+from onnx import TensorProto
+
+from pedpred.errors import StorageError
+from pedpred.online import OnlinePredictor, graph
+from pedpred.online.network import read_description, write_description
+from tests.conftest import ROOT
+from tests.exported import export
+
+WHOLE = TensorProto.INT64
+FLOAT = TensorProto.FLOAT
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    return export(tmp_path_factory.mktemp("model"))[0]
+
+
+def numbers(name, *values):
+    return make.make_tensor(name, WHOLE, [len(values)], values)
+
+
+def scalar(name, kind, value):
+    return make.make_tensor(name, kind, [], [value])
+
+
+def loop(operator="Loop", **attributes):
+    """A loop of a thousand million rounds, each of which adds 1 to a number."""
+    flag = TensorProto.BOOL
+    kinds = {"i": WHOLE, "go": flag, "v": FLOAT, "go_on": flag, "w": FLOAT}
+    ends = [make.make_tensor_value_info(name, kind, []) for name, kind in kinds.items()]
+    nodes = [make.make_node("Identity", ["go"], ["go_on"]), make.make_node("Add", ["v", "one"], ["w"])]
+    body = make.make_graph(nodes, "body", ends[:3], ends[3:], [scalar("one", FLOAT, 1.0)])
+    return [make.make_node(operator, ["rounds", "yes", "zero"], ["extra"], body=body, **attributes)]
+
+
+def squares(count, side):
+    """Products of large matrices, one after the other."""
+    first = [make.make_node("ConstantOfShape", ["shape"], ["m0"])]
+    return [*first, *(make.make_node("MatMul", [f"m{i}", f"m{i}"], [f"m{i + 1}"]) for i in range(count))], [
+        numbers("shape", side, side)
+    ]
+
+
+def outer(times):
+    """The number of people to a power, as many numbers."""
+    size = make.make_node("Shape", ["state"], ["size"], start=0, end=1)
+    return [
+        size,
+        make.make_node("Concat", ["size"] * times, ["all"], axis=0),
+        make.make_node("ConstantOfShape", ["all"], ["extra"]),
+    ]
+
+
+LOOPS = [scalar("rounds", WHOLE, 10**9), scalar("yes", TensorProto.BOOL, True), scalar("zero", FLOAT, 0.0)]
+STRANGE = {
+    "a loop": (loop(), LOOPS, "loop or a branch"),
+    "a loop of another name": (loop("Add"), LOOPS, "loop or a branch"),
+    "foreign operators": ([make.make_node("Add", ["s", "s"], ["e"], domain="com.microsoft")], [], "standard"),
+    "a huge constant": (
+        [make.make_node("ConstantOfShape", ["shape"], ["extra"])],
+        [numbers("shape", 10**10)],
+        "memory|Failed|requested",
+    ),
+    "a huge expansion": (
+        [make.make_node("Expand", ["state", "shape"], ["extra"])],
+        [numbers("shape", 10**6, 10**4, 1, 1)],
+        "memory|requested",
+    ),
+    "a huge range": (
+        [make.make_node("Range", ["zero", "end", "step"], ["extra"])],
+        [scalar("zero", WHOLE, 0), scalar("end", WHOLE, 10**10), scalar("step", WHOLE, 1)],
+        "memory|requested",
+    ),
+    "weights that are not there": (
+        [make.make_node("ReduceSum", ["w"], ["extra"])],
+        [TensorProto(dims=[10**9], data_type=FLOAT, name="w")],
+        "size",
+    ),
+    "more people, more memory": (outer(34), [], "memory|requested"),
+    "too many operators": (
+        [make.make_node("Identity", ["state"], [f"x{i}"]) for i in range(graph.MOST_NODES)],
+        [],
+        "operators, at most",
+    ),
+}
+
+
+def strange(source, target, nodes, weights, functions=()):
+    """Write a model folder with right checksums whose graph has further nodes."""
+    network = onnx.load(source / "network.onnx")
+    network.graph.node.extend(nodes)
+    network.graph.initializer.extend(weights)
+    network.functions.extend(functions)
+    (target / "network.onnx").write_bytes(network.SerializeToString())
+    write_description(target, read_description(source), {})
+
+
+@pytest.fixture
+def little_memory():
+    """Let the process grow by the memory that graphs may take, and some."""
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    with open("/proc/self/statm") as file:
+        now = int(file.read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (now + graph.MOST_MEMORY_BYTES + 2**29, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+@pytest.mark.parametrize("kind", STRANGE)
+def test_a_graph_that_would_not_end_or_fills_the_memory_is_refused_by_name(
+    kind, model, tmp_path, little_memory
+):
+    nodes, weights, problem = STRANGE[kind]
+    strange(model, tmp_path, nodes, weights)
+    with pytest.raises(StorageError, match=rf"network\.onnx, graph.*(?:{problem})"):
+        OnlinePredictor.load(tmp_path)
+
+
+def test_functions_that_call_each_other_are_refused(model, tmp_path):
+    sets = [make.make_opsetid("", 17), make.make_opsetid("own", 1)]
+    ten = [make.make_node("f0", ["x"], ["y"], domain="own")] * 10
+    functions = [make.make_function("own", "f1", ["x"], ["y"], ten, sets)]
+    strange(model, tmp_path, [], [], functions)
+    with pytest.raises(StorageError, match=r"network\.onnx, graph.*functions"):
+        OnlinePredictor.load(tmp_path)
+
+
+def test_a_graph_that_takes_long_is_stopped(model, tmp_path, monkeypatch):
+    """It would take minutes."""
+    monkeypatch.setattr(graph, "_LONGEST_TRIAL_S", 0.2)
+    strange(model, tmp_path, *squares(3000, 800))
+    with pytest.raises(StorageError, match=r"network\.onnx, graph.*terminate"):
+        OnlinePredictor.load(tmp_path)
+    assert not [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer)]
+
+
+def test_memory_that_grows_with_people_has_a_bound(model, tmp_path, little_memory):
+    """Two people pass the trial; the update that would take too much says so, the next one works."""
+    strange(model, tmp_path, outer(5), [])
+    robot = OnlinePredictor.load(tmp_path)
+    people = np.random.default_rng(0).uniform(-20.0, 20.0, (300, 2))
+    assert len(robot.update(0.0, range(3), people[:3]).track_id) == 3
+    with pytest.raises(StorageError, match=r"network\.onnx, graph.*(?:memory|requested)"):
+        robot.update(0.3, range(300), people)
+    assert len(robot.update(0.6, range(3), people[:3]).track_id) >= 3
+
+
+def test_the_default_model_passes():
+    graph.check_operators((ROOT / "models/online/default/network.onnx").read_bytes())
+
+
+def test_operators_are_counted_as_onnx_reads_them(model):
+    """The reader of bytes sees the operators that the library sees."""
+    raw = (model / "network.onnx").read_bytes()
+    nodes = [part for number, part in graph._fields(raw) if number == graph._GRAPH]
+    assert len(nodes) == 1
+    found = [part for number, part in graph._fields(nodes[0]) if number == graph._NODE]
+    assert found == [node.SerializeToString() for node in onnx.load_from_string(raw).graph.node]
+
+
+def test_damaged_bytes_are_read_or_a_value_error(model):
+    raw = (model / "network.onnx").read_bytes()[:3000]
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        at, value = rng.integers(len(raw)), rng.integers(256)
+        damaged = raw[:at] + bytes([value]) + raw[at + 1 :]
+        with suppress(ValueError):
+            graph.check_operators(damaged[: rng.integers(len(raw))])

@@ -1,0 +1,178 @@
+"""Machines as they are: read-only installations, full disks, files damaged by a power cut."""
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from pedpred.errors import OutputError, user_errors
+from pedpred.files import atomic_write, nameless, write_text
+from tests.conftest import ROOT
+from tests.trust.readers import READERS
+from tests.trust.trial import LOST, judged
+
+SCENE = ROOT / "examples/crossing"
+NAMESPACE = ["unshare", "--mount", *([] if os.geteuid() == 0 else ["--map-root-user"])]
+COMMAND = [sys.executable, "-m", "pedpred.command"]
+WRITERS = ("scene", "features", "situations", "embeddings", "forecasts", "checkpoint", "model", "recording")
+
+
+def allowed():
+    """Whether this kernel lets a process have mounts of its own."""
+    if shutil.which("unshare") is None:
+        return False
+    mount = [*NAMESPACE, "mount", "-t", "tmpfs", "none", "/mnt"]
+    return subprocess.run(mount, capture_output=True, check=False).returncode == 0
+
+
+mounting = pytest.mark.skipif(not allowed(), reason="the kernel lets nobody mount here")
+
+
+def on_a_machine(out, size, read_only, *command, folder="/"):
+    """Run a command where `out` is a disk of some size, and perhaps all else read-only; list `out`."""
+    lock = "mount -o remount,bind,ro /" if read_only else "true"
+    run = f'mount -t tmpfs -o size={size} none "$0" && {lock} && cd "$1" && shift && "$@"'
+    script = f'{run}; code=$?; ls -A "$0"; exit $code'
+    out.mkdir(exist_ok=True)
+    call = [*NAMESPACE, "bash", "-c", script, str(out), folder, *map(str, command)]
+    return subprocess.run(call, capture_output=True, text=True, check=False, cwd=ROOT)
+
+
+@mounting
+def test_commands_work_where_all_but_the_output_is_read_only(tmp_path):
+    """The package, the home, the current folder and the temporary folder."""
+    out = tmp_path / "out"
+    script = (
+        "import sys; from pedpred.command import main; scene, out = sys.argv[1:]\n"
+        "main(['info', scene])\n"
+        "main(['predict', scene, '-o', f'{out}/walk.mcap'])\n"
+        "main(['convert', scene, '-o', f'{out}/copy'])\n"
+        "main(['evaluate', scene, '--samples', '10', '--json', f'{out}/errors.json'])\n"
+    )
+    done = on_a_machine(out, "64m", True, sys.executable, "-c", script, SCENE, out, folder=str(ROOT))
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert "on the map" in done.stdout
+    assert done.stdout.split()[-4:] == ["copy", "errors.json", "walk.foxglove.json", "walk.mcap"]
+
+
+@mounting
+def test_an_output_in_a_read_only_folder_is_refused_in_words(tmp_path):
+    command = [*COMMAND, "predict", SCENE]
+    done = on_a_machine(tmp_path / "out", "1m", True, *command, folder=str(ROOT))
+    assert done.returncode == 1
+    assert "OutputError: crossing_forecasts.mcap: it cannot be written: Read-only file system" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@mounting
+@pytest.mark.parametrize(
+    ("size", "command"),
+    [
+        ("64k", "predict {scene} -o {out}/walk.mcap"),
+        ("8k", "convert {scene} -o {out}/walk.mcap"),
+        ("4k", "evaluate {scene} --samples 10 --json {out}/errors.json"),
+    ],
+)
+def test_a_full_disk_is_said_in_words_and_leaves_nothing_half_written(size, command, tmp_path):
+    words = command.format(scene=SCENE, out=tmp_path / "out").split()
+    done = on_a_machine(tmp_path / "out", size, False, *COMMAND, *words)
+    assert done.returncode == 1, done.stderr
+    assert "it cannot be written: No space left on device" in done.stderr
+    assert "make room on the disk" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not [name for name in ("walk.mcap", "errors.json", ".new-") if name in done.stdout]
+
+
+def test_an_output_that_nobody_can_print_is_said_in_words():
+    with open("/dev/full", "w") as full:
+        command = [*COMMAND, "info", SCENE]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 1
+    assert "No space left on device" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert "Exception ignored" not in done.stderr
+
+
+@contextmanager
+def small_files(size):
+    """Let files of this process have at most this size, as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("size", [0, 40])
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_writer_says_that_the_disk_is_full(name, size, tmp_path):
+    """However a library says it: pyarrow, safetensors, mcap and others have a way of their own."""
+    with small_files(size), pytest.raises(OutputError, match=r"cannot be written.*make room") as refused:
+        READERS[name].make(tmp_path)
+    assert not refused.value.path.exists()
+    assert not [path for path in tmp_path.rglob("*") if ".new-" in path.name]
+
+
+@pytest.mark.parametrize("size", [0, 40])
+def test_a_full_disk_leaves_the_old_file(size, tmp_path):
+    write_text(tmp_path / "page.md", "old")
+    with small_files(size), pytest.raises(OutputError, match="make room"):
+        write_text(tmp_path / "page.md", "new" * 100)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
+
+
+def test_another_failure_while_writing_stays_what_it_is(tmp_path):
+    def write():
+        with atomic_write(tmp_path / "x") as new:
+            new.write_text("half")
+            raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        write()
+
+
+def test_an_error_without_a_name_is_said_in_words():
+    with pytest.raises(SystemExit, match="make room on the disk"), user_errors():
+        raise OSError(28, "No space left on device")
+
+
+def test_scratch_data_go_elsewhere_where_nothing_may_be_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def locked(*_, **__):
+        raise OSError(30, "Read-only file system", "build")
+
+    monkeypatch.setattr(Path, "mkdir", locked)
+    with nameless() as scratch:
+        assert scratch.write(b"row") == 3
+    assert not list(tmp_path.iterdir())
+
+
+# After a power cut the system may keep a name without all of the content
+
+CUTS = {
+    "empty": lambda raw: b"",
+    "zeros": lambda raw: bytes(len(raw)),
+    "cut": lambda raw: raw[: len(raw) // 2],
+    "cut, then zeros": lambda raw: raw[: len(raw) // 2] + bytes(len(raw) - len(raw) // 2),
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_file_after_a_power_cut_is_read_right_or_refused_by_name(name, tmp_path):
+    reader = READERS[name]
+    reader.make(tmp_path)
+    for file in reader.files:
+        whole = (tmp_path / file).read_bytes()
+        for kind, cut in CUTS.items():
+            (tmp_path / file).write_bytes(cut(whole))
+            outcome, why = judged(reader, tmp_path)
+            assert outcome != LOST, f"{file}, {kind}: {why}"
+        (tmp_path / file).write_bytes(whole)
