@@ -22,7 +22,10 @@ from tqdm import tqdm
 from pedpred.errors import ValueRuleError
 from pedpred.files import SCRATCH, atomic_write
 from pedpred.networks.contract import Loss, Tensors
+from pedpred.simulation.fields import LARGEST_SEED, check_ranges
 from pedpred.training.distributed import ALONE, DistributedContext
+
+_MOST_STEPS = 10**9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +45,11 @@ class Schedule:
     lr: float
     warmup_steps: int
     seed: int
+
+    def __post_init__(self) -> None:
+        counts = dict.fromkeys(("steps", "validate_every"), f"[1, {_MOST_STEPS}]")
+        check_ranges(self, counts | {"warmup_steps": f"[0, {_MOST_STEPS}]"})
+        check_ranges(self, {"lr": "(0, 10]", "seed": f"[0, {LARGEST_SEED}]"})
 
 
 class Learner(ABC):
@@ -111,7 +119,7 @@ def train(learner: Learner, scratch: Path | None, description: str) -> list[dict
         The curve, one row per validation: epoch, step, train_loss, and the figures of the validation.
 
     Raises:
-        ValueRuleError: the figure that chooses the weights cannot be computed.
+        ValueRuleError: the figure that chooses the weights cannot be computed, or the training diverges.
     """
     schedule = learner.settings
     progress = load_progress(scratch, learner)
@@ -137,12 +145,27 @@ def train(learner: Learner, scratch: Path | None, description: str) -> list[dict
         if progress.step % schedule.validate_every == 0 or progress.step == schedule.steps:
             train_loss = float(torch.stack(losses).double().mean())  # the only wait for a GPU
             bar.set_postfix_str(_validate(learner, progress, train_loss))
+            _check_finite(schedule, progress)
             losses = []
             save_progress(scratch, progress, learner)
     bar.close()
     if learner.best_by:
         learner.network.load_state_dict(progress.best)
     return progress.curve
+
+
+def _check_finite(schedule: Schedule, progress: Progress) -> None:
+    """Check that the loss is finite, and every figure of the validation that was before the first step.
+
+    Raises:
+        ValueRuleError: it is not.
+    """
+    first, now = progress.curve[0], progress.curve[-1]
+    finite = {"train_loss", *(name for name, value in first.items() if math.isfinite(value))}
+    lost = [name for name in finite if not math.isfinite(now[name])]
+    if lost:
+        rule = f"{min(lost)} is not finite after {progress.step} steps: it diverges, use a lower one"
+        raise ValueRuleError("lr", schedule.lr, rule)
 
 
 def train_step(learner: Learner, batch: Any, step: int) -> Tensor:
@@ -191,12 +214,22 @@ def scratch_folder(
         about: plain values that identify the training: settings and data.
         weights: the initial ones, which identify it too, unless `about` implies them.
         context: only the process that writes files removes the folder.
+
+    A training that ended with an error of its settings would end with it again, so its folder goes, too.
     """
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
     for tensor in (weights or {}).values():
         digest.update(tensor.numpy().tobytes())
     folder = SCRATCH / "training" / digest.hexdigest()[:16]
-    yield folder
+    try:
+        yield folder
+    except ValueRuleError:
+        _remove(folder, context)
+        raise
+    _remove(folder, context)
+
+
+def _remove(folder: Path, context: DistributedContext) -> None:
     if context.writes:
         shutil.rmtree(folder, ignore_errors=True)
 
