@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from pedpred.report.findings import Paper
 from pedpred.report.page.player import ReplaySettings
 from pedpred.scenes import VARIANTS
 from pedpred.simulation.clutter import ClutterSettings
-from pedpred.simulation.fields import check_mapping, check_ranges, parsed, parsed_each, parsed_together
+from pedpred.simulation.fields import check_ranges, parsed, parsed_each, parsed_together
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.simulation.settings import SetUse, SimulationSettings, social_force_settings
@@ -112,18 +112,22 @@ class RecordingRows(Texts):
 
 
 @dataclass(frozen=True)
-class ReplayRows:
+class ReplayRows(Texts):
     """Scenes of each study that the page replays."""
 
-    replays: Mapping[str, Any]
+    replays: Mapping[str, Sequence[str]]
 
 
-def _each(
-    group: str, check: Callable[[Mapping[str, Any], str], object]
-) -> Callable[[Mapping[str, Any]], None]:
+Params = Mapping[str, Any]
+"""A whole configuration."""
+Check = Callable[[Params], object]
+"""Makes the settings of a part."""
+
+
+def _each(group: str, check: Callable[[Mapping[str, Any], str], object]) -> Check:
     """Check every row of a group."""
 
-    def check_rows(cfg: Mapping[str, Any]) -> None:
+    def check_rows(cfg: Params) -> None:
         for name in part(cfg, group):
             with configured(f"{group}.{name}"):
                 check(cfg, name)
@@ -131,10 +135,10 @@ def _each(
     return check_rows
 
 
-def _whole(group: str, *kinds: type) -> Callable[[Mapping[str, Any]], None]:
+def _whole(group: str, *kinds: type) -> Check:
     """Check a part that holds the fields of some dataclasses."""
 
-    def check_fields(cfg: Mapping[str, Any]) -> None:
+    def check_fields(cfg: Params) -> None:
         with configured(group):
             parsed_together(kinds, part(cfg, group))
 
@@ -147,20 +151,20 @@ def _names(key: str, names: Iterable[str], known: Iterable[str]) -> None:
         one_of(key, name, dict.fromkeys(known))
 
 
-def _use(cfg: Mapping[str, Any], key: str, use: SetUse) -> None:
+def _use(cfg: Params, key: str, use: SetUse) -> None:
     """Check that a row of simulations or places refers to rows and variants that exist."""
     for name, group in {"tracker": "trackers", "sensor": "sensors", "social_force": "social_forces"}.items():
         one_of(f"{key}.{name}", getattr(use, name), cfg[group])
     _names(f"{key}.variants", use.variants, VARIANTS)
 
 
-def _simulation(cfg: Mapping[str, Any], name: str) -> None:
+def _simulation(cfg: Params, name: str) -> None:
     own = part(cfg, "simulations", name)
     _names(f"simulations.{name}.drawn", SimulationSettings.parse(own).drawn, cfg["layouts"])
     _use(cfg, f"simulations.{name}", parsed_together([SimulationSettings, SetUse], own)[1])
 
 
-def _place(cfg: Mapping[str, Any], name: str) -> None:
+def _place(cfg: Params, name: str) -> None:
     place, use = parsed_together([PlaceRow, SetUse], part(cfg, "places", name))
     one_of(f"places.{name}.source", place.source, SOURCES)
     if place.source in SETTINGS:
@@ -168,14 +172,14 @@ def _place(cfg: Mapping[str, Any], name: str) -> None:
     _use(cfg, f"places.{name}", use)
 
 
-def _fold(cfg: Mapping[str, Any], study: str) -> None:
+def _fold(cfg: Params, study: str) -> None:
     for name, fold in parsed_each(FoldRow, part(cfg, "folds", study)).items():
         for at in (*fold.train, *fold.test):
             kind, _, key = at.partition("/")
             one_of(f"folds.{study}.{name}", key, cfg[one_of(f"folds.{study}.{name}", kind, SETS)])
 
 
-def _methods(cfg: Mapping[str, Any]) -> None:
+def _methods(cfg: Params) -> None:
     for method in Methods.parse(part(cfg, "methods")):
         (group,) = (group for group, rows in cfg["methods"].items() if method.key in rows)
         if "architecture" in method.settings:
@@ -186,12 +190,12 @@ def _methods(cfg: Mapping[str, Any]) -> None:
                 baselines([method])
 
 
-def _keys(cfg: Mapping[str, Any]) -> list[str]:
+def _keys(cfg: Params) -> list[str]:
     """Names of all methods."""
     return [key for rows in cfg["methods"].values() for key in rows]
 
 
-def _online(cfg: Mapping[str, Any]) -> None:
+def _online(cfg: Params) -> None:
     with configured("online"):
         _, rows = parsed_together([Standstill, OnlineRows], part(cfg, "online"))
     for name, export in rows.exports.items():
@@ -201,13 +205,13 @@ def _online(cfg: Mapping[str, Any]) -> None:
         _names(f"online.promises.{name}.method", [promise.method], _keys(cfg))
 
 
-def _layouts(cfg: Mapping[str, Any]) -> None:
+def _layouts(cfg: Params) -> None:
     with configured("layouts"):
         for name, layout in part(cfg, "layouts").items():
             layout_from(layout, name)
 
 
-def _situations(cfg: Mapping[str, Any]) -> None:
+def _situations(cfg: Params) -> None:
     kinds = {"rows": RowSettings, "real": ViewingSettings}
     for name in part(cfg, "situations"):
         if name == "simulated":
@@ -218,7 +222,7 @@ def _situations(cfg: Mapping[str, Any]) -> None:
                 parsed(one_of("situations", name, kinds), part(cfg, "situations", name))
 
 
-def _training(cfg: Mapping[str, Any]) -> None:
+def _training(cfg: Params) -> None:
     phases: dict[str, list[type]] = {key: [SplitSettings, TrainingSettings] for key in PREVIOUS}
     phases |= {"situations": [SituationSettings], "adaptation": [SituationSettings, RealShare]}
     own = part(cfg, "training")
@@ -231,7 +235,7 @@ def _training(cfg: Mapping[str, Any]) -> None:
         _names(f"training.{phase}.shares", shares, cfg["situations"]["simulated"])
 
 
-def _recording(cfg: Mapping[str, Any]) -> None:
+def _recording(cfg: Params) -> None:
     with configured("recording"):
         rows = parsed(RecordingRows, part(cfg, "recording"))
     _names("recording.methods", [*rows.methods, rows.animation.method], _keys(cfg))
@@ -240,25 +244,24 @@ def _recording(cfg: Mapping[str, Any]) -> None:
         one_of(f"recording.scenes.{name}.fold", fold, one_of(f"recording.scenes.{name}", study, cfg["folds"]))
 
 
-def _literature(cfg: Mapping[str, Any]) -> None:
+def _literature(cfg: Params) -> None:
     with configured("literature"):
         _names("literature.places", parsed(LiteratureSettings, part(cfg, "literature")).places, cfg["places"])
 
 
-def _paper(cfg: Mapping[str, Any]) -> None:
+def _paper(cfg: Params) -> None:
     with configured("paper"):
         Paper.parse(part(cfg, "paper"))
 
 
-def _page(cfg: Mapping[str, Any]) -> None:
+def _page(cfg: Params) -> None:
     with configured("page"):
         rows, shown = parsed_together([ReplayRows, ReplaySettings], part(cfg, "page"))
-        check_mapping("replays", rows.replays)
     _names("page.replays", rows.replays, cfg["folds"])
     _names("page.methods", shown.methods, _keys(cfg))
 
 
-PARTS: dict[str, Callable[[Mapping[str, Any]], object]] = {
+PARTS: dict[str, Check] = {
     "mirrors": _each("mirrors", lambda cfg, name: Mirrors.parse(name, part(cfg, "mirrors", name))),
     "trackers": _each("trackers", lambda cfg, name: parse_tracker(row(cfg, "trackers", name))),
     "sensors": _each("sensors", lambda cfg, name: parsed(SensorSettings, row(cfg, "sensors", name))),
@@ -290,7 +293,7 @@ PARTS: dict[str, Callable[[Mapping[str, Any]], object]] = {
 """Key of params.yaml -> what makes its settings, as stages do."""
 
 
-def check_parts(cfg: Mapping[str, Any]) -> None:
+def check_parts(cfg: Params) -> None:
     """Make all settings of a configuration.
 
     Raises:

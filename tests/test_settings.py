@@ -70,6 +70,8 @@ def worded(path):
 
 def wrong_values(value):
     """Values that cannot stand for another one."""
+    if value == "auto":
+        return (1, "x", None, [], {})  # or true or false
     if isinstance(value, bool):
         return (1, 0, "x", None, [], {})
     if isinstance(value, (int, float)):

@@ -58,8 +58,6 @@ class Paper:
 
     def __post_init__(self) -> None:
         check_ranges(self, {"ade_m": "(0, 1e6]"})
-        check_mapping("remarks", self.remarks)
-        check_mapping("at", self.at)
 
     @classmethod
     def parse(cls, plain: Mapping[str, Any]) -> Paper:

@@ -147,13 +147,21 @@ def check_ranges(settings: Any, ranges: Mapping[str, str]) -> None:
 _WORDS = {
     "bool": (lambda value: isinstance(value, bool), "true or false"),
     "str": (lambda value: isinstance(value, str), "a text"),
-    "tuple[str, ...]": (lambda value: isinstance(value, (tuple, list)) and _texts(value), "a list of texts"),
+    "tuple[str, ...]": (lambda value: _listed(value), "a list of texts"),
+    "Mapping[str, Sequence[str]]": (
+        lambda value: isinstance(value, Mapping) and all(map(_listed, value.values())),
+        "a list of texts for each name",
+    ),
     "Mapping[str, str]": (
         lambda value: isinstance(value, Mapping) and _texts(value.values()),
         "a text for each name",
     ),
 }
 """Annotation -> whether a value is of it, and what it is called."""
+
+
+def _listed(value: Any) -> bool:
+    return isinstance(value, (tuple, list)) and _texts(value)
 
 
 def _texts(values: Iterable[Any]) -> bool:
@@ -188,13 +196,17 @@ def _inside(value: float, interval: str) -> bool:
     return above and (value <= high if interval[-1] == "]" else value < high)
 
 
+_LARGEST = 1e9
+
+
 def finite(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.ndarray:
     """Convert to finite numbers of some shape; None in it stands for any length.
 
     Raises:
         ValueRuleError: the value is something else.
     """
-    wanted = f"finite numbers are needed, of shape {shape}" if shape else "a finite number is needed"
+    what = f"finite numbers are needed, of shape {shape}" if shape else "a finite number is needed"
+    wanted = f"{what}, at most {_LARGEST:g}"
     try:
         numbers = np.asarray(value)
     except ValueError as cause:  # rows of different lengths
@@ -202,9 +214,19 @@ def finite(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.nda
     fits = len(numbers.shape) == len(shape) and all(
         n in (None, length) for n, length in zip(shape, numbers.shape, strict=True)
     )
-    if not fits or numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all():
+    if (
+        not fits
+        or _holds_truth(value)
+        or numbers.dtype.kind not in "iuf"
+        or not (np.abs(numbers) <= _LARGEST).all()
+    ):
         raise ValueRuleError(field, value, wanted)
     return numbers.astype(np.float64)
+
+
+def _holds_truth(value: Any) -> bool:
+    """Whether a number of nested lists is true or false, which numpy takes for 1 or 0."""
+    return any(map(_holds_truth, value)) if isinstance(value, (list, tuple)) else isinstance(value, bool)
 
 
 def positive(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.ndarray:
