@@ -2,6 +2,8 @@
 
 import copy
 import math
+import subprocess
+import sys
 
 import pytest
 import yaml
@@ -100,11 +102,11 @@ def test_a_number_is_in_its_range_or_refused_by_its_key(name):
     for path, value in nodes(PARAMS[name]):
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             continue
-        key = worded((name, *path))[-1]
+        keys = worded((name, *path))[-2:]  # a rule about several fields names what holds them
         for wrong in BEYOND:
             said = refused(name, path, wrong)
             huge = abs(wrong) > 1 and not set(UNBOUNDED) & set(path)
-            if (said is None and huge) or (said and key not in said):
+            if (said is None and huge) or (said and not any(key in said for key in keys)):
                 missed.append((path, wrong, said))
         if isinstance(value, int) and not set(FRACTIONS) & set(path) and not refused(name, path, value + 0.5):
             missed.append((path, value + 0.5, None))
@@ -127,3 +129,26 @@ def test_an_unknown_part_is_refused():
     check_parts(PARAMS)
     with pytest.raises(PedpredError, match="magic"):
         check_parts(PARAMS | {"magic": 1})
+
+
+STAGES = [
+    *(
+        ("train +phase=corridor +name=lstm +data=simulated/corridor", "training.corridor", "steps", v)
+        for v in (-5, 2.5)
+    ),
+    ("train +phase=main +name=lstm +data=simulated/main", "training.main", "lr", "nan"),
+    ("train_situations +name=mixture", "training.situations", "seed", -1),
+    ("pretrain_autoencoder", "autoencoder", "clip_norm", 0),
+    ("simulate +name=corridor", "simulations.corridor", "pedestrians", 0.5),
+]
+
+
+@pytest.mark.parametrize(("stage", "part", "key", "value"), STAGES)
+def test_a_stage_ends_with_the_key_of_a_value_outside_its_range(stage, part, key, value, tmp_path):
+    name, *arguments = stage.split()
+    outputs = [f"+out={tmp_path / 'out'}", f"+curve={tmp_path / 'curve.tsv'}", f"{part}.{key}={value}"]
+    command = [sys.executable, "-m", f"stages.{name}", *arguments, "scale=smoke", *outputs]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"ConfigError: configuration key '{part}.{key}' = ")
+    assert list(tmp_path.iterdir()) == []

@@ -16,8 +16,8 @@ from pedpred.simulation.fields import (
     check_mapping,
     check_names,
     check_ranges,
+    field_path,
     finite,
-    joined,
     parsed,
 )
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
@@ -77,7 +77,7 @@ def parsed_kalman(plain: Any, path: str = "") -> KalmanSettings:
     """
     check_mapping(path, plain)
     for name, value in plain.items():
-        finite(joined(path, name), value)
+        finite(field_path(path, name), value)
     settings: KalmanSettings = parsed(KalmanSettings, plain, path)
     return settings
 

@@ -38,21 +38,21 @@ def parsed(kind: type, plain: Any, path: str = "") -> Any:
     for name, field in known.items():
         if name not in plain:
             if field.default is MISSING and field.default_factory is MISSING:
-                raise ValueRuleError(joined(path, name), None, f"it is missing: {what}")
+                raise ValueRuleError(field_path(path, name), None, f"it is missing: {what}")
         elif "parse" in field.metadata:
-            values[name] = field.metadata["parse"](plain[name], joined(path, name))
+            values[name] = field.metadata["parse"](plain[name], field_path(path, name))
         elif "each" in field.metadata:
             if not isinstance(plain[name], Sequence) or isinstance(plain[name], str):
-                raise ValueRuleError(joined(path, name), plain[name], "a list is needed")
+                raise ValueRuleError(field_path(path, name), plain[name], "a list is needed")
             entries = enumerate(plain[name])
             each = field.metadata["each"]
-            values[name] = tuple(each(entry, joined(path, f"{name}[{n}]")) for n, entry in entries)
+            values[name] = tuple(each(entry, field_path(path, f"{name}[{n}]")) for n, entry in entries)
         elif isinstance(plain[name], list) and str(field.type).startswith(("Range", "tuple")):
             values[name] = tuple(plain[name])
     try:
         return kind(**values)
     except ValueRuleError as cause:
-        raise ValueRuleError(joined(path, cause.field), cause.value, cause.rule) from cause
+        raise ValueRuleError(field_path(path, cause.field), cause.value, cause.rule) from cause
 
 
 def parsed_together(kinds: Sequence[type], plain: Any, path: str = "") -> list[Any]:
@@ -80,7 +80,7 @@ def parsed_each(kind: type, plain: Any, path: str = "") -> dict[str, Any]:
         ValueRuleError: it is no dictionary, or an entry breaks a rule of `parsed`.
     """
     check_mapping(path, plain)
-    return {name: parsed(kind, own, joined(path, name)) for name, own in plain.items()}
+    return {name: parsed(kind, own, field_path(path, name)) for name, own in plain.items()}
 
 
 def check_mapping(field: str, value: Any) -> None:
@@ -103,7 +103,7 @@ def check_names(known: Collection[str], plain: Any, path: str, rule: str) -> Non
         raise ValueRuleError(path, plain, rule)
     for name in plain:
         if name not in known:
-            raise ValueRuleError(joined(path, name), plain[name], f"there is no such field: {rule}")
+            raise ValueRuleError(field_path(path, name), plain[name], f"there is no such field: {rule}")
 
 
 def check_choice(field: str, value: Any, known: Collection[str]) -> None:
@@ -116,7 +116,7 @@ def check_choice(field: str, value: Any, known: Collection[str]) -> None:
         raise ValueRuleError(field, value, f"it must be one of {', '.join(known)}")
 
 
-def joined(path: str, name: str) -> str:
+def field_path(path: str, name: str) -> str:
     """Return the path of a field inside the dictionary at `path`."""
     return f"{path}.{name}" if path else str(name)
 

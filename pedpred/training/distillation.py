@@ -19,8 +19,8 @@ from pedpred.networks.autoencoder import GridEncoder
 from pedpred.networks.contract import Loss
 from pedpred.networks.encoding import float_crops
 from pedpred.simulation.fields import check_ranges
-from pedpred.training.loop import Schedule
 from pedpred.training.pretraining import CropLearner
+from pedpred.training.schedule import Schedule
 
 _FIGURES = ("embedding", "latent")
 _CROPS_AT_ONCE = 256

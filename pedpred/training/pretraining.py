@@ -15,7 +15,8 @@ from pedpred.networks.autoencoder import GridAutoencoder, intersection_over_unio
 from pedpred.networks.contract import Loss
 from pedpred.networks.encoding import CROPS_AT_ONCE, float_crops
 from pedpred.simulation.fields import check_ranges
-from pedpred.training.loop import Learner, Schedule
+from pedpred.training.loop import Learner
+from pedpred.training.schedule import Schedule
 
 
 @dataclass(frozen=True, kw_only=True)

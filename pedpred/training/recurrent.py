@@ -17,7 +17,8 @@ from pedpred.networks.contract import Loss, RecurrentNetwork, detach, reset, sel
 from pedpred.networks.rolling import rolled
 from pedpred.simulation.fields import check_ranges, parsed
 from pedpred.training.distributed import ALONE, DistributedContext
-from pedpred.training.loop import Learner, Schedule
+from pedpred.training.loop import Learner
+from pedpred.training.schedule import Schedule
 from pedpred.training.variation import Variation, VariedBatch, looked_up, varied
 
 _SEED_DISTANCE = 1_000_003

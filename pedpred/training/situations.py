@@ -22,8 +22,9 @@ from pedpred.networks.registry import describe_network, is_network
 from pedpred.simulation.fields import check_ranges, parsed
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.training.distributed import ALONE, DistributedContext
-from pedpred.training.loop import Learner, Schedule, scratch_folder, train
+from pedpred.training.loop import Learner, scratch_folder, train
 from pedpred.training.omission import Omission, without
+from pedpred.training.schedule import Schedule
 
 _ROWS_AT_ONCE = 4096
 _BETAS = (0.9, 0.98)
