@@ -293,3 +293,10 @@ def test_nothing_refers_to_one_machine():
     guilty = {name: match[0] for name, match in found.items() if match}
     mirrors = {f"conf/mirrors/{data_set}.yaml" for data_set in PARAMS["mirrors"]}
     assert set(guilty) <= {*mirrors, "params.yaml", "dvc.lock"}, guilty
+
+
+def test_no_test_measures_time():
+    """Times depend on what else a machine does: ratios of them are in benchmarks."""
+    clocks = re.compile(r"\b(process_time|perf_counter|thread_time|timeit)(_ns)?\(")
+    texts = {path.name: path.read_text() for path in (ROOT / "tests").glob("*.py")}
+    assert [name for name, text in texts.items() if clocks.search(text)] == []
