@@ -14,11 +14,13 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from pedpred.config import plain, read_params
 from pedpred.datasets import MotionData
+from pedpred.datasets.lanes import SplitSettings
 from pedpred.datasets.situations import SituationData
 from pedpred.features import FeatureSettings
 from pedpred.features.situation import channel_widths
 from pedpred.networks import GridEncoder, RecurrentNetwork, parse_settings
 from pedpred.networks.contract import NetworkSettings
+from pedpred.simulation.fields import parsed, parsed_together
 from pedpred.training.distributed import DistributedContext
 from pedpred.training.loop import Learner
 from pedpred.training.recurrent import RecurrentLearner, TrainingSettings
@@ -54,10 +56,9 @@ def cases() -> dict[str, Callable[[DistributedContext], Case]]:
     features = plain(cfg.features)
     features.pop("standstill_mps")
     sizes = FeatureSettings(**plain(cfg.protocol), **features)
-    main = {k: v for k, v in plain(cfg.training.main).items() if not k.startswith("validation")}
-    recurrent = TrainingSettings.parse(main)
+    _, recurrent = parsed_together([SplitSettings, TrainingSettings], plain(cfg.training.main))
     alone = plain(cfg.training.situations) | {"shares": {"random": 1.0}, "validation_share": 0.0}
-    situations = SituationSettings.parse(alone)
+    situations = parsed(SituationSettings, alone)
 
     def rolling(own: NetworkSettings) -> Callable[[DistributedContext], Case]:
         return lambda here: recurrent_case(own, sizes, recurrent, here)

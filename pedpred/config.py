@@ -130,27 +130,52 @@ def one_of(key: str, name: str, known: Mapping[str, Any]) -> Any:
     Raises:
         ConfigError: there is none of this name.
     """
-    if name not in known:
+    if not isinstance(name, str) or name not in known:
         raise ConfigError(key, name, f"choose one of {', '.join(known)}")
     return known[name]
 
 
-def plain(node: DictConfig) -> dict[str, Any]:
+def plain(node: Mapping[str, Any]) -> dict[str, Any]:
     """Return a part of the configuration as an ordinary dictionary."""
-    return cast(dict[str, Any], OmegaConf.to_container(node, resolve=True))
+    if not OmegaConf.is_config(node):
+        return dict(node)
+    return cast(dict[str, Any], OmegaConf.to_container(cast(DictConfig, node), resolve=True))
 
 
-def row(cfg: DictConfig, group: str, name: str) -> dict[str, Any]:
+def part(cfg: Mapping[str, Any], *keys: str) -> dict[str, Any]:
+    """Return a part of the configuration as a plain dictionary.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    node: Any = cfg
+    for key in keys:
+        node = node[key]
+    if not isinstance(node, Mapping):
+        raise ConfigError(".".join(keys), node, "it must map names to values")
+    return plain(node)
+
+
+def row(cfg: Mapping[str, Any], group: str, name: str) -> dict[str, Any]:
     """Return the row `name` of a group such as `trackers`, merged over the row that it names as its `base`.
 
     Raises:
         ConfigError: the group has no such row.
     """
-    if name not in cfg[group]:
+    if not isinstance(name, str) or name not in cfg[group]:
         raise ConfigError(group, name, f"no such row; there are {', '.join(cfg[group])}")
-    found = plain(cfg[group][name])
-    base = found.pop("base", None)
-    return plain(cast(DictConfig, OmegaConf.merge(row(cfg, group, base), found))) if base else found
+    found = part(cfg, group, name)
+    return _merged(row(cfg, group, found.pop("base")), found) if "base" in found else found
+
+
+def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Entries of both; where both have a dictionary, likewise inside it."""
+    inner = {k: _merged(below[k], v) for k, v in above.items() if _both(v, below.get(k))}
+    return below | above | inner
+
+
+def _both(*values: Any) -> bool:
+    return all(isinstance(value, dict) for value in values)
 
 
 @contextmanager
@@ -165,7 +190,7 @@ def configured(key: str) -> Iterator[None]:
     except OmegaConfBaseException:  # it names its key
         raise
     except ValueRuleError as error:
-        raise ConfigError(f"{key}.{error.field}", error.value, error.rule) from error
+        raise ConfigError(f"{key}.{error.field}".rstrip("."), error.value, error.rule) from error
     except (TypeError, KeyError) as error:  # an argument of a settings class that is missing or unknown
         raise ConfigError(key, None, str(error)) from error
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import plain, stage
+from pedpred.config import configured, plain, stage
 from pedpred.files import write_text
 from pedpred.forecasting import Methods
 from pedpred.report.ablation import ablation_sections
@@ -16,6 +16,7 @@ from pedpred.report.page.build import Contents, page
 from pedpred.report.page.player import ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.simulation_page import flow_section
+from pedpred.simulation.fields import parsed
 
 
 @stage
@@ -25,8 +26,10 @@ def main(cfg: DictConfig) -> None:
     evaluated = {study: gather(study, plain(folds)) for study, folds in cfg.folds.items()}
     kept = plain(cfg.page)
     chosen = kept.pop("replays")
+    with configured("page"):
+        shown = parsed(ReplaySettings, kept)
     replays = [
-        replay(evaluated[key].scene(name), evaluated[key].windows[name], ReplaySettings(**kept), methods)
+        replay(evaluated[key].scene(name), evaluated[key].windows[name], shown, methods)
         for key, names in chosen.items()
         for name in names
         if name in evaluated[key].windows

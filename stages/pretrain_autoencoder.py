@@ -1,5 +1,6 @@
 """pretrain_autoencoder: learn to compress the occupancy crops of the training layouts."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,10 @@ import torch
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage
-from pedpred.datasets.crops import crops_of
+from pedpred.datasets.crops import CropSplit, crops_of
+from pedpred.simulation.fields import parsed_together
 from pedpred.storage.checkpoints import write_checkpoint
+from pedpred.training.distributed import ThreadSettings
 from pedpred.training.fit import manifests_sha256, write_curve
 from pedpred.training.loop import scratch_folder, train
 from pedpred.training.pretraining import AutoencoderLearner, AutoencoderSettings
@@ -19,15 +22,15 @@ from pedpred.training.pretraining import AutoencoderLearner, AutoencoderSettings
 def main(cfg: DictConfig) -> None:
     """Read data/features/simulated/main, write models/autoencoder and its curve."""
     options = plain(cfg.autoencoder)
-    torch.set_num_threads(options.pop("threads"))
-    share, crops = options.pop("validation_share"), options.pop("validation_crops")
     with configured("autoencoder"):
-        settings = AutoencoderSettings(**options)
+        threads, split, settings = parsed_together([ThreadSettings, CropSplit, AutoencoderSettings], options)
+    torch.set_num_threads(threads.threads)
     features = Path("data/features/simulated/main")
-    training, validation, cells = crops_of(features, share, crops, np.random.default_rng(settings.seed))
-    about = {"kind": "autoencoder", "settings": options, "cells": cells}
-    origin = {"share": share, "crops": crops, "features_sha256": manifests_sha256([features])}
-    with scratch_folder({**about, **origin}) as scratch:
+    with configured("autoencoder"):
+        training, validation, cells = crops_of(features, split, np.random.default_rng(settings.seed))
+    about = {"kind": "autoencoder", "settings": asdict(settings), "cells": cells}
+    origin = {**asdict(split), "features_sha256": manifests_sha256([features])}
+    with configured("autoencoder"), scratch_folder({**about, **origin}) as scratch:
         learner = AutoencoderLearner(training, validation, cells, settings)
         curve = train(learner, scratch, "auto-encoder")
     out = Path(cfg.get("out", "models/autoencoder"))

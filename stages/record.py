@@ -5,11 +5,12 @@ from pathlib import Path
 from matplotlib.colors import to_rgb
 from omegaconf import DictConfig
 
-from pedpred.config import plain, stage
+from pedpred.config import configured, plain, stage
 from pedpred.forecasting import Methods
 from pedpred.report.animation import Animation, write_animation
 from pedpred.ros import write_recording
 from pedpred.ros.foxglove import write_layout
+from pedpred.simulation.fields import parsed
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.windows import read_windows
 
@@ -27,7 +28,8 @@ def main(cfg: DictConfig) -> None:
     recording = root / "data/recordings" / scene.name
     methods = Methods.parse(plain(cfg.methods))
     shown = {name: to_rgb(methods[name].colour) for name in methods.ordered(options.methods)}
-    animation = Animation(**plain(options.animation))
+    with configured("recording.animation"):
+        animation = parsed(Animation, plain(options.animation))
     write_recording(scene, recording.with_suffix(".mcap"), windows, shown if windows else None)
     write_layout(scene.occupancy, set(shown) - {animation.method}, recording.with_suffix(".foxglove.json"))
     write_animation(scene, windows, animation, methods, root / f"reports/walking/{scene.name}.gif")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, plain, row, stage, stage_key
-from pedpred.features import FeatureSettings
 from pedpred.simulation.fields import parsed
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
@@ -18,6 +18,7 @@ from pedpred.workers import in_parallel
 from pedpred.worlds import SensingSettings, WorldSettings
 from pedpred.worlds.sets import Rows, SimulatedSet, ViewingSettings, scene_rows, viewing_rows, world_rows
 from pedpred.worlds.situations import Recipe, RowSettings
+from stages.features import sizes_of
 
 Job = tuple[str, Callable[..., Rows], tuple[Any, ...]]
 """Name of a shard, and what makes its rows."""
@@ -52,7 +53,7 @@ def real_jobs(cfg: DictConfig, key: str, recipe: Recipe) -> list[Job]:
     """One job per viewing of a place; none where its recording is not available."""
     sensor = cfg.places[key].sensor
     with configured(f"sensors.{sensor}"):
-        every = SensorSettings(**row(cfg, "sensors", sensor)).every
+        every = parsed(SensorSettings, row(cfg, "sensors", sensor)).every
     with configured("situations.real"):
         settings = parsed(ViewingSettings, plain(cfg.situations.real))
     folder = Path("data/scenes/real", key)
@@ -72,12 +73,8 @@ def main(cfg: DictConfig) -> None:
     """Write data/situations/<kind>/<name>, several worlds or viewings at once."""
     key, jobs_of = stage_key(cfg), one_of("kind", cfg.kind, {"simulated": simulated_jobs, "real": real_jobs})
     out = Path(cfg.get("out") or f"data/situations/{cfg.kind}/{key}")
-    sizes = (
-        plain(cfg.protocol) | plain(cfg.features) | {"noncausal": False}
-    )  # true states need no differences
-    standstill_mps = sizes.pop("standstill_mps")
-    with configured("features"):
-        of_channels = FeatureSettings(**sizes)
+    sizes, standstill_mps = sizes_of(cfg)
+    of_channels = replace(sizes, noncausal=False)  # true states need no differences
     with configured("situations.rows"):
         recipe = Recipe(parsed(RowSettings, plain(cfg.situations.rows)), of_channels, standstill_mps)
     jobs = jobs_of(cfg, key, recipe)

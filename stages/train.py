@@ -1,16 +1,19 @@
 """train_corridor, train_main, finetune: one phase of the curriculum for one network."""
 
 from contextlib import ExitStack
+from dataclasses import fields
 from pathlib import Path
 
 import torch
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, plain, stage, stage_key
+from pedpred.datasets.lanes import SplitSettings
 from pedpred.networks import parse_settings
+from pedpred.simulation.fields import parsed, parsed_together
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.shards import has_rows
-from pedpred.training.distributed import distributed_context
+from pedpred.training.distributed import DeviceSettings, distributed_context
 from pedpred.training.fit import PhaseData, copy_phase, fit, write_curve
 from pedpred.training.recurrent import TrainingSettings
 
@@ -21,6 +24,15 @@ PREVIOUS = {
 }
 
 
+def device_of(cfg: DictConfig) -> DeviceSettings:
+    """Read where to train; sets the number of threads."""
+    with configured("training"):
+        own = {field.name: cfg.training[field.name] for field in fields(DeviceSettings)}
+        device: DeviceSettings = parsed(DeviceSettings, own)
+    torch.set_num_threads(device.threads)
+    return device
+
+
 @stage
 def main(cfg: DictConfig) -> None:
     """Train network `name` in `phase` on the set `data` or on those of `fold` that have people; else copy it.
@@ -28,8 +40,12 @@ def main(cfg: DictConfig) -> None:
     Several processes: `torchrun -m stages.train`.
     """
     name = stage_key(cfg)
-    torch.set_num_threads(cfg.training.threads)
-    start, phase = one_of("phase", cfg.phase, PREVIOUS), plain(cfg.training[cfg.phase])
+    start = one_of("phase", cfg.phase, PREVIOUS)
+    with configured(f"training.{cfg.phase}"):
+        split, settings = parsed_together([SplitSettings, TrainingSettings], plain(cfg.training[cfg.phase]))
+    with configured(f"methods.networks.{name}.settings"):
+        architecture = parse_settings(plain(cfg.methods.networks[name].settings))
+    device = device_of(cfg)
     folded = "fold" in cfg
     named = cfg.folds.real[cfg.fold].train if folded else []
     sets = [part for part in named if has_rows(Path("data/features", part))] if folded else [cfg.data]
@@ -37,8 +53,7 @@ def main(cfg: DictConfig) -> None:
         [Path("data/features", part) for part in sets],
         [Path("data/embeddings", part) for part in sets],
         Path("models/autoencoder"),
-        phase.pop("validation_by"),
-        phase.pop("validation_share"),
+        split,
     )
     label, kind = (f"{cfg.phase}_{cfg.fold}", "real") if folded else (cfg.phase, "sim")
     out = Path(cfg.get("out", f"models/folds/{cfg.fold}/{name}" if folded else f"models/{cfg.phase}/{name}"))
@@ -47,15 +62,11 @@ def main(cfg: DictConfig) -> None:
     if not sets:
         copy_phase(previous, out, curve_path)
         return
-    with configured(f"methods.networks.{name}.settings"):
-        architecture = parse_settings(plain(cfg.methods.networks[name].settings))
     title = f"{cfg.phase} of {name} on {', '.join(sets)}"
-    with configured(f"training.{cfg.phase}"):
-        settings = TrainingSettings.parse(phase)
     with ExitStack() as group:
         with configured("training"):
-            context = distributed_context(cfg.training.device, cfg.training.autocast)
-            here = group.enter_context(context)
+            here = group.enter_context(distributed_context(device.device, device.autocast))
+        group.enter_context(configured(f"training.{cfg.phase}"))
         network, curve, about = fit(architecture, previous, data, settings, title, here)
     if here.writes:
         write_checkpoint(out, network.state_dict(), about)

@@ -1,17 +1,12 @@
 """Compiled loops: one thread, whoever calls them; the first time is announced and takes seconds."""
 
-import itertools
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from benchmarks.beside import busy
-from pedpred.online import OnlinePredictor
 
 MANY = """
 import os, sys, threading
@@ -49,6 +44,19 @@ sys.exit(sum(not np.array_equal(own, first.occupancy) for own in found) + abs(le
 }
 
 
+UPDATES = """
+import os, sys
+import numpy as np
+from pedpred.online import OnlinePredictor
+
+predictor = OnlinePredictor.load()
+threads = len(os.listdir("/proc/self/task"))
+for frame in range(20):
+    predictor.update(0.1 * frame, np.arange(20), np.random.default_rng(0).uniform(0, 10, (20, 2)))
+sys.exit(len(os.listdir("/proc/self/task")) - threads)
+"""
+
+
 def run(script, **environment):
     command = [sys.executable, "-c", script]
     return subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=False)
@@ -67,28 +75,14 @@ def test_loops_run_in_the_calling_thread(end):
 
 
 def test_compiling_is_announced_once(tmp_path):
-    script = "from numpy import zeros\nfrom pedpred.features.history import spaced\n"
+    script = "from numpy import zeros\nfrom pedpred.tracking.spacing import spaced\n"
     script += "spaced(zeros(1), zeros(1, int))"
     said, silence = (run(script, NUMBA_CACHE_DIR=str(tmp_path)).stderr for _ in range(2))
     assert said.count("compiling") == said.count("`pedpred warm-up` does it beforehand") == 1
     assert not silence
 
 
-@pytest.mark.parametrize("count", [4, 20])
-def test_an_update_takes_as_much_work_beside_busy_processes(count):
-    """CPU time, to which threads that wait busily would add; the least, since other work fills the caches."""
-    predictor, places = OnlinePredictor.load(), np.random.default_rng(0).uniform(0, 10, (count, 2))
-    frames = itertools.count(1)
-
-    def work_s():
-        before = time.process_time()
-        predictor.update(0.1 * next(frames), np.arange(count), places)
-        return time.process_time() - before
-
-    def least():
-        return min(work_s() for _ in range(100))
-
-    least()
-    alone = least()
-    with busy(2):
-        assert least() < 1.5 * alone
+@pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
+def test_an_update_starts_no_thread():
+    done = run(UPDATES, NUMBA_NUM_THREADS="4", OMP_NUM_THREADS="4")
+    assert done.returncode == 0, done.stderr

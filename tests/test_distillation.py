@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from pedpred.datasets.crops import EmbeddedCrops, embedded_crops_of
+from pedpred.datasets.crops import EmbeddedCrops, EmbeddedSplit, embedded_crops_of
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings, extract_blocks
 from pedpred.networks import GridEncoder
@@ -90,14 +90,14 @@ def test_crops_and_codes_stay_together_and_rooms_apart(tmp_path):
 
     def divided(share):
         folders, rng = (tmp_path / "features", tmp_path / "embeddings"), np.random.default_rng(0)
-        return embedded_crops_of(*folders, share, 2, rng)
+        return embedded_crops_of(*folders, EmbeddedSplit(validation_share=share, every=2), rng)
 
     training, validation = divided(0.3)
     assert len(training) > len(validation) > 0
     for part in (training, validation):
         np.testing.assert_array_equal(part.embedding, _code_of(part.packed))
     with pytest.raises(ValueRuleError, match="validation_share"):
-        divided(1.0)
+        divided(0.9)
     write_embeddings([_code_of(bits[1:])], tmp_path / "embeddings", "c")
     with pytest.raises(ShapeError, match="embedding up to c"):
         divided(0.3)

@@ -121,7 +121,7 @@ def within(file, dependency):
     return file == dependency or file.startswith(f"{dependency}/")
 
 
-@pytest.mark.parametrize("name", [name for name in PIPELINE if name != "config"])
+@pytest.mark.parametrize("name", PIPELINE)
 def test_a_stage_depends_on_the_packages_that_it_imports_and_no_others(name):
     entry = PIPELINE[name].get("do", PIPELINE[name])
     module = re.search(r"python -m (stages\.\w+)", entry["cmd"])[1]
@@ -294,3 +294,10 @@ def test_nothing_refers_to_one_machine():
     guilty = {name: match[0] for name, match in found.items() if match}
     mirrors = {f"conf/mirrors/{data_set}.yaml" for data_set in PARAMS["mirrors"]}
     assert set(guilty) <= {*mirrors, "params.yaml", "dvc.lock"}, guilty
+
+
+def test_no_test_measures_time():
+    """Times depend on what else a machine does: ratios of them are in benchmarks."""
+    clocks = re.compile(r"\b(process_time|perf_counter|thread_time|timeit)(_ns)?\(")
+    texts = {path.name: path.read_text() for path in (ROOT / "tests").glob("*.py")}
+    assert [name for name, text in texts.items() if clocks.search(text)] == []

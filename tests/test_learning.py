@@ -1,6 +1,7 @@
 """Lanes, network and training: memory is carried, cut and resumed exactly."""
 
 import dataclasses
+import math
 from itertools import islice
 
 import numpy as np
@@ -10,10 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.datasets import split_sequences, stream_lanes
+from pedpred.datasets.lanes import SplitSettings
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.networks import GridAutoencoder, load_network, parse_settings
 from pedpred.networks.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
-from pedpred.networks.contract import detach, mean_over, reset, velocity_distance
+from pedpred.networks.contract import Loss, detach, mean_over, reset, velocity_distance
 from pedpred.networks.registry import plain_settings
 from pedpred.networks.rolling import rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
@@ -25,7 +27,8 @@ from pedpred.training import (
     train,
 )
 from pedpred.training.fit import copy_phase
-from pedpred.training.loop import learning_rate
+from pedpred.training.loop import scratch_folder
+from pedpred.training.schedule import learning_rate
 from tests.exported import lstm, motion_data, roll, same_weights, write_autoencoder, write_network
 from tests.worlds import squares
 
@@ -207,6 +210,30 @@ def test_validation_data_without_a_whole_horizon_are_refused_at_once(tmp_path):
         train(learner, tmp_path, "toy")
 
 
+@pytest.mark.parametrize(("lost", "named"), [("loss", "train_loss"), ("weights", "validation_")])
+def test_a_training_that_diverges_is_an_error_and_leaves_nothing(lost, named, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    data = toy_data(np.random.default_rng(0))
+    learner = RecurrentLearner(SMALL.build(WIDTHS, 4), data, data.sequences[:4], data.sequences[4:], QUICK)
+    loss_of = learner.loss
+
+    def lose(batch, step):
+        found = loss_of(batch, step)
+        if step == 4 and lost == "loss":
+            return Loss(found.total * math.inf, found.reported * math.inf, found.weight)
+        if step == 5:
+            learner.clip = lambda: [p.grad.fill_(math.nan) for p in learner.network.parameters()]
+        return found
+
+    learner.loss = lose
+    with (
+        pytest.raises(ValueRuleError, match=rf"lr = 0\.01, but {named}.* is not finite after 6 steps"),
+        scratch_folder({"toy": lost}) as scratch,
+    ):
+        train(learner, scratch, "toy")
+    assert not scratch.exists()
+
+
 def train_autoencoder(training, validation, settings, scratch=None):
     learner = AutoencoderLearner(training, validation, 60, settings)
     return learner.network, train(learner, scratch, "toy")
@@ -249,12 +276,14 @@ def test_chance_holds_along_a_track_and_changes_with_it():
 def test_splits_keep_scenes_and_tracks_whole():
     data = toy_data(np.random.default_rng(0))
     for by, group in (("scene", data.scene), ("track", data.track)):
-        training, validation = split_sequences(data, by, 0.3, np.random.default_rng(0))
+        training, validation = split_sequences(
+            data, SplitSettings(validation_by=by, validation_share=0.3), np.random.default_rng(0)
+        )
         of = {tuple(s): g for s, g in zip(data.sequences, group, strict=True)}
         assert {of[tuple(s)] for s in training}.isdisjoint({of[tuple(s)] for s in validation})
         assert len(training) + len(validation) == len(data.sequences)
     with pytest.raises(ValueRuleError, match="validation_by"):
-        split_sequences(data, "window", 0.3, np.random.default_rng(0))
+        SplitSettings(validation_by="window", validation_share=0.3)
 
 
 def test_unknown_channel_is_named():

@@ -16,8 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.timing import used
-from pedpred.datasets.crops import crops_of, embedded_crops_of
-from pedpred.datasets.lanes import split_sequences
+from pedpred.datasets.crops import CropSplit, EmbeddedSplit, crops_of, embedded_crops_of
+from pedpred.datasets.lanes import SplitSettings, split_sequences
 from pedpred.datasets.motion import NETWORK_COLUMNS, load_motion_data, network_columns
 from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.features import FeatureSettings, extract_blocks
@@ -179,7 +179,9 @@ def test_places_follow_each_other_and_stay_apart(stored, tmp_path):
 def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
     data = load_motion_data([stored])
     for seed in range(5):
-        halves = split_sequences(data, by, 0.3, np.random.default_rng(seed))
+        halves = split_sequences(
+            data, SplitSettings(validation_by=by, validation_share=0.3), np.random.default_rng(seed)
+        )
         owner = dict(zip(data.sequences[:, 0].tolist(), getattr(data, by).tolist(), strict=True))
         training, validation = ({owner[first] for first in half[:, 0].tolist()} for half in halves)
         assert training.isdisjoint(validation)
@@ -191,12 +193,18 @@ def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
 def test_crops_are_divided_as_sequences_are(stored):
     """The same draw keeps the same scenes for validation, with all their variants and in the same order."""
     data = load_motion_data([stored])
-    _, held = split_sequences(data, "scene", 0.3, np.random.default_rng(3))
+    _, held = split_sequences(
+        data, SplitSettings(validation_by="scene", validation_share=0.3), np.random.default_rng(3)
+    )
     rows = np.concatenate([np.arange(first, last) for first, last in held])
     packed = np.concatenate([read_shard(stored, name, SETTINGS).occupancy for name in SHARDS])
-    training, validation = embedded_crops_of(stored, stored / "embeddings", 0.3, 1, np.random.default_rng(3))
+    training, validation = embedded_crops_of(
+        stored, stored / "embeddings", EmbeddedSplit(validation_share=0.3, every=1), np.random.default_rng(3)
+    )
     np.testing.assert_array_equal(validation.packed, packed[rows])
     assert len(training) == len(packed) - len(rows)
-    alone, chosen, cells = crops_of(stored, 0.3, 10, np.random.default_rng(3))
+    alone, chosen, cells = crops_of(
+        stored, CropSplit(validation_share=0.3, validation_crops=10), np.random.default_rng(3)
+    )
     np.testing.assert_array_equal(alone, training.packed)
     assert (len(chosen), cells) == (10, SETTINGS.grid_cells)

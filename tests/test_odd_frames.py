@@ -1,7 +1,6 @@
 """Odd times, ids and coordinates: refused before anything changes, or answered; no stream ends for ever."""
 
 import logging
-import time
 
 import numpy as np
 import pytest
@@ -87,13 +86,15 @@ def test_stamps_in_milliseconds_are_told_once(folder, caplog):
 
 
 @pytest.mark.parametrize("start_s", [0.0, 2.0**32 - 10, -(2.0**32) + 10])
-def test_a_frame_takes_as_long_at_any_time(folder, start_s):
-    robot = OnlinePredictor.load(folder)
+def test_a_frame_asks_the_network_as_often_at_any_time(folder, start_s, monkeypatch):
+    """However long the time between two stamps is, no steps are made up for it."""
+    robot, asked = OnlinePredictor.load(folder), []
+    inputs_of = robot._inputs
+    monkeypatch.setattr(robot, "_inputs", lambda *given: asked.append(1) or inputs_of(*given))
     walked(robot, (0.0,))
-    since = time.process_time()
     for k in range(10):
         robot.update(start_s + k / 3 if k % 2 else 500.0 * k, [1], [[0.0, 0.0]])
-    assert time.process_time() - since < 2.0
+    assert len(asked) <= 11
 
 
 def test_arguments_and_answers_are_nobody_elses(folder):

@@ -1,7 +1,5 @@
 """Predicted occupancy is the probability that somebody covers a cell."""
 
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -101,9 +99,3 @@ def test_cells_may_have_another_size():
     for wrong in (0.0, -1.0, np.nan):
         with pytest.raises(ValueRuleError, match="cell_m"):
             GRID.free(wrong)
-
-
-def test_twenty_people_take_a_fraction_of_a_frame():
-    crowd, since = people(1, count=20, modes=6, steps=10, reach_m=4.0), time.process_time()
-    predicted_occupancy(crowd, GRID)
-    assert time.process_time() - since < 1.0

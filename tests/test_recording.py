@@ -1,9 +1,7 @@
 """A recording holds the scene exactly, standard ROS 2 tools can read it, and damaged files are named."""
 
 import json
-import timeit
 from dataclasses import replace
-from time import process_time
 
 import numpy as np
 import pytest
@@ -182,22 +180,6 @@ def test_same_scene_same_bytes(tmp_path):
 
 
 # Cut, altered and foreign files
-
-
-def test_writing_takes_as_long_per_person_whether_few_or_many_are_there(tmp_path):
-    """The time of the processor, in one run: an instant costs little beside its people."""
-
-    def seconds(people, rows=3000):
-        at = np.arange(rows)
-        tracks = Trajectories(at // people * 0.1, at % people, np.stack([at % 7, at % 5], axis=-1))
-        scene = replace(small_scene(), trajectories=tracks)
-        return min(
-            timeit.repeat(
-                lambda: write_recording(scene, tmp_path / "a"), timer=process_time, number=1, repeat=3
-            )
-        )
-
-    assert seconds(people=2) < 4 * seconds(people=100)
 
 
 def test_a_recording_cut_at_any_byte_is_read_up_to_there(tmp_path, monkeypatch):

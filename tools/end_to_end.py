@@ -28,6 +28,7 @@ from tqdm import tqdm
 from pedpred.baselines.registry import baselines
 from pedpred.config import config_errors, configured, plain, read_params, row
 from pedpred.datasets import MotionData, split_sequences
+from pedpred.datasets.lanes import SplitSettings
 from pedpred.datasets.motion import load_motion_data
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings
@@ -41,7 +42,7 @@ from pedpred.networks.encoding import encode, float_crops, load_encoder
 from pedpred.networks.forecasting import NetworkForecaster
 from pedpred.report.document import markdown_table
 from pedpred.report.tables import interval
-from pedpred.simulation.fields import parsed
+from pedpred.simulation.fields import parsed, parsed_together
 from pedpred.simulation.settings import social_force_settings
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.scenes import scene_folders
@@ -164,15 +165,15 @@ def training_of(
 ) -> Training:
     """Load the rooms of a checkout, with the settings of its parameters but for the number of steps."""
     folder, phase = root / "data/features/simulated/main", plain(cfg.training.main)
-    by, share = phase.pop("validation_by"), phase.pop("validation_share")
     every = max(_RARELY, phase["validate_every"] * steps // phase["steps"])
     with configured("training.main"):
-        settings = TrainingSettings.parse(phase | {"steps": steps, "validate_every": every})
+        own = phase | {"steps": steps, "validate_every": every}
+        split, settings = parsed_together([SplitSettings, TrainingSettings], own)
     motion, rows = load_motion_data([folder]).to(here.device), MappedRows("occupancy")
     sizes, shards = read_manifest(folder)
     for shard in tqdm(shards, desc="crops", unit="scene"):
         rows.extend(read_crops(folder, shard, sizes))
-    parts = split_sequences(motion, by, share, np.random.default_rng(settings.seed))
+    parts = split_sequences(motion, split, np.random.default_rng(settings.seed))
     return Training(parse_settings(method.settings), motion, rows.array(), parts, settings, here)
 
 

@@ -23,6 +23,7 @@ from pedpred.baselines.candidates import Candidates, draw_candidates, room_goals
 from pedpred.baselines.influences import Observations
 from pedpred.baselines.together import Present, forecast_jointly, roll_out_all
 from pedpred.baselines.walking import Walking
+from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
 from pedpred.scenes import Predictions
@@ -34,6 +35,7 @@ from pedpred.tracking.tracks import last_rows
 
 DRAWS = 8  # twice as many lower the error by 1 to 3 % (two rooms of `main`) and take nearly twice the time
 _AS_NEAR_AS_M = 1e-3
+_MOST_GOALS = 100_000
 
 
 def goal_blind() -> Forecaster:
@@ -50,7 +52,13 @@ def goal_unseen(imagined_goals: int) -> Forecaster:
 
     Args:
         imagined_goals: how many to draw per room.
+
+    Raises:
+        ValueRuleError: their number is none.
     """
+    if type(imagined_goals) is not int or not 1 <= imagined_goals <= _MOST_GOALS:
+        rule = f"it must be a whole number in [1, {_MOST_GOALS}]"
+        raise ValueRuleError("imagined_goals", imagined_goals, rule)
 
     def forecast(request: ForecastRequest) -> Predictions:
         rng, clearance_m = _generator(request), request.walking_model.crowd.clearance_m

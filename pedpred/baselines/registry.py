@@ -9,6 +9,7 @@ from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.baselines.social_force import social_force
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Forecaster, Method
+from pedpred.simulation.fields import check_choice
 
 BASELINES: dict[str, Callable[..., Forecaster]] = {
     **PRESENT_MOTION,
@@ -31,9 +32,10 @@ def baselines(rows: Iterable[Method]) -> dict[str, Forecaster]:
 def _made(row: Method) -> Forecaster:
     settings = dict(row.settings)
     name = settings.pop("baseline", row.key)
-    if name not in BASELINES:
-        raise ValueRuleError("methods", name, f"known baselines are {sorted(BASELINES)}")
+    check_choice(f"{row.key}.settings.baseline", name, sorted(BASELINES))
     try:
         return BASELINES[name](**settings)
+    except ValueRuleError as cause:
+        raise ValueRuleError(f"{row.key}.settings.{cause.field}", cause.value, cause.rule) from cause
     except TypeError as cause:
         raise ValueRuleError(f"{row.key}.settings", dict(row.settings), str(cause)) from cause

@@ -10,26 +10,56 @@ import numpy as np
 
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.features import FeatureSettings
+from pedpred.simulation.fields import check_ranges
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.shards import read_crops, read_embeddings, read_manifest
 
 
-def crops_of(
-    features: Path, validation_share: float, validation_crops: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, int]:
+@dataclass(frozen=True, kw_only=True)
+class CropSplit:
+    """How crops are divided for the auto-encoder.
+
+    Attributes:
+        validation_share: share of the arrangements kept for validation; at least one.
+        validation_crops: at most this many crops of them, drawn at random.
+    """
+
+    validation_share: float
+    validation_crops: int
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"validation_share": "[0, 1)", "validation_crops": "[1, 10000000]"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class EmbeddedSplit:
+    """How crops with embeddings are divided for the distillation.
+
+    Attributes:
+        validation_share: share of the arrangements kept for validation; at least one.
+        every: take every n-th row; neighbouring rows are nearly the same.
+    """
+
+    validation_share: float
+    every: int
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"validation_share": "[0, 1)", "every": "[1, 1000000]"})
+
+
+def crops_of(features: Path, how: CropSplit, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, int]:
     """Bit-packed crops, divided by arrangement.
 
     Args:
         features: folder of feature shards.
-        validation_share: share of the arrangements kept for validation; at least one.
-        validation_crops: at most this many crops of them, drawn at random.
+        how: the division.
         rng: decides which.
 
     Returns:
         Training crops [M, bytes], which lie on disk (`MappedRows`), validation crops [V, bytes], and the
         cells per side of a crop.
     """
-    settings, *halves = _divided(features, validation_share, rng)
+    settings, *halves = _divided(features, how.validation_share, rng)
 
     def mapped(shards: list[str]) -> np.ndarray:
         rows = MappedRows("occupancy")
@@ -38,7 +68,7 @@ def crops_of(
         return rows.array()
 
     training, validation = map(mapped, halves)
-    chosen = rng.permutation(len(validation))[:validation_crops]
+    chosen = rng.permutation(len(validation))[: how.validation_crops]
     return training, validation[chosen], settings.grid_cells
 
 
@@ -61,15 +91,14 @@ class EmbeddedCrops:
 
 
 def embedded_crops_of(
-    features: Path, embeddings: Path, validation_share: float, every: int, rng: np.random.Generator
+    features: Path, embeddings: Path, how: EmbeddedSplit, rng: np.random.Generator
 ) -> tuple[EmbeddedCrops, EmbeddedCrops]:
     """Training and validation crops with their embeddings, divided by arrangement as in `crops_of`.
 
     Args:
         features: folder of feature shards.
         embeddings: folder of the encoder's outputs.
-        validation_share: share of the arrangements kept for validation; at least one.
-        every: take every n-th row; neighbouring rows are nearly the same.
+        how: the division.
         rng: decides which arrangements.
 
     Raises:
@@ -77,13 +106,13 @@ def embedded_crops_of(
         ValueRuleError: there are too few arrangements.
         ShapeError: features and embeddings do not belong together.
     """
-    settings, *halves = _divided(features, validation_share, rng)
+    settings, *halves = _divided(features, how.validation_share, rng)
 
     def embedded(shards: list[str]) -> EmbeddedCrops:
         packed, embedding = MappedRows("occupancy"), MappedRows("embedding")
         for name in shards:
-            packed.extend(_thinned(read_crops(features, name, settings), every))
-            embedding.extend(_thinned(read_embeddings(embeddings, name), every))
+            packed.extend(_thinned(read_crops(features, name, settings), how.every))
+            embedding.extend(_thinned(read_embeddings(embeddings, name), how.every))
             if len(embedding) != len(packed):
                 raise ShapeError(f"embedding up to {name}", (len(embedding),), f"[{len(packed)}]")
         return EmbeddedCrops(packed.array(), embedding.array(), settings.grid_cells)

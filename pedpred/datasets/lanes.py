@@ -9,31 +9,47 @@ import numpy as np
 
 from pedpred.datasets.motion import MotionData
 from pedpred.errors import ValueRuleError
+from pedpred.simulation.fields import check_choice, check_ranges
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplitSettings:
+    """How sequences are divided into those to learn from and those to choose the weights by.
+
+    Attributes:
+        validation_by: what the split keeps whole, "scene" or "track".
+        validation_share: share of the data kept for validation; at least one scene or track.
+    """
+
+    validation_by: str
+    validation_share: float
+
+    def __post_init__(self) -> None:
+        check_choice("validation_by", self.validation_by, ("scene", "track"))
+        check_ranges(self, {"validation_share": "[0, 1)"})
 
 
 def split_sequences(
-    data: MotionData, by: str, validation_share: float, rng: np.random.Generator
+    data: MotionData, how: SplitSettings, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Divide the sequences of a data set.
 
     Args:
         data: the data set.
-        by: "scene" splits by arrangement, "track" by track (with all its phases); both with all variants of
-            the scene.
-        validation_share: share of the scenes or tracks that is kept for validation; at least one.
+        how: by "scene" splits by arrangement, by "track" by track (with all its phases); both with all
+            variants of the scene.
         rng: decides which.
 
     Returns:
         Rows [first, last) of the training and of the validation sequences. [S, 2] each
 
     Raises:
-        ValueRuleError: `by` is unknown, or the data set has only one scene or track to divide.
+        ValueRuleError: the data set has only one scene or track to divide.
     """
-    if by not in ("scene", "track"):
-        raise ValueRuleError("validation_by", by, "use 'scene' or 'track'")
+    by = how.validation_by
     group = data.scene if by == "scene" else data.track
     names = rng.permutation(np.unique(group))
-    held = max(1, round(validation_share * len(names)))
+    held = max(1, round(how.validation_share * len(names)))
     if held >= len(names):
         rule = f"the data have {len(names)} of it: nothing is left to train on"
         raise ValueRuleError("validation_by", by, rule)

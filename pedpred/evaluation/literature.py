@@ -8,7 +8,8 @@ at the last. The networks do not take part: they forecast 3 s, 0.3 s by 0.3 s.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -21,10 +22,61 @@ from pedpred.features.extract import last_differences
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.metrics import METRICS
 from pedpred.scenes import Scene, Trajectories
+from pedpred.simulation.fields import Range, check_ranges, parsed
 from pedpred.tracking import KalmanSettings, follow
 
 _METRICS = {key: METRICS[key] for key in ("ade_m", "fde_m")}
 _TOLERANCE_S = 1e-3
+
+
+@dataclass(frozen=True)
+class PublishedRow:
+    """Errors that others published under the protocol.
+
+    Attributes:
+        name: of their method.
+        errors_m: place -> (ADE, FDE).
+        remark: how theirs was measured.
+    """
+
+    name: str
+    errors_m: Mapping[str, Range]
+    remark: str
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"errors_m": "(0, 1000]"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiteratureSettings:
+    """The protocol's places and windows, and what others published.
+
+    Attributes:
+        places: their names.
+        observed_steps: annotations that are seen.
+        predicted_steps: annotations that are forecast.
+        step_s: time between two of them.
+        bootstrap: replicates, see `EvaluationSettings`.
+        seed: of the bootstrap.
+        published: rows of other publications.
+    """
+
+    places: tuple[str, ...]
+    observed_steps: int
+    predicted_steps: int
+    step_s: float
+    bootstrap: int
+    seed: int
+    published: tuple[PublishedRow, ...] = field(default=(), metadata={"each": partial(parsed, PublishedRow)})
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"observed_steps": "[2, 10000]", "predicted_steps": "[1, 10000]"})
+        check_ranges(self, {"step_s": "(0, 60]"})
+        self.resampling()
+
+    def resampling(self) -> EvaluationSettings:
+        """Settings of the intervals."""
+        return EvaluationSettings(bootstrap=self.bootstrap, seed=self.seed)
 
 
 @dataclass(frozen=True)
@@ -44,10 +96,10 @@ class Stretches:
     step_s: float
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name != "step_s" and len(value) != len(self.track):
-                raise ShapeError(field.name, value.shape, f"[{len(self.track)}, ...]")
+        for own in fields(self):
+            value = getattr(self, own.name)
+            if own.name != "step_s" and len(value) != len(self.track):
+                raise ShapeError(own.name, value.shape, f"[{len(self.track)}, ...]")
         if not self.step_s > 0:
             raise ValueRuleError("step_s", self.step_s, "it must be positive")
 

@@ -14,7 +14,7 @@ from pedpred.metrics import METRICS, Metric, MetricScene
 from pedpred.metrics.calibration import mixture_nll, share_inside
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import OccupancyMap, Predictions
-from pedpred.simulation.fields import check_ranges
+from pedpred.simulation.fields import LARGEST_SEED, check_ranges
 
 _PER_STEP = ("error_m", "inside", "nll")
 
@@ -42,8 +42,8 @@ class EvaluationSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("moving_mps", "collision_m", "miss_m"), "(0, inf)"))
-        check_ranges(self, {"bootstrap": "[1, 100000]", "seed": "[0, inf)"})
+        check_ranges(self, dict.fromkeys(("moving_mps", "collision_m", "miss_m"), "(0, 1e6]"))
+        check_ranges(self, {"bootstrap": "[1, 100000]", "seed": f"[0, {LARGEST_SEED}]"})
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,33 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
 from pedpred.features.table import FeatureSettings
 from pedpred.scenes import Scene
+from pedpred.simulation.fields import (
+    check_choice,
+    check_mapping,
+    check_names,
+    check_ranges,
+    field_path,
+    finite,
+    parsed,
+)
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.tracking import KalmanSettings, Tracks, follow, resampled
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standstill:
+    """When somebody stands.
+
+    Attributes:
+        standstill_mps: below this speed the heading is held, m/s.
+    """
+
+    standstill_mps: float
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"standstill_mps": "[0, 100]"})
 
 
 @dataclass(frozen=True)
@@ -37,11 +59,27 @@ def parse_tracker(row: Mapping[str, Any]) -> KalmanSettings | None:
     Raises:
         ValueRuleError: an unknown kind, or a value breaks its rule.
     """
+    check_mapping("", row)
     values = dict(row)
-    kind = values.pop("kind")
-    if kind not in ("kalman", "truth"):
-        raise ValueRuleError("kind", kind, "it must be 'kalman' or 'truth'")
-    return KalmanSettings(**values) if kind == "kalman" else None
+    kind = values.pop("kind", None)
+    check_choice("kind", kind, ("kalman", "truth"))
+    if kind == "kalman":
+        return parsed_kalman(values)
+    check_names((), values, "", "the true states have no settings")
+    return None
+
+
+def parsed_kalman(plain: Any, path: str = "") -> KalmanSettings:
+    """Build the settings of a Kalman tracker; see `pedpred.simulation.fields.parsed`.
+
+    Raises:
+        ValueRuleError: a field is missing or unknown, or no positive number.
+    """
+    check_mapping(path, plain)
+    for name, value in plain.items():
+        finite(field_path(path, name), value)
+    settings: KalmanSettings = parsed(KalmanSettings, plain, path)
+    return settings
 
 
 def sensed(scene: Scene, sensor: SensorSettings) -> Scene:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from pedpred.errors import ValueRuleError
+from pedpred.simulation.fields import check_choice, check_mapping, check_ranges, parsed
 
 ROLES = ("baseline", "reference", "oracle", "bound", "ablation", "network")
 """baseline: simple and causal. reference: the strongest of these, which paired differences are taken to.
 oracle: knows the future goal. bound: what could be reached at best. ablation: the network `of` without one of
 its parts. network: a learned method; the last one listed is what reports are about."""
+
+
+WHERE = ("simulated", "real", "literature")
+"""Kinds of test sets."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +29,7 @@ class Method:
         label: name in reports.
         colour: of its lines, #RRGGBB.
         role: one of `ROLES`.
-        where: kinds of test sets that it is applied to: "simulated", "real", "literature".
+        where: kinds of test sets that it is applied to, see `WHERE`.
         settings: arguments of its factory: options of a baseline, or architecture and sizes of a network.
         of: key of the network that an ablation is compared with; empty for other roles.
     """
@@ -37,11 +43,16 @@ class Method:
     of: str = ""
 
     def __post_init__(self) -> None:
-        if self.role not in ROLES:
-            raise ValueRuleError(f"methods.{self.key}.role", self.role, f"it must be one of {ROLES}")
+        check_ranges(self, {})
+        check_mapping("settings", self.settings)
+        if not re.fullmatch("#[0-9A-Fa-f]{6}", self.colour):
+            raise ValueRuleError("colour", self.colour, "it must be #RRGGBB")
+        check_choice("role", self.role, ROLES)
+        for kind in self.where:
+            check_choice("where", kind, WHERE)
         if (self.role == "ablation") != bool(self.of):
             rule = "a method with the role ablation, and no other, names the network it is compared with"
-            raise ValueRuleError(f"methods.{self.key}.of", self.of, rule)
+            raise ValueRuleError("of", self.of, rule)
 
     @property
     def learned(self) -> bool:
@@ -66,9 +77,20 @@ class Methods:
 
     @classmethod
     def parse(cls, plain: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Methods:
-        """Build from plain dictionaries, group -> key -> row."""
-        rows = [(key, dict(row)) for group in plain.values() for key, row in group.items()]
-        return cls(tuple(Method(key, **row | {"where": tuple(row["where"])}) for key, row in rows))
+        """Build from plain dictionaries, group -> key -> row.
+
+        Raises:
+            ValueRuleError: a field of a row is missing or unknown, or breaks its rule.
+        """
+        check_mapping("methods", plain)
+        rows: list[Method] = []
+        for group, own in plain.items():
+            check_mapping(f"methods.{group}", own)
+            for key, row in own.items():
+                path = f"methods.{group}.{key}"
+                check_mapping(path, row)
+                rows.append(parsed(Method, {**row, "key": key}, path))
+        return cls(tuple(rows))
 
     def __iter__(self) -> Iterator[Method]:
         return iter(self.rows)

@@ -22,6 +22,9 @@ state: velocity, agent frame, m/s. grid: the frozen encoder's embedding of the o
 angular: 1 - r / r_max of the angular pedestrian grid, so that an empty cone is 0.
 """
 
+UNITS = "[1, 65536]"
+"""Valid numbers of units of a layer."""
+
 Tensors = dict[str, Tensor]
 """Recurrent state, [N, ...] each, one row per track; or a network's outputs, [B, L, ...] each."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import torch
@@ -14,6 +15,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.networks.autoencoder import GridEncoder
 from pedpred.networks.contract import (
     CHANNELS,
+    UNITS,
     Loss,
     RecurrentNetwork,
     Tensors,
@@ -22,6 +24,7 @@ from pedpred.networks.contract import (
     velocity_distance,
 )
 from pedpred.networks.gaussian import UNCERTAINTIES, covariance_of, negative_log_density
+from pedpred.simulation.fields import check_choice, check_ranges, parsed, parsed_each
 
 _NEGATIVE_SLOPE = 0.1
 """Of a projection below zero: the auto-encoder's latent is linear, a ReLU would lose half of it."""
@@ -33,6 +36,9 @@ class ChannelWidths:
 
     projection: int
     lstm: int
+
+    def __post_init__(self) -> None:
+        check_ranges(self, dict.fromkeys(("projection", "lstm"), UNITS))
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,7 @@ class LstmSettings:
         uncertainty: "none", or a key of `UNCERTAINTIES`.
     """
 
-    channels: Mapping[str, ChannelWidths]
+    channels: Mapping[str, ChannelWidths] = field(metadata={"parse": partial(parsed_each, ChannelWidths)})
     joint: int
     head: int
     residual: bool
@@ -56,9 +62,8 @@ class LstmSettings:
     uncertainty: str = "none"
 
     def __post_init__(self) -> None:
-        known = ("none", *UNCERTAINTIES)
-        if self.uncertainty not in known:
-            raise ValueRuleError("uncertainty", self.uncertainty, f"known uncertainties are {known}")
+        check_ranges(self, {"joint": UNITS, "head": UNITS, "dropout": "[0, 1)"})
+        check_choice("uncertainty", self.uncertainty, ("none", *UNCERTAINTIES))
         unknown = sorted(set(self.channels) - set(CHANNELS))
         if unknown or not self.channels:
             raise ValueRuleError("channels", unknown, f"known channels are {CHANNELS}")
@@ -66,9 +71,9 @@ class LstmSettings:
     @classmethod
     def parse(cls, plain: Mapping[str, Any]) -> LstmSettings:
         """Build from plain dictionaries; the joint LSTM reads the channels in the order of `CHANNELS`."""
-        order = sorted(plain["channels"], key=lambda name: (*CHANNELS, name).index(name))
-        channels = {name: ChannelWidths(**plain["channels"][name]) for name in order}
-        return cls(**{**plain, "channels": channels})
+        settings: LstmSettings = parsed(cls, plain)
+        order = sorted(settings.channels, key=CHANNELS.index)
+        return replace(settings, channels={name: settings.channels[name] for name in order})
 
     def plain(self) -> dict[str, Any]:
         """The inverse of `parse`."""

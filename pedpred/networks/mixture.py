@@ -9,7 +9,7 @@ forecast, constant velocity.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain, pairwise
 from typing import Any
@@ -19,16 +19,17 @@ from torch import Tensor, nn
 from torch.nn.functional import linear, log_softmax
 
 from pedpred.errors import ValueRuleError
-from pedpred.networks.contract import Loss, RecurrentNetwork, Tensors, displacements, mean_over
+from pedpred.networks.contract import UNITS, Loss, RecurrentNetwork, Tensors, displacements, mean_over
 from pedpred.networks.gaussian import covariance_of, initial_spread, negative_log_density, spread_of
 from pedpred.networks.mirror import MirroredLinear
 from pedpred.networks.surroundings import BeamEncoder, NeighbourEncoder, motion_known, own_motion, own_signs
+from pedpred.simulation.fields import check_ranges, parsed
 
 CHANNELS_READ = ("state", "history", "track", "neighbours", "beams")
 SURROUNDINGS = ("history", "neighbours", "beams")
 """What it can do without: the past, other people, obstacles."""
 _ENCODERS = ("own", "neighbours", "beams")
-_POSITIVE = ("units", "motion_units", "neighbour_units", "obstacle_units", "sharpness", "balance_m")
+_WIDTHS = ("units", "motion_units", "neighbour_units", "obstacle_units")
 
 
 @dataclass(frozen=True)
@@ -60,23 +61,24 @@ class MixtureSettings:
     sharpness: float = 3.0
     balance_m: float = 0.3
     mirrored: bool = True
-    unread: Sequence[str] = ()
-    frozen: Sequence[str] = ()
+    unread: tuple[str, ...] = ()
+    frozen: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.modes < 1 or (self.mirrored and self.modes % 2):
+        check_ranges(self, dict.fromkeys(_WIDTHS, UNITS) | {"modes": "[1, 1000]"})
+        check_ranges(self, dict.fromkeys(("likelihood", "closest"), "[0, 1e6]"))
+        check_ranges(self, dict.fromkeys(("sharpness", "balance_m"), "(0, 1e6]"))
+        if self.mirrored and self.modes % 2:
             raise ValueRuleError("modes", self.modes, "use an even number: half of them are mirror images")
         for name, known in {"unread": SURROUNDINGS, "frozen": _ENCODERS}.items():
             if not set(getattr(self, name)) <= set(known):
                 raise ValueRuleError(name, getattr(self, name), f"known are {', '.join(known)}")
-        for name in _POSITIVE:
-            if not getattr(self, name) > 0:
-                raise ValueRuleError(name, getattr(self, name), "it must be positive")
 
     @classmethod
     def parse(cls, plain: Mapping[str, Any]) -> MixtureSettings:
         """Build from plain dictionaries."""
-        return cls(**plain)
+        settings: MixtureSettings = parsed(cls, plain)
+        return settings
 
     def plain(self) -> dict[str, Any]:
         """The inverse of `parse`."""

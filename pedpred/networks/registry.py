@@ -9,11 +9,12 @@ from typing import Any
 
 import torch
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import StorageError
 from pedpred.files import translate_errors
 from pedpred.networks.contract import NetworkSettings, RecurrentNetwork
 from pedpred.networks.lstm import LstmSettings
 from pedpred.networks.mixture import MixtureSettings
+from pedpred.simulation.fields import check_choice, check_mapping
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
 ARCHITECTURES: dict[str, type[NetworkSettings]] = {
@@ -31,10 +32,10 @@ def parse_settings(plain: Mapping[str, Any]) -> NetworkSettings:
     Raises:
         ValueRuleError: the architecture is unknown, or a setting breaks its rule.
     """
+    check_mapping("settings", plain)
     own = dict(plain)
     name = own.pop("architecture", None)
-    if name not in ARCHITECTURES:
-        raise ValueRuleError("architecture", name, f"known architectures are {list(ARCHITECTURES)}")
+    check_choice("architecture", name, ARCHITECTURES)
     return ARCHITECTURES[name].parse(own)
 
 

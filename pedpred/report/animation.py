@@ -18,6 +18,7 @@ from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import FAINT, INK, OBSTACLE
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.scenes import Scene, Trajectories
+from pedpred.simulation.fields import check_ranges
 from pedpred.storage.windows import EvaluationWindows
 
 _PERSON_RADIUS_M = 0.2
@@ -44,9 +45,8 @@ class Animation:
     width_px: int  # of a frame
 
     def __post_init__(self) -> None:
-        for field in ("duration_s", "frame_s", "tail_s", "width_px"):
-            if not getattr(self, field) > 0:
-                raise ValueRuleError(field, getattr(self, field), "it must be positive")
+        check_ranges(self, {"duration_s": "(0, 3600]", "frame_s": "[0.01, 60]", "tail_s": "(0, 3600]"})
+        check_ranges(self, {"width_px": "[16, 10000]"})
 
 
 def write_animation(

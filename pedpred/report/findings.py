@@ -10,6 +10,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Methods
 from pedpred.report.document import NOTHING
 from pedpred.report.measures import Figures, Result
+from pedpred.simulation.fields import check_choice, check_mapping, check_ranges, parsed
 
 Verdict = Literal["met", "missed", "not measured"]
 _KINDS = ("below", "gains", "ratio_at_most", "ratio_at_least")
@@ -29,8 +30,19 @@ class Expectation:
     bound: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.kind not in _KINDS:
-            raise ValueRuleError("kind", self.kind, f"it must be one of {_KINDS}")
+        check_choice("kind", self.kind, _KINDS)
+        check_ranges(self, {"bound": "(0, 1e6]"})
+
+
+def _expectations(plain: Any, path: str) -> dict[str, list[Expectation]]:
+    """Parse the expectations of each study."""
+    check_mapping(path, plain)
+    found = {}
+    for study, rows in plain.items():
+        if not isinstance(rows, list):
+            raise ValueRuleError(f"{path}.{study}", rows, "a list is needed")
+        found[study] = [parsed(Expectation, row, f"{path}.{study}[{n}]") for n, row in enumerate(rows)]
+    return found
 
 
 @dataclass(frozen=True)
@@ -39,14 +51,23 @@ class Paper:
 
     ade_m: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # {study: {method: error, m}}
     remarks: Mapping[str, str] = field(default_factory=dict)
-    expectations: Mapping[str, Sequence[Expectation]] = field(default_factory=dict)
+    expectations: Mapping[str, Sequence[Expectation]] = field(
+        default_factory=dict, metadata={"parse": _expectations}
+    )
     at: Mapping[str, Sequence[str]] = field(default_factory=dict)  # test sets it is about; all by default
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"ade_m": "(0, 1e6]"})
 
     @classmethod
     def parse(cls, plain: Mapping[str, Any]) -> Paper:
-        """Build from plain dictionaries."""
-        expected = {w: [Expectation(**row) for row in rows] for w, rows in plain["expectations"].items()}
-        return cls(plain["ade_m"], plain["remarks"], expected, plain["at"])
+        """Build from plain dictionaries.
+
+        Raises:
+            ValueRuleError: a field is unknown or breaks its rule.
+        """
+        paper: Paper = parsed(cls, plain)
+        return paper
 
     def about(self, result: Result) -> bool:
         """Whether the publication says something about a test set."""

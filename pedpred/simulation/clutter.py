@@ -52,8 +52,8 @@ class ClutterSettings:
     def __post_init__(self) -> None:
         lengths = ("side_m", "smallest_room_m", "door_m", "wall_m", "column_radius_m", "column_spacing_m")
         shares = ("second_door_share", "column_share", "furniture_share", "turned_share")
-        check_ranges(self, dict.fromkeys((*lengths, "scale"), "(0, inf)") | dict.fromkeys(shares, "[0, 1]"))
-        check_ranges(self, dict.fromkeys(("partitions", "clearance_m", "attempts"), "[0, inf)"))
+        check_ranges(self, dict.fromkeys((*lengths, "scale"), "(0, 1000]") | dict.fromkeys(shares, "[0, 1]"))
+        check_ranges(self, {"partitions": "[0, 100]", "clearance_m": "[0, 1000]", "attempts": "[0, 100000]"})
 
 
 def cluttered_room(settings: ClutterSettings, rng: np.random.Generator) -> Layout:

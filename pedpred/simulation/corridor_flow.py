@@ -12,13 +12,16 @@ import numpy as np
 import pandas as pd
 import pedpy
 
+from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.fields import Range, check_ranges, positive
+from pedpred.simulation.fields import LARGEST_SEED, Range, check_ranges, positive
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.layouts import Layout, drawn_targets
 from pedpred.simulation.settings import SocialForceSettings
 from pedpred.simulation.shapes import Rectangle
 from pedpred.simulation.simulator import simulate
+
+_LARGEST_SIDE_M = 200.0
 
 
 @dataclass(frozen=True)
@@ -46,10 +49,11 @@ class FlowSettings:
     seed: int
 
     def __post_init__(self) -> None:
-        positive("size_m", self.size_m, (2,))
-        positive("people", self.people, (None,))
-        lengths = ("end_m", "seconds", "lane_m")
-        check_ranges(self, dict.fromkeys(lengths, "(0, inf)") | {"settle_s": "[0, inf)", "seed": "[0, inf)"})
+        if not (positive("size_m", self.size_m, (2,)) <= _LARGEST_SIDE_M).all():
+            raise ValueRuleError("size_m", self.size_m, f"a side may measure at most {_LARGEST_SIDE_M} m")
+        check_ranges(self, {"people": "[1, 10000]", "lane_m": "(0, 100]", "end_m": f"(0, {self.size_m[0]}]"})
+        check_ranges(self, {"settle_s": "[0, 36000]", "seconds": "(0, 36000]"})
+        check_ranges(self, {"seed": f"[0, {LARGEST_SEED}]"})
         check_ranges(self, {"measured_m": f"[0, {self.size_m[0]}]"})
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, fields
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,9 @@ from pedpred.errors import ValueRuleError
 
 Range = tuple[float, float]
 """Smallest and largest value."""
+
+LARGEST_SEED = 2**32 - 1
+"""Of the generators of all random numbers."""
 
 
 def parsed(kind: type, plain: Any, path: str = "") -> Any:
@@ -30,62 +33,161 @@ def parsed(kind: type, plain: Any, path: str = "") -> Any:
     """
     known = {field.name: field for field in fields(kind)}
     what = f"the fields of {kind.__name__} are {', '.join(known)}"
-    if not isinstance(plain, Mapping):
-        raise ValueRuleError(path, plain, what)
-    for name in plain:
-        if name not in known:
-            raise ValueRuleError(_joined(path, name), plain[name], f"there is no such field: {what}")
+    check_names(known, plain, path, what)
     values = dict(plain)
     for name, field in known.items():
         if name not in plain:
-            if field.default is MISSING:
-                raise ValueRuleError(_joined(path, name), None, f"it is missing: {what}")
+            if field.default is MISSING and field.default_factory is MISSING:
+                raise ValueRuleError(field_path(path, name), None, f"it is missing: {what}")
         elif "parse" in field.metadata:
-            values[name] = field.metadata["parse"](plain[name], _joined(path, name))
+            values[name] = field.metadata["parse"](plain[name], field_path(path, name))
         elif "each" in field.metadata:
             if not isinstance(plain[name], Sequence) or isinstance(plain[name], str):
-                raise ValueRuleError(_joined(path, name), plain[name], "a list is needed")
+                raise ValueRuleError(field_path(path, name), plain[name], "a list is needed")
             entries = enumerate(plain[name])
             each = field.metadata["each"]
-            values[name] = tuple(each(entry, _joined(path, f"{name}[{n}]")) for n, entry in entries)
+            values[name] = tuple(each(entry, field_path(path, f"{name}[{n}]")) for n, entry in entries)
         elif isinstance(plain[name], list) and str(field.type).startswith(("Range", "tuple")):
             values[name] = tuple(plain[name])
     try:
         return kind(**values)
     except ValueRuleError as cause:
-        raise ValueRuleError(_joined(path, cause.field), cause.value, cause.rule) from cause
+        raise ValueRuleError(field_path(path, cause.field), cause.value, cause.rule) from cause
 
 
-def _joined(path: str, name: str) -> str:
+def parsed_together(kinds: Sequence[type], plain: Any, path: str = "") -> list[Any]:
+    """Make several dataclasses from one dictionary that holds the fields of all of them.
+
+    Args:
+        kinds: dataclasses whose fields have different names; see `parsed`.
+        plain: field name -> value.
+        path: as in `parsed`.
+
+    Raises:
+        ValueRuleError: a field is unknown to all of them, missing or breaks its rule.
+    """
+    names = [[field.name for field in fields(kind)] for kind in kinds]
+    known = [name for own in names for name in own]
+    check_names(known, plain, path, f"the fields are {', '.join(known)}")
+    own_parts = ({name: plain[name] for name in own if name in plain} for own in names)
+    return [parsed(kind, own, path) for kind, own in zip(kinds, own_parts, strict=True)]
+
+
+def parsed_each(kind: type, plain: Any, path: str = "") -> dict[str, Any]:
+    """Make dataclasses from a dictionary whose names are free and whose entries are dictionaries of fields.
+
+    Raises:
+        ValueRuleError: it is no dictionary, or an entry breaks a rule of `parsed`.
+    """
+    check_mapping(path, plain)
+    return {name: parsed(kind, own, field_path(path, name)) for name, own in plain.items()}
+
+
+def check_mapping(field: str, value: Any) -> None:
+    """Check that a value maps names to something.
+
+    Raises:
+        ValueRuleError: it does not.
+    """
+    if not isinstance(value, Mapping):
+        raise ValueRuleError(field, value, "it must map names to values")
+
+
+def check_names(known: Collection[str], plain: Any, path: str, rule: str) -> None:
+    """Check that a dictionary has no other names than those known.
+
+    Raises:
+        ValueRuleError: it has, or it is no dictionary; the rule ends the message.
+    """
+    if not isinstance(plain, Mapping):
+        raise ValueRuleError(path, plain, rule)
+    for name in plain:
+        if name not in known:
+            raise ValueRuleError(field_path(path, name), plain[name], f"there is no such field: {rule}")
+
+
+def check_choice(field: str, value: Any, known: Collection[str]) -> None:
+    """Check that a value is one of some names.
+
+    Raises:
+        ValueRuleError: it is not.
+    """
+    if not isinstance(value, str) or value not in known:
+        raise ValueRuleError(field, value, f"it must be one of {', '.join(known)}")
+
+
+def field_path(path: str, name: str) -> str:
+    """Return the path of a field inside the dictionary at `path`."""
     return f"{path}.{name}" if path else str(name)
 
 
 def check_ranges(settings: Any, ranges: Mapping[str, str]) -> None:
     """Check that numeric fields lie in their intervals; both ends of a range must, in rising order.
 
+    Fields annotated as bool, str or `tuple[str, ...]` must hold those, whether `ranges` names them or not.
+
     Args:
         settings: a dataclass or named tuple; fields annotated as int must hold whole numbers, those annotated
-            with `...` any number of them, in any order.
+            with `...` any number of them, in any order, those as Mapping any number by name.
         ranges: field name -> interval such as "(0, 1]".
 
     Raises:
         ValueRuleError: a field holds something else.
     """
+    kind = type(settings)
+    listed = fields(settings) if is_dataclass(settings) else ()
+    annotations = {field.name: str(field.type) for field in listed} or kind.__annotations__
+    for name, annotation in annotations.items():
+        if annotation in _WORDS and not _WORDS[annotation][0](getattr(settings, name)):
+            raise ValueRuleError(name, getattr(settings, name), f"it must be {_WORDS[annotation][1]}")
     for name, interval in ranges.items():
-        value, annotation = getattr(settings, name), str(type(settings).__annotations__[name])
-        listed = "..." in annotation
-        pair = annotation.startswith(("Range", "tuple")) and not listed
-        several = isinstance(value, (tuple, list)) and (len(value) == 2 if pair else listed)
-        ends = value if several else [value]
-        numbers = (int,) if "int" in annotation else (int, float)
-        counted = several and len(ends) > 0 if listed else len(ends) == 1 + pair
-        fits = counted and all(
-            isinstance(end, numbers) and not isinstance(end, bool) and _inside(end, interval) for end in ends
-        )
-        if not fits or (pair and ends[0] > ends[1]):
-            one = "a whole number" if "int" in annotation else "a number"
-            what = "two rising numbers" if pair else "some numbers" if listed else one
-            raise ValueRuleError(name, value, f"it must be {what} in {interval}")
+        _check_numbers(name, getattr(settings, name), str(annotations[name]), interval)
+
+
+_WORDS = {
+    "bool": (lambda value: isinstance(value, bool), "true or false"),
+    "str": (lambda value: isinstance(value, str), "a text"),
+    "tuple[str, ...]": (lambda value: _listed(value), "a list of texts"),
+    "Mapping[str, Sequence[str]]": (
+        lambda value: isinstance(value, Mapping) and all(map(_listed, value.values())),
+        "a list of texts for each name",
+    ),
+    "Mapping[str, str]": (
+        lambda value: isinstance(value, Mapping) and _texts(value.values()),
+        "a text for each name",
+    ),
+}
+"""Annotation -> whether a value is of it, and what it is called."""
+
+
+def _listed(value: Any) -> bool:
+    return isinstance(value, (tuple, list)) and _texts(value)
+
+
+def _texts(values: Iterable[Any]) -> bool:
+    return all(isinstance(value, str) for value in values)
+
+
+def _check_numbers(name: str, value: Any, annotation: str, interval: str) -> None:
+    """Check one number, a pair of them, or several; see `check_ranges`."""
+    if annotation.startswith("Mapping"):
+        check_mapping(name, value)
+        for key, one in value.items():
+            _check_numbers(f"{name}.{key}", one, annotation.partition(", ")[2].removesuffix("]"), interval)
+        return
+    listed = "..." in annotation
+    pair = annotation.startswith(("Range", "tuple")) and not listed
+    several = isinstance(value, (tuple, list)) and (len(value) == 2 if pair else listed)
+    ends = value if several else [value]
+    numbers = (int,) if "int" in annotation else (int, float)
+    counted = several and len(ends) > 0 if listed else len(ends) == 1 + pair
+    fits = counted and all(
+        isinstance(end, numbers) and not isinstance(end, bool) and _inside(end, interval) for end in ends
+    )
+    if not fits or (pair and ends[0] > ends[1]):
+        one = "a whole number" if "int" in annotation else "a number"
+        what = "two rising numbers" if pair else "some numbers" if listed else one
+        raise ValueRuleError(name, value, f"it must be {what} in {interval}")
 
 
 def _inside(value: float, interval: str) -> bool:
@@ -94,13 +196,17 @@ def _inside(value: float, interval: str) -> bool:
     return above and (value <= high if interval[-1] == "]" else value < high)
 
 
+_LARGEST = 1e9
+
+
 def finite(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.ndarray:
     """Convert to finite numbers of some shape; None in it stands for any length.
 
     Raises:
         ValueRuleError: the value is something else.
     """
-    wanted = f"finite numbers are needed, of shape {shape}" if shape else "a finite number is needed"
+    what = f"finite numbers are needed, of shape {shape}" if shape else "a finite number is needed"
+    wanted = f"{what}, at most {_LARGEST:g}"
     try:
         numbers = np.asarray(value)
     except ValueError as cause:  # rows of different lengths
@@ -108,9 +214,19 @@ def finite(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.nda
     fits = len(numbers.shape) == len(shape) and all(
         n in (None, length) for n, length in zip(shape, numbers.shape, strict=True)
     )
-    if not fits or numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all():
+    if (
+        not fits
+        or _holds_truth(value)
+        or numbers.dtype.kind not in "iuf"
+        or not (np.abs(numbers) <= _LARGEST).all()
+    ):
         raise ValueRuleError(field, value, wanted)
     return numbers.astype(np.float64)
+
+
+def _holds_truth(value: Any) -> bool:
+    """Whether a number of nested lists is true or false, which numpy takes for 1 or 0."""
+    return any(map(_holds_truth, value)) if isinstance(value, (list, tuple)) else isinstance(value, bool)
 
 
 def positive(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.ndarray:

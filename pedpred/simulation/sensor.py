@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.fields import check_ranges
+from pedpred.simulation.fields import LARGEST_SEED, check_ranges
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class SensorSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"every": "[1, inf)", "drop_out_share": "[0, 1)", "switch_share": "[0, 1)"})
-        names = ("position_noise_m", "quantum_m", "switch_range_m", "seed")
-        check_ranges(self, dict.fromkeys(names, "[0, inf)"))
+        check_ranges(self, {"every": "[1, 1000000]", "drop_out_share": "[0, 1)", "switch_share": "[0, 1)"})
+        names = ("position_noise_m", "quantum_m", "switch_range_m")
+        check_ranges(self, dict.fromkeys(names, "[0, 1000]") | {"seed": f"[0, {LARGEST_SEED}]"})
 
 
 def apply_sensor(scene: Scene, settings: SensorSettings, rng: np.random.Generator) -> Scene:

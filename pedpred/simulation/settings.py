@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.fields import Range, check_ranges, parsed
+from pedpred.simulation.fields import LARGEST_SEED, Range, check_ranges, parsed, parsed_together
 from pedpred.simulation.forces import FORCE_RANGES, ForceSettings
 
 _NARROWEST = 0.1
@@ -147,6 +147,28 @@ def social_force_settings(plain: Mapping[str, Any]) -> SocialForceSettings:
 
 
 @dataclass(frozen=True)
+class SetUse:
+    """How a set of scenes is seen and learned from, in terms of named rows of settings.
+
+    Attributes:
+        social_force: walking of its people, or of the forecasters that simulate them.
+        tracker: of its people.
+        sensor: that detects them.
+        phase_offsets: step sequences per track, see `FeatureSettings`.
+        variants: altered copies of each scene to learn from.
+    """
+
+    social_force: str
+    tracker: str
+    sensor: str
+    phase_offsets: int
+    variants: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"phase_offsets": "[1, 100]"})
+
+
+@dataclass(frozen=True)
 class SimulationSettings:
     """A simulated data set.
 
@@ -165,8 +187,8 @@ class SimulationSettings:
     seed: int
 
     def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("generated", "seed"), "[0, inf)"))
-        check_ranges(self, {"pedestrians": "[1, inf)", "hours": "(0, inf)"})
+        check_ranges(self, {"generated": "[0, 100000]", "seed": f"[0, {LARGEST_SEED}]"})
+        check_ranges(self, {"pedestrians": "[1, 10000]", "hours": "(0, 100000]"})
         if not self.rooms:
             raise ValueRuleError("drawn", self.drawn, "name a layout or set 'generated' above 0")
         if len(set(self.rooms)) < len(self.rooms):
@@ -174,9 +196,13 @@ class SimulationSettings:
 
     @classmethod
     def parse(cls, row: Mapping[str, Any]) -> SimulationSettings:
-        """Parse a row of the configuration; its other fields (tracker, sensor, ...) are for other users."""
-        own = {name: row[name] for name in (f.name for f in fields(cls)) if name in row}
-        return parsed(cls, own)
+        """Parse a row of the configuration, which also holds the fields of `SetUse`.
+
+        Raises:
+            ValueRuleError: a field is missing or unknown, or breaks its rule.
+        """
+        settings: SimulationSettings = parsed_together([cls, SetUse], row)[0]
+        return settings
 
     @property
     def rooms(self) -> list[str]:

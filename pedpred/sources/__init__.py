@@ -18,4 +18,11 @@ SOURCES: dict[str, Callable[[Path, str, Mapping[str, Any]], Scene]] = {
     "scene_folder": scene_folder.read_folder,
 }
 
-__all__ = ["SOURCES"]
+SETTINGS: dict[str, type] = {
+    "ewap": ewap.EwapSettings,
+    "jupedsim": jupedsim.LaboratorySettings,
+    "scene_folder": scene_folder.FolderSettings,
+}
+"""Format -> the dataclass of its settings, by which rows are checked before anything is read."""
+
+__all__ = ["SETTINGS", "SOURCES"]

@@ -25,6 +25,7 @@ from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import read_picture, translate_errors
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
+from pedpred.simulation.fields import check_ranges, parsed
 from pedpred.storage.text import check_unique, numbers, read_numbers, text_rows
 
 COLUMNS = ("frame", "id", "pos_x", "pos_z", "pos_y", "v_x", "v_z", "v_y")
@@ -45,19 +46,40 @@ class _Annotations:
     line: np.ndarray
 
 
+@dataclass(frozen=True)
+class EwapSettings:
+    """What the files of a sequence do not say.
+
+    Attributes:
+        frame_rate_hz: of the video.
+        annotation_frames: frames between two annotations.
+        resolution_m: side of a cell of the map.
+        margin_m: free ground kept around all annotations and obstacles.
+    """
+
+    frame_rate_hz: float
+    annotation_frames: int
+    resolution_m: float
+    margin_m: float
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"frame_rate_hz": "[0.001, 1e6]", "annotation_frames": "[1, 1000000]"})
+        check_ranges(self, {"resolution_m": "[0.001, 100]", "margin_m": "[0, 1000]"})
+
+
 def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
     """Read one sequence.
 
     Args:
         folder: holds the files named above.
         name: name of the scene.
-        settings: `frame_rate_hz`, `annotation_frames`, `resolution_m`, `margin_m`.
+        settings: the fields of `EwapSettings`.
 
     Raises:
         SourceError: a file is missing or wrong; it names file, line and value.
         ValueRuleError: a setting is out of range.
     """
-    _check_settings(settings)
+    how: EwapSettings = parsed(EwapSettings, settings)
     homography = _read_homography(folder / "H.txt")
     blocked = _read_image(folder / "map.png", "L") > _BRIGHTEST_FREE
     camera = _read_camera(folder, homography, blocked.shape)
@@ -66,19 +88,17 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
     groups = _read_groups(folder / "groups.txt", set(rows.track_id.tolist()))
     with translate_errors(partial(SourceError, folder / "obsmat.txt", None)):
         trajectories = Trajectories(
-            time_s=rows.frame / settings["frame_rate_hz"],
+            time_s=rows.frame / how.frame_rate_hz,
             track_id=rows.track_id,
             position=rows.position,
             group_id=np.array([groups.get(track, ALONE) for track in rows.track_id.tolist()]),
         )
     try:
-        occupancy = occupancy_from_image(
-            blocked, homography, rows.position, settings["resolution_m"], settings["margin_m"]
-        )
+        occupancy = occupancy_from_image(blocked, homography, rows.position, how.resolution_m, how.margin_m)
     except ValueRuleError as cause:
         problem = f"{cause}: an obstacle reaches the horizon, H.txt is wrong or resolution_m too small"
         raise SourceError(folder / "map.png", None, problem) from cause
-    dt_s = settings["annotation_frames"] / settings["frame_rate_hz"]
+    dt_s = how.annotation_frames / how.frame_rate_hz
     return Scene(name, trajectories, occupancy, dt_s, camera)
 
 
@@ -89,14 +109,6 @@ def merged(groups: Iterable[set[int]]) -> list[set[int]]:
         touching = [other for other in apart if other & group]
         apart = [other for other in apart if not other & group] + [group.union(*touching)]
     return sorted(apart, key=min)
-
-
-def _check_settings(settings: Mapping[str, Any]) -> None:
-    for key in ("frame_rate_hz", "annotation_frames", "resolution_m"):
-        if not settings[key] > 0:
-            raise ValueRuleError(key, settings[key], "it must be positive")
-    if not settings["margin_m"] >= 0:
-        raise ValueRuleError("margin_m", settings["margin_m"], "it must not be negative")
 
 
 def _read_annotations(path: Path) -> _Annotations:

@@ -11,7 +11,8 @@ Columns after the fourth are not used. `pedpred.sources.walls` reads the geometr
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -19,9 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Scene, Trajectories
+from pedpred.simulation.fields import check_ranges, finite, parsed
 from pedpred.sources.walls import UNITS, occupancy_of, read_walls
 from pedpred.storage.text import Row, check_unique, read_numbers, text_rows
 
@@ -33,28 +35,53 @@ _RATE = re.compile(r"(?:frame[ _-]?rate|fps)\W*(\d+(?:\.\d+)?)", re.IGNORECASE)
 _UNIT = re.compile(r"(?:\bx */ *|\bin )(c|centi)?m", re.IGNORECASE)
 
 
+@dataclass(frozen=True)
+class LaboratorySettings:
+    """What the files of a recording do not say.
+
+    Attributes:
+        recording: name of its files.
+        resolution_m: see `occupancy_of`.
+        thickness_m: see there.
+        open_ends: see there.
+        open_end_m: see there.
+        frame_rate_hz: needed if the text has none.
+    """
+
+    recording: str
+    resolution_m: float
+    thickness_m: float
+    open_ends: Sequence[Sequence[Sequence[float]]] = ()
+    open_end_m: float = 0.0
+    frame_rate_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"resolution_m": "[0.001, 100]", "thickness_m": "(0, 1000]"})
+        check_ranges(self, {"open_end_m": "[0, 1000]"})
+        if self.frame_rate_hz is not None:
+            check_ranges(self, {"frame_rate_hz": f"[{_SLOWEST_HZ}, {_FASTEST_HZ}]"})
+        if self.open_ends != ():
+            finite("open_ends", self.open_ends, (None, 2, 2))
+
+
 def read_laboratory(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
     """Read one recording and its geometry.
 
     Args:
         folder: holds <recording>.txt and <recording>.xml.
         name: name of the scene.
-        settings: `recording`; `resolution_m`, `thickness_m`, `open_ends` and `open_end_m` of `occupancy_of`;
-            `frame_rate_hz` if the text has none.
+        settings: the fields of `LaboratorySettings`.
 
     Raises:
         SourceError: a file is missing or wrong; it names file, line and value.
         ValueRuleError: a setting is out of range.
     """
-    for key in ("resolution_m", "thickness_m", "open_end_m", "frame_rate_hz"):
-        if key in settings and not 0 < settings[key] < np.inf:
-            raise ValueRuleError(key, settings[key], "it must be positive")
-    path = folder / f"{settings['recording']}.txt"
+    how: LaboratorySettings = parsed(LaboratorySettings, settings)
+    path = folder / f"{how.recording}.txt"
     walls = read_walls(path.with_suffix(".xml"))
-    map_settings = [settings[key] for key in ("resolution_m", "thickness_m", "open_ends", "open_end_m")]
     with translate_errors(partial(SourceError, path.with_suffix(".xml"), None)):
-        occupancy = occupancy_of(walls, *map_settings)
-    trajectories = read_tracks(path, settings.get("frame_rate_hz"))
+        occupancy = occupancy_of(walls, how.resolution_m, how.thickness_m, how.open_ends, how.open_end_m)
+    trajectories = read_tracks(path, how.frame_rate_hz)
     with translate_errors(partial(SourceError, path, None)):
         return Scene(name, trajectories, occupancy, trajectories.usual_interval_s())
 

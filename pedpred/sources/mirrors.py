@@ -25,6 +25,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pedpred.errors import FetchError, ValueRuleError
+from pedpred.simulation.fields import check_mapping, check_ranges, parsed
 from pedpred.sources.archives import unpack_members
 
 _SCHEMES = ("https://", "file://")
@@ -33,6 +34,34 @@ _log = logging.getLogger(__name__)
 
 NOTE = "UNAVAILABLE.txt"
 """In place of raw files that no mirror has: what is missing and what to do."""
+
+
+@dataclass(frozen=True)
+class MirrorRow:
+    """`Mirrors` as they are written.
+
+    Attributes:
+        folders: see there.
+        archives: see there.
+        timeout_s: see there.
+        sha256sums: lines as `sha256sum` prints them.
+        optional: see there.
+        inside: see there.
+    """
+
+    folders: tuple[str, ...]
+    archives: tuple[str, ...]
+    timeout_s: float
+    sha256sums: tuple[str, ...]
+    optional: tuple[str, ...] = ()
+    inside: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"timeout_s": "(0, 3600]"})
+        check_mapping("inside", self.inside)
+        for line in self.sha256sums:
+            if len(line.split(maxsplit=1)) != 2:
+                raise ValueRuleError("sha256sums", line, "a line holds a sum and the path of a file")
 
 
 @dataclass(frozen=True)
@@ -58,6 +87,7 @@ class Mirrors:
     inside: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_ranges(self, {"timeout_s": "(0, 3600]"})
         if strangers := sorted(set(self.inside) - set(self.sums)):
             raise ValueRuleError("inside", strangers, "these files have no line in sha256sums")
         for name, digest in self.sums.items():
@@ -66,12 +96,16 @@ class Mirrors:
 
     @classmethod
     def parse(cls, data_set: str, plain: Mapping[str, Any]) -> Mirrors:
-        """Build from a plain dictionary whose `sha256sums` are lines as `sha256sum` prints them."""
-        lines = (line.split(maxsplit=1) for line in plain["sha256sums"])
-        sums = {name: digest for digest, name in lines}
-        folders, archives = tuple(plain["folders"]), tuple(plain["archives"])
-        optional, inside = frozenset(plain["optional"]), plain.get("inside", {})
-        return cls(data_set, folders, archives, plain["timeout_s"], sums, optional, inside)
+        """Build from a plain dictionary of the fields of `MirrorRow`.
+
+        Raises:
+            ValueRuleError: a field is missing or unknown, or breaks its rule.
+        """
+        row: MirrorRow = parsed(MirrorRow, plain)
+        sums = {name: digest for digest, name in (line.split(maxsplit=1) for line in row.sha256sums)}
+        return cls(
+            data_set, row.folders, row.archives, row.timeout_s, sums, frozenset(row.optional), row.inside
+        )
 
     @property
     def members(self) -> dict[str, str]:

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene
+from pedpred.simulation.fields import parsed
 from pedpred.sources.single_file import check_clock
 from pedpred.storage.scenes import read_scene
+
+
+@dataclass(frozen=True)
+class FolderSettings:
+    """A scene folder says everything itself."""
 
 
 def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
@@ -20,15 +26,14 @@ def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
     Args:
         folder: see `pedpred.storage.scenes`.
         name: name of the scene, whatever the folder's own is.
-        settings: none.
+        settings: none, see `FolderSettings`.
 
     Raises:
         StorageError: a file is missing or cannot be understood; the message names file and field.
         SourceError: the times are no seconds.
         ValueRuleError: there are settings.
     """
-    if settings:
-        raise ValueRuleError("settings", dict(settings), "a scene folder has none")
+    parsed(FolderSettings, settings)
     scene = read_scene(folder)
     with suppress(ValueRuleError):  # nobody was detected twice
         check_clock(folder, scene.trajectories.usual_interval_s())

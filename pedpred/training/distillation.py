@@ -14,11 +14,13 @@ import torch
 from torch import Tensor
 
 from pedpred.datasets.crops import EmbeddedCrops
+from pedpred.errors import ValueRuleError
 from pedpred.networks.autoencoder import GridEncoder
 from pedpred.networks.contract import Loss
 from pedpred.networks.encoding import float_crops
-from pedpred.training.loop import Schedule
+from pedpred.simulation.fields import check_ranges
 from pedpred.training.pretraining import CropLearner
+from pedpred.training.schedule import Schedule
 
 _FIGURES = ("embedding", "latent")
 _CROPS_AT_ONCE = 256
@@ -33,8 +35,14 @@ class DistillationSettings(Schedule):
         batch: crops per step.
     """
 
-    widths: tuple[int, int]
+    widths: tuple[int, ...]
     batch: int
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_ranges(self, {"widths": "[1, 10000]", "batch": "[1, 1000000]"})
+        if len(self.widths) != 2:
+            raise ValueRuleError("widths", self.widths, "the encoder has two convolutions")
 
 
 class DistillationLearner(CropLearner):
@@ -59,7 +67,8 @@ class DistillationLearner(CropLearner):
         """
         torch.manual_seed(settings.seed)
         self.training, self.validation, self.settings = training, validation, settings
-        student = GridEncoder(training.cells, teacher.fc.out_features, settings.widths)
+        first, second = settings.widths
+        student = GridEncoder(training.cells, teacher.fc.out_features, (first, second))
         student.fc.load_state_dict(teacher.fc.state_dict())
         student.fc.requires_grad_(False)
         self.network = student

@@ -18,11 +18,49 @@ from torch import Tensor
 
 from pedpred.errors import ValueRuleError
 from pedpred.networks.contract import Tensors
+from pedpred.simulation.fields import check_choice, check_ranges
 
 _LOG = logging.getLogger(__name__)
 DEVICES = ("auto", "cpu", "cuda")
 _BFLOAT16_UNITS = ("amx_bf16", "avx512_bf16")
 _ENVIRONMENT = {"RANK": 0, "WORLD_SIZE": 1, "LOCAL_RANK": 0}  # set by torchrun; defaults without it
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThreadSettings:
+    """How many threads compute.
+
+    Attributes:
+        threads: of torch; weights depend on their number.
+    """
+
+    threads: int
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"threads": "[1, 1024]"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceSettings(ThreadSettings):
+    """Where and how precisely a network is trained.
+
+    Attributes:
+        device: "cpu", "cuda", or "auto": CUDA where there is one.
+        autocast: matrix products in bfloat16; "auto" asks the device, see `multiplies_bfloat16`.
+    """
+
+    device: str = "auto"
+    autocast: bool | str = "auto"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_place(self.device, self.autocast)
+
+
+def _check_place(device: str, autocast: bool | str) -> None:
+    check_choice("device", device, DEVICES)
+    if not isinstance(autocast, bool) and autocast != "auto":
+        raise ValueRuleError("autocast", autocast, "use true, false or auto")
 
 
 @dataclass(frozen=True)
@@ -120,16 +158,13 @@ def distributed_context(device: str, autocast: bool | str) -> Iterator[Distribut
     """The context of this process, from the environment that `torchrun` sets; `ALONE` without it.
 
     Args:
-        device: "cpu", "cuda", or "auto": CUDA where there is one.
-        autocast: see `DistributedContext`; "auto" asks the device, see `multiplies_bfloat16`.
+        device: see `DeviceSettings`.
+        autocast: see there.
 
     Raises:
         ValueRuleError: the device is unknown or missing, or `autocast` is none of these.
     """
-    if device not in DEVICES:
-        raise ValueRuleError("device", device, f"use one of {DEVICES}")
-    if autocast not in (True, False, "auto"):
-        raise ValueRuleError("autocast", autocast, "use true, false or auto")
+    _check_place(device, autocast)
     there = torch.cuda.is_available()
     if device == "cuda" and not there:
         raise ValueRuleError("device", device, "no CUDA device is visible; use auto or cpu")

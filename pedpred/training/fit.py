@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import torch
 
-from pedpred.datasets.lanes import split_sequences
+from pedpred.datasets.lanes import SplitSettings, split_sequences
 from pedpred.datasets.motion import MotionData, load_motion_data
 from pedpred.errors import StorageError
 from pedpred.files import atomic_write, translate_errors
@@ -35,15 +35,13 @@ class PhaseData:
         embeddings: the folder of the frozen encoder's outputs that belongs to each of them; read only if the
             network reads the grid.
         autoencoder: checkpoint of that encoder; likewise.
-        validation_by: what the split keeps whole, "scene" or "track".
-        validation_share: share of the data kept for validation.
+        split: into training and validation.
     """
 
     features: Sequence[Path]
     embeddings: Sequence[Path]
     autoencoder: Path
-    validation_by: str
-    validation_share: float
+    split: SplitSettings
 
     def load(self, with_grid: bool) -> MotionData:
         """All rows, with the encoder's outputs and those of an empty crop for a network that reads them."""
@@ -106,7 +104,7 @@ def fit(
     data = phase.load("grid" in network_settings.channels_read)
     network = initialised(network_settings, data, previous, settings.seed)
     rng = np.random.default_rng(settings.seed)
-    training, validation = split_sequences(data, phase.validation_by, phase.validation_share, rng)
+    training, validation = split_sequences(data, phase.split, rng)
     about = {
         **describe_network(network),
         "dt_s": data.dt_s,

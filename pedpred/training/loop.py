@@ -23,25 +23,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.files import SCRATCH, atomic_write
 from pedpred.networks.contract import Loss, Tensors
 from pedpred.training.distributed import ALONE, DistributedContext
-
-
-@dataclass(frozen=True, kw_only=True)
-class Schedule:
-    """How long and how fast a network is trained; the settings of every kind of training extend it.
-
-    Attributes:
-        steps: optimiser steps.
-        validate_every: steps between two validations (and saved states).
-        lr: peak learning rate.
-        warmup_steps: steps of linear warm-up.
-        seed: of the weights, of the order of the data and of dropout.
-    """
-
-    steps: int
-    validate_every: int
-    lr: float
-    warmup_steps: int
-    seed: int
+from pedpred.training.schedule import Schedule, learning_rate
 
 
 class Learner(ABC):
@@ -111,7 +93,7 @@ def train(learner: Learner, scratch: Path | None, description: str) -> list[dict
         The curve, one row per validation: epoch, step, train_loss, and the figures of the validation.
 
     Raises:
-        ValueRuleError: the figure that chooses the weights cannot be computed.
+        ValueRuleError: the figure that chooses the weights cannot be computed, or the training diverges.
     """
     schedule = learner.settings
     progress = load_progress(scratch, learner)
@@ -137,12 +119,27 @@ def train(learner: Learner, scratch: Path | None, description: str) -> list[dict
         if progress.step % schedule.validate_every == 0 or progress.step == schedule.steps:
             train_loss = float(torch.stack(losses).double().mean())  # the only wait for a GPU
             bar.set_postfix_str(_validate(learner, progress, train_loss))
+            _check_finite(schedule, progress)
             losses = []
             save_progress(scratch, progress, learner)
     bar.close()
     if learner.best_by:
         learner.network.load_state_dict(progress.best)
     return progress.curve
+
+
+def _check_finite(schedule: Schedule, progress: Progress) -> None:
+    """Check that the loss is finite, and every figure of the validation that was before the first step.
+
+    Raises:
+        ValueRuleError: it is not.
+    """
+    first, now = progress.curve[0], progress.curve[-1]
+    finite = {"train_loss", *(name for name, value in first.items() if math.isfinite(value))}
+    lost = [name for name in finite if not math.isfinite(now[name])]
+    if lost:
+        rule = f"{min(lost)} is not finite after {progress.step} steps: it diverges, use a lower one"
+        raise ValueRuleError("lr", schedule.lr, rule)
 
 
 def train_step(learner: Learner, batch: Any, step: int) -> Tensor:
@@ -157,14 +154,6 @@ def train_step(learner: Learner, batch: Any, step: int) -> Tensor:
     learner.clip()
     learner.optimizer.step()
     return joint
-
-
-def learning_rate(step: int, steps: int, peak: float, warmup_steps: int, final_share: float = 0.01) -> float:
-    """Linear warm-up to `peak`, then half a cosine down to `final_share * peak`."""
-    if step < warmup_steps:
-        return peak * (step + 1) / warmup_steps
-    progress = min(1.0, (step - warmup_steps) / max(1, steps - warmup_steps))
-    return peak * (final_share + (1 - final_share) * 0.5 * (1 + math.cos(math.pi * progress)))
 
 
 def _validate(learner: Learner, progress: Progress, train_loss: float) -> str:
@@ -191,12 +180,22 @@ def scratch_folder(
         about: plain values that identify the training: settings and data.
         weights: the initial ones, which identify it too, unless `about` implies them.
         context: only the process that writes files removes the folder.
+
+    A training that ended with an error of its settings would end with it again, so its folder goes, too.
     """
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
     for tensor in (weights or {}).values():
         digest.update(tensor.numpy().tobytes())
     folder = SCRATCH / "training" / digest.hexdigest()[:16]
-    yield folder
+    try:
+        yield folder
+    except ValueRuleError:
+        _remove(folder, context)
+        raise
+    _remove(folder, context)
+
+
+def _remove(folder: Path, context: DistributedContext) -> None:
     if context.writes:
         shutil.rmtree(folder, ignore_errors=True)
 

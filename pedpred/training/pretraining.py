@@ -14,7 +14,9 @@ from torch.nn.utils import clip_grad_norm_
 from pedpred.networks.autoencoder import GridAutoencoder, intersection_over_union, reconstruction_loss
 from pedpred.networks.contract import Loss
 from pedpred.networks.encoding import CROPS_AT_ONCE, float_crops
-from pedpred.training.loop import Learner, Schedule
+from pedpred.simulation.fields import check_ranges
+from pedpred.training.loop import Learner
+from pedpred.training.schedule import Schedule
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +34,10 @@ class AutoencoderSettings(Schedule):
     batch: int
     clip_norm: float
     tied: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_ranges(self, {"latent": "[1, 100000]", "batch": "[1, 1000000]", "clip_norm": "(0, 1e6]"})
 
 
 class CropLearner(Learner):

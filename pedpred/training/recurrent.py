@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -14,8 +15,10 @@ from pedpred.datasets.lanes import stream_lanes
 from pedpred.datasets.motion import MotionData
 from pedpred.networks.contract import Loss, RecurrentNetwork, detach, reset, select
 from pedpred.networks.rolling import rolled
+from pedpred.simulation.fields import check_ranges, parsed
 from pedpred.training.distributed import ALONE, DistributedContext
-from pedpred.training.loop import Learner, Schedule
+from pedpred.training.loop import Learner
+from pedpred.training.schedule import Schedule
 from pedpred.training.variation import Variation, VariedBatch, looked_up, varied
 
 _SEED_DISTANCE = 1_000_003
@@ -40,12 +43,14 @@ class TrainingSettings(Schedule):
     longest_track: int
     clip_norm: float
     weight_decay: float
-    variation: Variation = field(default_factory=Variation)
+    variation: Variation = field(default_factory=Variation, metadata={"parse": partial(parsed, Variation)})
 
-    @classmethod
-    def parse(cls, plain: Mapping) -> TrainingSettings:
-        """Build from plain dictionaries (configuration)."""
-        return cls(**{**plain, "variation": Variation(**plain["variation"])})
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_ranges(self, {"lanes": "[1, 100000]", "sub_sequence": "[1, 10000]"})
+        check_ranges(
+            self, {"longest_track": "[1, 1000000]", "clip_norm": "(0, 1e6]", "weight_decay": "[0, 1]"}
+        )
 
 
 @dataclass(eq=False)

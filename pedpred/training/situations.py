@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,12 @@ from pedpred.datasets.situations import SituationData, held_out, load_situations
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.networks.contract import Loss, NetworkSettings, RecurrentNetwork
 from pedpred.networks.registry import describe_network, is_network
-from pedpred.simulation.fields import check_ranges
+from pedpred.simulation.fields import check_ranges, parsed
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.training.distributed import ALONE, DistributedContext
-from pedpred.training.loop import Learner, Schedule, scratch_folder, train
+from pedpred.training.loop import Learner, scratch_folder, train
 from pedpred.training.omission import Omission, without
+from pedpred.training.schedule import Schedule
 
 _ROWS_AT_ONCE = 4096
 _BETAS = (0.9, 0.98)
@@ -48,22 +50,29 @@ class SituationSettings(Schedule):
     validation_share: float
     clip_norm: float
     weight_decay: float
-    omission: Omission = field(default_factory=Omission)
+    omission: Omission = field(default_factory=Omission, metadata={"parse": partial(parsed, Omission)})
     runs: int = 1
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"rows": "[1, inf)", "validation_share": "[0, 1)", "clip_norm": "(0, inf)"})
-        check_ranges(self, {"runs": "[1, inf)"})
-        for name, share in self.shares.items():
-            if not 0 <= share < float("inf"):
-                raise ValueRuleError(f"shares.{name}", share, "it must not be negative")
+        super().__post_init__()
+        check_ranges(self, {"rows": "[1, 1000000]", "validation_share": "[0, 1)", "runs": "[1, 1000]"})
+        check_ranges(self, {"clip_norm": "(0, 1e6]", "weight_decay": "[0, 1]", "shares": "[0, 1e6]"})
         if not sum(self.shares.values()) > 0:
             raise ValueRuleError("shares", dict(self.shares), "one of them must be positive")
 
-    @classmethod
-    def parse(cls, plain: Mapping[str, Any]) -> SituationSettings:
-        """Build from plain dictionaries (configuration)."""
-        return cls(**{**plain, "omission": Omission(**plain["omission"])})
+
+@dataclass(frozen=True, kw_only=True)
+class RealShare:
+    """How much of the rows of an adaptation is real.
+
+    Attributes:
+        real_share: share of the rows that real sets divide equally.
+    """
+
+    real_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"real_share": "[0, 1]"})
 
 
 def mixed(simulated: Mapping[str, float], real: Sequence[str], real_share: float) -> dict[str, float]:
@@ -74,8 +83,6 @@ def mixed(simulated: Mapping[str, float], real: Sequence[str], real_share: float
         real: sets that share `real_share` of all rows equally; if there is none, all rows are simulated.
         real_share: 0 to 1.
     """
-    if not 0 <= real_share <= 1:
-        raise ValueRuleError("real_share", real_share, "use 0 to 1")
     part = real_share if real else 0.0
     whole = sum(simulated.values())
     return {k: (1 - part) * v / whole for k, v in simulated.items()} | {k: part / len(real) for k in real}

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from pedpred.datasets.lanes import LaneBatch
 from pedpred.datasets.motion import MotionData
-from pedpred.errors import ValueRuleError
+from pedpred.simulation.fields import Range, check_ranges
 
 _STANDING = np.float32(0.1)
 """Largest factor on the velocities of a person made to stand: 0.13 m/s for an average walker."""
@@ -38,21 +38,16 @@ class Variation:
     """
 
     map_swap: float = 0.0
-    speed_scale: tuple[float, float] = (1.0, 1.0)
+    speed_scale: Range = (1.0, 1.0)
     standing_share: float = 0.0
     velocity_noise_mps: float = 0.0
     neighbour_dropout: float = 0.0
     map_dropout: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("map_swap", "standing_share", "neighbour_dropout", "map_dropout"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueRuleError(name, getattr(self, name), "use 0 to 1")
-        if not 0.0 <= self.velocity_noise_mps < float("inf"):
-            raise ValueRuleError("velocity_noise_mps", self.velocity_noise_mps, "use 0 or more")
-        least, most = self.speed_scale
-        if not 0.0 < least <= most:
-            raise ValueRuleError("speed_scale", self.speed_scale, "use 0 < least <= most")
+        shares = ("map_swap", "standing_share", "neighbour_dropout", "map_dropout")
+        check_ranges(self, dict.fromkeys(shares, "[0, 1]"))
+        check_ranges(self, {"velocity_noise_mps": "[0, 100]", "speed_scale": "(0, 100]"})
 
 
 @dataclass(frozen=True)

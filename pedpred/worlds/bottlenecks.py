@@ -39,8 +39,8 @@ class BottleneckSettings:
     streams: StreamSettings = nested(_STREAMS)
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"[2, inf)": "width_m", "[14, inf)": "length_m", "[0, inf)": "two_from_m"})
-        check_intervals(self, {"(0, 4]": "wall_m", "(0, inf)": "opening_m"})
+        check_intervals(self, {"[2, 1000]": "width_m", "[14, 1000]": "length_m", "[0, 1000]": "two_from_m"})
+        check_intervals(self, {"(0, 4]": "wall_m", "(0, 1000]": "opening_m"})
 
 
 def bottleneck(settings: BottleneckSettings, rng: np.random.Generator) -> Floor:

@@ -58,7 +58,7 @@ class CorridorSettings:
     def __post_init__(self) -> None:
         check_shares(self, "forms", _ARMS)
         lengths = "width_m any_width_m column_radius_m obstacle_radius_m"
-        check_intervals(self, {"(0, inf)": lengths, "[6, inf)": "arm_m", "[0, inf)": "obstacles"})
+        check_intervals(self, {"(0, 1000]": lengths, "[6, 1000]": "arm_m", "[0, 1000]": "obstacles"})
 
 
 def corridor(settings: CorridorSettings, rng: np.random.Generator) -> Floor:

@@ -55,7 +55,7 @@ def check_shares(settings: Any, name: str, names: Collection[str]) -> None:
     Raises:
         ValueRuleError: it does not.
     """
+    check_ranges(settings, {name: "[0, 1]"})
     value = getattr(settings, name)
-    fits = isinstance(value, Mapping) and set(value) == set(names)
-    if not fits or min(value.values()) < 0 or abs(sum(value.values()) - 1.0) > 1e-6:
+    if set(value) != set(names) or abs(sum(value.values()) - 1.0) > 1e-6:
         raise ValueRuleError(name, value, f"it must map {', '.join(names)} to shares that sum to 1")

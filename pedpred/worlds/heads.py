@@ -32,7 +32,7 @@ class Sway:
     drift_m: float = 0.0
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"[0, inf)": "amplitude_m tempo drift_m"})
+        check_intervals(self, {"[0, 1000]": "amplitude_m tempo drift_m"})
 
 
 def heads_of(scene: Scene, sway: Sway, rng: np.random.Generator) -> Scene:

@@ -101,7 +101,7 @@ class ModelSettings:
     def __post_init__(self) -> None:
         positive = "strength range_m border_strength border_range_m direction_range_m wall_range_m wander_s"
         others = "anticipation_s noise_mps2 wander_rad direction_push wall_push"
-        check_intervals(self, {"(0, inf)": positive, "[0, inf)": others})
+        check_intervals(self, {"(0, 1000]": positive, "[0, 1000]": others})
         check_intervals(self, {"[0, 1]": "unseen_weight", "[0, 0.5]": "unsteady"})
 
 

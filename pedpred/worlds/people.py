@@ -83,8 +83,8 @@ class PeopleSettings:
         check_shares(self, "paces", _paces())
         speeds = "usual_mps slow_mps fast_mps speed_range_mps"
         times = "relaxation_s collision_free_relaxation_s headway_s stop_rate_hz stop_s"
-        check_intervals(self, {"(0, inf)": f"{speeds} {times}", "[0.05, 0.5]": "radius_m"})
-        check_intervals(self, {"[0, 1]": "stopping_people speed_deviation", "[0, inf)": "pull_mps2"})
+        check_intervals(self, {"(0, 1000]": f"{speeds} {times}", "[0.05, 0.5]": "radius_m"})
+        check_intervals(self, {"[0, 1]": "stopping_people speed_deviation", "[0, 1000]": "pull_mps2"})
 
 
 def drawn_traits(

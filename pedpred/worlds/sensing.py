@@ -68,8 +68,8 @@ class SensingSettings:
 
     def __post_init__(self) -> None:
         check_intervals(self, {"(0, 100]": "rates_hz"})
-        check_intervals(self, {"[0, inf)": "jitter_s late_s sway_m tempo drift_m", "[0, 1)": "drop_out"})
-        check_intervals(self, {"(0, inf)": "noise_m quantum_m", "(0, 1]": "switch"})
+        check_intervals(self, {"[0, 1000]": "jitter_s late_s sway_m tempo drift_m", "[0, 1)": "drop_out"})
+        check_intervals(self, {"(0, 1000]": "noise_m quantum_m", "(0, 1]": "switch"})
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Sensor:
     switch: float = 0.0
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"(0, inf)": "rate_hz", "[0, inf)": "noise_m jitter_s quantum_m late_s"})
+        check_intervals(self, {"(0, 1000]": "rate_hz", "[0, 1000]": "noise_m jitter_s quantum_m late_s"})
         check_intervals(self, {"[0, 1)": "drop_out", "[0, 1]": "switch"})
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene, Trajectories
+from pedpred.simulation.fields import check_choice
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.worlds.drawing import check_intervals
 from pedpred.worlds.floors import Area
@@ -43,9 +43,8 @@ class SimulatedSet:
     true_share: float
 
     def __post_init__(self) -> None:
-        if self.kind not in VIEWED:
-            raise ValueRuleError("kind", self.kind, f"it must be one of {', '.join(VIEWED)}")
-        check_intervals(self, {"[1, inf)": "worlds", "[0, inf)": "rows true_rows"})
+        check_choice("kind", self.kind, VIEWED)
+        check_intervals(self, {"[1, 1000000]": "worlds", "[0, 10000000]": "rows true_rows"})
 
 
 @dataclass(frozen=True)
@@ -69,8 +68,8 @@ class ViewingSettings:
     noise_m: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"[1, inf)": "viewings rows", "[0.1, inf)": "thinnings"})
-        check_intervals(self, {"[0, inf)": "thinned_noise_m noise_m"})
+        check_intervals(self, {"[1, 1000000]": "viewings rows", "[0.1, 1000]": "thinnings"})
+        check_intervals(self, {"[0, 100]": "thinned_noise_m noise_m"})
 
 
 def world_rows(

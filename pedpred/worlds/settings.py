@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.fields import Range
+from pedpred.simulation.fields import LARGEST_SEED, Range
 from pedpred.worlds.bottlenecks import BottleneckSettings
 from pedpred.worlds.corridors import CorridorSettings
 from pedpred.worlds.drawing import check_intervals, nested
@@ -35,7 +35,7 @@ class GuidanceSettings:
     slowest: Range = (0.3, 0.9)
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"(0, inf)": "resolution_m narrow_m comfortable_m", "(0, 1]": "slowest"})
+        check_intervals(self, {"(0, 1000]": "resolution_m narrow_m comfortable_m", "(0, 1]": "slowest"})
         if not self.narrow_m[1] < self.comfortable_m[0]:
             raise ValueRuleError("narrow_m", self.narrow_m, "it must be less than comfortable_m")
 
@@ -55,7 +55,7 @@ class LoneSettings:
     speed_mps: Range = (0.2, 2.6)
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"[1, inf)": "people", "(0, inf)": "speed_mps"})
+        check_intervals(self, {"[1, 1000]": "people", "(0, 1000]": "speed_mps"})
 
 
 @dataclass(frozen=True)
@@ -91,4 +91,5 @@ class WorldSettings:
     guidance: GuidanceSettings = nested(GuidanceSettings())
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"[0, inf)": "seed warm_up_s", "(0, inf)": "duration_s bottleneck_s"})
+        check_intervals(self, {"[0, 36000]": "warm_up_s", "(0, 36000]": "duration_s bottleneck_s"})
+        check_intervals(self, {f"[0, {LARGEST_SEED}]": "seed"})

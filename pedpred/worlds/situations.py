@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
 from pedpred.features.beams import obstacle_distances
+from pedpred.features.perception import parsed_kalman
 from pedpred.features.situation import tracked_situations
 from pedpred.features.table import FeatureSettings
 from pedpred.features.targets import Futures, future_velocities
 from pedpred.geometry import rotate
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.fields import Range, parsed
+from pedpred.simulation.fields import LARGEST_SEED, Range
 from pedpred.tracking import KalmanSettings, Tracks, follow
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
 from pedpred.worlds.drawing import check_intervals, log_uniform, uniform
@@ -40,7 +40,7 @@ class RowSettings:
     seed: int = 5
     trackers: tuple[KalmanSettings, ...] = field(
         default=(KalmanSettings(0.0278, 0.0548, 1.0), KalmanSettings(0.0152, 0.0335, 1.0)),
-        metadata={"each": partial(parsed, KalmanSettings)},
+        metadata={"each": parsed_kalman},
     )
     used_share: float = 0.4
     acceleration_noise: Range = (0.012, 0.4)
@@ -52,8 +52,8 @@ class RowSettings:
     shift_m: float = 0.06
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"(0, inf)": "acceleration_noise position_noise_m initial_speed_mps"})
-        check_intervals(self, {"[0, inf)": "seed newborn shift_m"})
+        check_intervals(self, {"(0, 100]": "acceleration_noise position_noise_m initial_speed_mps"})
+        check_intervals(self, {"[0, 1000]": "newborn shift_m", f"[0, {LARGEST_SEED}]": "seed"})
 
 
 @dataclass(frozen=True)

@@ -49,8 +49,8 @@ class SquareSettings:
 
     def __post_init__(self) -> None:
         check_shares(self, "obstacles", _obstacles())
-        check_intervals(self, {"(0, inf)": "post_radius_m box_m door_m entrance_m", "[10, inf)": "side_m"})
-        check_intervals(self, {"[0, inf)": "posts", "[2, inf)": "entrances"})
+        check_intervals(self, {"(0, 1000]": "post_radius_m box_m door_m entrance_m", "[10, 1000]": "side_m"})
+        check_intervals(self, {"[0, 1000]": "posts", "[2, 1000]": "entrances"})
 
 
 def square(settings: SquareSettings, rng: np.random.Generator) -> Floor:

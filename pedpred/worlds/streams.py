@@ -59,7 +59,7 @@ class StreamSettings:
     def __post_init__(self) -> None:
         check_shares(self, "patterns", _patterns())
         rates = "arrivals dense_arrivals unequal spacing_m"
-        check_intervals(self, {"(0, inf)": rates, "[0, inf)": "waiting_per_m2 waiting"})
+        check_intervals(self, {"(0, 1000]": rates, "[0, 1000]": "waiting_per_m2 waiting"})
 
 
 def streaming(

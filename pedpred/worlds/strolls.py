@@ -57,9 +57,9 @@ class StrollSettings:
     standing_s: Range = (5.0, 60.0)
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"[0, 1]": "detour_people groups pausing_people", "[0, inf)": "standing_s"})
+        check_intervals(self, {"[0, 1]": "detour_people groups pausing_people", "[0, 1000]": "standing_s"})
         positive = "arrivals dense_factor pause_s"
-        check_intervals(self, {"(0, inf)": positive, "[1, inf)": "standing cluster group_size"})
+        check_intervals(self, {"(0, 1000]": positive, "[1, 1000]": "standing cluster group_size"})
 
 
 def strolling(

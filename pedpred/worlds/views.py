@@ -36,7 +36,7 @@ class ViewSettings:
     window_m: Range = (5.0, 12.0)
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"(-inf, inf)": "cut_x_m cut_y_m", "(0, inf)": "window_m"})
+        check_intervals(self, {"(-inf, inf)": "cut_x_m cut_y_m", "(0, 1000]": "window_m"})
 
 
 def usual_views() -> dict[str, ViewSettings]:

@@ -50,8 +50,10 @@ class VisitSettings:
     standing_people: Range = (0.1, 0.5)
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"[0, 1]": "pausing_people standing_people", "[1, inf)": "people legs"})
-        check_intervals(self, {"(0, inf)": "per_m2 dense_per_m2 pause_s least_leg_m", "[2, inf)": "targets"})
+        check_intervals(self, {"[0, 1]": "pausing_people standing_people", "[1, 1000]": "people legs"})
+        check_intervals(
+            self, {"(0, 1000]": "per_m2 dense_per_m2 pause_s least_leg_m", "[2, 1000]": "targets"}
+        )
 
 
 def visiting(floor: Floor, settings: VisitSettings, duration_s: float, rng: np.random.Generator) -> Visitors:

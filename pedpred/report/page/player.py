@@ -11,19 +11,18 @@ bit of the obstacle grid, and the angular grid in steps of its range / `LEVELS`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
 from pedpred.features import angular_grids, occupancy_crops
 from pedpred.forecasting import Methods
 from pedpred.report.animation import LONGEST_GAP, busiest_start
 from pedpred.report.page.codec import Coder, PointColumns
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.scenes import OccupancyMap, Predictions, Scene
+from pedpred.simulation.fields import check_ranges
 from pedpred.storage.windows import EvaluationWindows
 
 TAIL_S = 2.0
@@ -51,15 +50,13 @@ class ReplaySettings:
         least_weight: less likely modes are left out, too.
     """
 
-    methods: Sequence[str]
+    methods: tuple[str, ...]
     duration_s: float
     modes: int
     least_weight: float
 
     def __post_init__(self) -> None:
-        for name in ("duration_s", "modes"):
-            if not getattr(self, name) > 0:
-                raise ValueRuleError(f"page.{name}", getattr(self, name), "it must be positive")
+        check_ranges(self, {"duration_s": "(0, 36000]", "modes": "[1, 1000]", "least_weight": "[0, 1]"})
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,88 @@
+"""Rows that say where places come from, and what is tested, exported, promised and shown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from pedpred.report.animation import Animation
+from pedpred.simulation.fields import check_ranges, parsed, parsed_each
+
+
+class Texts:
+    """A row whose fields are texts, lists of them, or true and false."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {})
+
+
+@dataclass(frozen=True)
+class PlaceRow(Texts):
+    """Where a place's raw files are and how they are read."""
+
+    source: str
+    folder: str
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class FoldRow(Texts):
+    """Sets that a fold trains on and tests."""
+
+    test: tuple[str, ...]
+    train: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ExportRow(Texts):
+    """A network as a model folder."""
+
+    networks: str
+    network: str
+    tracker: str
+    distilled: bool
+
+
+@dataclass(frozen=True)
+class PromiseRow:
+    """Largest error of the exported network over that of a simple method."""
+
+    method: str
+    most: float
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"most": "(0, 10]"})
+
+
+@dataclass(frozen=True)
+class OnlineRows:
+    """What is exported, and what is promised of it."""
+
+    exports: Mapping[str, ExportRow] = field(metadata={"parse": partial(parsed_each, ExportRow)})
+    promises: Mapping[str, PromiseRow] = field(metadata={"parse": partial(parsed_each, PromiseRow)})
+
+
+@dataclass(frozen=True)
+class SceneRow(Texts):
+    """A recorded scene, and the fold whose forecasts are shown in it."""
+
+    scene: str
+    fold: str
+
+
+@dataclass(frozen=True)
+class RecordingRows(Texts):
+    """What recordings show."""
+
+    methods: tuple[str, ...]
+    scenes: Mapping[str, SceneRow] = field(metadata={"parse": partial(parsed_each, SceneRow)})
+    animation: Animation = field(metadata={"parse": partial(parsed, Animation)})
+
+
+@dataclass(frozen=True)
+class ReplayRows(Texts):
+    """Scenes of each study that the page replays."""
+
+    replays: Mapping[str, Sequence[str]]

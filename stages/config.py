@@ -1,0 +1,236 @@
+"""config: params.yaml is what conf/ composes to, and all of it is understood and within its ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pedpred import config
+from pedpred.baselines.registry import baselines
+from pedpred.config import SETS, config_errors, configured, one_of, part, plain, read_params, row
+from pedpred.datasets.crops import CropSplit, EmbeddedSplit
+from pedpred.datasets.lanes import SplitSettings
+from pedpred.evaluation import EvaluationSettings
+from pedpred.evaluation.literature import LiteratureSettings
+from pedpred.features.perception import Standstill, parse_tracker
+from pedpred.forecasting import Methods
+from pedpred.networks import parse_settings
+from pedpred.report.findings import Paper
+from pedpred.report.page.player import ReplaySettings
+from pedpred.report.rows import FoldRow, OnlineRows, PlaceRow, RecordingRows, ReplayRows
+from pedpred.scenes import VARIANTS
+from pedpred.simulation.clutter import ClutterSettings
+from pedpred.simulation.fields import parsed, parsed_each, parsed_together
+from pedpred.simulation.layouts import layout_from
+from pedpred.simulation.sensor import SensorSettings
+from pedpred.simulation.settings import SetUse, SimulationSettings, social_force_settings
+from pedpred.sources import SETTINGS, SOURCES
+from pedpred.sources.mirrors import Mirrors
+from pedpred.training import AutoencoderSettings, TrainingSettings
+from pedpred.training.distillation import DistillationSettings
+from pedpred.training.distributed import DeviceSettings, ThreadSettings
+from pedpred.training.situations import RealShare, SituationSettings
+from pedpred.worlds import SensingSettings, WorldSettings
+from pedpred.worlds.sets import SimulatedSet, ViewingSettings
+from pedpred.worlds.situations import RowSettings
+from stages.features import kalman_of, sizes_of
+from stages.train import PREVIOUS
+from stages.validate_simulation import flow_of
+
+Params = Mapping[str, Any]
+"""A whole configuration."""
+Check = Callable[[Params], object]
+"""Makes the settings of a part."""
+
+
+def _each(group: str, check: Callable[[Mapping[str, Any], str], object]) -> Check:
+    """Check every row of a group."""
+
+    def check_rows(cfg: Params) -> None:
+        for name in part(cfg, group):
+            with configured(f"{group}.{name}"):
+                check(cfg, name)
+
+    return check_rows
+
+
+def _whole(group: str, *kinds: type) -> Check:
+    """Check a part that holds the fields of some dataclasses."""
+
+    def check_fields(cfg: Params) -> None:
+        with configured(group):
+            parsed_together(kinds, part(cfg, group))
+
+    return check_fields
+
+
+def _names(key: str, names: Iterable[str], known: Iterable[str]) -> None:
+    """Check that names exist."""
+    for name in names:
+        one_of(key, name, dict.fromkeys(known))
+
+
+def _use(cfg: Params, key: str, use: SetUse) -> None:
+    """Check that a row of simulations or places refers to rows and variants that exist."""
+    for name, group in {"tracker": "trackers", "sensor": "sensors", "social_force": "social_forces"}.items():
+        one_of(f"{key}.{name}", getattr(use, name), cfg[group])
+    _names(f"{key}.variants", use.variants, VARIANTS)
+
+
+def _simulation(cfg: Params, name: str) -> None:
+    own = part(cfg, "simulations", name)
+    _names(f"simulations.{name}.drawn", SimulationSettings.parse(own).drawn, cfg["layouts"])
+    _use(cfg, f"simulations.{name}", parsed_together([SimulationSettings, SetUse], own)[1])
+
+
+def _place(cfg: Params, name: str) -> None:
+    place, use = parsed_together([PlaceRow, SetUse], part(cfg, "places", name))
+    one_of(f"places.{name}.source", place.source, SOURCES)
+    if place.source in SETTINGS:
+        parsed(SETTINGS[place.source], place.settings, "settings")
+    _use(cfg, f"places.{name}", use)
+
+
+def _fold(cfg: Params, study: str) -> None:
+    for name, fold in parsed_each(FoldRow, part(cfg, "folds", study)).items():
+        for at in (*fold.train, *fold.test):
+            kind, _, key = at.partition("/")
+            one_of(f"folds.{study}.{name}", key, cfg[one_of(f"folds.{study}.{name}", kind, SETS)])
+
+
+def _methods(cfg: Params) -> None:
+    for method in Methods.parse(part(cfg, "methods")):
+        (group,) = (group for group, rows in cfg["methods"].items() if method.key in rows)
+        if "architecture" in method.settings:
+            with configured(f"methods.{group}.{method.key}.settings"):
+                parse_settings(method.settings)
+        else:
+            with configured(f"methods.{group}"):
+                baselines([method])
+
+
+def _keys(cfg: Params) -> list[str]:
+    """Names of all methods."""
+    return [key for rows in cfg["methods"].values() for key in rows]
+
+
+def _online(cfg: Params) -> None:
+    with configured("online"):
+        _, rows = parsed_together([Standstill, OnlineRows], part(cfg, "online"))
+    for name, export in rows.exports.items():
+        kalman_of(cfg, export.tracker)
+        _names(f"online.exports.{name}.network", [export.network], _keys(cfg))
+    for name, promise in rows.promises.items():
+        _names(f"online.promises.{name}.method", [promise.method], _keys(cfg))
+
+
+def _layouts(cfg: Params) -> None:
+    with configured("layouts"):
+        for name, layout in part(cfg, "layouts").items():
+            layout_from(layout, name)
+
+
+def _situations(cfg: Params) -> None:
+    kinds = {"rows": RowSettings, "real": ViewingSettings}
+    for name in part(cfg, "situations"):
+        if name == "simulated":
+            with configured("situations.simulated"):
+                parsed_each(SimulatedSet, part(cfg, "situations", name))
+        else:
+            with configured(f"situations.{name}"):
+                parsed(one_of("situations", name, kinds), part(cfg, "situations", name))
+
+
+def _training(cfg: Params) -> None:
+    phases: dict[str, list[type]] = {key: [SplitSettings, TrainingSettings] for key in PREVIOUS}
+    phases |= {"situations": [SituationSettings], "adaptation": [SituationSettings, RealShare]}
+    own = part(cfg, "training")
+    with configured("training"):
+        parsed(DeviceSettings, {name: value for name, value in own.items() if name not in phases})
+    for phase, kinds in phases.items():
+        with configured(f"training.{phase}"):
+            settings = parsed_together(kinds, own[phase])
+        shares = getattr(settings[0], "shares", ())
+        _names(f"training.{phase}.shares", shares, cfg["situations"]["simulated"])
+
+
+def _recording(cfg: Params) -> None:
+    with configured("recording"):
+        rows = parsed(RecordingRows, part(cfg, "recording"))
+    _names("recording.methods", [*rows.methods, rows.animation.method], _keys(cfg))
+    for name, scene in rows.scenes.items():
+        study, _, fold = scene.fold.partition("/")
+        one_of(f"recording.scenes.{name}.fold", fold, one_of(f"recording.scenes.{name}", study, cfg["folds"]))
+
+
+def _literature(cfg: Params) -> None:
+    with configured("literature"):
+        _names("literature.places", parsed(LiteratureSettings, part(cfg, "literature")).places, cfg["places"])
+
+
+def _paper(cfg: Params) -> None:
+    with configured("paper"):
+        Paper.parse(part(cfg, "paper"))
+
+
+def _page(cfg: Params) -> None:
+    with configured("page"):
+        rows, shown = parsed_together([ReplayRows, ReplaySettings], part(cfg, "page"))
+    _names("page.replays", rows.replays, cfg["folds"])
+    _names("page.methods", shown.methods, _keys(cfg))
+
+
+PARTS: dict[str, Check] = {
+    "mirrors": _each("mirrors", lambda cfg, name: Mirrors.parse(name, part(cfg, "mirrors", name))),
+    "trackers": _each("trackers", lambda cfg, name: parse_tracker(row(cfg, "trackers", name))),
+    "sensors": _each("sensors", lambda cfg, name: parsed(SensorSettings, row(cfg, "sensors", name))),
+    "social_forces": _each(
+        "social_forces", lambda cfg, name: social_force_settings(row(cfg, "social_forces", name))
+    ),
+    "simulations": _each("simulations", _simulation),
+    "places": _each("places", _place),
+    "folds": _each("folds", _fold),
+    "methods": _methods,
+    "online": _online,
+    "layouts": _layouts,
+    "clutter": _whole("clutter", ClutterSettings),
+    "worlds": _whole("worlds", WorldSettings),
+    "sensing": _whole("sensing", SensingSettings),
+    "situations": _situations,
+    "protocol": sizes_of,
+    "features": sizes_of,
+    "autoencoder": _whole("autoencoder", ThreadSettings, CropSplit, AutoencoderSettings),
+    "distilled": _whole("distilled", ThreadSettings, EmbeddedSplit, DistillationSettings),
+    "training": _training,
+    "validation": flow_of,
+    "evaluation": _whole("evaluation", EvaluationSettings),
+    "recording": _recording,
+    "literature": _literature,
+    "paper": _paper,
+    "page": _page,
+}
+"""Key of params.yaml -> what makes its settings, as stages do."""
+
+
+def check_parts(cfg: Params) -> None:
+    """Make all settings of a configuration.
+
+    Raises:
+        PedpredError: a key is missing or unknown, or a value breaks its rule; it names the key.
+    """
+    for name in cfg:
+        one_of("params", str(name), PARTS)
+    for check in PARTS.values():
+        check(cfg)
+
+
+def main() -> None:
+    """Check params.yaml and write data/config.checked."""
+    with config_errors():
+        check_parts(plain(read_params(Path())))
+    config.main(["--check", "--stamp", "data/config.checked"])
+
+
+if __name__ == "__main__":
+    main()

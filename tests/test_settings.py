@@ -1,0 +1,154 @@
+"""Every value of the configuration has a type and a range, and every mapping its names."""
+
+import copy
+import math
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from pedpred.errors import PedpredError
+from stages.config import PARTS, check_parts
+from tests.conftest import ROOT
+
+PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
+ROWS = ("mirrors", "trackers", "sensors", "social_forces", "simulations", "places", "folds", "layouts")
+BASES = {base for name in ROWS for row in PARAMS[name].values() if (base := row.get("base"))}
+FREE = (  # names that are chosen freely, or that other parts of the configuration choose
+    *(f"{name}" for name in (*ROWS, "methods")),
+    *(f"folds.{study}" for study in PARAMS["folds"]),
+    *(f"methods.{group}" for group in PARAMS["methods"]),
+    *("online.exports", "online.promises", "situations.simulated", "recording.scenes"),
+    *("mirrors.juelich.inside", "literature.published.*.errors_m", "page.replays"),
+    *(
+        "paper.ade_m",
+        "paper.ade_m.sim",
+        "paper.ade_m.real",
+        "paper.remarks",
+        "paper.at",
+        "paper.expectations",
+    ),
+)
+NO_NUMBERS = ("x", True, None, [], [1.0, 2.0, 3.0], {}, math.nan, math.inf, -math.inf)
+BEYOND = (-1e30, 1e30, 10**40, -1, 0)
+UNBOUNDED = ("open_ends", "center", "corners", "start", "end", "angle_deg", "cut_x_m", "cut_y_m")  # places
+FRACTIONS = ("duration_s", "timeout_s", *UNBOUNDED)  # written as whole numbers, but need not be
+
+
+def nodes(value, path=()):
+    """All values of a nested configuration with their paths."""
+    yield path, value
+    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, own in inside:
+        yield from nodes(own, (*path, key))
+
+
+def replaced(value, path, new):
+    """A copy with another value at a path."""
+    if not path:
+        return new
+    part = copy.copy(value)
+    part[path[0]] = replaced(value[path[0]], path[1:], new)
+    return part
+
+
+def refused(name, path, new):
+    """The error that a value at a path of a part meets; None if it is accepted."""
+    own = replaced(PARAMS[name], path, new)
+    if name in ROWS and path and isinstance(own, dict):
+        own = {key: row for key, row in own.items() if key == path[0] or key in BASES}
+    try:
+        PARTS[name](PARAMS | {name: own})
+    except PedpredError as error:
+        return str(error)
+    return None
+
+
+def worded(path):
+    """Names in a path."""
+    return [key for key in path if isinstance(key, str)]
+
+
+def wrong_values(value):
+    """Values that cannot stand for another one."""
+    if value == "auto":
+        return (1, "x", None, [], {})  # or true or false
+    if isinstance(value, bool):
+        return (1, 0, "x", None, [], {})
+    if isinstance(value, (int, float)):
+        return NO_NUMBERS
+    if isinstance(value, str):
+        return (1, True, None, ["x"], {})
+    if isinstance(value, list):
+        return (1, "x", True, None, {"x": 1}, [None], [{}], [math.nan])
+    return (1, "x", True, None, [1])
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_value_of_another_kind_is_refused_by_its_key(name):
+    missed = []
+    for path, value in nodes(PARAMS[name]):
+        for wrong in wrong_values(value):
+            said = refused(name, path, wrong)
+            if said is None or (worded((name, *path))[-1] not in said and str(wrong) not in said):
+                missed.append((path, wrong, said))
+    assert missed == []
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_number_is_in_its_range_or_refused_by_its_key(name):
+    missed = []
+    for path, value in nodes(PARAMS[name]):
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            continue
+        keys = worded((name, *path))[-2:]  # a rule about several fields names what holds them
+        for wrong in BEYOND:
+            said = refused(name, path, wrong)
+            huge = abs(wrong) > 1 and not set(UNBOUNDED) & set(path)
+            if (said is None and huge) or (said and not any(key in said for key in keys)):
+                missed.append((path, wrong, said))
+        if isinstance(value, int) and not set(FRACTIONS) & set(path) and not refused(name, path, value + 0.5):
+            missed.append((path, value + 0.5, None))
+    assert missed == []
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_an_unknown_name_is_refused(name):
+    missed = []
+    for path, value in nodes(PARAMS[name]):
+        place = ".".join("*" if isinstance(key, int) else key for key in (name, *path))
+        if isinstance(value, dict) and place not in FREE:
+            said = refused(name, path, value | {"magic": 1})
+            if said is None or "magic" not in said:
+                missed.append((path, said))
+    assert missed == []
+
+
+def test_an_unknown_part_is_refused():
+    check_parts(PARAMS)
+    with pytest.raises(PedpredError, match="magic"):
+        check_parts(PARAMS | {"magic": 1})
+
+
+STAGES = [
+    *(
+        ("train +phase=corridor +name=lstm +data=simulated/corridor", "training.corridor", "steps", v)
+        for v in (-5, 2.5)
+    ),
+    ("train +phase=main +name=lstm +data=simulated/main", "training.main", "lr", "nan"),
+    ("train_situations +name=mixture", "training.situations", "seed", -1),
+    ("pretrain_autoencoder", "autoencoder", "clip_norm", 0),
+    ("simulate +name=corridor", "simulations.corridor", "pedestrians", 0.5),
+]
+
+
+@pytest.mark.parametrize(("stage", "part", "key", "value"), STAGES)
+def test_a_stage_ends_with_the_key_of_a_value_outside_its_range(stage, part, key, value, tmp_path):
+    name, *arguments = stage.split()
+    outputs = [f"+out={tmp_path / 'out'}", f"+curve={tmp_path / 'curve.tsv'}", f"{part}.{key}={value}"]
+    command = [sys.executable, "-m", f"stages.{name}", *arguments, "scale=smoke", *outputs]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"ConfigError: configuration key '{part}.{key}' = ")
+    assert list(tmp_path.iterdir()) == []
