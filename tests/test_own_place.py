@@ -84,7 +84,7 @@ def test_it_has_stages_of_its_own():
 def test_a_place_whose_files_nobody_has_is_a_scene_without_people(project):
     missing(project, "eth")
     scene = read_scene(Path("data/scenes/real/eth"))
-    assert scene.unavailable.endswith("UNAVAILABLE.txt says why")
+    assert scene.unavailable == "no raw data of eth: the archive is down"
     assert not len(scene.trajectories)
 
 
@@ -116,7 +116,7 @@ def missing(project, place):
     """Note that nobody has a place's raw files, and bring the place as far as training."""
     note = Path(project["places"][place]["folder"], "UNAVAILABLE.txt")
     note.parent.mkdir(parents=True)
-    note.write_text("the archive is down\n")
+    note.write_text("no raw data of eth: the archive is down\nTried was nothing.\n")
     run("ingest", project, name=place)
     for stage in ("features", "encode"):
         run(stage, project, kind="real", name=place)
@@ -150,6 +150,14 @@ def test_a_missing_place_is_in_no_result(project, monkeypatch):
         assert json.loads(Path(f"reports/metrics/{study}.json").read_text()) == {}
     run("report", project, name="real")
     assert "Not available, hence neither trained on nor tested: eth" in Path("reports/real.md").read_text()
+    assert "| eth | no raw data of eth: the archive is down |" in Path("reports/real.md").read_text()
+    assert all(Path("reports", name).is_dir() for name in ("real", "horizon/real")), "DVC expects both"
+    for name in ("sim", "simulation"):
+        Path(f"reports/{name}.md").write_text(f"# {name}\n")
+    project["folds"].pop("sim", None)
+    run("summary", project)
+    assert Path("reports/places").is_dir(), "DVC expects it"
+    assert "| eth | no raw data of eth: the archive is down |" in Path("reports/report.md").read_text()
     project["literature"]["places"] = ["eth"]
     run("evaluate_literature", project)
     assert json.loads(Path("reports/metrics/literature.json").read_text()) == {}
