@@ -3,6 +3,7 @@
 import hashlib
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,12 @@ import yaml
 from omegaconf import OmegaConf
 
 from pedpred import config
+from pedpred.scenes import Scene
 from pedpred.sources.mirrors import NOTE
-from pedpred.storage.scenes import read_scene
+from pedpred.storage.scenes import read_scene, write_scene
 from stages import ingest
 from tests.conftest import ROOT
-from tools import recordings, stand_in
+from tools import fit_social_force, recordings, stand_in, tune_tracker
 
 SAME_S = 10.0
 """Processors round differently, and walking people amplify it; up to here positions agree to a millimetre."""
@@ -108,6 +110,19 @@ def test_it_does_not_stand_in_beside_a_place_of_ones_own(project):
     recordings.fetch(project)
     recordings.choose_stand_in(OmegaConf.merge(project, {"places": {"own": {"folder": "examples/own"}}}))
     assert not stands_in()
+
+
+@pytest.mark.parametrize("tool", [tune_tracker, fit_social_force])
+@pytest.mark.parametrize("kind", ["missing", "simulated"])
+def test_nothing_is_fitted_where_no_real_people_were_recorded(tool, kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(ROOT / "params.yaml", tmp_path)
+    simulated = replace(read_scene(ROOT / stand_in.FOLDER), name="eth")
+    scene = {"missing": Scene.without_people("eth", "ask for it"), "simulated": simulated}[kind]
+    write_scene(scene, Path("data/scenes/real/eth"))
+    with pytest.raises(SystemExit, match={"missing": "ask for it", "simulated": "simulated people"}[kind]):
+        tool.main(["eth", "--out", "rows.yaml"])
+    assert not Path("rows.yaml").exists()
 
 
 def test_it_is_ingested_as_what_it_is(tmp_path, monkeypatch):
