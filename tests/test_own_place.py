@@ -165,3 +165,38 @@ def test_a_missing_place_is_in_no_result(project, monkeypatch):
     assert not len(read_recording(Path("data/recordings/eth.mcap")).trajectories)
     with Image.open("reports/walking/eth.gif") as picture:
         assert picture.n_frames == 1
+
+
+def test_a_stand_in_flows_from_the_example_to_the_pages(project, monkeypatch):
+    for stage in ("report", "summary"):
+        monkeypatch.setattr(f"stages.{stage}.write_png", lambda figure, path: None)
+    text = config.composed(Path("conf"), [*SMALL, "stand_in=simulated_corner"])
+    project, place = yaml.safe_load(text), "simulated_corner"
+    missing(project, "eth")
+    project["folds"] = {
+        "transfer": {"simulation": {"test": ["real/eth"]}},
+        "real": {"stand_in": project["folds"]["real"]["stand_in"]},
+    }
+    run("ingest", project, name=place)
+    for stage in ("features", "encode"):
+        run(stage, project, kind="real", name=place)
+    shutil.copytree("models/main", "models/folds/stand_in")
+    for study, fold, networks in (("transfer", "simulation", "main"), ("real", "stand_in", "folds/stand_in")):
+        run("evaluate", project, study=study, fold=fold, networks=f"models/{networks}")
+        run("gather", project, name=study)
+    run("report", project, name="real")
+    for name in ("sim", "simulation"):
+        Path(f"reports/{name}.md").write_text(f"# {name}\n")
+    run("summary", project)
+    for name in ("real", "report"):
+        page = Path(f"reports/{name}.md").read_text()
+        assert "# Simulated people in place of recordings" in page
+        assert "**In place of recordings: simulated_corner, simulated people, written by" in page
+        assert "| eth | no raw data of eth: the archive is down |" in page
+        assert "Real" not in page
+        assert "fine-tuned" not in page
+    assert json.loads(Path("reports/metrics/real.json").read_text()).keys() == {place}
+    forecasts = f"data/forecasts/real/stand_in/{place}.parquet"
+    run("record", project, scene=f"data/scenes/real/{place}", forecasts=forecasts)
+    with Image.open(f"reports/walking/{place}.gif") as picture:
+        assert picture.n_frames > 1
