@@ -20,7 +20,7 @@ def main(cfg: DictConfig) -> None:
     read = one_of(f"places.{name}.source", place.source, SOURCES)
     note = Path(place.folder, NOTE)
     if note.exists():
-        scene = Scene.without_people(name, f"{note} says why")
+        scene = Scene.without_people(name, note.read_text().partition("\n")[0])
     else:
         with configured(f"places.{name}.settings"):
             scene = read(Path(place.folder), name, plain(place.settings))

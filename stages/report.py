@@ -21,6 +21,8 @@ def main(cfg: DictConfig) -> None:
     methods, paper = Methods.parse(plain(cfg.methods)), Paper.parse(plain(cfg.paper))
     evaluated = gather(key, plain(cfg.folds[key]))
     page = document(evaluated, gallery(evaluated, methods), methods, paper)
+    for folder in (out / key, out / "horizon" / key):
+        folder.mkdir(parents=True, exist_ok=True)  # also if no place is available
     for picture in page.pictures:
         write_png(picture.figure, out / key / f"{picture.name}.png")
     write_text(out / f"{key}.md", page.markdown(key) + "\n")

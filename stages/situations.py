@@ -50,17 +50,16 @@ def recorded_rows(folder: Path, *arguments: Any) -> Rows:
 
 
 def real_jobs(cfg: DictConfig, key: str, recipe: Recipe) -> list[Job]:
-    """One job per viewing of a place; none where its recording is not available."""
+    """One job per viewing of a place; none where no real people were recorded: nobody trains on stand-ins."""
     sensor = cfg.places[key].sensor
     with configured(f"sensors.{sensor}"):
         every = parsed(SensorSettings, row(cfg, "sensors", sensor)).every
     with configured("situations.real"):
         settings = parsed(ViewingSettings, plain(cfg.situations.real))
     folder = Path("data/scenes/real", key)
-    return [
-        (f"{key}_{n}", viewed_rows, (folder, n, every, settings, recipe))
-        for n in range(settings.viewings if not read_scene(folder).unavailable else 0)
-    ]
+    scene = read_scene(folder)
+    numbers = range(0 if scene.unavailable or scene.stand_in else settings.viewings)
+    return [(f"{key}_{n}", viewed_rows, (folder, n, every, settings, recipe)) for n in numbers]
 
 
 def viewed_rows(folder: Path, number: int, *arguments: Any) -> Rows:

@@ -18,6 +18,7 @@ def main(cfg: DictConfig) -> None:
     """Compare the places, read the other pages, write one; links to pictures stay relative to `reports/`."""
     out, methods = Path(cfg.get("out", "reports")), Methods.parse(plain(cfg.methods))
     places = places_section([gather(study, plain(folds)) for study, folds in cfg.folds.items()], methods)
+    (out / "places").mkdir(parents=True, exist_ok=True)  # also if no place is available
     for picture in places.pictures:
         write_png(picture.figure, out / "places" / f"{picture.name}.png")
     pages = [Path("reports", f"{key}.md").read_text() for key in ("sim", "real", "simulation")]

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-
 MANY = """
 import os, sys, threading
 import numpy as np

@@ -1,6 +1,8 @@
 """Pages: code that imports what exists, tables that are up to date, links, length and style."""
 
+import json
 import re
+import shutil
 import subprocess
 import sys
 
@@ -72,6 +74,19 @@ def test_a_table_has_a_row_per_method_and_training_and_marks_the_best():
     assert "**0.200** (0.100-0.200)" in tables["unseen"]
     assert "relative to the best of CV: a hall -50 %" in tables["headline"]
     assert tables["main"].count("| a hall |") == 2
+
+
+def test_the_tables_stay_as_they_are_while_a_tested_place_has_no_figures(tmp_path, caplog):
+    shutil.copy(ROOT / "params.yaml", tmp_path)
+    shutil.copytree(ROOT / "reports/metrics", tmp_path / "reports/metrics")
+    (tmp_path / "README.md").write_text("<!-- table: unseen -->\nold\n<!-- end -->\n")
+    assert "lab corner" in readme.pages(tmp_path)[tmp_path / "README.md"]
+    path = tmp_path / "reports/metrics/real.json"
+    found = json.loads(path.read_text())
+    del found["lab_corner"]
+    path.write_text(json.dumps(found))
+    assert readme.pages(tmp_path) == {}
+    assert "the tables stay as they are: there are no figures of lab_corner" in caplog.text
 
 
 def test_filling_twice_changes_nothing():

@@ -181,13 +181,26 @@ def test_files_may_have_other_names_in_an_archive(target, tmp_path):
         listed(inside={"b.txt": "c.txt"})
 
 
+def test_a_folder_may_hold_archives_as_downloaded(target, tmp_path):
+    (tmp_path / "downloads").mkdir()
+    for place, ending in (("eth", "tgz"), ("hotel", "tar")):
+        part(tmp_path / f"downloads/of-{place}.{ending}", place)
+    (tmp_path / "downloads/notes.txt").write_text("other things")
+    fetch(target, [tmp_path / "downloads"])
+    assert_fetched(target)
+
+
 def test_a_note_takes_the_place_of_files_that_nobody_has(target, tmp_path, caplog):
     elsewhere = [tmp_path / "none"], [part(tmp_path / "eth.tgz", "eth")]
     mirrors.provide(listed(*elsewhere), target)
     notes = sorted(path.relative_to(target).as_posix() for path in target.rglob("*") if path.is_file())
     assert notes == [f"{folder}{mirrors.NOTE}" for folder in ("", "seq_eth/", "seq_hotel/")]
     (said,) = {path.read_text() for path in target.rglob(mirrors.NOTE)}
-    assert said.count("\n") == 1, "one paragraph"
+    first, second = said.splitlines()
+    assert first == listed(*elsewhere).advice
+    for words in ("no raw data of ewap: ", "into the folder mirror/ewap", "PEDPRED_MIRROR=/my/folder"):
+        assert words in first
+    assert second.startswith("no mirror has unaltered files of ewap.")
     lacks = (f"{tmp_path / 'none'}: it does not exist", "seq_hotel/H.txt is missing")
     for words in ("mirror/ewap", *lacks, "`make reproduce` tries again"):
         assert words in said

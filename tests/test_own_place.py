@@ -84,7 +84,7 @@ def test_it_has_stages_of_its_own():
 def test_a_place_whose_files_nobody_has_is_a_scene_without_people(project):
     missing(project, "eth")
     scene = read_scene(Path("data/scenes/real/eth"))
-    assert scene.unavailable.endswith("UNAVAILABLE.txt says why")
+    assert scene.unavailable == "no raw data of eth: the archive is down"
     assert not len(scene.trajectories)
 
 
@@ -116,7 +116,7 @@ def missing(project, place):
     """Note that nobody has a place's raw files, and bring the place as far as training."""
     note = Path(project["places"][place]["folder"], "UNAVAILABLE.txt")
     note.parent.mkdir(parents=True)
-    note.write_text("the archive is down\n")
+    note.write_text("no raw data of eth: the archive is down\nTried was nothing.\n")
     run("ingest", project, name=place)
     for stage in ("features", "encode"):
         run(stage, project, kind="real", name=place)
@@ -150,6 +150,14 @@ def test_a_missing_place_is_in_no_result(project, monkeypatch):
         assert json.loads(Path(f"reports/metrics/{study}.json").read_text()) == {}
     run("report", project, name="real")
     assert "Not available, hence neither trained on nor tested: eth" in Path("reports/real.md").read_text()
+    assert "| eth | no raw data of eth: the archive is down |" in Path("reports/real.md").read_text()
+    assert all(Path("reports", name).is_dir() for name in ("real", "horizon/real")), "DVC expects both"
+    for name in ("sim", "simulation"):
+        Path(f"reports/{name}.md").write_text(f"# {name}\n")
+    project["folds"].pop("sim", None)
+    run("summary", project)
+    assert Path("reports/places").is_dir(), "DVC expects it"
+    assert "| eth | no raw data of eth: the archive is down |" in Path("reports/report.md").read_text()
     project["literature"]["places"] = ["eth"]
     run("evaluate_literature", project)
     assert json.loads(Path("reports/metrics/literature.json").read_text()) == {}
@@ -157,3 +165,38 @@ def test_a_missing_place_is_in_no_result(project, monkeypatch):
     assert not len(read_recording(Path("data/recordings/eth.mcap")).trajectories)
     with Image.open("reports/walking/eth.gif") as picture:
         assert picture.n_frames == 1
+
+
+def test_a_stand_in_flows_from_the_example_to_the_pages(project, monkeypatch):
+    for stage in ("report", "summary"):
+        monkeypatch.setattr(f"stages.{stage}.write_png", lambda figure, path: None)
+    text = config.composed(Path("conf"), [*SMALL, "stand_in=simulated_corner"])
+    project, place = yaml.safe_load(text), "simulated_corner"
+    missing(project, "eth")
+    project["folds"] = {
+        "transfer": {"simulation": {"test": ["real/eth"]}},
+        "real": {"stand_in": project["folds"]["real"]["stand_in"]},
+    }
+    run("ingest", project, name=place)
+    for stage in ("features", "encode"):
+        run(stage, project, kind="real", name=place)
+    shutil.copytree("models/main", "models/folds/stand_in")
+    for study, fold, networks in (("transfer", "simulation", "main"), ("real", "stand_in", "folds/stand_in")):
+        run("evaluate", project, study=study, fold=fold, networks=f"models/{networks}")
+        run("gather", project, name=study)
+    run("report", project, name="real")
+    for name in ("sim", "simulation"):
+        Path(f"reports/{name}.md").write_text(f"# {name}\n")
+    run("summary", project)
+    for name in ("real", "report"):
+        page = Path(f"reports/{name}.md").read_text()
+        assert "# Simulated people in place of recordings" in page
+        assert "**In place of recordings: simulated_corner, simulated people, written by" in page
+        assert "| eth | no raw data of eth: the archive is down |" in page
+        assert "Real" not in page
+        assert "fine-tuned" not in page
+    assert json.loads(Path("reports/metrics/real.json").read_text()).keys() == {place}
+    forecasts = f"data/forecasts/real/stand_in/{place}.parquet"
+    run("record", project, scene=f"data/scenes/real/{place}", forecasts=forecasts)
+    with Image.open(f"reports/walking/{place}.gif") as picture:
+        assert picture.n_frames > 1

@@ -1,15 +1,18 @@
 """Real places side by side: figures of each study, forecasts at walls chosen by rule, gains over walls."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pedpred.report.canvas import png_bytes
 from pedpred.report.gallery import Evaluated
+from pedpred.report.gather import document
 from pedpred.report.measures import results_of
 from pedpred.report.places import places_section, places_table, ratios_table, wins
 from pedpred.report.walls import RANKS, gains, gains_figure, wall_figure, wall_windows
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from tests.forecasts import METHODS, windows_with
+from tests.forecasts import METHODS, PAPER, windows_with
 from tests.test_report import MEETING, metrics_of
 
 STEPS = 5
@@ -20,7 +23,8 @@ WHERE = (["real/hall"], ["real/yard"])
 def results(study, changes, missing=()):
     """Figures at two places; `changes`: place -> the LSTM's ADE there, m."""
     metrics = {place: metrics_of(MEETING | {"lstm": ade}) for place, ade in changes.items()}
-    return results_of(metrics, [{"test": sets} for sets in WHERE], study, 0.3, missing)
+    trained = {"train": ["real/barn"]} if study == "real" else {}
+    return results_of(metrics, [{"test": sets} | trained for sets in WHERE], study, 0.3, missing)
 
 
 def wall_scene(times, people):
@@ -110,14 +114,37 @@ def test_the_section_shows_walls_and_names_a_missing_place():
     found = results("transfer", {"hall": 0.3}, missing=["real/yard"])
     found[0].figures["cv"]["obstacle_share"] = 0.1
     scenes, forecasts = {"hall": [scene]}, {"hall": windows}
-    evaluated = Evaluated("transfer", "real", found, scenes, forecasts, {}, None, ["yard"])
+    evaluated = Evaluated("transfer", "real", found, scenes, forecasts, {}, None, {"yard": "ask for it"})
     section = places_section([evaluated], METHODS)
     assert [picture.name for picture in section.pictures] == ["walls_hall", "walls"]
     text = section.markdown("places")
     assert "Not available, hence neither trained on nor tested: yard" in text
+    assert "| yard | ask for it |" in text
     assert text.index("| hall |") < text.index("places/walls_hall.png") < text.index("places/walls.png")
-    nothing = Evaluated("transfer", "real", [], {}, {}, {}, None, ["hall", "yard"])
+    nothing = Evaluated("transfer", "real", [], {}, {}, {}, None, {"hall": "ask", "yard": "ask"})
     assert not list(places_section([nothing], METHODS).pictures)
+
+
+def test_simulated_people_in_place_of_recordings_are_called_so_and_nothing_else():
+    windows, scene = at_walls(), replace(wall_scene([1.0, 2.0, 3.0], range(9)), stand_in="drawn by hand")
+    found = results_of({"hall": metrics_of(MEETING)}, [{"train": [], "test": ["real/hall"]}], "real", 0.3)
+    evaluated = Evaluated("real", "real", found, {"hall": [scene]}, {"hall": windows}, {}, None)
+    section = places_section([evaluated], METHODS)
+    text = section.markdown("places")
+    assert "In place of recordings: hall, drawn by hand. Its figures" in text.replace("**", "")
+    assert "With simulated people in place of recordings, the LSTM beats" in text
+    for words in ("Real places", "real places", "never saw", "fine-tuned"):
+        assert words not in text
+    page = document(evaluated, [], METHODS, PAPER)
+    assert page.title == "Simulated people in place of recordings: no network was trained on them"
+    assert page.markdown("real").count("drawn by hand") == 1
+
+
+def test_networks_that_nothing_fine_tuned_are_not_called_fine_tuned():
+    sets = [{"train": ["real/lost"], "test": ["real/hall"]}]
+    (result,) = results_of({"hall": metrics_of(MEETING)}, sets, "real", 0.3, ["real/lost"])
+    words = wins({"real": {"hall": result}}, METHODS["lstm"], METHODS)
+    assert "when trained in simulation only" in words
 
 
 def test_figures_of_walls_come_out_the_same_twice():

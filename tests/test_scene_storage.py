@@ -28,6 +28,9 @@ def test_disk_round_trip_changes_nothing(tmp_path, scene):
     assert_same(read_scene(tmp_path / "place"), scene)
 
 
+NOBODY = Trajectories(np.empty(0), np.empty(0), np.empty((0, 2)))
+
+
 def test_a_scene_without_people_says_why_on_disk(tmp_path):
     scene = Scene.without_people("place", "the archive is down")
     write_scene(scene, tmp_path / "place")
@@ -36,6 +39,14 @@ def test_a_scene_without_people_says_why_on_disk(tmp_path):
     assert not scene.occupancy.occupied.any()
     with pytest.raises(ValueRuleError, match=r"unavailable = 'the archive is down', but"):
         replace(scene, trajectories=Trajectories([0.0], [1], [[0.0, 0.0]]))
+
+
+def test_a_scene_of_simulated_people_says_so_on_disk(tmp_path):
+    scene = Scene("place", NOBODY, OccupancyMap(np.eye(2), [0, 0], 0.1), 0.4, stand_in="drawn by hand")
+    write_scene(scene, tmp_path / "place")
+    assert_same(read_scene(tmp_path / "place"), scene)
+    write_scene(replace(scene, stand_in=None), tmp_path / "place")
+    assert "stand_in" not in (tmp_path / "place/scene.json").read_text()
 
 
 @pytest.fixture

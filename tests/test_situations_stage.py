@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,11 +34,12 @@ def test_the_number_of_workers_changes_no_byte(tmp_path):
         assert len(rows["future"]) >= 60
 
 
-@pytest.mark.parametrize("available", [True, False])
-def test_a_place_gives_its_viewings_if_there_is_a_recording(available, tmp_path):
+@pytest.mark.parametrize("kind", ["recorded", "missing", "simulated"])
+def test_a_place_gives_its_viewings_if_there_is_a_recording(kind, tmp_path):
     scene = walled_scene(np.random.default_rng(0), detections=60)
-    place = scene if available else Scene.without_people("eth", "UNAVAILABLE.txt")
+    missing, stand_in = Scene.without_people("eth", "ask for it"), replace(scene, stand_in="drawn by hand")
+    place = {"recorded": scene, "missing": missing, "simulated": stand_in}[kind]
     write_scene(place, tmp_path / "data/scenes/real/eth")
     (_, names), files = run(tmp_path, "real", "eth")
-    assert names == (["eth_0", "eth_1"] if available else [])
+    assert names == (["eth_0", "eth_1"] if kind == "recorded" else [])
     assert len(files) == 1 + len(names)

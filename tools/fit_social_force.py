@@ -22,8 +22,8 @@ from pedpred.evaluation.scores import true_paths
 from pedpred.evaluation.windows import window_request
 from pedpred.files import check_output
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
-from pedpred.storage.scenes import read_scene
 from stages.features import perception_of
+from tools.places import recording
 from tools.rows import write_row
 
 _ROW = """\
@@ -131,7 +131,7 @@ def fit_place(place: str, model: SocialForceSettings, trials: int) -> Fit:
         trials: parameter sets to try at most.
     """
     params = read_params(Path())
-    scene = read_scene(Path("data/scenes/real", place))
+    scene = recording(place)
     request = window_request(scene, *perception_of(params, params.places[place]))
     people, asked = present_at(request)
     start = initial_state(scene, *people, model.routing)

@@ -7,6 +7,21 @@ import sys
 from pathlib import Path
 
 from pedpred.config import config_errors, read_params
+from pedpred.errors import ConfigError
+from pedpred.scenes import Scene
+from pedpred.storage.scenes import read_scene
+
+
+def recording(place: str) -> Scene:
+    """Read data/scenes/real/<place>.
+
+    Raises:
+        ConfigError: no real people were recorded there, or the recording is missing; it says how to get it.
+    """
+    scene = read_scene(Path("data/scenes/real", place))
+    if instead := scene.unavailable or scene.stand_in:
+        raise ConfigError(f"places.{place}", place, instead)
+    return scene
 
 
 @config_errors()

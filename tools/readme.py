@@ -1,12 +1,13 @@
 """Write the tables of results into README.md and docs/: `python -m tools.readme [--check]`.
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. Its figures come from
-reports/metrics/{transfer,real}.json.
+reports/metrics/{transfer,real}.json; while a place has none, all tables stay as they are.
 """
 
 from __future__ import annotations
 
 import argparse
+import logging
 import re
 import sys
 from collections.abc import Mapping
@@ -127,7 +128,7 @@ def _rule(columns: int) -> str:
 
 
 def pages(root: Path) -> dict[Path, str]:
-    """Return the pages with marks and their up-to-date text; none where no place has figures.
+    """Return the pages with marks and their up-to-date text; none where a tested place has no figures.
 
     Raises:
         StorageError: a metric file is missing or damaged.
@@ -137,11 +138,19 @@ def pages(root: Path) -> dict[Path, str]:
     for study in _TRAININGS:
         path = root / "reports" / "metrics" / f"{study}.json"
         studies[study] = read_json(path, partial(StorageError, path, "metrics"))
-    if not studies["real"]:
+    if without := lacking(params["folds"], studies):
+        logging.warning("the tables stay as they are: there are no figures of %s", ", ".join(without))
         return {}
     tables = tables_from(studies, Methods.parse(params["methods"]))
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
     return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}
+
+
+def lacking(folds: Mapping[str, Any], studies: Mapping[str, Figures]) -> list[str]:
+    """Name the places that are tested but have no figures, as where their recordings are missing."""
+    tested = [(study, entry) for study in studies for fold in folds[study].values() for entry in fold["test"]]
+    places = [(study, entry.split("/")[1]) for study, entry in tested]
+    return list(dict.fromkeys(place for study, place in places if place not in studies[study]))
 
 
 @config_errors()

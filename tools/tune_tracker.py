@@ -14,8 +14,8 @@ from pedpred.config import config_errors, read_params, row
 from pedpred.features.perception import sensed
 from pedpred.files import check_output
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.storage.scenes import read_scene
 from pedpred.tracking import log_likelihood, tune_kalman
+from tools.places import recording
 from tools.rows import write_row
 
 # As far as forecasts reach: 3.2 s of annotations. A filter tuned for the next detection alone trusts the
@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None) -> None:
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     params = read_params(Path())
     sensor = SensorSettings(**row(params, "sensors", params.places[given.place].sensor))
-    scene = read_scene(Path("data/scenes/real", given.place))
+    scene = recording(given.place)
     trajectories = sensed(scene, sensor).trajectories
     best = tune_kalman(trajectories, given.ahead)
     fit = log_likelihood(trajectories, best, given.ahead)

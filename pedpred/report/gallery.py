@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -49,7 +49,13 @@ class Evaluated:
     windows: Mapping[str, EvaluationWindows]  # by scene
     curves: Mapping[str, pd.DataFrame]  # of trainings, by name
     autoencoder: GridAutoencoder
-    missing: Sequence[str] = ()  # sets whose recordings were not available
+    missing: Mapping[str, str] = field(default_factory=dict)  # sets without recording: how to get it
+
+    @property
+    def stand_ins(self) -> dict[str, str]:
+        """Tested scenes of simulated people in place of recorded ones, and how they were made."""
+        tested = [scene for result in self.results for scene in self.scenes.get(result.name, ())]
+        return {scene.name: scene.stand_in for scene in tested if scene.stand_in is not None}
 
     def scene(self, name: str) -> Scene:
         """Find a scene by its name."""

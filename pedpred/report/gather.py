@@ -31,11 +31,13 @@ TITLES = {
     "real": "Real pedestrians: places that no network was trained on",
 }
 """Of studies; another one's name is its title."""
+STAND_INS = "Simulated people in place of recordings: no network was trained on them"
+"""Heading of studies of real pedestrians where there are none."""
 
 
-def title_of(study: str) -> str:
+def title_of(evaluated: Evaluated) -> str:
     """Return the heading of the page on a study."""
-    return TITLES.get(study, study)
+    return STAND_INS if evaluated.stand_ins else TITLES.get(evaluated.study, evaluated.study)
 
 
 def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path()) -> Evaluated:
@@ -55,10 +57,15 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
         raise ValueRuleError(f"folds.{study}", sorted(kinds), "a study tests sets of one kind")
     (kind,) = kinds
     folder = root / "data/scenes" / kind
+    named = [entry.split("/")[1] for fold in folds.values() for entry in fold["test"]]
     sets = {path.name: list(read_scenes(path)) for path in sorted(folder.iterdir()) if path.is_dir()}
-    missing = [name for name, scenes in sets.items() if all(scene.unavailable for scene in scenes)]
+    missing = {
+        name: str(scenes[0].unavailable)
+        for name, scenes in sets.items()
+        if all(scene.unavailable for scene in scenes)
+    }
     forecasts = sorted((root / "data/forecasts" / study).glob("*/*.parquet"), key=lambda path: path.stem)
-    if not forecasts and len(missing) < len(sets):
+    if not forecasts and any(name not in missing for name in named):
         raise StorageError(root / "data/forecasts" / study, "forecasts", "there are none")
     windows = {path.stem: read_windows(path) for path in forecasts}
     dt_s = next((own.dt_s for own in windows.values()), 0.0)
@@ -75,7 +82,7 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
 def document(evaluated: Evaluated, pictures: Sequence[Section], methods: Methods, paper: Paper) -> Section:
     """The page on a study: answers, metrics, expectations and pictures."""
     results = evaluated.results
-    blocks: list[Block] = [*warnings(results, evaluated.missing)]
+    blocks: list[Block] = [*warnings(results, evaluated.missing, evaluated.stand_ins)]
     blocks += [*(answer_section(result, methods) for result in results), Text(READING)]
     blocks += [*paper_section(results, methods, paper), expectations_section(results, methods, paper)]
-    return Section(title_of(evaluated.study), [*blocks, *parts_sections(results, methods), *pictures])
+    return Section(title_of(evaluated), [*blocks, *parts_sections(results, methods), *pictures])

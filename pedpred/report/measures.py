@@ -30,6 +30,7 @@ class Result:
     figures: Figures
     dt_s: float  # between two steps of the forecasts, s
     parts: Mapping[str, Figures] = field(default_factory=dict)
+    fine_tuned: bool = False  # whether its networks were, on sets that are here
 
     @property
     def title(self) -> str:
@@ -91,7 +92,8 @@ def results_of(
                 raise ValueRuleError("metrics", sorted(metrics), f"the test set {name!r} must be among them")
             place = "in simulated rooms that no training saw" if kind == "simulated" else f"at {name}"
             parts = {k.removeprefix(f"{name}_"): v for k, v in metrics.items() if owner.get(k) == name}
-            found.append(Result(name, study, kind, place + _tuned(trained), metrics[name], dt_s, parts))
+            words = place + _tuned(trained)
+            found.append(Result(name, study, kind, words, metrics[name], dt_s, parts, bool(trained)))
     return found
 
 

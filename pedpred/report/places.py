@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from pedpred.forecasting import Method, Methods
@@ -28,6 +28,7 @@ TRAINED = {
     "real": "fine-tuned on the other places",
 }
 """What the networks of a study have learned from, in a word and in words; another study has its name."""
+REAL, STAND_IN = "real places that it never saw", "simulated people in place of recordings"
 _LISTED = ("ade_m", "moving_ade_m", "standing_ade_m", "min_ade_m_k6", "nll", "obstacle_share")
 
 Studies = Mapping[str, Mapping[str, Result]]
@@ -40,20 +41,24 @@ def places_section(evaluated: Sequence[Evaluated], methods: Methods) -> Section:
     """Compare all studies of real places: errors, forecasts at walls, errors over the share of these."""
     real = [own for own in evaluated if own.kind == "real"]
     studies = {own.study: {result.name: result for result in own.results} for own in real if own.results}
-    missing = list(dict.fromkeys(name for own in real for name in own.missing))
-    blocks: list[Block] = [*warnings([], missing)]
+    missing = {name: how for own in real for name, how in own.missing.items()}
+    stand_ins = {name: how for own in real for name, how in own.stand_ins.items()}
+    blocks: list[Block] = [*warnings([], missing, stand_ins)]
     if studies:
-        blocks += [Text(wins(studies, methods.main, methods), "sentence"), ratios_table(studies, methods)]
-        blocks += [Text(wins(studies, other, methods), "note") for other in methods.networks[:-1]]
+        told = (methods.main, *methods.networks[:-1])
+        said = [wins(studies, method, methods, bool(stand_ins)) for method in told]
+        blocks += [Text(said[0], "sentence"), ratios_table(studies, methods)]
+        blocks += [Text(words, "note") for words in said[1:]]
         walls = wall_pictures(next(own for own in real if own.results), methods)
         blocks += [Pictures(walls)] if walls else []
         blocks.append(_gains(evaluated, methods))
         tables = [Section(metric_title(key), [places_table(studies, key, methods)]) for key in _LISTED]
         blocks.append(Section("Every place, with 95 % intervals", tables, folded=True))
-    return Section("Real places, each unseen", blocks, "places")
+    title = STAND_IN[0].upper() + STAND_IN[1:] if stand_ins else "Real places, each unseen"
+    return Section(title, blocks, "places")
 
 
-def wins(studies: Studies, method: Method, methods: Methods) -> str:
+def wins(studies: Studies, method: Method, methods: Methods, stand_ins: bool = False) -> str:
     """At how many places a method has a smaller ADE than the best simple method, and its range."""
     *some, last = (simple.label for simple in methods.simple)
     counts = []
@@ -61,11 +66,13 @@ def wins(studies: Studies, method: Method, methods: Methods) -> str:
         ratios = [gain.ratio for gain in gains(results.values(), study, methods, method)]
         if ratios:
             won, span = sum(ratio < 1 for ratio in ratios), f"{min(ratios):.2f} to {max(ratios):.2f}"
-            counts.append(f"at {won} of {len(ratios)} when {_trained(study)} ({span} times its ADE)")
+            trained = _trained(study, results.values())
+            counts.append(f"at {won} of {len(ratios)} when {trained} ({span} times its ADE)")
     if not counts:
         return f"The {method.label} was evaluated at no real place."
     best = f"the best of {', '.join(some)} and {last}"
-    return f"At real places that it never saw, the {method.label} beats {best} {' and '.join(counts)}."
+    where = f"With {STAND_IN}" if stand_ins else f"At {REAL}"
+    return f"{where}, the {method.label} beats {best} {' and '.join(counts)}."
 
 
 def ratios_table(studies: Studies, methods: Methods) -> Table:
@@ -128,7 +135,8 @@ def _columns(studies: Studies, methods: Methods) -> Columns:
 
 
 def _titles(columns: Columns, studies: Studies) -> list[str]:
-    return [m.label + (f", {_short(s[0])}" if len(s) < len(studies) else "") for m, s in columns]
+    short = {study: SHORT.get(_training(study, own.values()), study) for study, own in studies.items()}
+    return [m.label + (f", {short[s[0]]}" if len(s) < len(studies) else "") for m, s in columns]
 
 
 def _entry(
@@ -150,7 +158,8 @@ def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
             continue
         scene, windows = evaluated.scene(result.name), evaluated.windows[result.name]
         rows = wall_windows(windows, scene, methods)
-        caption = f"{wall_caption(scene, windows, methods)} Networks: {_trained(evaluated.study)}."
+        trained = _trained(evaluated.study, evaluated.results)
+        caption = f"{wall_caption(scene, windows, methods)} Networks: {trained}."
         figure = wall_figure(scene, windows, rows, methods)
         found.append(Picture(f"walls_{result.name}", caption, figure))
     return found
@@ -158,18 +167,29 @@ def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
 
 def _gains(evaluated: Sequence[Evaluated], methods: Methods) -> Pictures:
     main, straight = methods.main, methods.simple[0]
-    found = [gain for own in evaluated for gain in gains(own.results, _trained(own.study), methods, main)]
+    found = [
+        gain
+        for own in evaluated
+        for gain in gains(own.results, _trained(own.study, own.results), methods, main)
+    ]
+    where = STAND_IN if any(own.stand_ins for own in evaluated) else "real places"
     caption = (
         f"ADE of the {main.label} relative to the best simple method, over the share of {straight.label}'s "
-        f"points in obstacles: real places and single simulated rooms. Lines: 95 % interval of the "
+        f"points in obstacles: {where} and single simulated rooms. Lines: 95 % interval of the "
         f"{main.label}'s ADE."
     )
     return Pictures([Picture("walls", caption, gains_figure(found, methods))])
 
 
-def _short(study: str) -> str:
-    return SHORT.get(study, study)
+def _training(study: str, results: Iterable[Result]) -> str:
+    """The study whose words say what the networks of some results have learned from.
+
+    Without the sets that would fine-tune them, they are those of the simulation.
+    """
+    real = [result for result in results if result.kind == "real"]
+    return study if not real or any(result.fine_tuned for result in real) else "transfer"
 
 
-def _trained(study: str) -> str:
-    return TRAINED.get(study, study)
+def _trained(study: str, results: Iterable[Result]) -> str:
+    training = _training(study, results)
+    return TRAINED.get(training, training)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from pedpred.forecasting import Methods
@@ -38,12 +39,27 @@ CALIBRATION = (
 NONCAUSAL = "**Non-causal protocol: the inputs know the future, so nothing on this page is a forecast.**"
 
 
-def warnings(results: Sequence[Result], missing: Collection[str] = ()) -> list[Text]:
-    """What a reader must know first; `missing` names the places whose recordings were not available."""
-    found = [Text(NONCAUSAL, "warning")] if any(result.noncausal for result in results) else []
+def warnings(
+    results: Sequence[Result],
+    missing: Mapping[str, str] = MappingProxyType({}),
+    stand_ins: Mapping[str, str] = MappingProxyType({}),
+) -> list[Block]:
+    """What a reader must know first.
+
+    Args:
+        results: what the page is about.
+        missing: places whose recordings were not available, and how to get them.
+        stand_ins: places whose people are simulated because no recording was available, and how.
+    """
+    found: list[Block] = [Text(NONCAUSAL, "warning")] if any(result.noncausal for result in results) else []
+    if stand_ins:
+        made = "; ".join(f"{name}, {how}" for name, how in stand_ins.items())
+        words = "say nothing about real people"
+        found.append(Text(f"**In place of recordings: {made}.** Its figures {words}.", "warning"))
     if missing:
-        left_out = f"**Not available, hence neither trained on nor tested: {', '.join(missing)}.**"
-        found.append(Text(f"{left_out} `make reproduce` says what is missing.", "warning"))
+        left_out = f"Not available, hence neither trained on nor tested: {', '.join(missing)}."
+        found.append(Text(f"**{left_out}**", "warning"))
+        found.append(Table(["place", "recording"], [Row([Cell(n), Cell(how)]) for n, how in missing.items()]))
     return found
 
 

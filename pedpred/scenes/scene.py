@@ -135,7 +135,8 @@ class Scene:
         occupancy: the static obstacles.
         detection_dt_s: usual time between two detections of a track, s.
         camera: optional view of the place.
-        unavailable: where the recording could not be had: who says why. Such a scene has no detections.
+        unavailable: where the recording could not be had: how to get it. Such a scene has no detections.
+        stand_in: where simulated people stand in for recorded ones: how they were made.
     """
 
     name: str
@@ -144,6 +145,7 @@ class Scene:
     detection_dt_s: float
     camera: Camera | None = None
     unavailable: str | None = None
+    stand_in: str | None = None
 
     def __post_init__(self) -> None:
         if not self.name.isprintable() or self.name in ("", ".", "..") or "/" in self.name:

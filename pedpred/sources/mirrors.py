@@ -3,8 +3,9 @@
 A mirror is a folder or a tar archive, on this machine or at an https address. Its files are copied beside the
 target, compared with the SHA-256 sums of the data set, and moved into place when all are there.
 
-Files that nobody has are no failure: a note takes their place, and the places that need them become scenes
-without people. Files that are not what they must be are one.
+A folder may hold archives as downloaded beside, or in place of, the files. Files that nobody has are no
+failure: a note takes their place, and the places that need them become scenes without people. Files that are
+not what they must be are one.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from pedpred.sources.archives import unpack_members
 
 _SCHEMES = ("https://", "file://")
 _FAILURES = (OSError, ValueError, EOFError, RecursionError, HTTPException, tarfile.TarError, zlib.error)
+_ARCHIVES = (".tar", ".tar.gz", ".tgz")
 _log = logging.getLogger(__name__)
 
 NOTE = "UNAVAILABLE.txt"
@@ -117,6 +119,16 @@ class Mirrors:
         """The files that every mirror must have."""
         return sorted(name for name in self.sums if PurePosixPath(name).name not in self.optional)
 
+    @property
+    def advice(self) -> str:
+        """What a person can do who has none of the files, in one line."""
+        addresses = ", ".join(place for place in self.archives if "://" in place)
+        archives = f" ({addresses})" if addresses else ""
+        return (
+            f"no raw data of {self.data_set}: put archives that hold them{archives}, as downloaded, or the "
+            f"files into the folder mirror/{self.data_set}, or name such a folder: PEDPRED_MIRROR=/my/folder"
+        )
+
 
 def provide(mirrors: Mirrors, target: Path) -> None:
     """Do as `fetch`, but if nobody has all files, leave a note in each of their folders in `target` instead.
@@ -129,10 +141,7 @@ def provide(mirrors: Mirrors, target: Path) -> None:
     except FetchError as error:
         if error.damaged:
             raise
-        note = (
-            f"{error} Until then its places are empty: they are in no table and no picture. "
-            "`make reproduce` tries again."
-        )
+        note = f"{mirrors.advice}\n{error} Until then its places are empty. `make reproduce` tries again."
         with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as scratch:
             for folder in {PurePosixPath(name).parent for name in (NOTE, *mirrors.sums)}:
                 new = Path(scratch, "new", folder, NOTE)
@@ -244,16 +253,12 @@ def _collect(place: str, names: Mapping[str, str], copy: Path, timeout_s: float)
                 if Path(place, name).is_file():
                     (copy / name).parent.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(Path(place, name), copy / name)
+            for path in sorted(path for ending in _ARCHIVES for path in Path(place).glob(f"*{ending}")):
+                if wanted := {name: end for name, end in names.items() if not (copy / name).exists()}:
+                    with path.open("rb") as archive:
+                        unpack_members(archive, path.stat().st_size, wanted, copy)
         else:
             return "it does not exist"
-    except (
-        OSError,
-        ValueError,
-        EOFError,
-        HTTPException,
-        RecursionError,
-        tarfile.TarError,
-        zlib.error,
-    ) as cause:
+    except _FAILURES as cause:
         return f"{type(cause).__name__}: {cause}"
     return None

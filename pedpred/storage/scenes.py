@@ -55,6 +55,8 @@ def write_scene(scene: Scene, folder: Path) -> None:
     }
     if scene.unavailable is not None:
         about["unavailable"] = scene.unavailable
+    if scene.stand_in is not None:
+        about["stand_in"] = scene.stand_in
     if scene.camera is not None:
         about["homography"] = scene.camera.homography.matrix.tolist()
         about["first_pixel"] = scene.camera.homography.first_pixel
@@ -80,8 +82,8 @@ def read_scene(folder: Path) -> Scene:
         if "homography" in about and view.exists():
             picture = read_picture(view, "RGB", _wording(view, "file"))
             camera = Camera(Homography(np.array(about["homography"]), about["first_pixel"]), picture)
-        unavailable = about.get("unavailable")
-        return Scene(about["name"], trajectories, occupancy, about["detection_dt_s"], camera, unavailable)
+        remarks = (about.get("unavailable"), about.get("stand_in"))
+        return Scene(about["name"], trajectories, occupancy, about["detection_dt_s"], camera, *remarks)
 
 
 def scene_folders(folder: Path) -> list[Path]:

@@ -85,7 +85,7 @@ def _sections(contents: Contents) -> list[Section]:
         answer.append(section)
     answer += [Text(READING, "note"), Section("Expectations", [table], folded=True)]
     answer += parts_sections(results, methods)
-    galleries = {title_of(e.study): gallery(e, methods) for e in contents.evaluated}
+    galleries = {title_of(e): gallery(e, methods) for e in contents.evaluated}
     unnamed = [Section(t, [s for s in own if not s.name]) for t, own in galleries.items()]
     return [
         Section("The answer", answer, "answer"),
