@@ -150,16 +150,13 @@ def row(cfg: Mapping[str, Any], group: str, name: str) -> dict[str, Any]:
         raise ConfigError(group, name, f"no such row; there are {', '.join(cfg[group])}")
     found = part(cfg, group, name)
     base = row(cfg, group, found.pop("base")) if "base" in found else {}
-    return plain(cast(DictConfig, OmegaConf.merge(base, found)))
+    inside = [k for k, v in found.items() if isinstance(v, dict) and isinstance(base.get(k), dict)]
+    return base | found | {k: base[k] | found[k] for k in inside}
 
 
 @contextmanager
 def configured(key: str) -> Iterator[None]:
-    """Turn errors of settings that are built inside into errors that name the configuration key.
-
-    Raises:
-        ConfigError: a value breaks its rule, or a key is missing or unknown.
-    """
+    """Turn errors of settings that are built inside into a `ConfigError` that names the key."""
     try:
         yield
     except OmegaConfBaseException:  # it names its key
