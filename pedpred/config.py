@@ -114,22 +114,14 @@ def read_params(root: Path) -> DictConfig:
 
 
 def stage_key(cfg: DictConfig) -> str:
-    """Return the value of the command's `+name=`: the set, place or network that the stage runs for.
-
-    Raises:
-        ConfigError: it is not given.
-    """
+    """Return the set, place or network that the command's `+name=` says; a `ConfigError` without it."""
     if not cfg.get("name"):
         raise ConfigError("name", None, "give one, as in `python -m stages.simulate +name=main`")
     return str(cfg.name)
 
 
 def one_of(key: str, name: str, known: Mapping[str, Any]) -> Any:
-    """Return the entry that a configuration key names.
-
-    Raises:
-        ConfigError: there is none of this name.
-    """
+    """Return the entry that a configuration key names; a `ConfigError` if there is none."""
     if not isinstance(name, str) or name not in known:
         raise ConfigError(key, name, f"choose one of {', '.join(known)}")
     return known[name]
@@ -143,11 +135,7 @@ def plain(node: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def part(cfg: Mapping[str, Any], *keys: str) -> dict[str, Any]:
-    """Return a part of the configuration as a plain dictionary.
-
-    Raises:
-        ConfigError: it is something else.
-    """
+    """Return a part of the configuration as `plain` does; a `ConfigError` if it is no mapping."""
     node: Any = cfg
     for key in keys:
         node = node[key]
@@ -157,34 +145,18 @@ def part(cfg: Mapping[str, Any], *keys: str) -> dict[str, Any]:
 
 
 def row(cfg: Mapping[str, Any], group: str, name: str) -> dict[str, Any]:
-    """Return the row `name` of a group such as `trackers`, merged over the row that it names as its `base`.
-
-    Raises:
-        ConfigError: the group has no such row.
-    """
+    """Return a group's row, merged over the row that it names as its `base`."""
     if not isinstance(name, str) or name not in cfg[group]:
         raise ConfigError(group, name, f"no such row; there are {', '.join(cfg[group])}")
     found = part(cfg, group, name)
-    return _merged(row(cfg, group, found.pop("base")), found) if "base" in found else found
-
-
-def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Entries of both; where both have a dictionary, likewise inside it."""
-    inner = {k: _merged(below[k], v) for k, v in above.items() if _both(v, below.get(k))}
-    return below | above | inner
-
-
-def _both(*values: Any) -> bool:
-    return all(isinstance(value, dict) for value in values)
+    base = row(cfg, group, found.pop("base")) if "base" in found else {}
+    inside = [k for k, v in found.items() if isinstance(v, dict) and isinstance(base.get(k), dict)]
+    return base | found | {k: base[k] | found[k] for k in inside}
 
 
 @contextmanager
 def configured(key: str) -> Iterator[None]:
-    """Turn errors of settings that are built inside into errors that name the configuration key.
-
-    Raises:
-        ConfigError: a value breaks its rule, or a key is missing or unknown.
-    """
+    """Turn errors of settings that are built inside into a `ConfigError` that names the key."""
     try:
         yield
     except OmegaConfBaseException:  # it names its key

@@ -26,8 +26,9 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pedpred.errors import FetchError, ValueRuleError
-from pedpred.simulation.fields import check_mapping, check_ranges, parsed
+from pedpred.simulation.fields import check_ranges, parsed
 from pedpred.sources.archives import unpack_members
+from pedpred.sources.mirror_row import MirrorRow
 
 _SCHEMES = ("https://", "file://")
 _FAILURES = (OSError, ValueError, EOFError, RecursionError, HTTPException, tarfile.TarError, zlib.error)
@@ -36,34 +37,6 @@ _log = logging.getLogger(__name__)
 
 NOTE = "UNAVAILABLE.txt"
 """In place of raw files that no mirror has: what is missing and what to do."""
-
-
-@dataclass(frozen=True)
-class MirrorRow:
-    """`Mirrors` as they are written.
-
-    Attributes:
-        folders: see there.
-        archives: see there.
-        timeout_s: see there.
-        sha256sums: lines as `sha256sum` prints them.
-        optional: see there.
-        inside: see there.
-    """
-
-    folders: tuple[str, ...]
-    archives: tuple[str, ...]
-    timeout_s: float
-    sha256sums: tuple[str, ...]
-    optional: tuple[str, ...] = ()
-    inside: Mapping[str, str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"timeout_s": "(0, 3600]"})
-        check_mapping("inside", self.inside)
-        for line in self.sha256sums:
-            if len(line.split(maxsplit=1)) != 2:
-                raise ValueRuleError("sha256sums", line, "a line holds a sum and the path of a file")
 
 
 @dataclass(frozen=True)
