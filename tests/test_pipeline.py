@@ -139,7 +139,7 @@ def test_raw_files_that_are_nowhere_are_looked_for_again_and_not_taken_from_the_
     mirrors.write_text(yaml.safe_dump(about))
     run(project, sys.executable, "-m", "pedpred.config")
     assert f"Tried were {tmp_path}: seq_eth/H.txt is missing" in run(project, "dvc", "repro", "ingest@eth")
-    assert "UNAVAILABLE.txt" in (project / "data/scenes/real/eth/scene.json").read_text()
+    assert "no raw data of ewap: put " in (project / "data/scenes/real/eth/scene.json").read_text()
     shutil.rmtree(raw)
     (tmp_path / "seq_eth").mkdir()
     (tmp_path / "seq_eth/H.txt").write_text("altered")
