@@ -99,6 +99,18 @@ def test_an_output_that_nobody_can_print_is_said_in_words():
     assert "Exception ignored" not in done.stderr
 
 
+def test_a_network_leaves_nothing_in_the_home(tmp_path):
+    script = (
+        "from pedpred.online.network import ExportedNetwork, read_description\n"
+        "from pedpred.online.shipped import default_model\n"
+        "ExportedNetwork(default_model(), read_description(default_model()))"
+    )
+    homes = {name: str(tmp_path) for name in ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME")}
+    env = {name: value for name, value in os.environ.items() if not name.startswith("ORT_")} | homes
+    subprocess.run([sys.executable, "-c", script], env=env, check=True, cwd=ROOT, stderr=subprocess.DEVNULL)
+    assert not list(tmp_path.iterdir())
+
+
 @contextmanager
 def small_files(size):
     """Let files of this process have at most this size, as on a full disk."""
@@ -176,3 +188,56 @@ def test_a_file_after_a_power_cut_is_read_right_or_refused_by_name(name, tmp_pat
             outcome, why = judged(reader, tmp_path)
             assert outcome != LOST, f"{file}, {kind}: {why}"
         (tmp_path / file).write_bytes(whole)
+
+
+# Without a git history
+
+
+@pytest.fixture(scope="module")
+def archived(tmp_path_factory):
+    """The project as an archive holds it: no history, only what is not ignored."""
+    folder = tmp_path_factory.mktemp("archived") / "pedpred"
+    run(ROOT, ".ci/copy", str(folder))
+    shutil.rmtree(folder / ".git")
+    (folder / "build").mkdir()
+    (folder / "build/scratch").write_text("ignored")
+    return folder
+
+
+def run(folder, *command, code=0):
+    """Run a command; what it says."""
+    tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    outer = {name: value for name, value in os.environ.items() if not name.startswith(("DVC_", "GIT_"))}
+    env = outer | {"PATH": tools, "GIT_CEILING_DIRECTORIES": str(folder.parent)}
+    done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
+    said = done.stdout + done.stderr
+    assert done.returncode == code, said
+    assert "Traceback" not in said
+    return said
+
+
+def test_the_pipeline_runs_without_a_git_history(archived):
+    assert "make setup" in run(archived, sys.executable, "-m", "tools.branches", code=1)
+    run(archived, ".ci/history")
+    assert "Running stage 'config'" in run(archived, "dvc", "repro", "config")
+    run(archived, sys.executable, "-m", "tools.mend_lock")
+    run(archived, "git", "init", "--quiet")
+    run(archived, ".ci/history")
+    assert "no_scm" not in (archived / ".dvc/config.local").read_text()
+    assert "didn't change" in run(archived, "dvc", "repro", "config")
+    shutil.rmtree(archived / ".git")
+
+
+def test_the_project_s_files_are_known_without_a_git_history(archived, tmp_path):
+    run(archived, ".ci/copy", str(tmp_path / "copy"))
+    copied = {path.name for path in (tmp_path / "copy").iterdir()}
+    assert copied >= {"pedpred", "Makefile", "dvc.yaml", ".dvc"}
+    assert not copied & {"build"}
+    listed = [run(folder, ".ci/files").split("\0") for folder in (archived, tmp_path / "copy")]
+    assert sorted(listed[0]) == sorted(listed[1])
+
+
+def test_what_compares_revisions_says_that_there_is_none(archived):
+    said = run(archived, sys.executable, "-m", "tools.compare", "HEAD", code=1)
+    assert "not a git repository" in said
+    assert "not a git repository" in run(archived, sys.executable, "-m", "tools.ablate", "mixture", code=1)

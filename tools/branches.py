@@ -21,10 +21,11 @@ from typing import IO
 
 import networkx as nx
 from dvc.repo import Repo
+from dvc.scm import SCMError
 from omegaconf import DictConfig
 
 from pedpred.config import read_params
-from pedpred.errors import user_errors
+from pedpred.errors import FileError, user_errors
 from pedpred.files import write_text
 
 SHARED = ("ingest", "simulate", "situations_simulated", "situations_real")
@@ -44,8 +45,15 @@ def memoryless(params: DictConfig) -> dict[str, list[str]]:
 
 
 def pipeline(folder: Path) -> nx.DiGraph:
-    """Names of the stages, each with an edge to every one that it needs."""
-    graph = Repo(str(folder)).index.graph
+    """Names of the stages, each with an edge to every one that it needs.
+
+    Raises:
+        FileError: DVC looks for a git history, and there is none.
+    """
+    try:
+        graph = Repo(str(folder)).index.graph
+    except SCMError as error:
+        raise FileError(folder, "", str(error), "`make setup` lets DVC do without") from error
     return nx.relabel_nodes(graph, {stage: stage.name for stage in graph})
 
 

@@ -48,7 +48,8 @@ def folder_at(given: str, folder: Path, scratch: Path) -> Path | None:
         command = ["git", "show", "--end-of-options", f"{given}:{(folder / name).as_posix()}"]
         done = subprocess.run(command, capture_output=True, check=False)  # noqa: S603, a list, no shell
         if done.returncode:
-            sys.stdout.write(f"{given} has no {folder / name}, so nothing is compared\n")
+            why = done.stderr.decode(errors="replace").strip()
+            sys.stdout.write(f"{given} has no {folder / name}, so nothing is compared ({why})\n")
             return None
         with atomic_write(scratch / folder / name) as new:
             new.write_bytes(done.stdout)
