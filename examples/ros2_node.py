@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.warming import warm_up
 from pedpred.ros import ADAPTERS, TrackNumbers, Transform, map_of_grid, seconds, usable
 from pedpred.ros.frames import check_frames
 from pedpred.ros.markers import forecast_message
@@ -124,6 +125,7 @@ def main() -> None:
     parser.add_argument("--detection-noise-m", type=float, default=0.0, help=noise)
     given = parser.parse_args()
 
+    warm_up(given.model)  # no frame waits for compiling
     rclpy.init()
     node = rclpy.create_node("pedpred")
     transform = None if given.transform is None else Transform(*given.transform)

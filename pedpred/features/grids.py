@@ -66,7 +66,8 @@ def _crop(flat, shape, start, heading_rad, centers, step, crops):  # pragma: no 
             for j in range(cells):
                 found[i * cells + j] = index[j] >= 0 and flat[index[j]]
         words = found.view(np.uint64)
-        crops[q] = ((words * _GATHER_BITS) >> np.uint64(56)).astype(np.uint8)
+        for k in range(len(words)):  # number by number: assigning arrays takes seconds to compile
+            crops[q, k] = np.uint8((words[k] * _GATHER_BITS) >> np.uint64(56))
 
 
 def unpack_crops(crops: np.ndarray, cells: int) -> np.ndarray:

@@ -55,12 +55,14 @@ class Detections:
 @compiled
 def _at(known_id, known_s, position, person, time_s):  # pragma: no cover (compiled)
     """See `Detections.at`."""
-    found, noise = np.full((len(time_s), 2), np.nan), np.ones(len(time_s))
+    found, noise = np.empty((len(time_s), 2)), np.empty(len(time_s))
     for q in range(len(time_s)):
-        begin = np.searchsorted(known_id, person[q])
-        end = np.searchsorted(known_id, person[q], side="right")
+        found[q, 0], found[q, 1], noise[q] = np.nan, np.nan, 1.0
+        begin = end = _below(known_id, person[q])
+        while end < len(known_id) and known_id[end] == person[q]:
+            end += 1
         own_s, own, now_s = known_s[begin:end], position[begin:end], time_s[q]
-        after = np.searchsorted(own_s, now_s - TIME_TOLERANCE_S)
+        after = _below(own_s, now_s - TIME_TOLERANCE_S)
         if after == len(own_s):
             continue
         before, part = after, 0.0
@@ -69,24 +71,44 @@ def _at(known_id, known_s, position, person, time_s):  # pragma: no cover (compi
             if before < 0 or gap_s > GAP_S + TIME_TOLERANCE_S:
                 continue
             part = (now_s - own_s[before]) / gap_s
-        first = np.searchsorted(own_s, now_s - NEAR_S - TIME_TOLERANCE_S)
-        last = np.searchsorted(own_s, now_s + NEAR_S + TIME_TOLERANCE_S, side="right")
-        found[q] = own[before] + part * (own[after] - own[before])
+        first = _below(own_s, now_s - NEAR_S - TIME_TOLERANCE_S)
+        last = first
+        while last < len(own_s) and own_s[last] <= now_s + NEAR_S + TIME_TOLERANCE_S:
+            last += 1
         noise[q] = (1.0 - part) ** 2 + part**2
+        for axis in range(2):
+            found[q, axis] = own[before, axis] + part * (own[after, axis] - own[before, axis])
         if last - first >= _MANY:
-            value, variance = _on_line(own_s[first:last] - now_s, own[first:last])
+            x, y, variance = _on_line(own_s[first:last], now_s, own[first:last])
             if variance < noise[q]:
-                found[q], noise[q] = value, variance
+                found[q, 0], found[q, 1], noise[q] = x, y, variance
     return found, noise
 
 
 @compiled
-def _on_line(off_s, position):  # pragma: no cover (compiled)
-    """Value at 0 s of a line that is fitted to some positions, and its variance in units of theirs."""
-    middle_s, spread, count = off_s.mean(), off_s.var(), len(off_s)
-    value, noise = np.zeros(2), 0.0
+def _below(rising, least):  # pragma: no cover (compiled)
+    """How many of some rising numbers are less than another one; numpy's search takes seconds to compile."""
+    low, high = 0, len(rising)
+    while low < high:
+        middle = (low + high) // 2
+        if rising[middle] < least:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def _on_line(known_s, now_s, position):  # pragma: no cover (compiled)
+    """Value at an instant of a line that is fitted to some positions, and its variance in units of theirs."""
+    count, total, square = len(known_s), 0.0, 0.0
     for k in range(count):
-        share = (1.0 - (off_s[k] - middle_s) * middle_s / spread) / count
-        value += share * position[k]
-        noise += share * share
-    return value, noise
+        total += known_s[k] - now_s
+    middle_s = total / count
+    for k in range(count):
+        square += (known_s[k] - now_s - middle_s) * (known_s[k] - now_s - middle_s)
+    x, y, noise, spread = 0.0, 0.0, 0.0, square / count
+    for k in range(count):
+        share = (1.0 - (known_s[k] - now_s - middle_s) * middle_s / spread) / count
+        x, y, noise = x + share * position[k, 0], y + share * position[k, 1], noise + share * share
+    return x, y, noise

@@ -60,7 +60,9 @@ def _reduce(path, covariance, weight, most):  # pragma: no cover (compiled)
     group, changed = np.empty(modes, np.int64), np.empty(modes, np.bool_)
     for row in range(rows):
         x, c, w = path[row], covariance[row], weight[row]
-        changed[:], left = True, modes
+        left = modes
+        for k in range(modes):
+            changed[k] = True
         for _ in range(modes - most):  # each round merges some
             if left <= most:
                 break
@@ -74,7 +76,10 @@ def _reduce(path, covariance, weight, most):  # pragma: no cover (compiled)
                     changed[group[j]], left = True, left - 1
         for _ in range(most - left):
             first, free = np.argmax(w), np.argmin(w)
-            x[free], c[free] = x[first], c[first]
+            for p in range(len(x[free])):  # number by number: assigning arrays takes seconds to compile
+                for k in range(2):
+                    x[free, p, k] = x[first, p, k]
+                    c[free, p, k, 0], c[free, p, k, 1] = c[first, p, k, 0], c[first, p, k, 1]
             w[free] = w[first] = 0.5 * w[first]
 
 

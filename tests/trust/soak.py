@@ -1,9 +1,10 @@
 """`make trust`: a robot that runs for days among people, furniture and faults of its sensors and clock.
 
-A hall with walkers who come and go and things that are detected as people. At random: the clock is set, nobody is
-there for hours, ids are used again, ids jump, frames arrive in bursts, the map is exchanged. Every forecast must
-be one that a planner can use; memory and the time of an update must not grow; and the regions of the walkers must
-hold as many people as they say. Prints a row for each tenth of the frames and fails where a promise is broken.
+A hall with walkers who come and go and things that are detected as people. At random: the clock is set,
+nobody is there for hours, ids are used again, ids jump, frames arrive in bursts, the map is exchanged. Every
+forecast must be one that a planner can use; memory and the time of an update must not grow; and the regions
+of the walkers must hold as many people as they say. Prints a row for each tenth of the frames and fails where
+a promise is broken.
 """
 
 import argparse
@@ -130,7 +131,7 @@ def maps(rng: np.random.Generator) -> OccupancyMap:
 
 
 def soak(frames: int, seed: int) -> list[tuple[float, float, float, np.ndarray]]:
-    """Run the stream: CPU time of an update, ms, its 99th percentile, memory, MiB, and shares of each tenth."""
+    """Run the stream: median and 99th percentile of an update, ms, memory, MiB, and shares of each tenth."""
     rng = np.random.default_rng(seed)
     hall, coverage = Hall(rng), Coverage()
     robot = OnlinePredictor.load(settings=OnlineSettings(detection_noise_m=NOISE_M))
