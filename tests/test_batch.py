@@ -8,9 +8,9 @@ import pytest
 from pedpred.evaluation.windows import window_request
 from pedpred.features.perception import Perception
 from pedpred.online import OnlinePredictor, OnlineSettings
-from pedpred.online.batch import predictions_at_once
+from pedpred.online.batch import predictions_in_blocks
 from pedpred.online.replay import predictions_at, replayed
-from pedpred.scenes import Scene
+from pedpred.scenes import Predictions, Scene
 from pedpred.simulation.sensor import SensorSettings
 from tests.worlds import walled_scene
 
@@ -20,7 +20,10 @@ def both(scene: Scene, predictor: OnlinePredictor):
     request = window_request(scene, Perception(about.tracker, 0.2, SensorSettings()), sizes)
     asked = request.asked
     slow = predictions_at(replayed(scene, predictor), asked.track_id, asked.time_s, 10, sizes.dt_s)
-    return slow, predictions_at_once(predictor, request, "")
+    which, parts = zip(*predictions_in_blocks(predictor, request, ""), strict=True)
+    row = np.concatenate(which)
+    np.testing.assert_array_equal(np.sort(row), np.arange(len(asked)))
+    return slow, Predictions.join(parts).select(np.argsort(row))
 
 
 @pytest.mark.parametrize(("dt_s", "max_age_s"), [(0.4, 0.5), (0.1, 0.5), (0.07, 0.0)])

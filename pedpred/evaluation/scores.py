@@ -122,6 +122,21 @@ def score(
     return Scores(track, values, displacement(predictions.point, truth), inside, nll)
 
 
+def in_order(parts: Sequence[Scores], row: np.ndarray) -> Scores:
+    """Put the scores of some windows at a time together.
+
+    Args:
+        parts: at least one.
+        row: where each of their windows belongs. [W]
+    """
+    at = np.argsort(row)
+    values = {key: np.concatenate([part.values[key] for part in parts])[at] for key in parts[0].values}
+    track, error_m, inside, nll = (
+        np.concatenate([getattr(part, name) for part in parts])[at] for name in ("track", *_PER_STEP)
+    )
+    return Scores(track, values, error_m, inside, nll)
+
+
 def pooled(scores: Sequence[Scores]) -> Scores:
     """Pool several scenes; tracks of different scenes stay different."""
     track, offset = [], 0

@@ -33,10 +33,10 @@ def window_request(
         how: how its people are perceived.
         sizes: of the features; the clock of networks has one phase, whatever training uses.
         social_force: the model of walking there; None where there is none.
-        memory: compute the steps of recurrent memories too.
+        memory: compute what networks with a memory read: its steps, and the grids of all rows.
     """
     seen, tracks = perceived(scene, how, sizes)
-    table = extract_at_detections(seen, tracks, sizes, scene.trajectories)
+    table = extract_at_detections(seen, tracks, sizes, scene.trajectories, grids=memory)
     one_phase = replace(sizes, phase_offsets=1)
     clock = extract(seen, tracks, one_phase, scene.trajectories) if memory else None
     tracker = None if sizes.noncausal else how.kalman

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pedpred.features.observe import Neighbours, Pedestrians, observe
+from pedpred.features.observe import Neighbours, Observation, Pedestrians, observe
 from pedpred.features.table import FeatureSettings, FeatureTable
 from pedpred.features.targets import Futures, future_velocities
 from pedpred.geometry import rotate
@@ -16,6 +16,9 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import Tracks
 from pedpred.tracking.spacing import SPACING_S, references
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
+
+_ROWS_AT_ONCE = 2**15
+_MOST_CANDIDATES = 2**20
 
 
 @dataclass(frozen=True)
@@ -77,18 +80,28 @@ def extract_blocks(
 
 
 def extract_at_detections(
-    scene: Scene, tracks: Tracks, settings: FeatureSettings, truth: Trajectories | None = None
+    scene: Scene,
+    tracks: Tracks,
+    settings: FeatureSettings,
+    truth: Trajectories | None = None,
+    grids: bool = True,
 ) -> FeatureTable:
     """Compute the table with a row per detection instead of per step; `step` counts a life's detections.
 
-    Forecasts are evaluated at these instants, whatever their rate; arguments of `extract`.
+    Forecasts are evaluated at these instants, whatever their rate; arguments of `extract`. Without `grids`,
+    crops and angular grids have no columns, and rows take a fifth of the memory.
     """
     rows = np.arange(len(tracks.time_s))
     phase, step = np.zeros(len(rows), np.int8), tracks.age.astype(np.int32)
     steps = Steps(tracks.track_id, phase, step, tracks.time_s, rows)
-    neighbours = neighbours_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
     futures = _futures(scene, truth, settings)
-    return _features(scene, tracks, settings, steps, neighbours, futures)
+    if grids:
+        around = neighbours_at(tracks, steps.time_s, scene.detection_dt_s * settings.max_age_intervals)
+        return _features(scene, tracks, settings, steps, around, futures)
+    parts = track_blocks(steps.track_id, _ROWS_AT_ONCE)  # for smaller intermediate arrays
+    return FeatureTable.join(
+        [_features(scene, tracks, settings, steps.select(part), None, futures) for part in parts]
+    )
 
 
 def _futures(scene: Scene, truth: Trajectories | None, settings: FeatureSettings) -> Futures:
@@ -109,11 +122,19 @@ def track_blocks(track_id: np.ndarray, rows: int) -> Iterator[slice]:
 
 
 def _features(
-    scene: Scene, tracks: Tracks, sizes: FeatureSettings, steps: Steps, around: Neighbours, futures: Futures
+    scene: Scene,
+    tracks: Tracks,
+    sizes: FeatureSettings,
+    steps: Steps,
+    around: Neighbours | None,
+    futures: Futures,
 ) -> FeatureTable:
-    """Inputs and targets of the steps of some whole tracks."""
+    """Inputs and targets of the steps of some whole tracks; without neighbours there are no grids."""
     walkers = pedestrians_at(tracks, steps.row, steps.time_s)
-    seen = observe(walkers, around, scene.occupancy, sizes)
+    if around is None:
+        seen = Observation.without_grids(walkers)
+    else:
+        seen = observe(walkers, around, scene.occupancy, sizes)
     last_velocity, last_acceleration = last_differences(tracks, steps.row)
     ahead_s = (np.arange(sizes.horizon_steps) + 1) * sizes.dt_s
     path, future_steps = futures.after(tracks.person_id[steps.row], steps.time_s, ahead_s)
@@ -222,8 +243,14 @@ def present_rows(
     replaced = np.where(same_next, np.append(time_s[1:], np.inf), np.inf)[order]
     low = np.searchsorted(detected, now_s - max_age_s, side="left")
     high = np.searchsorted(detected, now_s + TIME_TOLERANCE_S, side="right")
-    count = high - low
-    at = np.repeat(np.arange(len(now_s)), count)
-    candidate = np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count) + low[at]
-    current = replaced[candidate] > now_s[at] + TIME_TOLERANCE_S
-    return order[candidate[current]], at[current]
+    upto = np.cumsum(high - low)
+    edges = np.flatnonzero(np.diff(upto // _MOST_CANDIDATES, prepend=-1, append=np.inf))  # bound the memory
+    rows, instants = [np.zeros(0, order.dtype)], [np.zeros(0, np.int64)]
+    for begin, end in pairwise(edges.tolist()):
+        count = high[begin:end] - low[begin:end]
+        at = np.repeat(np.arange(begin, end), count)
+        candidate = np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count) + low[at]
+        current = replaced[candidate] > now_s[at] + TIME_TOLERANCE_S
+        rows.append(order[candidate[current]])
+        instants.append(at[current])
+    return np.concatenate(rows), np.concatenate(instants)

@@ -83,6 +83,13 @@ class Observation:
     occupancy: np.ndarray
     angular_grid: np.ndarray
 
+    @classmethod
+    def without_grids(cls, observers: Pedestrians) -> Observation:
+        """What needs no surroundings; the grids have no columns."""
+        rows = len(observers)
+        velocity = rotate(observers.velocity, -observers.heading_rad).astype(np.float32)
+        return cls(velocity, np.zeros((rows, 0), np.uint8), np.zeros((rows, 0), np.float32))
+
 
 def observe(
     observers: Pedestrians, neighbours: Neighbours, occupancy: OccupancyMap, settings: FeatureSettings

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -114,6 +115,11 @@ class FeatureTable:
 
     def __len__(self) -> int:
         return len(self.track_id)
+
+    @classmethod
+    def join(cls, parts: Sequence[FeatureTable]) -> FeatureTable:
+        """Join the rows of at least one part."""
+        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})
 
     def select(self, rows: np.ndarray) -> FeatureTable:
         """Select some rows (mask or indices)."""

@@ -22,6 +22,7 @@ follow the last kept one within `pedpred.tracking.kalman.SPACING_S`, are left ou
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -182,14 +183,28 @@ def learned(
         noise_m: see `Regions`.
         lost_after_s: after a longer time without an instant, all people are new, as on a robot, s.
     """
-    regions = Regions.unlearned(predictions.steps, noise_m)
-    parts = [predictions.select(np.zeros(0, np.int64))]
-    later = np.flatnonzero(np.diff(time_s) > TIME_TOLERANCE_S) + 1
-    for begin, end in pairwise([0, *later.tolist(), len(predictions)]):
-        now = np.arange(begin, end)
-        own, now_s = predictions.select(now), float(time_s[begin])
-        if begin and now_s - time_s[begin - 1] > lost_after_s + TIME_TOLERANCE_S:
-            regions = regions.without_people()
-        regions, scaled = regions.after(now_s, person[now], detection[now], seen[now], own)
-        parts.append(scaled)
-    return Predictions.join(parts)
+    return next(learned_in_parts([(predictions, person, time_s, detection, seen)], noise_m, lost_after_s))
+
+
+Instants = tuple[Predictions, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Predictions, person, time_s, detection and seen of `learned`, at some whole instants."""
+
+
+def learned_in_parts(
+    parts: Iterable[Instants], noise_m: float = 0.0, lost_after_s: float = LOST_AFTER_S
+) -> Iterator[Predictions]:
+    """Yield `learned` of one part of the instants after the other, with no more than one part in memory."""
+    regions, before_s = None, np.inf
+    for predictions, person, time_s, detection, seen in parts:
+        regions = regions or Regions.unlearned(predictions.steps, noise_m)
+        found = [predictions.select(np.zeros(0, np.int64))]
+        later = np.flatnonzero(np.diff(time_s) > TIME_TOLERANCE_S) + 1
+        for begin, end in pairwise([0, *later.tolist(), len(predictions)]):
+            now = np.arange(begin, end)
+            own, now_s = predictions.select(now), float(time_s[begin])
+            if now_s - before_s > lost_after_s + TIME_TOLERANCE_S:
+                regions = regions.without_people()
+            regions, scaled = regions.after(now_s, person[now], detection[now], seen[now], own)
+            found.append(scaled)
+            before_s = time_s[end - 1]
+        yield Predictions.join(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,16 +11,17 @@ from tqdm import tqdm
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, score
-from pedpred.evaluation.scores import metric_scene, true_paths
+from pedpred.evaluation.scores import in_order, metric_scene, true_paths
 from pedpred.evaluation.windows import count_without_truth, window_request
 from pedpred.features.perception import Perception, sensed
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.metrics import METRICS, Metric
-from pedpred.online.batch import predictions_at_once
+from pedpred.online.batch import instant_blocks, predictions_in_blocks
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.replay import predictions_at, replayed
-from pedpred.scenes import Predictions, Scene
+from pedpred.scenes import Forecast, Predictions, Scene
 from pedpred.simulation.sensor import SensorSettings
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 NETWORK = "network"
 """Name of the exported network beside the other methods."""
@@ -47,7 +48,7 @@ def assess(
         predictor: its tracker and window sizes are used for all methods.
         settings: thresholds of the metrics.
         sensor: between the scene and the tracker; None for a perfect one.
-        others: further methods by name; no name of `ALWAYS`.
+        others: further methods by name, without memory; no name of `ALWAYS`.
         answered: which windows count, [W] bool; None: all.
         metrics: which ones alone; None: all, and the calibration at each step.
 
@@ -61,33 +62,53 @@ def assess(
         raise ValueRuleError("others", taken, f"the names {ALWAYS} are taken")
     about, sizes, sensor = predictor.description, predictor.features, sensor or SensorSettings()
     how = Perception(about.tracker, about.standstill_mps, sensor)
-    request = window_request(scene, how, sizes, memory=bool(others))
+    request = window_request(scene, how, sizes, memory=False)
     without_truth = count_without_truth(request.table, sizes, scene.name)
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.
     request = replace(request, tracker=None)
     if answered is not None:
         request = replace(request, rows=request.rows[answered(request)])
-
-    def network(asked: ForecastRequest) -> Predictions:
-        if about.reads_situations:
-            return predictions_at_once(predictor, asked, f"forecast {scene.name}")
-        return _replayed(sensed(scene, sensor), predictor, asked)
-
-    methods = {key: make() for key, make in PRESENT_MOTION.items()} | {NETWORK: network} | dict(others or {})
-    windows, truth = request.asked, true_paths(request.asked, sizes.dt_s)
-    known = metric_scene(windows, scene.occupancy, settings)
+    if about.reads_situations:
+        blocks = predictions_in_blocks(predictor, request, f"forecast {scene.name}")
+    else:
+        blocks = _replayed(sensed(scene, sensor), predictor, request)
+    methods = {key: make() for key, make in PRESENT_MOTION.items()}
+    scores: dict[str, list[Scores]] = {name: [] for name in (*ALWAYS, *(others or ()))}
+    measured = []
+    for which, forecast in blocks:  # whole instants, since some metrics compare the people of one
+        part = replace(request, rows=request.rows[which])
+        windows = part.asked
+        truth, known = true_paths(windows, sizes.dt_s), metric_scene(windows, scene.occupancy, settings)
+        own = {name: method(part) for name, method in (methods | dict(others or {})).items()}
+        for name, predictions in (own | {NETWORK: forecast}).items():
+            among = predictions, truth, windows.track_id, known, metrics or METRICS, metrics is None
+            scores[name].append(score(*among))
+        measured.append(which)
+    row = np.concatenate(measured)
     return {
-        name: replace(
-            score(method(request), truth, windows.track_id, known, metrics or METRICS, metrics is None),
-            without_truth=without_truth,
-        )
-        for name, method in methods.items()
+        name: replace(in_order(parts, row), without_truth=without_truth) for name, parts in scores.items()
     }
 
 
-def _replayed(seen: Scene, predictor: OnlinePredictor, request: ForecastRequest) -> Predictions:
-    """Forecasts of a network with memory, frame by frame."""
+def _replayed(
+    seen: Scene, predictor: OnlinePredictor, request: ForecastRequest
+) -> Iterator[tuple[np.ndarray, Predictions]]:
+    """Forecasts of a network with memory, frame by frame; see `predictions_in_blocks`."""
     frames = len(np.unique(seen.trajectories.time_s))
-    forecasts = tqdm(replayed(seen, predictor), total=frames, desc=f"replay {seen.name}", unit="frame")
-    asked, sizes = request.asked, request.sizes
-    return predictions_at(forecasts, asked.track_id, asked.time_s, sizes.horizon_steps, sizes.dt_s)
+    replay = tqdm(replayed(seen, predictor), total=frames, desc=f"replay {seen.name}", unit="frame")
+    forecasts, sizes = iter(replay), request.sizes
+    track_id, time_s = (getattr(request.table, name)[request.rows] for name in ("track_id", "time_s"))
+    order = np.argsort(time_s, kind="stable")
+    for begin, end in instant_blocks(time_s[order]):
+        which = order[begin:end]
+        now_s = time_s[which]
+        own = _until(forecasts, now_s[-1])
+        yield which, predictions_at(own, track_id[which], now_s, sizes.horizon_steps, sizes.dt_s)
+
+
+def _until(forecasts: Iterator[Forecast], time_s: float) -> Iterator[Forecast]:
+    """The next forecasts up to that of an instant."""
+    for forecast in forecasts:
+        yield forecast
+        if forecast.time_s >= time_s - TIME_TOLERANCE_S:
+            return

@@ -1,0 +1,144 @@
+"""Long recordings are measured block by block: the same figures, and little memory for each detection."""
+
+import gc
+import sys
+import tracemalloc
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks.evaluate import hall
+from pedpred.command.prediction import robot_for
+from pedpred.evaluation import EvaluationSettings
+from pedpred.evaluation.scores import Scores, in_order
+from pedpred.evaluation.windows import window_request
+from pedpred.features import FeatureSettings
+from pedpred.features.extract import present_rows
+from pedpred.features.perception import Perception
+from pedpred.forecasting.regions import learned, learned_in_parts
+from pedpred.online.assessment import assess
+from pedpred.online.batch import instant_blocks
+from pedpred.scenes import Predictions
+from tests.exported import TRACKER
+from tests.worlds import walled_scene
+
+SETTINGS = EvaluationSettings(bootstrap=10)
+EXTRACT = sys.modules["pedpred.features.extract"]
+"""The module; the package has a function of this name."""
+
+
+@pytest.fixture(scope="module")
+def crowd():
+    """Several people at a time, with gaps, walls and people who stand."""
+    scene = walled_scene(np.random.default_rng(5), 0.1, detections=90, tracks=6)
+    seen = np.random.default_rng(6).random(len(scene.trajectories)) < 0.9
+    return replace(scene, trajectories=scene.trajectories.select(seen))
+
+
+@pytest.mark.parametrize("kind", ["model", "mixture"])
+@pytest.mark.parametrize("rows", [1, 40])
+def test_figures_do_not_depend_on_the_size_of_the_blocks(kind, rows, crowd, request, monkeypatch):
+    folder = request.getfixturevalue(kind)[0]
+    whole = assess(crowd, robot_for(crowd, folder), SETTINGS)
+    monkeypatch.setattr("pedpred.online.batch._ROWS_AT_ONCE", rows)
+    monkeypatch.setattr(EXTRACT, "_ROWS_AT_ONCE", rows)
+    blocks = assess(crowd, robot_for(crowd, folder), SETTINGS)
+    assert list(blocks) == list(whole)
+    for name, own in whole.items():
+        for field in ("track", "error_m", "inside", "nll"):
+            np.testing.assert_allclose(getattr(blocks[name], field), getattr(own, field), atol=1e-4)
+        for key, values in own.values.items():
+            np.testing.assert_allclose(blocks[name].values[key], values, atol=1e-3, err_msg=key)
+        assert blocks[name].without_truth == own.without_truth
+
+
+def test_each_detection_takes_little_memory(mixture):
+    """Measured with twice as many; forecasts of all windows at once would take 12 KiB for each."""
+    peaks = {}
+    for rows in (2_000, 4_000, 8_000):
+        scene = hall(rows)
+        robot = robot_for(scene, mixture[0])
+        gc.collect()
+        tracemalloc.start()
+        assess(scene, robot, SETTINGS, metrics={})
+        peaks[rows] = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert (peaks[8_000] - peaks[4_000]) / 4_000 < 2_000
+
+
+@given(st.lists(st.floats(0, 9).map(lambda t: round(t, 1)), min_size=1, max_size=40), st.integers(1, 9))
+def test_blocks_hold_whole_instants(times, rows):
+    time_s = np.sort(times)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pedpred.online.batch._ROWS_AT_ONCE", rows)
+        blocks = instant_blocks(time_s)
+    assert [row for begin, end in blocks for row in range(begin, end)] == list(range(len(time_s)))
+    assert all(time_s[begin] > time_s[begin - 1] for begin, _ in blocks[1:])
+    largest = np.unique(time_s, return_counts=True)[1].max()
+    assert all(end - begin < rows + largest for begin, end in blocks)
+
+
+@given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+def test_regions_learn_alike_from_parts(size, seed):
+    rng = np.random.default_rng(seed)
+    time_s, who = np.repeat(0.3 * np.arange(30), 3), np.tile(np.arange(3), 30)
+    here, path = rng.normal(0, 1, (90, 2)), rng.normal(0, 1, (90, 2, 10, 2))
+    weight, covariance = np.tile([0.6, 0.4], (90, 1)), np.tile(0.2 * np.eye(2), (90, 2, 10, 1, 1))
+    given_ = Predictions(path[:, 0], path, weight, 0.3, covariance)
+    whole = learned(given_, who, time_s, here, np.ones(90, bool))
+    cuts = range(0, 90, 3 * size)
+    rows = [np.arange(cut, min(cut + 3 * size, 90)) for cut in cuts]
+    parts = [(given_.select(r), who[r], time_s[r], here[r], np.ones(len(r), bool)) for r in rows]
+    joined = Predictions.join(list(learned_in_parts(parts)))
+    np.testing.assert_array_equal(joined.covariance, whole.covariance)
+
+
+@given(st.integers(1, 50), st.integers(0, 99), st.floats(0.05, 3.0))
+def test_who_is_present_does_not_depend_on_how_many_are_looked_at_together(most, seed, max_age_s):
+    rng = np.random.default_rng(seed)
+    track_id, time_s = np.sort(rng.integers(0, 4, 30)), np.zeros(30)
+    for track in range(4):
+        time_s[track_id == track] = np.sort(rng.uniform(0, 5, (track_id == track).sum()))
+    now_s = np.unique(rng.uniform(-1, 6, 20))
+    whole = present_rows(track_id, time_s, now_s, max_age_s)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(EXTRACT, "_MOST_CANDIDATES", most)
+        parts = present_rows(track_id, time_s, now_s, max_age_s)
+    for one, other in zip(whole, parts, strict=True):
+        assert one.dtype == other.dtype
+        np.testing.assert_array_equal(one, other)
+    nobody = present_rows(track_id, time_s, np.zeros(0), max_age_s)
+    assert [len(values) for values in nobody] == [0, 0]
+
+
+def test_without_memory_only_the_grids_are_left_out(crowd):
+    how = Perception(TRACKER, 0.2)
+    full, lean = (window_request(crowd, how, FeatureSettings(), memory=memory) for memory in (True, False))
+    np.testing.assert_array_equal(full.rows, lean.rows)
+    for field in fields(full.table):
+        values = getattr(lean.table, field.name)
+        if field.name in ("occupancy", "angular_grid"):
+            assert values.shape == (len(lean.table), 0)
+        else:
+            np.testing.assert_array_equal(values, getattr(full.table, field.name))
+    assert lean.clock is None
+
+
+@given(st.permutations(range(12)), st.integers(1, 11))
+def test_scores_of_parts_are_put_in_order(row, cut):
+    row = np.array(row)
+
+    def scores(rows):
+        values = rows.astype(float)
+        return Scores(
+            10 + rows, {"ade_m": values}, values[:, None], values[:, None], np.zeros((len(rows), 0))
+        )
+
+    whole = in_order([scores(row[:cut]), scores(row[cut:])], row)
+    np.testing.assert_array_equal(whole.values["ade_m"], np.arange(12))
+    np.testing.assert_array_equal(whole.track, 10 + np.arange(12))
+    np.testing.assert_array_equal(whole.error_m[:, 0], np.arange(12))
+    assert whole.nll.shape == (12, 0)
