@@ -58,9 +58,10 @@ smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
 test: setup ## run the tests
 	python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder
 
-trust: setup ## damaged files, killed stages: what is promised, tried at length (one to two hours)
+trust: setup ## damaged files, killed stages, a million frames: what is promised, tried at length (two to three hours)
 	python -m tests.trust.campaign
 	python -m tests.trust.faults
+	python -m tests.trust.soak
 
 docs: setup ## build the documentation into build/site; fails on a broken link
 	NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --strict

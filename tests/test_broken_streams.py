@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.rates import STREAMS, errors_m, queue
 from pedpred.metrics.calibration import share_inside
 from pedpred.online import OnlinePredictor
 from pedpred.scenes.occupancy import FARTHEST_M
@@ -14,6 +15,8 @@ from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
 
 SEEDS = st.integers(0, 2**32 - 1)
 JUMPER, NOBODY = 7, 1000
+SPARSE = ("1 Hz", "2.5 Hz", "ten frames 1 ms apart, every second")
+"""So few detections in the time that a network reads cannot be as good as ten a second."""
 
 
 @pytest.fixture(params=["model", "mixture", "default"], scope="session")
@@ -104,44 +107,13 @@ def test_people_who_run_keep_their_life():
             assert forecast.velocity[0, 0, 0] > 0.5 * FASTEST_MPS
 
 
-def regular(rate_hz):
-    return lambda: np.arange(0, 6, 1 / rate_hz)
-
-
-def bursts(rate_hz, gap_s, frames):
-    return lambda: np.sort(np.add.outer(np.arange(0, 6, 1 / rate_hz), gap_s * np.arange(frames)).ravel())
-
-
-def queue():
-    """Frames of each second arrive at its end and are stamped on arrival."""
-    return np.concatenate([second + 0.9 + 0.001 * np.arange(10) for second in range(6)])
-
-
-def error_m(instants, people=30, noise_m=0.03, speed_mps=1.3):
-    """Mean error of forecasts of straight walkers, m."""
-    rng, robot = np.random.default_rng(0), OnlinePredictor.load()
-    start, velocity = np.stack([np.zeros(people), 60.0 * np.arange(people)], 1), np.array([speed_mps, 0.0])
-    errors = []
-    for now in instants():
-        seen = start + now * velocity + rng.normal(0, noise_m, (people, 2))
-        forecast = robot.update(float(now), np.arange(people), seen)
-        if now > 4.0:
-            ahead = velocity * (now + 0.3 * np.arange(1, 11))[:, None]
-            errors.append(np.linalg.norm(forecast.position - start[:, None] - ahead, axis=-1).mean())
-    return np.mean(errors)
-
-
-@pytest.mark.parametrize(
-    "instants",
-    [regular(5), regular(30), regular(100), regular(1000), bursts(10, 1e-3, 2), bursts(10, 2e-6, 3)],
-    ids=["5 Hz", "30 Hz", "100 Hz", "1000 Hz", "pairs 1 ms", "three 2 us"],
-)
-def test_fast_frames_are_no_noisier(instants):
-    assert error_m(instants) < 1.3 * error_m(regular(10))
+@pytest.mark.parametrize("stream", [name for name in STREAMS if name not in ("10 Hz", *SPARSE)])
+def test_fast_frames_are_no_noisier(stream):
+    assert errors_m(STREAMS[stream])[0] < 1.3 * errors_m(STREAMS["10 Hz"])[0]
 
 
 def test_a_queue_that_catches_up_is_no_noisier_than_one_frame_of_each_second():
-    assert error_m(queue) < error_m(regular(1))
+    assert errors_m(queue)[0] < errors_m(STREAMS["1 Hz"])[0]
 
 
 @pytest.mark.parametrize("odd_s", [1e9, 36000.0, -5.0])
