@@ -1,9 +1,9 @@
 """Errors at any rate of the frames, as ratios in one run: `python -m benchmarks.rates`.
 
-People walk straight at 1.3 m/s on free ground; detections have 3 cm of noise. A forecast should be about as good
-at 1000 Hz, and when frames come in bursts, as at 10 Hz. Below 5 Hz there are few detections in the 2.4 s that the
-network reads: "least squares" is the error of straight lines through all detections of the walk, the best that
-is possible for people who never turn.
+People walk straight at 1.3 m/s on free ground; detections have 3 cm of noise. A forecast should be about as
+good at 1000 Hz, and when frames come in bursts, as at 10 Hz. Below 5 Hz there are few detections in the 2.4 s
+that the network reads: "least squares" is the error of straight lines through all detections of the walk, the
+best that is possible for people who never turn.
 """
 
 from __future__ import annotations
