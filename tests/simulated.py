@@ -38,8 +38,8 @@ def drawn(name):
 
 
 def asked(row, layouts=DRAWN):
-    """The arrangements of a plain row of `conf/simulations`."""
-    data_set = SimulationSettings.parse(row)
+    """The arrangements of the fields of `SimulationSettings` in a plain row of `conf/simulations`."""
+    data_set = parsed(SimulationSettings, row)
     drawn = parsed_layouts(layouts, data_set.drawn, SETTINGS)
     return arrangements(data_set, drawn, parsed(ClutterSettings, CLUTTER), SETTINGS)
 
