@@ -21,6 +21,13 @@ def read(name):
 SOCIAL_FORCE = read("social_forces/walking")["helbing1995"]
 SETTINGS = social_force_settings(SOCIAL_FORCE)
 CLUTTER = read("clutter/rooms")
+USE = {
+    "social_force": "helbing1995",
+    "tracker": "truth",
+    "sensor": "perfect",
+    "phase_offsets": 1,
+    "variants": [],
+}
 DRAWN = {path.stem: yaml.safe_load(path.read_text()) for path in sorted((CONF / "layouts").glob("*.yaml"))}
 
 
@@ -38,8 +45,8 @@ def drawn(name):
 
 
 def asked(row, layouts=DRAWN):
-    """The arrangements of the fields of `SimulationSettings` in a plain row of `conf/simulations`."""
-    data_set = parsed(SimulationSettings, row)
+    """The arrangements of a plain row of `conf/simulations`, in which the fields of `SetUse` may lack."""
+    data_set = SimulationSettings.parse(USE | row)
     drawn = parsed_layouts(layouts, data_set.drawn, SETTINGS)
     return arrangements(data_set, drawn, parsed(ClutterSettings, CLUTTER), SETTINGS)
 
