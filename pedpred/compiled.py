@@ -111,7 +111,8 @@ class _Kept:
                 new.write_bytes(data + _checksum(data))
             _tidy(path.parent)
         except Exception as cause:  # the compiled code works all the same
-            _warn(f"compiled code cannot be kept{place}: {getattr(cause, 'strerror', None) or cause}")
+            reasons = (getattr(error, "strerror", None) for error in (cause, cause.__cause__))
+            _warn(f"compiled code cannot be kept{place}: {next(filter(None, reasons), cause)}")
 
     def flush(self) -> None:
         """Nothing to forget: no file becomes stale."""

@@ -54,6 +54,18 @@ def mixture(tmp_path_factory):
     return export_mixture(tmp_path_factory.mktemp("mixture"))
 
 
+@pytest.fixture(scope="session")
+def narrow_lstm():
+    """Skip on processors whose library has no LSTM with bfloat16 products; training asks for `amx_bf16`."""
+    import torch
+
+    try:
+        with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):
+            torch.nn.LSTM(8, 8)(torch.zeros(1, 1, 8))
+    except RuntimeError as reason:
+        pytest.skip(f"no bfloat16 LSTM here: {reason}")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The pipeline's tests wait a lot: begun first, they wait beside the others."""
     items.sort(key=lambda item: item.get_closest_marker("pipeline") is None)

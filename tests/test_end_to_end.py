@@ -111,7 +111,7 @@ def test_validation_does_not_depend_on_whether_the_encoder_learns(training):
     assert live == pytest.approx(frozen, rel=1e-3)
 
 
-def test_bfloat16_changes_little(training):
+def test_bfloat16_changes_little(training, narrow_lstm):
     narrow = dataclasses.replace(training, context=dataclasses.replace(ALONE, autocast=True))
     exact, rounded = (stepped(given.learner(drawn(), True))[0] for given in (training, narrow))
     torch.testing.assert_close(rounded, exact, atol=0.05, rtol=0.05)

@@ -142,8 +142,11 @@ def test_the_same_replay_has_the_same_data(hall):
 def test_what_does_not_fit_a_replay_is_refused(hall):
     scene, windows = hall
     slow = dataclasses.replace(windows, time_s=windows.time_s * 1e6)
-    with pytest.raises(ValueRuleError, match=r"below 2\^22"):
+    with pytest.raises(ValueRuleError, match=r"duration_s = 1000000000.0.*\(0, 36000\]"):
         replay(scene, slow, stretch(1e9), METHODS)
+    far = dataclasses.replace(windows, position=windows.position + 1e6)
+    with pytest.raises(ValueRuleError, match=r"below 2\^22"):
+        replay(scene, far, stretch(60.0), METHODS)
 
 
 # Where the marks lie

@@ -90,7 +90,7 @@ def test_products_are_narrow_where_the_processor_has_units_for_them(monkeypatch,
     assert f"products in {'bfloat16' if here.autocast else 'float32'}" in caplog.text
 
 
-def test_narrow_products_change_a_loss_by_their_rounding_only():
+def test_narrow_products_change_a_loss_by_their_rounding_only(narrow_lstm):
     rng = np.random.default_rng(0)
     network, data = SMALL.build(WIDTHS, 4), toy_data(rng)
     losses = []

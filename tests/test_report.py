@@ -195,9 +195,9 @@ def test_methods_keep_order_and_colour_whoever_else_is_there():
 def test_an_ablation_names_the_network_that_it_is_an_ablation_of():
     ((part, whole),) = METHODS.ablations
     assert (part.role, whole.role) == ("ablation", "network")
-    with pytest.raises(ValueRuleError, match=rf"methods\.{part.key}\.of = ''"):
+    with pytest.raises(ValueRuleError, match="of = '', but"):
         replace(part, of="")
-    with pytest.raises(ValueRuleError, match=rf"methods\.{whole.key}\.of = 'cv'"):
+    with pytest.raises(ValueRuleError, match="of = 'cv', but"):
         replace(whole, of="cv")
     rows = [replace(row, of="cv") if row is part else row for row in METHODS]
     with pytest.raises(ValueRuleError, match=rf"of = 'cv', but the networks are \['{whole.key}'"):

@@ -131,7 +131,7 @@ def comparison(
     truth, noise = known.at(person, due_s - NEAR_S)
     missed, variance, ends = np.empty(len(step), np.int64), noise * noise_m**2, np.cumsum(count)
     for own, begin, end in zip(due, ends - count, ends, strict=True):
-        since = _LATE * (learned[:, :, own.step] - own.learned)[:, own.group]
+        since = _LATE * np.ascontiguousarray((learned[:, :, own.step] - own.learned)[:, own.group])
         there = own.path, own.covariance, own.weight, truth[begin:end], variance[begin:end], since
         _count(missed[begin:end], *there, _SHARES, COARSE)
     seen = missed >= 0

@@ -10,6 +10,7 @@ import numpy as np
 
 from pedpred.compiled import cache_folder
 from pedpred.evaluation import EvaluationSettings
+from pedpred.features import Neighbours, Pedestrians, observe
 from pedpred.online.assessment import assess
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.replay import replayed
@@ -39,6 +40,8 @@ def warm_up(model: Path | str | None = None) -> None:
     for _ in replayed(scene, predictor, true_velocities=False):
         pass
     assess(scene, predictor, EvaluationSettings(bootstrap=1))
+    people = Pedestrians(np.arange(3), _PLACES_M, np.zeros(3), _SPEEDS_MPS)
+    observe(people, Neighbours.together(people, 3), scene.occupancy, predictor.features)  # for other models
     try:
         place = f"kept in {cache_folder()}"
     except RuntimeError:

@@ -138,8 +138,7 @@ def check_ranges(settings: Any, ranges: Mapping[str, str]) -> None:
     listed = fields(settings) if is_dataclass(settings) else ()
     annotations = {field.name: str(field.type) for field in listed} or kind.__annotations__
     for name, annotation in annotations.items():
-        if annotation in _WORDS and not _WORDS[annotation][0](getattr(settings, name)):
-            raise ValueRuleError(name, getattr(settings, name), f"it must be {_WORDS[annotation][1]}")
+        _check_kind(name, getattr(settings, name), annotation)
     for name, interval in ranges.items():
         _check_numbers(name, getattr(settings, name), str(annotations[name]), interval)
 
@@ -148,16 +147,20 @@ _WORDS = {
     "bool": (lambda value: isinstance(value, bool), "true or false"),
     "str": (lambda value: isinstance(value, str), "a text"),
     "tuple[str, ...]": (lambda value: _listed(value), "a list of texts"),
-    "Mapping[str, Sequence[str]]": (
-        lambda value: isinstance(value, Mapping) and all(map(_listed, value.values())),
-        "a list of texts for each name",
-    ),
-    "Mapping[str, str]": (
-        lambda value: isinstance(value, Mapping) and _texts(value.values()),
-        "a text for each name",
-    ),
 }
 """Annotation -> whether a value is of it, and what it is called."""
+_ENTRIES = {"Mapping[str, Sequence[str]]": "tuple[str, ...]", "Mapping[str, str]": "str"}
+"""Annotation of a mapping -> that of its values."""
+
+
+def _check_kind(name: str, value: Any, annotation: str) -> None:
+    """Check that a value is what an annotation says; of a mapping, each entry by its name."""
+    if annotation in _ENTRIES:
+        check_mapping(name, value)
+        for key, own in value.items():
+            _check_kind(f"{name}.{key}", own, _ENTRIES[annotation])
+    elif annotation in _WORDS and not _WORDS[annotation][0](value):
+        raise ValueRuleError(name, value, f"it must be {_WORDS[annotation][1]}")
 
 
 def _listed(value: Any) -> bool:

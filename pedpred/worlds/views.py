@@ -10,7 +10,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap
-from pedpred.simulation.fields import Range, parsed
+from pedpred.simulation.fields import Range, check_names, parsed
 from pedpred.worlds.drawing import check_intervals
 from pedpred.worlds.floors import Area
 from pedpred.worlds.settings import KINDS
@@ -59,8 +59,10 @@ def parsed_views(plain: Mapping[str, Any], path: str) -> dict[str, ViewSettings]
     Raises:
         ValueRuleError: a kind is unknown or missing, or a field breaks its rule.
     """
-    if not isinstance(plain, Mapping) or set(plain) != set(VIEWED):
-        raise ValueRuleError(path, plain, f"it must have the entries {', '.join(VIEWED)}")
+    rule = f"it must have the entries {', '.join(VIEWED)}"
+    check_names(VIEWED, plain, path, rule)
+    if missing := [kind for kind in VIEWED if kind not in plain]:
+        raise ValueRuleError(f"{path}.{missing[0]}", None, rule)
     return {kind: parsed(ViewSettings, view, f"{path}.{kind}") for kind, view in plain.items()}
 
 
