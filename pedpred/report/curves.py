@@ -74,5 +74,6 @@ def training_figure(curves: Mapping[str, pd.DataFrame], methods: Methods) -> Fig
                 axes.plot(known[along].fillna(0), known[score], color=tone, linewidth=1.2, label=label)
         axes.set(title=stage, xlabel=along, ylabel=_SCORES.get(score, score))
         axes.margins(x=0.03)
-        axes.legend(fontsize=7.5)
+        if axes.get_legend_handles_labels()[0]:  # none where no network was fine-tuned
+            axes.legend(fontsize=7.5)
     return figure
