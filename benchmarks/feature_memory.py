@@ -14,7 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.features import FeatureSettings, extract, extract_blocks
+from pedpred.features import ForecastProtocol, extract, extract_blocks
+from pedpred.models.features import RowFormat
+from pedpred.models.lstm.features import LstmFeatures
 from pedpred.scenes import Scene, Trajectories
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_shard, read_shard_blocks, write_shard
@@ -40,15 +42,17 @@ def main() -> None:
     copies, way, folder = int(sys.argv[1]), sys.argv[2], Path(sys.argv[3])
     if not copies:
         return
-    scene, settings = repeated(read_scene(folder), copies), FeatureSettings()
+    scene, features = repeated(read_scene(folder), copies), LstmFeatures()
     tracks = follow(scene.trajectories, "kalman", NOISE, 0.2)
+    protocol = ForecastProtocol()
+    made_with = RowFormat(protocol, "lstm", features)
     with tempfile.TemporaryDirectory() as out:
         if way == "stream":
-            write_shard(extract_blocks(scene, tracks, settings), Path(out), scene.name)
-            rows = sum(len(block) for block in read_shard_blocks(Path(out), scene.name, settings))
+            write_shard(extract_blocks(scene, tracks, protocol, features), Path(out), scene.name)
+            rows = sum(len(block) for block in read_shard_blocks(Path(out), scene.name, made_with))
         else:
-            write_shard([extract(scene, tracks, settings)], Path(out), scene.name)
-            rows = len(read_shard(Path(out), scene.name, settings))
+            write_shard([extract(scene, tracks, protocol, features)], Path(out), scene.name)
+            rows = len(read_shard(Path(out), scene.name, made_with))
     print(f"{rows} rows")
 
 

@@ -13,19 +13,20 @@ from torch import Tensor, nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from pedpred.config import plain, read_params
-from pedpred.datasets import MotionData
-from pedpred.datasets.lanes import SplitSettings
-from pedpred.datasets.situations import SituationData
-from pedpred.features import FeatureSettings
-from pedpred.features.situation import channel_widths
-from pedpred.networks import GridEncoder, RecurrentNetwork, parse_settings
-from pedpred.networks.contract import NetworkSettings
-from pedpred.simulation.fields import parsed, parsed_together
+from pedpred.datasets import TrainingRows
+from pedpred.datasets.rows import Spans
+from pedpred.features import ForecastProtocol
+from pedpred.fields import parsed
+from pedpred.models.contract import NetworkSettings, RecurrentNetwork
+from pedpred.models.features import RowFormat, parse_features
+from pedpred.models.lstm.augmentation import look_up
+from pedpred.models.lstm.autoencoder import GridEncoder
+from pedpred.models.lstm.features import LstmFeatures
+from pedpred.models.registry import parse_settings
 from pedpred.training.distributed import DistributedContext
+from pedpred.training.instants import InstantLearner, InstantSettings
 from pedpred.training.loop import Learner
-from pedpred.training.recurrent import RecurrentLearner, TrainingSettings
-from pedpred.training.situations import SituationLearner, SituationSettings
-from pedpred.training.variation import looked_up
+from pedpred.training.sequences import SequenceLearner, SequenceSettings
 
 TRACKS, TRACK_STEPS = 1000, 60
 SITUATIONS = 50_000
@@ -53,18 +54,22 @@ class Case:
 def cases() -> dict[str, Callable[[DistributedContext], Case]]:
     """Name of each network of params.yaml -> its training."""
     cfg = read_params(Path())
-    features = plain(cfg.features)
-    features.pop("standstill_mps")
-    sizes = FeatureSettings(**plain(cfg.protocol), **features)
-    _, recurrent = parsed_together([SplitSettings, TrainingSettings], plain(cfg.training.main))
+    fields = plain(cfg.protocol)
+    del fields["standstill_mps"]
+    protocol = ForecastProtocol(**fields)
+    lstm, mixture = (
+        RowFormat(protocol, kind, parse_features(kind, plain(cfg.features[kind])))
+        for kind in ("lstm", "mixture")
+    )
+    recurrent = parsed(SequenceSettings, plain(cfg.training.main))
     alone = plain(cfg.training.situations) | {"shares": {"random": 1.0}, "validation_share": 0.0}
-    situations = parsed(SituationSettings, alone)
+    situations = parsed(InstantSettings, alone)
 
     def rolling(own: NetworkSettings) -> Callable[[DistributedContext], Case]:
-        return lambda here: recurrent_case(own, sizes, recurrent, here)
+        return lambda here: recurrent_case(own, lstm, recurrent, here)
 
     def memoryless(own: NetworkSettings) -> Callable[[DistributedContext], Case]:
-        return lambda here: situation_case(own, sizes, situations, here)
+        return lambda here: situation_case(own, mixture, situations, here)
 
     rows = plain(cfg.methods.networks), plain(cfg.methods.memoryless)
     first, second = ({name: parse_settings(row["settings"]) for name, row in own.items()} for own in rows)
@@ -72,33 +77,36 @@ def cases() -> dict[str, Callable[[DistributedContext], Case]]:
 
 
 def recurrent_case(
-    settings: NetworkSettings, sizes: FeatureSettings, training: TrainingSettings, here: DistributedContext
+    settings: NetworkSettings, made_with: RowFormat, training: SequenceSettings, here: DistributedContext
 ) -> Case:
     """The training of a recurrent network; a sample is one step of one lane."""
     torch.manual_seed(0)
-    data = random_data(sizes, "grid" in settings.channels_read, np.random.default_rng(0)).to(here.device)
+    data = random_data(made_with, "grid" in settings.channels_read, np.random.default_rng(0)).to(here.device)
     network = settings.build(data.widths, data.horizon_steps).to(here.device)
-    learner = RecurrentLearner(network, data, data.sequences, data.sequences, training, here)
+    spans = data.spans.rows
+    learner = SequenceLearner(network, data, spans, spans, training, here)
     alone = products(network, training.lanes, training.sub_sequence, here.device)
 
     def load(batch: Any) -> object:
-        return looked_up(data, batch), data.known(batch.rows)
+        return look_up(data, batch), data.known(batch.rows)
 
     samples = training.lanes * training.sub_sequence
     return Case(learner, samples, operations_per_sample(network), load, alone)
 
 
 def situation_case(
-    settings: NetworkSettings, sizes: FeatureSettings, training: SituationSettings, here: DistributedContext
+    settings: NetworkSettings, made_with: RowFormat, training: InstantSettings, here: DistributedContext
 ) -> Case:
     """The training of a network without memory; a sample is one situation."""
     torch.manual_seed(0)
-    widths = channel_widths(sizes)
-    channels = {name: torch.rand(SITUATIONS, width).half() for name, width in widths.items()}
-    future = torch.rand(SITUATIONS, sizes.horizon_steps, 2)
-    data = SituationData(channels, future, {"random": np.array([[0, SITUATIONS]])}, sizes).to(here.device)
-    network = settings.build(widths, sizes.horizon_steps).to(here.device)
-    learner = SituationLearner(network, data, training, here)
+    shapes, steps = made_with.features.shapes(), made_with.protocol.horizon_steps
+    channels = {name: torch.rand(SITUATIONS, *shape).half() for name, shape in shapes.items()}
+    future, known = torch.rand(SITUATIONS, steps, 2), torch.full((SITUATIONS,), steps)
+    one = np.zeros(1, int)
+    spans = Spans(np.array([[0, SITUATIONS]]), one, one, one)
+    data = TrainingRows(channels, future, known, spans, ("random",), made_with).to(here.device)
+    network = settings.build(data.widths, steps).to(here.device)
+    learner = InstantLearner(network, data, training, here)
     with FlopCounterMode(display=False) as counted:
         learner.loss(np.arange(training.rows), 0).total.backward()
     operations = counted.get_total_flops() / training.rows
@@ -110,7 +118,7 @@ def situation_case(
     return Case(learner, training.rows, operations, load, None)
 
 
-def random_data(sizes: FeatureSettings, with_grid: bool, rng: np.random.Generator) -> MotionData:
+def random_data(made_with: RowFormat, with_grid: bool, rng: np.random.Generator) -> TrainingRows:
     """A data set of random rows, some futures cut short."""
     rows = TRACKS * TRACK_STEPS
     edges = np.arange(0, rows + 1, TRACK_STEPS)
@@ -118,18 +126,18 @@ def random_data(sizes: FeatureSettings, with_grid: bool, rng: np.random.Generato
     def numbers(*shape: int) -> Tensor:
         return torch.from_numpy(rng.random((rows, *shape), np.float32))
 
-    width = GridEncoder(sizes.grid_cells).fc.in_features
-    return MotionData(
-        velocity=numbers(2),
-        angular=numbers(sizes.angular_cells),
-        future=numbers(sizes.horizon_steps, 2),
-        future_steps=torch.from_numpy(rng.integers(0, sizes.horizon_steps + 1, rows)),
-        embedding=numbers(width).to(torch.float16) if with_grid else None,
-        sequences=np.stack([edges[:-1], edges[1:]], axis=-1),
-        scene=np.zeros(TRACKS, np.int64),
-        track=np.arange(TRACKS),
-        dt_s=sizes.dt_s,
+    sizes, steps = made_with.features, made_with.protocol.horizon_steps
+    assert isinstance(sizes, LstmFeatures)
+    channels = {"state": numbers(2), "angular": numbers(sizes.angular_cells)}
+    if with_grid:
+        channels["grid"] = numbers(GridEncoder(sizes.grid_cells).fc.in_features).to(torch.float16)
+    spans = Spans(
+        np.stack([edges[:-1], edges[1:]], axis=-1),
+        *(np.zeros(TRACKS, int) for _ in range(2)),
+        np.arange(TRACKS),
     )
+    known = torch.from_numpy(rng.integers(0, steps + 1, rows))
+    return TrainingRows(channels, numbers(steps, 2), known, spans, ("random",), made_with)
 
 
 def operations_per_sample(network: RecurrentNetwork) -> int:

@@ -39,9 +39,11 @@ from benchmarks.features import room
 from benchmarks.replay import differences
 from benchmarks.timing import keep, median_ms, needed, tell
 from pedpred.config import plain, read_params
-from pedpred.features import FeatureSettings
-from pedpred.features.situation import channel_widths
-from pedpred.networks import GridEncoder, parse_settings
+from pedpred.features import ForecastProtocol
+from pedpred.models.lstm.autoencoder import GridEncoder
+from pedpred.models.lstm.features import LstmFeatures
+from pedpred.models.mixture.features import MixtureFeatures
+from pedpred.models.registry import parse_settings
 from pedpred.online import OnlinePredictor
 from pedpred.online.network import read_origin
 
@@ -50,7 +52,7 @@ ALLOWED = {20: 1.5, 200: 1.05}
 """Number of people -> how often the bound an update may take."""
 PAPER_MS = {20: 51.0}
 FEW = (4, 20)
-_SIZES = FeatureSettings()
+_SIZES = LstmFeatures()
 
 
 def matrix_rate(size: int = 1024) -> float:
@@ -62,11 +64,10 @@ def matrix_rate(size: int = 1024) -> float:
 def step_of(settings: Mapping[str, Any]) -> tuple[nn.Module, Callable[[int], None]]:
     """A network with random weights, and one step of it for so many people, convolutions included."""
     cells, encoder = _SIZES.grid_cells, GridEncoder(_SIZES.grid_cells)
-    grids = {
-        "grid": encoder.embedding(torch.zeros(1, cells, cells)).shape[1],
-        "angular": _SIZES.angular_cells,
-    }
-    network = parse_settings(settings).build(channel_widths(_SIZES) | grids, _SIZES.horizon_steps).eval()
+    embedded = encoder.embedding(torch.zeros(1, cells, cells)).shape[1]
+    shapes = MixtureFeatures().shapes() | {"grid": (embedded,), "angular": (_SIZES.angular_cells,)}
+    widths = {name: width for name, (width,) in shapes.items()}
+    network = parse_settings(settings).build(widths, ForecastProtocol().horizon_steps).eval()
     whole = nn.ModuleDict({"network": network, "encoder": encoder})
 
     @torch.inference_mode()

@@ -9,33 +9,30 @@ from typing import Any
 from pedpred import config
 from pedpred.baselines.registry import baselines
 from pedpred.config import SETS, config_errors, configured, one_of, part, plain, read_params, row
-from pedpred.datasets.crops import CropSplit, EmbeddedSplit
-from pedpred.datasets.lanes import SplitSettings
+from pedpred.datasets.crops import CropSplit
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.literature import LiteratureSettings
 from pedpred.features.perception import Standstill, parse_tracker
+from pedpred.fields import parsed, parsed_each, parsed_together
 from pedpred.forecasting import Methods
-from pedpred.networks import parse_settings
+from pedpred.models.features import FEATURES
+from pedpred.models.registry import parse_settings
 from pedpred.report.findings import Paper
 from pedpred.report.page.player import ReplaySettings
 from pedpred.report.rows import FoldRow, OnlineRows, PlaceRow, RecordingRows, ReplayRows
 from pedpred.scenes import VARIANTS
 from pedpred.simulation.clutter import ClutterSettings
-from pedpred.simulation.fields import parsed, parsed_each, parsed_together
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.simulation.settings import SetUse, SimulationSettings, social_force_settings
+from pedpred.simulation.worlds import SensingSettings, WorldSettings
+from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS, SOURCES
 from pedpred.sources.mirrors import Mirrors
-from pedpred.training import AutoencoderSettings, TrainingSettings
-from pedpred.training.distillation import DistillationSettings
+from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
-from pedpred.training.situations import RealShare, SituationSettings
-from pedpred.worlds import SensingSettings, WorldSettings
-from pedpred.worlds.sets import SimulatedSet, ViewingSettings
-from pedpred.worlds.situations import RowSettings
-from stages.features import kalman_of, sizes_of
-from stages.train import PREVIOUS
+from stages.features import features_of, kalman_of, protocol_of
+from stages.train import PHASES, settings_of
 from stages.validate_simulation import flow_of
 
 Params = Mapping[str, Any]
@@ -143,16 +140,20 @@ def _situations(cfg: Params) -> None:
 
 
 def _training(cfg: Params) -> None:
-    phases: dict[str, list[type]] = {key: [SplitSettings, TrainingSettings] for key in PREVIOUS}
-    phases |= {"situations": [SituationSettings], "adaptation": [SituationSettings, RealShare]}
     own = part(cfg, "training")
     with configured("training"):
-        parsed(DeviceSettings, {name: value for name, value in own.items() if name not in phases})
-    for phase, kinds in phases.items():
+        parsed(DeviceSettings, {name: value for name, value in own.items() if name not in PHASES})
+    for phase in PHASES:
         with configured(f"training.{phase}"):
-            settings = parsed_together(kinds, own[phase])
-        shares = getattr(settings[0], "shares", ())
+            settings, _ = settings_of(phase, own[phase])
+        shares = getattr(settings, "shares", ())
         _names(f"training.{phase}.shares", shares, cfg["situations"]["simulated"])
+
+
+def _features(cfg: Params) -> None:
+    for model in part(cfg, "features"):
+        one_of("features", model, FEATURES)
+        features_of(cfg, model)
 
 
 def _recording(cfg: Params) -> None:
@@ -198,10 +199,9 @@ PARTS: dict[str, Check] = {
     "worlds": _whole("worlds", WorldSettings),
     "sensing": _whole("sensing", SensingSettings),
     "situations": _situations,
-    "protocol": sizes_of,
-    "features": sizes_of,
+    "protocol": protocol_of,
+    "features": _features,
     "autoencoder": _whole("autoencoder", ThreadSettings, CropSplit, AutoencoderSettings),
-    "distilled": _whole("distilled", ThreadSettings, EmbeddedSplit, DistillationSettings),
     "training": _training,
     "validation": flow_of,
     "evaluation": _whole("evaluation", EvaluationSettings),

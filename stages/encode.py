@@ -9,23 +9,21 @@ import torch
 from omegaconf import DictConfig
 
 from pedpred.config import stage, stage_key
-from pedpred.features.table import FeatureSettings
-from pedpred.networks import GridEncoder
-from pedpred.networks.encoding import encode, load_encoder
+from pedpred.models.features import RowFormat
+from pedpred.models.lstm.autoencoder import GridEncoder
+from pedpred.models.lstm.encoding import encode, load_encoder
 from pedpred.storage.shards import read_crops, read_manifest, write_embeddings
 from pedpred.workers import in_parallel
 
 
-def embed_into(
-    out: Path, features: Path, shard: str, settings: FeatureSettings, encoder: GridEncoder
-) -> None:
+def embed_into(out: Path, features: Path, shard: str, made_with: RowFormat, encoder: GridEncoder) -> None:
     """One worker's job, on one thread, whatever their number: the embeddings of one scene, in half precision.
 
     Half precision is for training, which reads them many times; forecasts use exact embeddings.
     """
     torch.set_num_threads(1)
-    crops = read_crops(features, shard, settings)
-    embeddings = (encode(encoder, block, settings.grid_cells).astype(np.float16) for block in crops)
+    crops = read_crops(features, shard, made_with)
+    embeddings = (encode(encoder, block).astype(np.float16) for block in crops)
     write_embeddings(embeddings, out, shard)
 
 
@@ -36,8 +34,8 @@ def main(cfg: DictConfig) -> None:
     encoder = load_encoder(Path("models/autoencoder"))
     features = Path("data/features", cfg.kind, name)
     out = Path(cfg.get("out", f"data/embeddings/{cfg.kind}/{name}"))
-    settings, shards = read_manifest(features)
-    tasks = [(out, features, shard, settings, encoder) for shard in shards]
+    made_with, shards = read_manifest(features)
+    tasks = [(out, features, shard, made_with, encoder) for shard in shards]
     in_parallel(embed_into, tasks, f"embeddings of {name}", "scene")
 
 

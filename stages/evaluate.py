@@ -14,17 +14,18 @@ from pedpred.evaluation import EvaluationSettings, Scores
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.summary import figures
 from pedpred.evaluation.windows import window_request
-from pedpred.features import FeatureSettings
+from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
+from pedpred.fields import parsed
 from pedpred.files import write_json
 from pedpred.forecasting import Forecaster, Methods
-from pedpred.networks import forecaster
-from pedpred.simulation.fields import parsed
+from pedpred.models.forecaster import forecaster
+from pedpred.models.lstm.features import LstmFeatures
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.windows import write_windows
 from pedpred.workers import in_parallel
-from stages.features import perception_of
+from stages.features import features_of, perception_of
 
 _LOG = logging.getLogger(__name__)
 
@@ -35,18 +36,20 @@ class Comparison:
 
     Attributes:
         how: how people are perceived.
-        sizes: of the features.
+        protocol: time step, horizon, ages.
         social_force: the model of walking there.
         forecasters: by method.
         settings: of the metrics.
+        shown: grids around the people, for pictures.
         out: folder for the forecasts.
     """
 
     how: Perception
-    sizes: FeatureSettings
+    protocol: ForecastProtocol
     social_force: SocialForceSettings
     forecasters: Mapping[str, Forecaster]
     settings: EvaluationSettings
+    shown: LstmFeatures
     out: Path
 
 
@@ -60,8 +63,8 @@ def compare_in(folder: Path, given: Comparison) -> tuple[str, dict[str, Scores]]
     scene = read_scene(folder)
     if scene.unavailable is not None:
         return scene.name, {}
-    request = window_request(scene, given.how, given.sizes, given.social_force)
-    windows, scores = compare(request, given.forecasters, given.settings)
+    request = window_request(scene, given.how, given.protocol, given.social_force)
+    windows, scores = compare(request, given.forecasters, given.settings, given.shown)
     write_windows(windows, given.out / f"{scene.name}.parquet")
     return scene.name, scores
 
@@ -90,17 +93,19 @@ def main(cfg: DictConfig) -> None:
     metrics: dict = {}
     with configured("evaluation"):
         settings = parsed(EvaluationSettings, plain(cfg.evaluation))
+    shown = features_of(cfg, "lstm")
+    assert isinstance(shown, LstmFeatures)
     for tested in cfg.folds[cfg.study][cfg.fold].test:
         kind, key = tested.split("/")
         source = cfg[one_of("kind", kind, SETS)][key]
-        how, sizes = perception_of(cfg, source)
+        how, protocol = perception_of(cfg, source)
         walking = social_force_settings(row(cfg, "social_forces", source.social_force))
         forecasters = forecasters_of(cfg, methods, kind, settings)
-        given = Comparison(how, sizes, walking, forecasters, settings, out)
+        given = Comparison(how, protocol, walking, forecasters, settings, shown, out)
         folders = scene_folders(Path("data/scenes", tested))
         found = in_parallel(compare_in, [(f, given) for f in folders], f"evaluate {key}", "scene")
         if scores := {name: own for name, own in found if own}:
-            metrics |= figures(key, scores, methods.reference.key, settings, sizes.noncausal)
+            metrics |= figures(key, scores, methods.reference.key, settings, protocol.noncausal)
         else:
             _LOG.warning("%s has no recording, so nothing is measured there", key)
     write_json(Path(cfg.get("metrics", f"data/metrics/{fold}.json")), metrics)

@@ -7,9 +7,9 @@ from omegaconf import DictConfig
 from pedpred.baselines.registry import baselines
 from pedpred.config import configured, one_of, plain, stage
 from pedpred.evaluation.literature import LiteratureSettings, literature_figures, request_about, stretches
+from pedpred.fields import parsed
 from pedpred.files import write_json
 from pedpred.forecasting import Methods
-from pedpred.simulation.fields import parsed
 from pedpred.storage.scenes import read_scene
 from stages.features import kalman_of
 

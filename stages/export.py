@@ -6,12 +6,11 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, stage, stage_key
 from pedpred.features.perception import Standstill
-from pedpred.networks.encoding import load_encoder
-from pedpred.networks.export import export_onnx, store_half
-from pedpred.networks.registry import describe_network, load_network
-from pedpred.online.network import ModelDescription, sensor_shapes, write_description
-from pedpred.simulation.fields import parsed
-from pedpred.storage.shards import read_manifest
+from pedpred.fields import parsed
+from pedpred.models.export import export_onnx, store_half
+from pedpred.models.lstm.encoding import load_encoder
+from pedpred.models.registry import describe_network, load_format, load_network
+from pedpred.online.network import ModelDescription, write_description
 from stages.features import kalman_of
 
 
@@ -23,21 +22,22 @@ def main(cfg: DictConfig) -> None:
     kalman = kalman_of(cfg, about.tracker)
     with configured("online"):
         standstill = parsed(Standstill, {"standstill_mps": cfg.online.standstill_mps})
-    network = load_network(Path(about.networks, about.network))
-    features, _ = read_manifest(Path("data/features/simulated/main"))
+    checkpoint = Path(about.networks, about.network)
+    network, made_with = load_network(checkpoint), load_format(checkpoint)
     encoder = None
     if "grid" in network.settings.channels_read:
-        encoder = load_encoder(Path("models/distilled" if about.distilled else "models/autoencoder"))
-    ends = export_onnx(network, encoder, sensor_shapes(features), features.dt_s, out / "network.onnx")
+        encoder = load_encoder(Path("models/autoencoder"))
+    shapes, dt_s = made_with.features.shapes(), made_with.protocol.dt_s
+    ends = export_onnx(network, encoder, shapes, dt_s, out / "network.onnx")
     store_half(out / "network.onnx")
     description = ModelDescription(
         **ends,
-        features=features,
+        made_with=made_with,
         tracker=kalman,
         standstill_mps=standstill.standstill_mps,
     )
     origin = {"networks": about.networks, "method": about.network, "tracker": about.tracker}
-    origin |= {"distilled": about.distilled, "weights": "half precision", **describe_network(network)}
+    origin |= {"weights": "half precision", **describe_network(network, made_with)}
     write_description(out, description, origin)
 
 

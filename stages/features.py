@@ -10,39 +10,45 @@ from typing import Any
 from omegaconf import DictConfig
 
 from pedpred.config import SETS, configured, one_of, part, row, stage, stage_key
-from pedpred.errors import ConfigError, ValueRuleError
-from pedpred.features import FeatureSettings, extract_blocks
+from pedpred.errors import ConfigError
+from pedpred.features import ForecastProtocol, ModelFeatures, extract_blocks
 from pedpred.features.perception import Perception, Standstill, parse_tracker, perceived
+from pedpred.fields import parsed, parsed_together
+from pedpred.models.features import RowFormat, parse_features
 from pedpred.scenes import VARIANTS
-from pedpred.simulation.fields import parsed, parsed_together
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import write_manifest, write_shard
 from pedpred.tracking import KalmanSettings
 from pedpred.workers import in_parallel
 
+_MODEL = "lstm"
+"""Whose inputs these are."""
 
-def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, FeatureSettings]:
-    """Build how people are perceived in the scenes of a row of simulations or places, and sizes."""
+
+def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, ForecastProtocol]:
+    """Build how people are perceived in the scenes of a row of simulations or places, and the protocol."""
     with configured(f"trackers.{source.tracker}"):
         kalman = parse_tracker(row(cfg, "trackers", source.tracker))
     with configured(f"sensors.{source.sensor}"):
         sensor = parsed(SensorSettings, row(cfg, "sensors", source.sensor))
-    sizes, standstill_mps = sizes_of(cfg)
+    protocol, standstill_mps = protocol_of(cfg)
     if kalman is None:  # true states need no differences, so inputs cannot leak the future
-        sizes = replace(sizes, noncausal=False)
-    return Perception(kalman, standstill_mps, sensor), sizes
+        protocol = replace(protocol, noncausal=False)
+    return Perception(kalman, standstill_mps, sensor), protocol
 
 
-def sizes_of(cfg: Mapping[str, Any]) -> tuple[FeatureSettings, float]:
-    """Read the sizes of inputs and forecasts, and the speed of standing people, m/s."""
-    protocol, inputs = (part(cfg, key) for key in ("protocol", "features"))
-    try:
-        sizes, standstill = parsed_together([FeatureSettings, Standstill], protocol | inputs)
-    except ValueRuleError as error:
-        group = "protocol" if error.field in protocol else "features"
-        raise ConfigError(f"{group}.{error.field}", error.value, error.rule) from error
-    return sizes, standstill.standstill_mps
+def protocol_of(cfg: Mapping[str, Any]) -> tuple[ForecastProtocol, float]:
+    """Read what all forecasts have in common, and the speed of standing people, m/s."""
+    with configured("protocol"):
+        protocol, standstill = parsed_together([ForecastProtocol, Standstill], part(cfg, "protocol"))
+    return protocol, standstill.standstill_mps
+
+
+def features_of(cfg: Mapping[str, Any], model: str) -> ModelFeatures:
+    """Read the sizes of a model's inputs."""
+    with configured(f"features.{model}"):
+        return parse_features(model, part(cfg, "features", model))
 
 
 def kalman_of(cfg: Mapping[str, Any], name: str) -> KalmanSettings:
@@ -71,13 +77,19 @@ def variants_of(key: str, source: DictConfig) -> list[str]:
     return list(source.variants)
 
 
-def features_into(out: Path, folder: Path, variant: str, how: Perception, sizes: FeatureSettings) -> None:
+def features_into(
+    out: Path, folder: Path, variant: str, how: Perception, made_with: RowFormat, phase_offsets: int
+) -> None:
     """Write the shard of one scene or of a variant of it. A job of one worker."""
     real = read_scene(folder)
     if variant:
         real = replace(VARIANTS[variant](real), name=shard_name(folder, variant))
-    scene, tracks = perceived(real, how, sizes)
-    write_shard(extract_blocks(scene, tracks, sizes, truth=real.trajectories), out, scene.name)
+    protocol, features = made_with.protocol, made_with.features
+    scene, tracks = perceived(real, how, protocol)
+    blocks = extract_blocks(
+        scene, tracks, protocol, features, truth=real.trajectories, phase_offsets=phase_offsets
+    )
+    write_shard(blocks, out, scene.name)
 
 
 def shard_name(folder: Path, variant: str) -> str:
@@ -91,15 +103,15 @@ def main(cfg: DictConfig) -> None:
     key, rows = stage_key(cfg), one_of("kind", cfg.kind, SETS)
     out, source = Path(cfg.get("out", f"data/features/{cfg.kind}/{key}")), cfg[rows][key]
     variants = variants_of(f"{rows}.{key}", source)
-    how, sizes = perception_of(cfg, source)
-    if not sizes.noncausal:  # resampled tracks have one phase
-        with configured(f"{rows}.{key}"):
-            sizes = replace(sizes, phase_offsets=source.phase_offsets)
+    how, protocol = perception_of(cfg, source)
+    made_with, phase_offsets = RowFormat(protocol, _MODEL, features_of(cfg, _MODEL)), 1
+    if not protocol.noncausal:  # resampled tracks have one phase
+        phase_offsets = source.phase_offsets
     folders = scene_folders(Path("data/scenes", cfg.kind, key))
     seen = [(folder, variant) for folder in folders for variant in ("", *variants)]
-    tasks = [(out, *one, how, sizes) for one in seen]
+    tasks = [(out, *one, how, made_with, phase_offsets) for one in seen]
     in_parallel(features_into, tasks, f"features of {key}", "scene")
-    write_manifest(out, sizes, {shard_name(*one): one[0] for one in seen})
+    write_manifest(out, made_with, {shard_name(*one): one[0] for one in seen})
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage
+from pedpred.fields import parsed
 from pedpred.files import write_text
 from pedpred.forecasting import Methods
 from pedpred.report.ablation import ablation_sections
@@ -16,7 +17,6 @@ from pedpred.report.page.build import Contents, page
 from pedpred.report.page.player import ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.simulation_page import flow_section
-from pedpred.simulation.fields import parsed
 
 
 @stage

@@ -1,5 +1,6 @@
 """pretrain_autoencoder: learn to compress the occupancy crops of the training layouts."""
 
+import hashlib
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,10 +11,10 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage
 from pedpred.datasets.crops import CropSplit, crops_of
-from pedpred.simulation.fields import parsed_together
+from pedpred.fields import parsed_together
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.distributed import ThreadSettings
-from pedpred.training.fit import manifests_sha256, write_curve
+from pedpred.training.fit import write_curve
 from pedpred.training.loop import scratch_folder, train
 from pedpred.training.pretraining import AutoencoderLearner, AutoencoderSettings
 
@@ -29,7 +30,8 @@ def main(cfg: DictConfig) -> None:
     with configured("autoencoder"):
         training, validation, cells = crops_of(features, split, np.random.default_rng(settings.seed))
     about = {"kind": "autoencoder", "settings": asdict(settings), "cells": cells}
-    origin = {**asdict(split), "features_sha256": manifests_sha256([features])}
+    manifest = (features / "manifest.json").read_bytes()
+    origin = {**asdict(split), "features_sha256": hashlib.sha256(manifest).hexdigest()}
     with configured("autoencoder"), scratch_folder({**about, **origin}) as scratch:
         learner = AutoencoderLearner(training, validation, cells, settings)
         curve = train(learner, scratch, "auto-encoder")

@@ -7,9 +7,9 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, row, stage, stage_key
-from pedpred.simulation.arrangements import Arrangement, arrangements, parsed_layouts, simulated
+from pedpred.fields import parsed
+from pedpred.simulation.arrangements import Arrangement, arrangements, parsed_layouts, simulate_arrangement
 from pedpred.simulation.clutter import ClutterSettings
-from pedpred.simulation.fields import parsed
 from pedpred.simulation.settings import SimulationSettings, SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import write_scene
 from pedpred.workers import in_parallel
@@ -17,7 +17,7 @@ from pedpred.workers import in_parallel
 
 def simulate_into(out: Path, arrangement: Arrangement, settings: SocialForceSettings) -> None:
     """One worker's job: simulate one arrangement and write it."""
-    write_scene(simulated(arrangement, settings), out / arrangement.name)
+    write_scene(simulate_arrangement(arrangement, settings), out / arrangement.name)
 
 
 @stage

@@ -1,76 +1,131 @@
-"""train_corridor, train_main, finetune: one phase of the curriculum for one network."""
+"""train_corridor, train_main, finetune and the like: one phase of the curriculum for one network."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import torch
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, plain, stage, stage_key
-from pedpred.datasets.lanes import SplitSettings
-from pedpred.networks import parse_settings
-from pedpred.simulation.fields import parsed, parsed_together
+from pedpred.fields import parsed, parsed_together
+from pedpred.models.contract import NetworkSettings
+from pedpred.models.registry import parse_settings
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.shards import has_rows
+from pedpred.storage.situations import read_situations_manifest
+from pedpred.training import InstantSettings, SequenceSettings
 from pedpred.training.distributed import DeviceSettings, distributed_context
-from pedpred.training.fit import PhaseData, copy_phase, fit, write_curve
-from pedpred.training.recurrent import TrainingSettings
+from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
+from pedpred.training.instants import RealShare, mix_shares
 
-PREVIOUS = {
-    "corridor": "models/autoencoder",
-    "main": "models/corridor/{name}",
-    "finetune": "models/main/{name}",
+SEQUENCES, INSTANTS = Path("data/features"), Path("data/situations")
+
+
+@dataclass(frozen=True)
+class Phase:
+    """What a row of `training` is.
+
+    Attributes:
+        previous: checkpoint of the phase before; {name}: the network. None starts with random weights.
+        rows: folder of the sets that are read: sequences for networks with a memory, or instants.
+    """
+
+    previous: str | None
+    rows: Path
+
+
+PHASES = {
+    "corridor": Phase("models/autoencoder", SEQUENCES),
+    "main": Phase("models/corridor/{name}", SEQUENCES),
+    "finetune": Phase("models/main/{name}", SEQUENCES),
+    "situations": Phase(None, INSTANTS),
+    "adaptation": Phase("models/main/{name}", INSTANTS),
 }
 
 
 def device_of(cfg: DictConfig) -> DeviceSettings:
     """Read where to train; sets the number of threads."""
     with configured("training"):
-        own = {field.name: cfg.training[field.name] for field in fields(DeviceSettings)}
-        device: DeviceSettings = parsed(DeviceSettings, own)
+        values = {field.name: cfg.training[field.name] for field in fields(DeviceSettings)}
+        device: DeviceSettings = parsed(DeviceSettings, values)
     torch.set_num_threads(device.threads)
     return device
 
 
+def architecture_of(cfg: DictConfig, name: str) -> NetworkSettings:
+    """Read the settings of a network."""
+    (group,) = (group for group, rows in cfg.methods.items() if name in rows)
+    with configured(f"methods.{group}.{name}.settings"):
+        return parse_settings(plain(cfg.methods[group][name].settings))
+
+
+def settings_of(
+    phase: str, options: Mapping[str, object]
+) -> tuple[SequenceSettings | InstantSettings, float]:
+    """Read a row of `training`, and how much of the rows of an adaptation is real."""
+    if PHASES[phase].rows == SEQUENCES:
+        return parsed(SequenceSettings, options), 0.0
+    kinds = [InstantSettings, RealShare] if phase == "adaptation" else [InstantSettings]
+    settings, *share = parsed_together(kinds, options)
+    return settings, share[0].real_share if share else 0.0
+
+
+def sets_of(cfg: DictConfig, rows: Path) -> list[str]:
+    """Names of the sets to train on that have people: those of `data` or of `fold`, or all places."""
+    if "data" in cfg:
+        return [cfg.data]
+    fold = cfg.get("fold")
+    named = cfg.folds.real[fold].train if fold else [f"real/{place}" for place in cfg.places]
+    if rows == SEQUENCES:
+        return [key for key in named if has_rows(rows / key)]
+    return [key for key in named if key.startswith("real/") and read_situations_manifest(rows / key)[1]]
+
+
 @stage
 def main(cfg: DictConfig) -> None:
-    """Train network `name` in `phase` on the set `data` or on those of `fold` that have people; else copy it.
+    """Train network `name` in `phase` on the set `data`, on the sets of `fold`, or on all places.
 
-    Several processes: `torchrun -m stages.train`.
+    A phase that learns from instants adds its simulated sets. A sequence without any set is a copy of the
+    phase before. Several processes: `torchrun -m stages.train`.
     """
-    name = stage_key(cfg)
-    start = one_of("phase", cfg.phase, PREVIOUS)
+    name, phase = stage_key(cfg), one_of("phase", cfg.phase, PHASES)
     with configured(f"training.{cfg.phase}"):
-        split, settings = parsed_together([SplitSettings, TrainingSettings], plain(cfg.training[cfg.phase]))
-    with configured(f"methods.networks.{name}.settings"):
-        architecture = parse_settings(plain(cfg.methods.networks[name].settings))
-    device = device_of(cfg)
-    folded = "fold" in cfg
-    named = cfg.folds.real[cfg.fold].train if folded else []
-    sets = [part for part in named if has_rows(Path("data/features", part))] if folded else [cfg.data]
-    data = PhaseData(
-        [Path("data/features", part) for part in sets],
-        [Path("data/embeddings", part) for part in sets],
-        Path("models/autoencoder"),
-        split,
-    )
-    label, kind = (f"{cfg.phase}_{cfg.fold}", "real") if folded else (cfg.phase, "sim")
-    out = Path(cfg.get("out", f"models/folds/{cfg.fold}/{name}" if folded else f"models/{cfg.phase}/{name}"))
-    curve_path = Path(cfg.get("curve", f"reports/curves/{kind}/{label}_{name}.tsv"))
-    previous = Path(start.format(name=name))
-    if not sets:
+        settings, real_share = settings_of(cfg.phase, plain(cfg.training[cfg.phase]))
+    architecture, device = architecture_of(cfg, name), device_of(cfg)
+    sets = [] if cfg.phase == "situations" else sets_of(cfg, phase.rows)
+    title = f"{cfg.phase} of {name} on {', '.join(sets) or 'simulated situations'}"
+    out, curve_path = outputs_of(cfg, name)
+    previous = phase.previous and Path(phase.previous.format(name=name))
+    if isinstance(settings, InstantSettings):
+        shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
+        settings = replace(settings, shares=mix_shares(shares, sets, real_share))
+        sets = list(settings.shares)
+    elif not sets:
+        assert previous is not None
         copy_phase(previous, out, curve_path)
         return
-    title = f"{cfg.phase} of {name} on {', '.join(sets)}"
+    folders, embeddings = ({key: top / key for key in sets} for top in (phase.rows, Path("data/embeddings")))
     with ExitStack() as group:
         with configured("training"):
             here = group.enter_context(distributed_context(device.device, device.autocast))
         group.enter_context(configured(f"training.{cfg.phase}"))
-        network, curve, about = fit(architecture, previous, data, settings, title, here)
+        rows = load_rows(architecture, settings, folders, embeddings, Path("models/autoencoder"))
+        network, curve, about = fit(architecture, previous or None, rows, settings, title, here)
     if here.writes:
         write_checkpoint(out, network.state_dict(), about)
         write_curve(curve, curve_path)
+
+
+def outputs_of(cfg: DictConfig, name: str) -> tuple[Path, Path]:
+    """Folder of the checkpoint, and file of the curve."""
+    fold = cfg.get("fold")
+    folder = f"models/folds/{fold}/{name}" if fold else f"models/{cfg.phase}/{name}"
+    curve = f"real/finetune_{fold}_{name}" if fold else f"sim/{cfg.phase}_{name}"
+    return Path(cfg.get("out", folder)), Path(cfg.get("curve", f"reports/curves/{curve}.tsv"))
 
 
 if __name__ == "__main__":

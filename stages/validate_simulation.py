@@ -9,11 +9,11 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from pedpred.config import configured, part, row, stage
+from pedpred.fields import parsed_together
 from pedpred.files import write_json, write_text
 from pedpred.report.canvas import write_png
 from pedpred.report.simulation_page import crowd_section
 from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow
-from pedpred.simulation.fields import parsed_together
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.simulation.walking import count_walking
 from pedpred.storage.scenes import read_scene, scene_folders

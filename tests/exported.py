@@ -3,19 +3,31 @@
 import numpy as np
 import torch
 
-from pedpred.datasets import MotionData
-from pedpred.features import FeatureSettings
-from pedpred.features.situation import channel_widths
-from pedpred.networks import GridAutoencoder, parse_settings
-from pedpred.networks.export import export_onnx
-from pedpred.networks.registry import describe_network
-from pedpred.networks.rolling import rolled
-from pedpred.online.network import ModelDescription, sensor_shapes, write_description
+from pedpred.datasets import TrainingRows
+from pedpred.datasets.rows import Spans
+from pedpred.features import ForecastProtocol
+from pedpred.models.export import export_onnx
+from pedpred.models.features import RowFormat
+from pedpred.models.forecaster import NetworkForecaster
+from pedpred.models.lstm.autoencoder import GridAutoencoder
+from pedpred.models.lstm.features import LstmFeatures
+from pedpred.models.mixture.features import MixtureFeatures
+from pedpred.models.registry import describe_network, parse_settings
+from pedpred.models.rolling import rolled
+from pedpred.online.network import ModelDescription, write_description
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.tracking import KalmanSettings
 
 WIDTHS = {"state": 2, "grid": 392, "angular": 72}
 TRACKER = KalmanSettings(acceleration_noise=0.05, position_noise_m=0.05)
+PROTOCOL = ForecastProtocol()
+LSTM_ROWS = RowFormat(PROTOCOL, "lstm", LstmFeatures())
+MIXTURE_ROWS = RowFormat(PROTOCOL, "mixture", MixtureFeatures())
+
+
+def widths_of(features):
+    """Channel -> numbers per person."""
+    return {name: shape[0] for name, shape in features.shapes().items()}
 
 
 def lstm(joint, head, channels, **changes):
@@ -28,10 +40,11 @@ def lstm(joint, head, channels, **changes):
 NETWORK = lstm(32, 16, {"state": (8, 8), "grid": (64, 16), "angular": (16, 16)}, uncertainty="gaussian")
 
 
-def write_model(folder, network, encoder, sizes):
+def write_model(folder, network, encoder, made_with):
     """Export a network for the robot; its description."""
-    ends = export_onnx(network, encoder, sensor_shapes(sizes), sizes.dt_s, folder / "network.onnx")
-    description = ModelDescription(**ends, features=sizes, tracker=TRACKER, standstill_mps=0.2)
+    shapes, dt_s = made_with.features.shapes(), made_with.protocol.dt_s
+    ends = export_onnx(network, encoder, shapes, dt_s, folder / "network.onnx")
+    description = ModelDescription(**ends, made_with=made_with, tracker=TRACKER, standstill_mps=0.2)
     write_description(folder, description, {"trained_on": "nothing"})
     return description
 
@@ -42,24 +55,30 @@ def export(folder):
     network, encoder = NETWORK.build(WIDTHS, 10).eval(), GridAutoencoder(60, 64).encoder
     for weights in network.parameters():
         torch.nn.init.normal_(weights, std=0.3)
-    write_model(folder, network, encoder, FeatureSettings())
+    write_model(folder, network, encoder, LSTM_ROWS)
     return folder, network, encoder
 
 
 def export_mixture(folder):
     """Write a network without memory, with large weights; the folder, the network and no encoder."""
     torch.manual_seed(0)
-    sizes, settings = FeatureSettings(), parse_settings({"architecture": "mixture", "modes": 4, "units": 32})
-    network = settings.build(channel_widths(sizes), 10).eval()
+    settings = parse_settings({"architecture": "mixture", "modes": 4, "units": 32})
+    network = settings.build(widths_of(MIXTURE_ROWS.features), 10).eval()
     for weights in network.parameters():
         torch.nn.init.normal_(weights, std=0.1)
-    write_model(folder, network, GridAutoencoder(60, 64).encoder, sizes)
+    write_model(folder, network, GridAutoencoder(60, 64).encoder, MIXTURE_ROWS)
     return folder, network, None
 
 
-def write_network(folder, network, about=()):
-    """Write a network as a checkpoint; `about` adds to its description."""
-    write_checkpoint(folder, network.state_dict(), describe_network(network) | dict(about))
+def forecaster_of(network, encoder, **choices):
+    """The network as a forecaster, with the inputs of its kind."""
+    rows = LSTM_ROWS if network.state_shapes else MIXTURE_ROWS
+    return NetworkForecaster(network, rows.features, encoder, **choices)
+
+
+def write_network(folder, network, made_with=LSTM_ROWS):
+    """Write a network as a checkpoint."""
+    write_checkpoint(folder, network.state_dict(), describe_network(network, made_with))
 
 
 def write_autoencoder(folder, latent=64, tied=True):
@@ -83,11 +102,12 @@ def same_weights(one, other):
     return all(torch.equal(a, b) for a, b in zip(one.parameters(), other.parameters(), strict=True))
 
 
-def motion_data(velocity, future, tracks, **given):
-    """Tracks of equal length, one behind the other, with nobody near."""
-    edges = np.linspace(0, len(velocity), tracks + 1, dtype=int)
-    sequences, track = np.stack([edges[:-1], edges[1:]], axis=-1), np.arange(tracks)
-    usual = {"sequences": sequences, "scene": track // 2, "track": track, "embedding": None, "dt_s": 0.3}
-    usual |= {"angular": torch.zeros(len(velocity), 72)}
-    usual |= {"future_steps": torch.full((len(velocity),), future.shape[1])}
-    return MotionData(velocity=velocity, future=future, **usual | given)
+def rows_of(state, future, tracks, made_with=LSTM_ROWS, **given):
+    """Tracks of equal length, one behind the other, with nobody near; `given`: other channels, or fields."""
+    edges = np.linspace(0, len(state), tracks + 1, dtype=int)
+    track = np.arange(tracks)
+    spans = Spans(np.stack([edges[:-1], edges[1:]], axis=-1), np.zeros(tracks, int), track // 2, track)
+    usual = {"spans": spans, "future_steps": torch.full((len(state),), future.shape[1])}
+    fields = {name: given.pop(name) for name in ("spans", "future_steps", "nothing") if name in given}
+    channels = {"state": state, "angular": torch.zeros(len(state), 72)} | given
+    return TrainingRows(channels, future, sets=("tracks",), made_with=made_with, **usual | fields)

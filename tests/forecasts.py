@@ -3,7 +3,7 @@
 import numpy as np
 
 from pedpred.evaluation.windows import windows_of
-from pedpred.features import FeatureSettings
+from pedpred.features import ForecastProtocol
 from pedpred.forecasting import ForecastRequest, Methods
 from pedpred.metrics import MetricScene
 from pedpred.report.findings import Paper
@@ -18,8 +18,8 @@ PAPER = Paper.parse(read("paper/pfeiffer2018"))
 
 def request_about(scene, table, rows=None, **given):
     """A request for some rows of a table at detections; by default for its windows."""
-    rows = windows_of(table, FeatureSettings()) if rows is None else rows
-    usual = {"sizes": FeatureSettings(), "tracker": None, "detection_interval_s": scene.detection_dt_s}
+    rows = windows_of(table, ForecastProtocol()) if rows is None else rows
+    usual = {"sizes": ForecastProtocol(), "tracker": None, "detection_interval_s": scene.detection_dt_s}
     return ForecastRequest(scene=scene, table=table, rows=rows, **usual | given)
 
 

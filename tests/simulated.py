@@ -1,15 +1,17 @@
 """Small simulated places for the tests; the shipped configuration, a few seconds each."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import yaml
 
-from pedpred.simulation.arrangements import arrangements, parsed_layouts, simulated
+from pedpred.fields import parsed
+from pedpred.simulation.arrangements import arrangements, parsed_layouts, simulate_arrangement
 from pedpred.simulation.clutter import ClutterSettings
-from pedpred.simulation.fields import parsed
 from pedpred.simulation.layouts import Layout, TargetPool, layout_from
 from pedpred.simulation.settings import SimulationSettings, social_force_settings
+from pedpred.simulation.worlds import DRAWN_KINDS, SensingSettings, WorldSettings
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -21,6 +23,8 @@ def read(name):
 SOCIAL_FORCE = read("social_forces/walking")["helbing1995"]
 SETTINGS = social_force_settings(SOCIAL_FORCE)
 CLUTTER = read("clutter/rooms")
+WORLDS = parsed(WorldSettings, read("worlds/varied"))
+SENSING = parsed(SensingSettings, read("sensing/varied"))
 USE = {
     "social_force": "helbing1995",
     "tracker": "truth",
@@ -60,7 +64,7 @@ def short(seconds, pedestrians=20, **changes):
 
 
 def scene_of(arrangement, settings=SETTINGS):
-    return simulated(arrangement, settings)
+    return simulate_arrangement(arrangement, settings)
 
 
 def pool(*places):
@@ -68,3 +72,9 @@ def pool(*places):
 
 
 EMPTY_ROOM = Layout((12.0, 8.0))
+
+
+def short_worlds(duration_s, warm_up_s=WORLDS.warm_up_s):
+    """The settings of worlds with another recorded time."""
+    kinds = {kind: replace(getattr(WORLDS, kind), duration_s=duration_s) for kind in DRAWN_KINDS}
+    return replace(WORLDS, warm_up_s=warm_up_s, **kinds)

@@ -20,6 +20,7 @@ from pedpred.report.ablation import (
 )
 from pedpred.report.canvas import png_bytes
 from tests.forecasts import METHODS
+from tools import ablate
 
 ROOT = Path(__file__).parents[1]
 ABLATIONS = sorted((ROOT / "conf" / "ablations").glob("*.yaml"))
@@ -117,6 +118,13 @@ def test_an_ablation_that_does_not_exist_is_named_beside_those_that_do():
     known = r"\['layouts', 'mixture', 'mixture_modes', 'pretraining', 'reach', 'seeds'\]"
     with pytest.raises(ValueRuleError, match=f"ablation = 'magic', but known ablations are {known}"):
         read_ablation(ABLATIONS[0].with_stem("magic"))
+
+
+def test_a_point_that_does_not_exist_is_named_beside_those_that_do(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr("sys.argv", ["ablate", "reach", "--point", "0.3"])
+    with pytest.raises(SystemExit, match=r"choose one of 0\.05, 0\.1, 0\.15, 0\.2"):
+        ablate.main()
 
 
 def test_a_misspelt_key_is_refused(tmp_path):

@@ -33,9 +33,9 @@ SMALL = [f"training.{p}.{k}" for p in ("corridor", "finetune") for k in ("steps=
 OTHERS = [f"~folds.real.{fold}" for fold in PARAMS["folds"]["real"]]
 LEARNED = [f"{group}.{name}" for group in ("networks", "memoryless") for name in PARAMS["methods"][group]]
 OTHERS += [f"methods.{name}.where=[]" for name in LEARNED]
-OTHERS += [f"methods.memoryless.{name}.role=bound" for name in PARAMS["methods"]["memoryless"]]
+OTHERS += [f"methods.memoryless.{name}.role=oracle" for name in PARAMS["methods"]["memoryless"]]
 OTHERS += ["methods.baselines.social_force.where=[]"]  # takes long to compile
-EXPORT = f"networks: models/folds/toy, network: toy, tracker: {PLACE['tracker']}, distilled: false"
+EXPORT = f"networks: models/folds/toy, network: toy, tracker: {PLACE['tracker']}"
 OTHERS += [f"+online.exports.toy={{{EXPORT}}}"]
 RUNS = [
     ["fetch", "+name=toy"],
@@ -75,10 +75,10 @@ def additions():
     entry = '    "overshoot_m": Metric("overshoot", "m", "lower", overshoot),'
     return {
         "network": {
-            "pedpred/networks/toy.py": {"": inspect.getsource(architecture)},
+            "pedpred/models/toy.py": {"": inspect.getsource(architecture)},
             "conf/methods/networks.yaml": {"": f"toy: {json.dumps(NETWORK)}"},
-            "pedpred/networks/registry.py": {
-                "from pedpred.networks.lstm": "from pedpred.networks.toy import ToySettings",
+            "pedpred/models/registry.py": {
+                "from pedpred.models.lstm.network": "from pedpred.models.toy import ToySettings",
                 "ARCHITECTURES:": '    "toy": ToySettings,',
             },
         },
@@ -135,8 +135,7 @@ def reproduced(project):
     folder, _ = project
     (folder / "mirror").mkdir()
     (folder / "mirror/people.txt").write_text(people())
-    for name in ("autoencoder", "distilled"):  # the network reads no obstacles, but an export has an encoder
-        write_autoencoder(folder / "models" / name)
+    write_autoencoder(folder / "models/autoencoder")
     (folder / "data/features/simulated").mkdir(parents=True)
     (folder / "data/features/simulated/main").symlink_to("../real/toy")  # an export reads their sizes
     run(folder, sys.executable, "-c", STAGES, json.dumps([[*own, *OTHERS] for own in RUNS]))

@@ -119,7 +119,7 @@ def test_of_several_scenes_a_missing_one_is_named_before_the_first_is_read(here,
         """
         import stages
         print(flush=True)
-        import stages.train_situations
+        import stages.train
         """,
     ],
 )

@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 
 from pedpred.arrays import locked, real_number, real_numbers
 from pedpred.errors import ValueRuleError
-from pedpred.features.observe import Pedestrians
+from pedpred.features.surroundings import Pedestrians
 from pedpred.geometry import Homography
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import Camera, Forecast, OccupancyMap, Predictions, Scene, Trajectories

@@ -16,7 +16,7 @@ from tests.worlds import walled_scene
 
 
 def both(scene: Scene, predictor: OnlinePredictor):
-    about, sizes = predictor.description, predictor.features
+    about, sizes = predictor.description, predictor.protocol
     request = window_request(scene, Perception(about.tracker, 0.2, SensorSettings()), sizes)
     asked = request.asked
     slow = predictions_at(replayed(scene, predictor), asked.track_id, asked.time_s, 10, sizes.dt_s)

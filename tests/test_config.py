@@ -222,7 +222,7 @@ def test_an_unknown_key_or_option_is_named_without_a_traceback(project, override
 @pytest.mark.parametrize(
     ("stage", "override", "rule"),
     [
-        ("features +kind=real +name=eth", "features.grid_cells=61", "it must be a multiple of 4"),
+        ("features +kind=real +name=eth", "features.lstm.grid_cells=61", "it must be a multiple of 4"),
         ("simulate +name=corridor", "simulations.corridor.hours=abc", "it must be a number in (0, 100000]"),
     ],
 )

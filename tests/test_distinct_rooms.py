@@ -7,9 +7,9 @@ if in one of these ways their obstacles (outer walls left out) overlap by half, 
 
 import numpy as np
 
+from pedpred.fields import parsed
 from pedpred.simulation.arrangements import rooms
 from pedpred.simulation.clutter import ClutterSettings
-from pedpred.simulation.fields import parsed
 from pedpred.simulation.layouts import WALL_CELLS, Layout
 from pedpred.simulation.settings import SimulationSettings
 from pedpred.simulation.shapes import Circle, Rectangle

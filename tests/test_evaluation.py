@@ -15,7 +15,7 @@ from pedpred.evaluation import EvaluationSettings, Scores, pooled, score, summar
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.scores import true_paths
 from pedpred.evaluation.summary import TrackBootstrap
-from pedpred.features import FeatureSettings, extract_at_detections
+from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.forecasting import Method
 from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.paths import displacement, too_close
@@ -28,7 +28,7 @@ SETTINGS = EvaluationSettings(bootstrap=10)
 
 
 def table_of(scene):
-    return extract_at_detections(scene, tracked(scene), FeatureSettings())
+    return extract_at_detections(scene, tracked(scene), ForecastProtocol())
 
 
 def walled_request(**given):

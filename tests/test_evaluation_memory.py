@@ -3,7 +3,7 @@
 import gc
 import sys
 import tracemalloc
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,12 +15,12 @@ from pedpred.command.prediction import robot_for
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import Scores, in_order
 from pedpred.evaluation.windows import window_request
-from pedpred.features import FeatureSettings
-from pedpred.features.extract import present_rows
+from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
+from pedpred.features.surroundings import present_rows
+from pedpred.forecasting.chain import instant_blocks
 from pedpred.forecasting.regions import learned, learned_in_parts
 from pedpred.online.assessment import assess
-from pedpred.online.batch import instant_blocks
 from pedpred.scenes import Predictions
 from tests.exported import TRACKER
 from tests.worlds import walled_scene
@@ -43,7 +43,7 @@ def crowd():
 def test_figures_do_not_depend_on_the_size_of_the_blocks(kind, rows, crowd, request, monkeypatch):
     folder = request.getfixturevalue(kind)[0]
     whole = assess(crowd, robot_for(crowd, folder), SETTINGS)
-    monkeypatch.setattr("pedpred.online.batch._ROWS_AT_ONCE", rows)
+    monkeypatch.setattr("pedpred.forecasting.chain._ROWS_AT_ONCE", rows)
     monkeypatch.setattr(EXTRACT, "_ROWS_AT_ONCE", rows)
     blocks = assess(crowd, robot_for(crowd, folder), SETTINGS)
     assert list(blocks) == list(whole)
@@ -73,7 +73,7 @@ def test_each_detection_takes_little_memory(mixture):
 def test_blocks_hold_whole_instants(times, rows):
     time_s = np.sort(times)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pedpred.online.batch._ROWS_AT_ONCE", rows)
+        patch.setattr("pedpred.forecasting.chain._ROWS_AT_ONCE", rows)
         blocks = instant_blocks(time_s)
     assert [row for begin, end in blocks for row in range(begin, end)] == list(range(len(time_s)))
     assert all(time_s[begin] > time_s[begin - 1] for begin, _ in blocks[1:])
@@ -105,7 +105,7 @@ def test_who_is_present_does_not_depend_on_how_many_are_looked_at_together(most,
     now_s = np.unique(rng.uniform(-1, 6, 20))
     whole = present_rows(track_id, time_s, now_s, max_age_s)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(EXTRACT, "_MOST_CANDIDATES", most)
+        patch.setattr("pedpred.features.surroundings._MOST_CANDIDATES", most)
         parts = present_rows(track_id, time_s, now_s, max_age_s)
     for one, other in zip(whole, parts, strict=True):
         assert one.dtype == other.dtype
@@ -114,17 +114,14 @@ def test_who_is_present_does_not_depend_on_how_many_are_looked_at_together(most,
     assert [len(values) for values in nobody] == [0, 0]
 
 
-def test_without_memory_only_the_grids_are_left_out(crowd):
+def test_without_memory_only_its_steps_are_left_out(crowd):
     how = Perception(TRACKER, 0.2)
-    full, lean = (window_request(crowd, how, FeatureSettings(), memory=memory) for memory in (True, False))
+    full, lean = (window_request(crowd, how, ForecastProtocol(), memory=memory) for memory in (True, False))
     np.testing.assert_array_equal(full.rows, lean.rows)
-    for field in fields(full.table):
-        values = getattr(lean.table, field.name)
-        if field.name in ("occupancy", "angular_grid"):
-            assert values.shape == (len(lean.table), 0)
-        else:
-            np.testing.assert_array_equal(values, getattr(full.table, field.name))
+    for name, values in lean.table.columns.items():
+        np.testing.assert_array_equal(values, full.table.columns[name])
     assert lean.clock is None
+    assert len(full.clock)
 
 
 @given(st.permutations(range(12)), st.integers(1, 11))

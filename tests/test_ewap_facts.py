@@ -10,7 +10,7 @@ from PIL import Image
 from pedpred.baselines.registry import BASELINES
 from pedpred.errors import SourceError
 from pedpred.evaluation.scores import true_paths
-from pedpred.features import FeatureSettings, extract_at_detections
+from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.geometry import Homography
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import Camera
@@ -128,7 +128,7 @@ def test_real_windows_and_the_errors_of_constant_velocity(real):
     """The honest protocol's windows, and the tracker tuned on the *other* place."""
     scene, facts = real
     (other,) = set(FACTS) - {scene.name}
-    table = extract_at_detections(scene, tracked(scene, tracker_tuned_on(other)), FeatureSettings())
+    table = extract_at_detections(scene, tracked(scene, tracker_tuned_on(other)), ForecastProtocol())
     request = request_about(scene, table)
     windows = request.asked
     assert len(windows) == facts["windows"]

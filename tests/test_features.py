@@ -10,47 +10,47 @@ from hypothesis import strategies as st
 
 from benchmarks import features as benchmark
 from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.features import (
-    FeatureSettings,
-    Neighbours,
-    Pedestrians,
-    angular_grids,
-    extract,
-    extract_blocks,
-    observe,
-    occupancy_crops,
-    unpack_crops,
-)
-from pedpred.features.extract import pedestrians_at
+from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surroundings, extract, extract_blocks
+from pedpred.features.surroundings import pedestrians_at
 from pedpred.features.targets import future_velocities
 from pedpred.geometry import rotate
+from pedpred.models.lstm.features.grids import angular_grids, occupancy_crops, unpack_crops
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.tracking import KalmanSettings, follow, resampled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
+from tests.exported import LSTM_ROWS
 from tests.worlds import blocked, empty_map, recorded, tracked, walled_scene
 
+PROTOCOL, FEATURES = LSTM_ROWS.protocol, LSTM_ROWS.features
 KALMAN = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
 SOURCES = {
     "annotations": dict(kind="kalman", kalman=KALMAN, dt_s=0.4, phase_offsets=3, truth=False),
     "simulation": dict(kind="truth", kalman=None, dt_s=0.3, phase_offsets=1, truth=True),
     "sensor": dict(kind="kalman", kalman=KALMAN, dt_s=0.1, phase_offsets=1, truth=False, detections=60),
 }
-SENSOR = SensorSettings(every=2, position_noise_m=0.1, quantum_m=0.02, drop_out_share=0.1, switch_share=0.2)
+SENSOR = SensorSettings(
+    rate_hz=5.0, position_noise_m=0.1, quantum_m=0.02, drop_out_share=0.1, switch_share=0.2
+)
 MOTION = ("position", "heading_rad", "velocity", "last_position", "last_velocity", "last_acceleration")
 INPUTS = (*MOTION, "occupancy", "angular_grid")
 
 
 def table_of(scene, source, truth=None):
     tracks = follow(scene.trajectories, source["kind"], source["kalman"], 0.2)
-    return extract(scene, tracks, FeatureSettings(phase_offsets=source["phase_offsets"]), truth)
+    return extract(scene, tracks, PROTOCOL, FEATURES, truth, source["phase_offsets"])
 
 
 def paper_table(scene):
     """The leaky protocol."""
     prepared = resampled(scene, 0.3)
     tracks = follow(prepared.trajectories, "truth", None, 0.2)
-    return extract(prepared, tracks, FeatureSettings(noncausal=True), scene.trajectories)
+    return extract(prepared, tracks, ForecastProtocol(noncausal=True), FEATURES, scene.trajectories)
+
+
+def column(table, name):
+    """A column or an input."""
+    return {**table.columns, **table.inputs}[name]
 
 
 def otherwise_later(scene, now, rng):
@@ -83,7 +83,7 @@ def inputs_until(before, after, now):
 def assert_same_inputs(before, after, now):
     a, b = inputs_until(before, after, now)
     for name in INPUTS:
-        np.testing.assert_array_equal(getattr(before, name)[a], getattr(after, name)[b], err_msg=name)
+        np.testing.assert_array_equal(column(before, name)[a], column(after, name)[b], err_msg=name)
 
 
 @pytest.mark.parametrize("name", SOURCES)
@@ -116,7 +116,7 @@ def test_the_paper_protocol_does_leak():
     after = paper_table(otherwise_later(scene, now, np.random.default_rng(2)))
     a, b = inputs_until(before, after, now)
     for name in ("position", "velocity", "occupancy", "angular_grid"):
-        assert (getattr(before, name)[a] != getattr(after, name)[b]).any(), name
+        assert (column(before, name)[a] != column(after, name)[b]).any(), name
 
 
 def minute_of(ewap_folder, place):
@@ -140,7 +140,7 @@ def test_velocities_targets_and_neighbours_do_not_see_the_world_frame(seed, turn
     walking = np.hypot(*a.velocity.T) > 0.25  # a pedestrian that never moved looks along world x
     np.testing.assert_allclose(a.velocity[walking], b.velocity[walking], atol=1e-5)
     np.testing.assert_allclose(a.future[walking], b.future[walking], atol=1e-4)
-    grids = np.isclose(a.angular_grid, b.angular_grid, atol=1e-4)[walking]
+    grids = np.isclose(*(column(t, "angular_grid") for t in (a, b)), atol=1e-4)[walking]
     assert grids.mean() > 0.999  # a neighbour on the edge of a cone may fall to either side
 
 
@@ -244,7 +244,7 @@ def test_nobody_sees_itself_and_an_empty_crowd_is_far_away():
     one = Trajectories(time_s, np.zeros(20), np.stack([np.arange(20) * 0.5, np.zeros(20)], axis=-1))
     table = table_of(Scene("alone", one, empty_map(), 0.4), SOURCES["annotations"])
     assert len(table) > 20
-    assert (table.angular_grid == 6.0).all()
+    assert (column(table, "angular_grid") == 6.0).all()
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -270,7 +270,7 @@ def test_a_track_of_one_detection_and_an_empty_recording_have_an_answer():
     lonely = Trajectories(np.array([1.0]), np.array([7]), np.array([[50.0, 50.0]]))  # and outside the map
     table = table_of(Scene("one", lonely, empty_map(), 0.4), SOURCES["annotations"])
     assert len(table) == 1
-    assert not table.occupancy.any()
+    assert not column(table, "occupancy").any()
     assert table.future_steps.tolist() == [0]
     nothing = Trajectories(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
     assert len(table_of(Scene("none", nothing, empty_map(), 0.4), SOURCES["annotations"])) == 0
@@ -282,8 +282,7 @@ def test_online_equals_offline_bit_by_bit(source):
     source = SOURCES[source]
     scene = walled_scene(np.random.default_rng(3), source["dt_s"], source["truth"], detections=14)
     table = table_of(scene, source)
-    sizes = FeatureSettings(phase_offsets=source["phase_offsets"])
-    max_age_s = scene.detection_dt_s * sizes.max_age_intervals
+    max_age_s = scene.detection_dt_s * PROTOCOL.max_age_intervals
     compared = 0
     for now in np.unique(table.time_s):
         heard = scene.trajectories.select(scene.trajectories.time_s <= now + TIME_TOLERANCE_S)
@@ -291,30 +290,31 @@ def test_online_equals_offline_bit_by_bit(source):
         last = np.flatnonzero(np.diff(tracks.track_id, append=-1))
         last = last[tracks.time_s[last] >= now - max_age_s]
         frame = pedestrians_at(tracks, last, np.full(len(last), now))
-        seen = observe_frame(frame, scene.occupancy, sizes)
+        around, now_s = Neighbours.together(frame, len(frame)), np.full(len(frame), now)
+        seen = FEATURES.compute(Surroundings.of(tracks, last, now_s, around, scene.occupancy), 0.3)
         rows = np.flatnonzero(table.time_s == now)
         who = np.searchsorted(frame.track_id, table.track_id[rows])
         np.testing.assert_array_equal(frame.track_id[who], table.track_id[rows])
         for name in ("position", "heading_rad"):
             np.testing.assert_array_equal(getattr(frame, name)[who], getattr(table, name)[rows])
-        for name in ("velocity", "occupancy", "angular_grid"):
-            np.testing.assert_array_equal(getattr(seen, name)[who], getattr(table, name)[rows])
+        for name, values in ({"state": table.velocity} | table.inputs).items():
+            np.testing.assert_array_equal(seen[name][who], values[rows])
         compared += len(rows)
     assert compared == len(table) > 30
 
 
 def test_blocks_hold_whole_tracks_and_together_the_table():
     scene = walled_scene(np.random.default_rng(0), tracks=6)
-    tracks, sizes = tracked(scene, KALMAN), FeatureSettings(phase_offsets=3)
-    whole = extract(scene, tracks, sizes)
+    tracks = tracked(scene, KALMAN)
+    whole = extract(scene, tracks, PROTOCOL, FEATURES, phase_offsets=3)
     for rows in (1, 350, 10**6):
-        blocks = list(extract_blocks(scene, tracks, sizes, rows))
+        blocks = list(extract_blocks(scene, tracks, PROTOCOL, FEATURES, rows, phase_offsets=3))
         owners = [set(block.track_id.tolist()) for block in blocks]
         assert sum(map(len, owners)) == len(set.union(*owners)) == 6
         assert all(len(block) <= rows or len(names) == 1 for block, names in zip(blocks, owners, strict=True))
-        for field in dataclasses.fields(whole):
-            parts = np.concatenate([getattr(block, field.name) for block in blocks])
-            np.testing.assert_array_equal(parts, getattr(whole, field.name), err_msg=field.name)
+        for name in (*whole.columns, *whole.inputs):
+            parts = np.concatenate([column(block, name) for block in blocks])
+            np.testing.assert_array_equal(parts, column(whole, name), err_msg=name)
 
 
 def pedestrians(*positions, heading_rad=0.0):
@@ -323,22 +323,22 @@ def pedestrians(*positions, heading_rad=0.0):
     return Pedestrians(np.arange(rows), where, np.full(rows, heading_rad), np.zeros((rows, 2)))
 
 
-def observe_frame(frame, occupancy, sizes):
-    return observe(frame, Neighbours.together(frame, len(frame)), occupancy, sizes)
+def observe_frame(frame, occupancy):
+    """The grids around people whose past is not known."""
+    return FEATURES.compute(benchmark.standing(frame, occupancy), 0.3)
 
 
 def test_frames_of_nobody_of_one_and_outside_the_map_have_an_answer():
     full = OccupancyMap(np.ones((30, 30), bool), np.zeros(2), 0.1)
-    nobody = observe_frame(pedestrians(), full, FeatureSettings())
-    shapes = [nobody.velocity.shape, nobody.occupancy.shape, nobody.angular_grid.shape]
-    assert shapes == [(0, 2), (0, 450), (0, 72)]
-    alone = observe_frame(pedestrians((1.5, 1.5)), full, FeatureSettings())
-    assert unpack_crops(alone.occupancy, 60).sum() == 900  # the whole map, and free ground around it
-    assert (alone.angular_grid == 6.0).all()
-    outside = observe_frame(pedestrians((50.0, 50.0), (51.0, 50.0)), full, FeatureSettings())
-    assert not outside.occupancy.any()
-    assert outside.angular_grid[0].min() == 1.0
-    assert not observe_frame(pedestrians((0.0, 0.0)), empty_map(), FeatureSettings()).occupancy.any()
+    nobody = observe_frame(pedestrians(), full)
+    assert [values.shape for values in nobody.values()] == [(0, 2), (0, 450), (0, 72)]
+    alone = observe_frame(pedestrians((1.5, 1.5)), full)
+    assert unpack_crops(alone["occupancy"], 60).sum() == 900  # the whole map, and free ground around it
+    assert (alone["angular_grid"] == 6.0).all()
+    outside = observe_frame(pedestrians((50.0, 50.0), (51.0, 50.0)), full)
+    assert not outside["occupancy"].any()
+    assert outside["angular_grid"][0].min() == 1.0
+    assert not observe_frame(pedestrians((0.0, 0.0)), empty_map())["occupancy"].any()
 
 
 def test_states_that_are_no_numbers_are_named():
@@ -373,7 +373,7 @@ def test_targets_are_the_truth_whatever_the_sensor_says():
     seen = apply_sensor(scene, SENSOR, rng)
     tracks = tracked(seen, KALMAN)
     assert (tracks.person_id != tracks.track_id).any()
-    table = extract(seen, tracks, FeatureSettings(), scene.trajectories)
+    table = extract(seen, tracks, PROTOCOL, truth=scene.trajectories)
     row = tracks.last_row(table.track_id, table.time_s)
     own = tracked(scene, KALMAN)
     ahead = own.last_row(tracks.person_id[row], table.time_s + 0.3)
@@ -388,5 +388,5 @@ def test_the_benchmark_compares_with_the_same_grids():
     crops, grids = benchmark.plain_numpy(frame, place)
     seen = benchmark.both_grids(frame, place)
     # A centre on a cell's edge may round to either side.
-    assert np.unpackbits(crops ^ seen.occupancy).sum() <= 20
-    np.testing.assert_allclose(grids, seen.angular_grid, atol=1e-5)
+    assert np.unpackbits(crops ^ seen["occupancy"]).sum() <= 20
+    np.testing.assert_allclose(grids, seen["angular_grid"], atol=1e-5)

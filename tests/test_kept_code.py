@@ -353,9 +353,10 @@ def test_a_loop_that_changes_in_a_process_is_not_kept(monkeypatch):
 WORLD = """
 import hashlib
 
-from pedpred.worlds import WorldSettings, simulate_world
+from pedpred.simulation.worlds import simulate_world
+from tests.simulated import WORLDS
 
-world = simulate_world("corridor", 1, WorldSettings())
+world = simulate_world("corridor", 1, WORLDS)
 print(int(hashlib.sha256(world.trajectories.position.tobytes()).hexdigest()[:12], 16))
 """
 

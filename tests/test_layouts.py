@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from pedpred.config import composed
+from pedpred.fields import parsed
 from pedpred.simulation.clutter import ClutterSettings, cluttered_room
-from pedpred.simulation.fields import parsed
 from pedpred.simulation.ground import ground_of, signed_distance
 from pedpred.simulation.layouts import Layout, drawn_targets
 from pedpred.simulation.shapes import Circle, Door, Polygon, Rectangle, Wall, shape_from

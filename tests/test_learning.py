@@ -13,30 +13,35 @@ from hypothesis import strategies as st
 from pedpred.datasets import split_sequences, stream_lanes
 from pedpred.datasets.lanes import SplitSettings
 from pedpred.errors import StorageError, ValueRuleError
-from pedpred.networks import GridAutoencoder, load_network, parse_settings
-from pedpred.networks.autoencoder import intersection_over_union, read_autoencoder, reconstruction_loss
-from pedpred.networks.contract import Loss, detach, mean_over, reset, velocity_distance
-from pedpred.networks.registry import plain_settings
-from pedpred.networks.rolling import rolled
+from pedpred.models.contract import Loss, detach, mean_over, reset, velocity_distance
+from pedpred.models.lstm.autoencoder import (
+    GridAutoencoder,
+    intersection_over_union,
+    read_autoencoder,
+    reconstruction_loss,
+)
+from pedpred.models.registry import load_network, parse_settings, plain_settings
+from pedpred.models.rolling import rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.training import (
     AutoencoderLearner,
     AutoencoderSettings,
-    RecurrentLearner,
-    TrainingSettings,
+    SequenceLearner,
+    SequenceSettings,
     train,
 )
 from pedpred.training.fit import copy_phase
 from pedpred.training.loop import scratch_folder
 from pedpred.training.schedule import learning_rate
-from tests.exported import lstm, motion_data, roll, same_weights, write_autoencoder, write_network
+from tests.exported import lstm, roll, rows_of, same_weights, write_autoencoder, write_network
 from tests.worlds import squares
 
 WIDTHS = {"state": 2, "angular": 72}
 SMALL = lstm(16, 16, {"state": (8, 8), "angular": (8, 8)}, uncertainty="gaussian")
-QUICK = TrainingSettings(
+QUICK = SequenceSettings(
     **{"steps": 6, "lanes": 4, "sub_sequence": 5, "longest_track": 15, "validate_every": 3},
     **{"lr": 1e-2, "warmup_steps": 2, "clip_norm": 1.0, "weight_decay": 1e-4, "seed": 0},
+    **{"validation_by": "track", "validation_share": 0.3},
 )
 SHORT = AutoencoderSettings(
     latent=16, batch=8, steps=60, validate_every=20, lr=2e-3, warmup_steps=5, clip_norm=100.0, seed=0
@@ -49,7 +54,7 @@ def toy_data(rng, tracks=6, length=20):
     velocity, future = torch.zeros(tracks, length, 2), torch.zeros(tracks, length, 4, 2)
     velocity[:, 0, 0] = speed
     future[..., 0] = speed[:, None, None]
-    return motion_data(velocity.flatten(0, 1), future.flatten(0, 1), tracks)
+    return rows_of(velocity.flatten(0, 1), future.flatten(0, 1), tracks)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.integers(1, 7))
@@ -121,7 +126,7 @@ def test_no_gradient_flows_into_the_sub_sequence_before():
 def test_rolling_whole_tracks_does_not_depend_on_their_company():
     data = toy_data(np.random.default_rng(0))
     network = SMALL.build(WIDTHS, 4).eval()
-    together, alone = roll(network, data, data.sequences), roll(network, data, data.sequences[2:3])
+    together, alone = roll(network, data, data.spans.rows), roll(network, data, data.spans.rows[2:3])
     for name, values in together.items():
         torch.testing.assert_close(values[40:60], alone[name][40:60], atol=1e-5, rtol=1e-4)
         assert not alone[name][:40].any()
@@ -130,10 +135,10 @@ def test_rolling_whole_tracks_does_not_depend_on_their_company():
 def test_rolling_block_by_block_tells_every_row_once(monkeypatch):
     data = toy_data(np.random.default_rng(0))
     network = SMALL.build(WIDTHS, 4).eval()
-    whole = roll(network, data, data.sequences)
-    monkeypatch.setattr("pedpred.networks.rolling._TRACKS_AT_ONCE", 4)
-    monkeypatch.setattr("pedpred.networks.rolling._STEPS_AT_ONCE", 7)
-    blocks = list(rolled(network, data, data.sequences[1:]))
+    whole = roll(network, data, data.spans.rows)
+    monkeypatch.setattr("pedpred.models.rolling._TRACKS_AT_ONCE", 4)
+    monkeypatch.setattr("pedpred.models.rolling._STEPS_AT_ONCE", 7)
+    blocks = list(rolled(network, data, data.spans.rows[1:]))
     assert max(len(rows) for rows, _ in blocks) == 4 * 7
     rows = torch.cat([rows for rows, _ in blocks])
     assert sorted(rows.tolist()) == list(range(20, 120))
@@ -149,7 +154,7 @@ def test_padding_counts_neither_in_loss_nor_in_gradient():
     padded = torch.cat([rows, torch.full((2, 4), -1)], dim=1)
     losses = []
     for chosen in (rows, padded):
-        outputs, _ = network(data.inputs(chosen), network.start(2))
+        outputs, _ = network(data.padded_inputs(chosen), network.start(2))
         future, known = data.future[chosen.clamp(min=0)], data.known(chosen)
         losses += network.loss(outputs, future, known, data.dt_s)
     torch.testing.assert_close(losses[:3], losses[3:])
@@ -168,9 +173,9 @@ def test_carried_memory_solves_what_one_sub_sequence_cannot(tmp_path):
     data = toy_data(np.random.default_rng(1), tracks=24)
     network = SMALL.build(WIDTHS, 4)
     long = dataclasses.replace(QUICK, steps=250, lanes=12, longest_track=100, validate_every=50)
-    train(RecurrentLearner(network, data, data.sequences, data.sequences, long), tmp_path, "memory")
-    late = [row for first, last in data.sequences for row in range(first + 10, last)]
-    found = roll(network.eval(), data, data.sequences)["velocities"]
+    train(SequenceLearner(network, data, data.spans.rows, data.spans.rows, long), tmp_path, "memory")
+    late = [row for first, last in data.spans.rows for row in range(first + 10, last)]
+    found = roll(network.eval(), data, data.spans.rows)["velocities"]
     error = velocity_distance(found[late], data.future[late])
     assert error.mean() < 0.2  # without memory nothing beats an error of 1 m/s
 
@@ -181,7 +186,7 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     def run(scratch):
         torch.manual_seed(3)
         network = SMALL.build(WIDTHS, 4)
-        learner = RecurrentLearner(network, data, data.sequences[:4], data.sequences[4:], QUICK)
+        learner = SequenceLearner(network, data, data.spans.rows[:4], data.spans.rows[4:], QUICK)
         return network.state_dict(), train(learner, scratch, "toy")
 
     whole, curve = run(tmp_path / "whole")
@@ -205,7 +210,7 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
 def test_validation_data_without_a_whole_horizon_are_refused_at_once(tmp_path):
     data = toy_data(np.random.default_rng(0))
     data.future_steps[:] = 3  # of 4
-    learner = RecurrentLearner(SMALL.build(WIDTHS, 4), data, data.sequences, data.sequences, QUICK)
+    learner = SequenceLearner(SMALL.build(WIDTHS, 4), data, data.spans.rows, data.spans.rows, QUICK)
     with pytest.raises(ValueRuleError, match="validation_ade_m = nan, but the validation data"):
         train(learner, tmp_path, "toy")
 
@@ -214,7 +219,7 @@ def test_validation_data_without_a_whole_horizon_are_refused_at_once(tmp_path):
 def test_a_training_that_diverges_is_an_error_and_leaves_nothing(lost, named, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     data = toy_data(np.random.default_rng(0))
-    learner = RecurrentLearner(SMALL.build(WIDTHS, 4), data, data.sequences[:4], data.sequences[4:], QUICK)
+    learner = SequenceLearner(SMALL.build(WIDTHS, 4), data, data.spans.rows[:4], data.spans.rows[4:], QUICK)
     loss_of = learner.loss
 
     def lose(batch, step):
@@ -275,13 +280,13 @@ def test_chance_holds_along_a_track_and_changes_with_it():
 
 def test_splits_keep_scenes_and_tracks_whole():
     data = toy_data(np.random.default_rng(0))
-    for by, group in (("scene", data.scene), ("track", data.track)):
+    for by, group in (("scene", data.spans.scene), ("track", data.spans.track)):
         training, validation = split_sequences(
             data, SplitSettings(validation_by=by, validation_share=0.3), np.random.default_rng(0)
         )
-        of = {tuple(s): g for s, g in zip(data.sequences, group, strict=True)}
+        of = {tuple(s): g for s, g in zip(data.spans.rows, group, strict=True)}
         assert {of[tuple(s)] for s in training}.isdisjoint({of[tuple(s)] for s in validation})
-        assert len(training) + len(validation) == len(data.sequences)
+        assert len(training) + len(validation) == len(data.spans.rows)
     with pytest.raises(ValueRuleError, match="validation_by"):
         SplitSettings(validation_by="window", validation_share=0.3)
 

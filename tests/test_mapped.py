@@ -1,12 +1,12 @@
 """Data sets larger than memory: rows on disk are the rows that came, and leave nothing behind."""
 
-import dataclasses
 import errno
 import itertools
 import os
 import sys
 import tempfile
 import tracemalloc
+from dataclasses import replace
 from io import FileIO
 from pathlib import Path
 
@@ -16,19 +16,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.timing import used
-from pedpred.datasets.crops import CropSplit, EmbeddedSplit, crops_of, embedded_crops_of
+from pedpred.datasets.crops import CropSplit, crops_of
 from pedpred.datasets.lanes import SplitSettings, split_sequences
-from pedpred.datasets.motion import NETWORK_COLUMNS, load_motion_data, network_columns
+from pedpred.datasets.rows import load_sequences
 from pedpred.errors import ShapeError, StorageError, ValueRuleError
-from pedpred.features import FeatureSettings, extract_blocks
+from pedpred.features import FeatureTable, extract_blocks
 from pedpred.storage import mapped
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import read_shard, write_embeddings, write_manifest, write_shard
+from tests.exported import LSTM_ROWS
 from tests.worlds import tracked, walled_scene
 
 ROOT = Path(__file__).parents[1]
-SETTINGS = FeatureSettings()
 # every shard and the scene that it shows
 SHARDS = {"a": "a", "a_mirrored": "a", "b": "b", "b_mirrored": "b", "c": "c", "c_mirrored": "c"}
 ON_DISK = """
@@ -55,12 +55,14 @@ def stored(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stored")
     for index, (name, scene_name) in enumerate(SHARDS.items()):
         scene = walled_scene(np.random.default_rng(index))
-        blocks = list(extract_blocks(scene, tracked(scene), SETTINGS, rows=100))
+        blocks = list(extract_blocks(scene, tracked(scene), LSTM_ROWS.protocol, LSTM_ROWS.features, rows=100))
         assert len(blocks) > 1
         write_shard(blocks, folder, name)
-        write_embeddings((code_of(block.occupancy) for block in blocks), folder / "embeddings", name)
+        write_embeddings(
+            (code_of(block.inputs["occupancy"]) for block in blocks), folder / "embeddings", name
+        )
         write_scene(scene, folder / "scenes" / scene_name)
-    write_manifest(folder, SETTINGS, {name: folder / "scenes" / scene for name, scene in SHARDS.items()})
+    write_manifest(folder, LSTM_ROWS, {name: folder / "scenes" / scene for name, scene in SHARDS.items()})
     return folder
 
 
@@ -114,17 +116,18 @@ def test_rows_on_disk_are_no_memory_of_the_process(tmp_path):
 
 
 def test_a_data_set_is_its_shards_one_behind_the_other(stored):
-    data = load_motion_data([stored], [stored / "embeddings"])
-    tables = [read_shard(stored, name, SETTINGS) for name in SHARDS]
-    for name in NETWORK_COLUMNS:
-        expected = np.concatenate([network_columns(table, SETTINGS)[name] for table in tables])
-        np.testing.assert_array_equal(getattr(data, name).numpy(), expected)
-    embedding = np.concatenate([code_of(table.occupancy) for table in tables])
-    np.testing.assert_array_equal(data.embedding.numpy(), embedding)
+    data = load_sequences({"a": stored}, {"a": stored / "embeddings"})
+    tables = [read_shard(stored, name, LSTM_ROWS) for name in SHARDS]
+    whole = FeatureTable.join(tables)
+    channels = LSTM_ROWS.features.channels({"state": whole.velocity, **whole.inputs})
+    for name, values in (channels | {"grid": code_of(whole.inputs["occupancy"])}).items():
+        np.testing.assert_array_equal(data.channels[name].numpy(), values)
+    np.testing.assert_array_equal(data.future.numpy(), whole.future)
+    np.testing.assert_array_equal(data.future_steps.numpy(), whole.future_steps)
     starts = np.flatnonzero(np.concatenate([table.step for table in tables]) == 0)
-    np.testing.assert_array_equal(data.sequences[:, 0], starts)
-    np.testing.assert_array_equal(data.sequences[:, 1], [*starts[1:], len(data.velocity)])
-    np.testing.assert_array_equal(data.track, np.concatenate([t.track_id for t in tables])[starts])
+    np.testing.assert_array_equal(data.spans.rows[:, 0], starts)
+    np.testing.assert_array_equal(data.spans.rows[:, 1], [*starts[1:], len(data.future)])
+    np.testing.assert_array_equal(data.spans.track, np.concatenate([t.track_id for t in tables])[starts])
 
 
 def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
@@ -135,12 +138,12 @@ def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
             part.mkdir(parents=True, exist_ok=True)
             source = stored / part.relative_to(folder) / "a.parquet"
             (part / f"{name}.parquet").symlink_to(source)
-        write_manifest(folder, SETTINGS, scenes)
+        write_manifest(folder, LSTM_ROWS, scenes)
         tracemalloc.start()
-        data = load_motion_data([folder], [folder / "embeddings"])
+        data = load_sequences({"a": folder}, {"a": folder / "embeddings"})
         found = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        return found, sum(t.nbytes for t in (data.angular, data.future, data.embedding))
+        return found, sum(t.nbytes for t in (data.channels["angular"], data.future, data.channels["grid"]))
 
     (little, _), (much, rows_take) = peak(2), peak(20)
     assert much < little + 0.2 * rows_take
@@ -153,58 +156,63 @@ def test_a_cut_shard_is_named(stored, tmp_path):
             whole = (stored / name).read_bytes()
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(whole[: len(whole) // 2] if name == part else whole)
-        write_manifest(folder, SETTINGS, {"a": stored / "scenes" / "a"})
+        write_manifest(folder, LSTM_ROWS, {"a": stored / "scenes" / "a"})
         with pytest.raises(StorageError, match=part):
-            load_motion_data([folder], [folder / "embeddings"])
+            load_sequences({"a": folder}, {"a": folder / "embeddings"})
     assert not any(Path("build").iterdir())
 
 
 def test_places_follow_each_other_and_stay_apart(stored, tmp_path):
-    one = load_motion_data([stored], [stored / "embeddings"])
-    two = load_motion_data([stored, stored], [stored / "embeddings"] * 2)
-    rows, count = len(one.future), len(one.sequences)
-    np.testing.assert_array_equal(two.embedding[rows:], one.embedding)
-    np.testing.assert_array_equal(two.sequences[count:], one.sequences + rows)
+    one = load_sequences({"a": stored}, {"a": stored / "embeddings"})
+    two = load_sequences(dict.fromkeys("ab", stored), dict.fromkeys("ab", stored / "embeddings"))
+    rows, count = len(one.future), len(one.spans)
+    np.testing.assert_array_equal(two.channels["grid"][rows:], one.channels["grid"])
+    np.testing.assert_array_equal(two.spans.rows[count:], one.spans.rows + rows)
     for name in ("scene", "track"):
-        mine, all_of_them = getattr(one, name), getattr(two, name)
+        mine, all_of_them = getattr(one.spans, name), getattr(two.spans, name)
         np.testing.assert_array_equal(all_of_them[:count], mine)
         assert not set(all_of_them[count:]) & set(mine)
         assert len(set(all_of_them[count:])) == len(set(mine))
-    write_manifest(tmp_path, dataclasses.replace(SETTINGS, max_range_m=5.0), {})
+    near = replace(LSTM_ROWS, features=replace(LSTM_ROWS.features, max_range_m=5.0))
+    write_manifest(tmp_path, near, {})
     with pytest.raises(ValueRuleError, match=r"max_range_m = 5\.0"):
-        load_motion_data([stored, tmp_path])
+        load_sequences({"a": stored, "b": tmp_path})
 
 
 @pytest.mark.parametrize("by", ["scene", "track"])
 def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
-    data = load_motion_data([stored])
+    data = load_sequences({"a": stored})
     for seed in range(5):
         halves = split_sequences(
             data, SplitSettings(validation_by=by, validation_share=0.3), np.random.default_rng(seed)
         )
-        owner = dict(zip(data.sequences[:, 0].tolist(), getattr(data, by).tolist(), strict=True))
+        owner = dict(zip(data.spans.rows[:, 0].tolist(), getattr(data.spans, by).tolist(), strict=True))
         training, validation = ({owner[first] for first in half[:, 0].tolist()} for half in halves)
         assert training.isdisjoint(validation)
         assert min(len(training), len(validation)) > 0
         assert training | validation == set(owner.values())
-    assert set(data.scene) == {0, 1, 2}  # not six
+    assert set(data.spans.scene) == {0, 1, 2}  # not six
 
 
 def test_crops_are_divided_as_sequences_are(stored):
-    """The same draw keeps the same scenes for validation, with all their variants and in the same order."""
-    data = load_motion_data([stored])
+    """The same draw keeps the same scenes for validation, with all their variants."""
+    data = load_sequences({"a": stored})
     _, held = split_sequences(
         data, SplitSettings(validation_by="scene", validation_share=0.3), np.random.default_rng(3)
     )
     rows = np.concatenate([np.arange(first, last) for first, last in held])
-    packed = np.concatenate([read_shard(stored, name, SETTINGS).occupancy for name in SHARDS])
-    training, validation = embedded_crops_of(
-        stored, stored / "embeddings", EmbeddedSplit(validation_share=0.3, every=1), np.random.default_rng(3)
-    )
-    np.testing.assert_array_equal(validation.packed, packed[rows])
-    assert len(training) == len(packed) - len(rows)
-    alone, chosen, cells = crops_of(
-        stored, CropSplit(validation_share=0.3, validation_crops=10), np.random.default_rng(3)
-    )
-    np.testing.assert_array_equal(alone, training.packed)
-    assert (len(chosen), cells) == (10, SETTINGS.grid_cells)
+    packed = np.concatenate([read_shard(stored, name, LSTM_ROWS).inputs["occupancy"] for name in SHARDS])
+    split = CropSplit(validation_share=0.3, validation_crops=len(packed))
+    training, validation, cells = crops_of(stored, split, np.random.default_rng(3))
+    np.testing.assert_array_equal(_ordered(validation), _ordered(packed[rows]))
+    np.testing.assert_array_equal(_ordered(training), _ordered(np.delete(packed, rows, axis=0)))
+    assert cells == LSTM_ROWS.features.grid_cells
+    few = replace(split, validation_crops=10)
+    assert len(crops_of(stored, few, np.random.default_rng(3))[1]) == 10
+    with pytest.raises(ValueRuleError, match="validation_share"):
+        crops_of(stored, replace(split, validation_share=0.9), np.random.default_rng(3))
+
+
+def _ordered(rows):
+    """Rows in an order of their own."""
+    return rows[np.lexsort(rows.T)]

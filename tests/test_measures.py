@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from pedpred.evaluation import EvaluationSettings, score, summaries
 from pedpred.evaluation.scores import metric_scene as scene_of_windows
 from pedpred.evaluation.summary import TrackBootstrap
-from pedpred.features import FeatureSettings, extract_at_detections
+from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.scenes import Predictions
 from tests.forecasts import drawn_predictions, metric_scene, request_about
 from tests.worlds import blocked, tracked, walled_scene
@@ -51,7 +51,7 @@ def test_every_figure_by_hand():
 def test_scores_depend_on_neither_order_nor_batch():
     """Batches are whole instants: collisions concern all people of an instant."""
     scene = walled_scene(np.random.default_rng(5), detections=40)
-    windows = request_about(scene, extract_at_detections(scene, tracked(scene), FeatureSettings())).asked
+    windows = request_about(scene, extract_at_detections(scene, tracked(scene), ForecastProtocol())).asked
     rng = np.random.default_rng(6)
     paths = drawn_predictions(rng, len(windows), steps=10)
     truth = rng.uniform(-1.5, 1.5, (len(windows), 10, 2))

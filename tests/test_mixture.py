@@ -10,18 +10,18 @@ from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.windows import window_request
-from pedpred.features import FeatureSettings
+from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
-from pedpred.features.situation import channel_widths
 from pedpred.geometry import rotate
-from pedpred.networks import NetworkForecaster, parse_settings
-from pedpred.networks.mixture import SURROUNDINGS
+from pedpred.models.mixture.network import SURROUNDINGS
+from pedpred.models.registry import parse_settings
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import OccupancyMap
-from tests.exported import TRACKER
+from tests.exported import MIXTURE_ROWS, TRACKER, forecaster_of, widths_of
 from tests.worlds import walled_scene
 
 FRAMES, PEOPLE = 8, 5
+WIDTHS = widths_of(MIXTURE_ROWS.features)
 
 
 def walkers(rng):
@@ -98,9 +98,8 @@ def test_an_old_track_is_forecast_as_a_young_one(mixture, age):
 
 
 def test_an_untrained_network_continues_the_tracked_motion():
-    sizes = FeatureSettings()
-    network = parse_settings({"architecture": "mixture"}).build(channel_widths(sizes), 10)
-    inputs = {name: torch.rand(3, 1, width) for name, width in channel_widths(sizes).items()}
+    network = parse_settings({"architecture": "mixture"}).build(WIDTHS, 10)
+    inputs = {name: torch.rand(3, 1, width) for name, width in WIDTHS.items()}
     outputs, _ = network(inputs, {})
     expected = inputs["state"][:, :, None].expand(-1, -1, 10, -1)
     torch.testing.assert_close(outputs["velocities"], expected)
@@ -109,30 +108,29 @@ def test_an_untrained_network_continues_the_tracked_motion():
 @pytest.mark.parametrize("unread", SURROUNDINGS)
 def test_what_is_left_unread_changes_nothing(unread):
     torch.manual_seed(0)
-    sizes, about = FeatureSettings(), {"architecture": "mixture", "units": 32, "unread": [unread]}
-    inputs = {name: torch.rand(6, 2, width) for name, width in channel_widths(sizes).items()}
+    about = {"architecture": "mixture", "units": 32, "unread": [unread]}
+    inputs = {name: torch.rand(6, 2, width) for name, width in WIDTHS.items()}
     others = inputs | {unread: torch.rand_like(inputs[unread])}
     for own, same in ((about, True), (about | {"unread": []}, False)):
-        network = parse_settings(own).build(channel_widths(sizes), 10)
+        network = parse_settings(own).build(WIDTHS, 10)
         one, other = (network(seen, {})[0]["modes"] for seen in (inputs, others))
         assert torch.equal(one, other) == same
 
 
 def test_people_who_choose_alone_keep_their_weights(mixture):
     scene = walled_scene(np.random.default_rng(1), 0.3, tracks=20, detections=15)
-    request = window_request(scene, Perception(TRACKER, 0.2), FeatureSettings())
+    request = window_request(scene, Perception(TRACKER, 0.2), ForecastProtocol())
     request = dataclasses.replace(request, rows=np.arange(len(request.table)))
-    together, alone = (NetworkForecaster(*mixture[1:], choice)(request) for choice in (True, False))
+    together, alone = (forecaster_of(*mixture[1:], together=choice)(request) for choice in (True, False))
     np.testing.assert_array_equal(together.point, alone.point)
     assert (together.weight != alone.weight).any()
     np.testing.assert_array_equal(np.sort(together.path[..., -1, 0]), np.sort(alone.path[..., -1, 0]))
 
 
 def test_without_the_mirror_image_a_network_looks_once():
-    sizes = FeatureSettings()
     own = {"architecture": "mixture", "units": 32, "modes": 3, "mirrored": False}
-    network = parse_settings(own).build(channel_widths(sizes), 10)
-    inputs = {name: torch.rand(6, 2, width) for name, width in channel_widths(sizes).items()}
+    network = parse_settings(own).build(WIDTHS, 10)
+    inputs = {name: torch.rand(6, 2, width) for name, width in WIDTHS.items()}
     assert network(inputs, {})[0]["modes"].shape == (6, 2, 3, 10, 2)
 
 
@@ -144,10 +142,9 @@ def test_settings_that_make_no_sense_are_named(wrong):
 
 def test_gradients_reach_every_weight_and_unknown_steps_give_none():
     torch.manual_seed(0)
-    sizes = FeatureSettings()
-    network = parse_settings({"architecture": "mixture", "units": 32}).build(channel_widths(sizes), 10)
+    network = parse_settings({"architecture": "mixture", "units": 32}).build(WIDTHS, 10)
     torch.nn.init.normal_(network.heads["velocities"].weight, std=0.1)
-    inputs = {name: torch.rand(6, 2, width) for name, width in channel_widths(sizes).items()}
+    inputs = {name: torch.rand(6, 2, width) for name, width in WIDTHS.items()}
     future, known = torch.randn(6, 2, 10, 2), torch.ones(6, 2, 10, dtype=torch.bool)
     known[0, 0, 4:] = False
     known[1] = False

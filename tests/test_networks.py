@@ -8,16 +8,20 @@ import torch
 
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.windows import window_request
-from pedpred.features import FeatureSettings
+from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
-from pedpred.networks import ARCHITECTURES, GridEncoder, NetworkForecaster, load_network, parse_settings
+from pedpred.models.forecaster import NetworkForecaster
+from pedpred.models.lstm.autoencoder import GridEncoder
+from pedpred.models.registry import ARCHITECTURES, load_network, parse_settings
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replayed
-from pedpred.training import RecurrentLearner, train
-from tests.exported import TRACKER, write_model, write_network
+from pedpred.training import SequenceLearner, train
+from tests.exported import LSTM_ROWS, TRACKER, write_model, write_network
 from tests.test_learning import QUICK, toy_data
 from tests.toys.architecture import ToySettings
 from tests.worlds import walled_scene
+
+MADE_WITH = dataclasses.replace(LSTM_ROWS, protocol=ForecastProtocol(horizon_steps=4))
 
 
 @pytest.fixture
@@ -28,15 +32,15 @@ def network(monkeypatch, tmp_path):
     torch.manual_seed(0)
     toy = parse_settings({"architecture": "toy", "units": 6}).build(data.widths, data.horizon_steps)
     long = dataclasses.replace(QUICK, steps=30, validate_every=15)
-    learner = RecurrentLearner(toy, data, data.sequences, data.sequences, long)
+    learner = SequenceLearner(toy, data, data.spans.rows, data.spans.rows, long)
     curve = train(learner, tmp_path / "run", "toy")
     assert curve[-1]["validation_distance"] < curve[0]["validation_distance"]
-    write_network(tmp_path / "toy", toy)
+    write_network(tmp_path / "toy", toy, MADE_WITH)
     return load_network(tmp_path / "toy")
 
 
 def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypatch):
-    sizes, own = FeatureSettings(horizon_steps=4), type(network).answer
+    own = type(network).answer
 
     def answer(network, outputs, dt_s):
         known = own(network, outputs, dt_s)
@@ -46,23 +50,24 @@ def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypat
 
     monkeypatch.setattr(type(network), "answer", answer)
     with pytest.raises(ValueRuleError, match="other numbers of people"):
-        write_model(tmp_path, network, GridEncoder(60), sizes)
+        write_model(tmp_path, network, GridEncoder(60), MADE_WITH)
     assert not (tmp_path / "network.onnx").exists()
 
 
 def test_modes_travel_from_the_network_to_the_robot(network, tmp_path):
     """Offline and online give the same modes, the most likely one first."""
-    sizes, scene = FeatureSettings(horizon_steps=4), walled_scene(np.random.default_rng(1), 0.3)
-    request = window_request(scene, Perception(TRACKER, 0.2), sizes)
+    protocol, scene = MADE_WITH.protocol, walled_scene(np.random.default_rng(1), 0.3)
+    request = window_request(scene, Perception(TRACKER, 0.2), protocol)
     table = request.table
-    offline = NetworkForecaster(network, None)(dataclasses.replace(request, rows=np.arange(len(table))))
+    everybody = dataclasses.replace(request, rows=np.arange(len(table)))
+    offline = NetworkForecaster(network, MADE_WITH.features, None)(everybody)
     assert offline.modes == 2
     np.testing.assert_allclose(offline.weight, np.tile([2 / 3, 1 / 3], (len(table), 1)), atol=1e-4)
     np.testing.assert_allclose(offline.most_likely, table.position[:, None].repeat(4, axis=1), atol=1e-9)
     np.testing.assert_allclose(offline.path[:, 1], offline.point, atol=1e-5)
 
-    assert write_model(tmp_path, network, GridEncoder(60), sizes).memory == {"trace": (1, 6)}
-    robot = OnlinePredictor.load(tmp_path, OnlineSettings.as_offline(sizes, scene.detection_dt_s))
+    assert write_model(tmp_path, network, GridEncoder(60), MADE_WITH).memory == {"trace": (1, 6)}
+    robot = OnlinePredictor.load(tmp_path, OnlineSettings.as_offline(protocol, scene.detection_dt_s))
     compared = 0
     for forecast in replayed(scene, robot):
         now = np.flatnonzero(np.abs(table.time_s - forecast.time_s) < 1e-6)

@@ -11,14 +11,13 @@ import pytest
 import torch
 
 from pedpred.errors import StorageError, ValueRuleError
-from pedpred.features import FeatureSettings
-from pedpred.networks.export import store_half
+from pedpred.models.export import store_half
 from pedpred.online import OnlinePredictor, shipped
 from pedpred.online.caution import moving_shares, shortened
 from pedpred.online.network import write_description
 from pedpred.scenes import OccupancyMap, Predictions
 from tests.conftest import ROOT
-from tests.exported import export
+from tests.exported import LSTM_ROWS, export
 
 
 def test_the_frame_rate_is_free(model):
@@ -98,7 +97,7 @@ def test_an_altered_model_folder_is_refused(model, tmp_path):
     for field in ("tracker", "memory", "network_sha256"):
         without = {name: value for name, value in about.items() if name != field}
         altered[rf"(?#without {field})model\.json, checksum"] = without
-    altered[r"model\.json, checksum"] = about | {"features": about["features"] | {"dt_s": 0.4}}
+    altered[r"model\.json, checksum"] = about | {"protocol": about["protocol"] | {"dt_s": 0.4}}
     changes = {named: {"model.json": json.dumps(plain).encode()} for named, plain in altered.items()}
     changes[r"network\.onnx, checksum"] = {"network.onnx": whole["network.onnx"][:-7]}
     for named, changed in changes.items():
@@ -118,14 +117,12 @@ def test_an_altered_model_folder_is_refused(model, tmp_path):
         ("dt_s", 1e-9),
         ("horizon_steps", 9999),
         ("lost_after_s", 9999.0),
-        ("beams", 9999),
-        ("history_steps", 999),
     ],
 )
 def test_a_description_of_absurd_size_is_refused(model, field, value):
     about = OnlinePredictor.load(model[0]).description
     with pytest.raises(ValueRuleError, match=field):
-        replace(about, features=replace(about.features, **{field: value}))
+        replace(about, made_with=replace(about.made_with, protocol=replace(about.protocol, **{field: value})))
     with pytest.raises(ValueRuleError, match="position_noise_m"):
         replace(about, tracker=replace(about.tracker, position_noise_m=1e300))
     with pytest.raises(ValueRuleError, match="memory"):
@@ -143,7 +140,7 @@ def test_weights_in_other_files_are_refused(model, tmp_path, monkeypatch):
 
 
 def test_a_description_comes_back_as_it_was(model):
-    assert OnlinePredictor.load(model[0]).features == FeatureSettings()
+    assert OnlinePredictor.load(model[0]).description.made_with == LSTM_ROWS
 
 
 def test_an_export_is_the_same_bytes_each_time_and_names_no_path(model, tmp_path):

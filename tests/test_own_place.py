@@ -13,13 +13,11 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from pedpred import config
-from pedpred.features import FeatureSettings
-from pedpred.features.situation import channel_widths
-from pedpred.networks import parse_settings
+from pedpred.models.registry import parse_settings
 from pedpred.ros import read_recording
 from pedpred.storage.scenes import read_scene
 from tests.conftest import ROOT
-from tests.exported import WIDTHS, write_autoencoder, write_network
+from tests.exported import MIXTURE_ROWS, WIDTHS, widths_of, write_autoencoder, write_network
 
 NETWORKS = ("lstm", "lstm_nogrid")
 METHODS = {"cv", "kalman_cv", *NETWORKS, "mixture", "mixture_small"}
@@ -65,11 +63,11 @@ def project(tmp_path, monkeypatch):
     for name, method in params["methods"]["networks"].items():
         network = parse_settings(method["settings"]).build(WIDTHS, params["protocol"]["horizon_steps"])
         write_network(Path("models/main", name), network)
-    widths = channel_widths(FeatureSettings())
+    widths = widths_of(MIXTURE_ROWS.features)
     for name, method in params["methods"]["memoryless"].items():
         network = parse_settings(method["settings"] | {"units": 8}).build(widths, 10)
         for folder in ("main", "folds/crossing", "folds/fold"):
-            write_network(Path("models", folder, name), network)
+            write_network(Path("models", folder, name), network, MIXTURE_ROWS)
     return params
 
 

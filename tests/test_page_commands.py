@@ -48,7 +48,6 @@ NOT_RUN = {
     "dvc queue start": "likewise; test_pipeline.py runs a queue of two",
     "dvc exp apply": "needs a finished experiment",
     "python -m tools.ablate": "trains for hours; here each point is composed",
-    "python -m tools.end_to_end": "trains for half an hour; test_end_to_end.py trains at toy size",
     "python -m stages.simulate +name=sim_test": "needs the layout on its page; test_layouts.py simulates it",
     "pedpred info build/rooms": "likewise",
     "torchrun": "needs the features of a run; test_processes.py trains with two processes",
@@ -58,7 +57,7 @@ NOT_RUN = {
 
 IN_A_COPY = (
     *("make params", "make compare", "dvc metrics diff", "dvc exp show", "dvc remote"),
-    "dvc exp run --queue",
+    *("dvc exp run --queue", "dvc repro --dry"),
 )
 """Commands that are run in a copy of the project with two commits."""
 

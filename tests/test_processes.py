@@ -11,14 +11,14 @@ import torch
 from safetensors.torch import load_file
 
 from pedpred.errors import ValueRuleError
+from pedpred.models.lstm.augmentation import Augmentation
 from pedpred.training import train as train_learner
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
 from pedpred.training.loop import train_step
-from pedpred.training.recurrent import RecurrentLearner
-from pedpred.training.variation import Variation
+from pedpred.training.sequences import SequenceLearner
 from tests.test_learning import QUICK, SMALL, WIDTHS, toy_data
 
-VARIED = dataclasses.replace(QUICK, variation=Variation(0.5, (0.8, 1.2), 0.1, 0.2, 0.2))
+VARIED = dataclasses.replace(QUICK, augmentation=Augmentation(0.5, (0.8, 1.2), 0.1, 0.2, 0.2))
 
 
 def train(here, folder):
@@ -27,7 +27,7 @@ def train(here, folder):
     data = toy_data(np.random.default_rng(2))
     data.future_steps[::7] = 1  # so that the processes' shares weigh differently
     network = SMALL.build(WIDTHS, 4)
-    learner = RecurrentLearner(network, data, data.sequences[:4], data.sequences[4:], VARIED, here)
+    learner = SequenceLearner(network, data, data.spans.rows[:4], data.spans.rows[4:], VARIED, here)
     return train_learner(learner, folder, "")
 
 
@@ -96,7 +96,7 @@ def test_narrow_products_change_a_loss_by_their_rounding_only(narrow_lstm):
     losses = []
     for narrow in (False, True):
         here = DistributedContext(ALONE.device, narrow)
-        learner = RecurrentLearner(network, data, data.sequences, data.sequences, VARIED, here)
+        learner = SequenceLearner(network, data, data.spans.rows, data.spans.rows, VARIED, here)
         losses.append(learner.loss(next(learner.batches(0)), 0).reported.item())
     assert losses[0] != losses[1]
     assert losses[1] == pytest.approx(losses[0], rel=2e-2)
@@ -104,8 +104,7 @@ def test_narrow_products_change_a_loss_by_their_rounding_only(narrow_lstm):
 
 def test_a_data_set_moves_as_a_whole():
     data = toy_data(np.random.default_rng(0)).to(torch.device("meta"))
-    tensors = [value for value in vars(data).values() if isinstance(value, torch.Tensor)]
-    assert len(tensors) == 4
+    tensors = [*data.channels.values(), data.future, data.future_steps]
     assert {tensor.device.type for tensor in tensors} == {"meta"}
 
 
@@ -113,7 +112,7 @@ def test_a_training_step_stays_on_its_device():
     """Nothing in a step makes a tensor elsewhere, or looks at a value: on "meta" both would fail."""
     far = DistributedContext(torch.device("meta"))
     network, data = SMALL.build(WIDTHS, 4).to(far.device), toy_data(np.random.default_rng(0)).to(far.device)
-    learner = RecurrentLearner(network, data, data.sequences, data.sequences, VARIED, far)
+    learner = SequenceLearner(network, data, data.spans.rows, data.spans.rows, VARIED, far)
     learner.optimizer = torch.optim.SGD(network.parameters())
     for step, batch in enumerate(islice(learner.batches(0), 2)):
         loss = train_step(learner, batch, step)

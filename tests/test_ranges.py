@@ -1,28 +1,25 @@
 """Every number in the settings of simulated worlds has a range; what lies outside is named."""
 
-import importlib
 import math
-import pkgutil
-from dataclasses import MISSING, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 
 import pytest
 
-import pedpred.worlds
 from pedpred.errors import ValueRuleError
+from pedpred.fields import parsed
+from pedpred.situations import RowSettings
+from tests.simulated import SENSING, WORLDS, read
+
+ROWS = parsed(RowSettings, read("situations/varied")["rows"])
 
 
-def settings():
-    """All settings of `pedpred.worlds` with usual values."""
-    names = [module.name for module in pkgutil.iter_modules(pedpred.worlds.__path__)]
-    modules = [importlib.import_module(f"pedpred.worlds.{name}") for name in names]
-    kinds = {kind for module in modules for kind in vars(module).values() if isinstance(kind, type)}
-    ours = [kind for kind in kinds if kind.__module__.startswith("pedpred.worlds.") and is_dataclass(kind)]
-    usual = [kind for kind in ours if all(_has_default(field) for field in fields(kind))]
-    return [kind() for kind in sorted(usual, key=lambda kind: kind.__name__)]
-
-
-def _has_default(field):
-    return field.default is not MISSING or field.default_factory is not MISSING
+def settings(top):
+    """Settings, and all that are nested in them."""
+    yield top
+    for value in (getattr(top, field.name) for field in fields(top)):
+        for inner in value.values() if isinstance(value, dict) else [value]:
+            if is_dataclass(inner):
+                yield from settings(inner)
 
 
 def impossible(value):
@@ -36,7 +33,8 @@ def impossible(value):
 
 NUMBERS = {
     f"{type(own).__name__}.{field.name}": (own, field.name)
-    for own in settings()
+    for top in (WORLDS, SENSING, ROWS)
+    for own in settings(top)
     for field in fields(own)
     if isinstance(value := getattr(own, field.name), (int, float))
     or (isinstance(value, tuple) and isinstance(value[0], (int, float)))

@@ -13,7 +13,7 @@ from pedpred.baselines.registry import BASELINES
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.windows import window_request
-from pedpred.features import FeatureSettings
+from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception, parse_tracker
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.sources import SOURCES
@@ -69,7 +69,7 @@ def test_the_pipeline_and_a_script_agree(name):
 
     scene = SOURCES[place["source"]](folder, name, place["settings"])
     how = Perception(parse_tracker(tracker), 0.2, SensorSettings(**sensor))
-    request = window_request(scene, how, FeatureSettings())
+    request = window_request(scene, how, ForecastProtocol())
     methods = {method: BASELINES[method]() for method in ("cv", "kalman_cv")}
     _, scores = compare(request, methods, EvaluationSettings())
     for column, method in enumerate(methods):

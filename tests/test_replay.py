@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from pedpred.evaluation.windows import window_request
-from pedpred.features import FeatureSettings
+from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
-from pedpred.networks import NetworkForecaster
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.caution import NEWBORN, YOUNG_S
 from pedpred.online.replay import predictions_at, replayed
-from tests.exported import TRACKER
+from tests.exported import TRACKER, forecaster_of
 from tests.worlds import jittered, recorded, walled_scene
 
 
 def everything_asked(scene, kind):
     """A request for a forecast of every detection, window or not."""
-    request = window_request(scene, Perception(TRACKER if kind == "kalman" else None, 0.2), FeatureSettings())
+    how = Perception(TRACKER if kind == "kalman" else None, 0.2)
+    request = window_request(scene, how, ForecastProtocol())
     return dataclasses.replace(request, rows=np.arange(len(request.table)))
 
 
@@ -26,7 +26,7 @@ def assert_a_replay_agrees(scene, kind, model):
     """At every detection: paths and covariances; a robot is cautious at the first ones (`online.caution`)."""
     folder, network, encoder = model
     request = everything_asked(scene, kind)
-    offline = NetworkForecaster(network, encoder)(request)
+    offline = forecaster_of(network, encoder)(request)
     robot = OnlinePredictor.load(folder, OnlineSettings.as_offline(request.sizes, scene.detection_dt_s))
     forecasts = replayed(scene, robot, kind == "truth")
     online = predictions_at(forecasts, request.table.track_id, request.table.time_s, 10, request.sizes.dt_s)

@@ -12,12 +12,13 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from pedpred.errors import StorageError, ValueRuleError
-from pedpred.features import occupancy_crops
+from pedpred.fields import parsed
 from pedpred.forecasting import Method
 from pedpred.geometry import Homography, rotate
 from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.calibration import radius2, share_inside, squared_mahalanobis
-from pedpred.networks.autoencoder import GridAutoencoder
+from pedpred.models.lstm.autoencoder import GridAutoencoder
+from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.canvas import png_bytes
 from pedpred.report.curves import by_stage, training_figure
 from pedpred.report.document import Picture, Pictures, Section, joined
@@ -35,13 +36,11 @@ from pedpred.report.situation import draw_situation
 from pedpred.report.snapshots import angular_cell_edges, draw_angular_grid, grid_image
 from pedpred.report.tables import calibration_table, further_table, metrics_table
 from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
-from pedpred.simulation.fields import parsed
 from tests.forecasts import METHODS, PAPER, windows_with
 
 STEPS = 10
 MEETING = {"cv": 0.70, "ca": 0.80, "kalman_cv": 0.60, "social_force": 0.07, "lstm_nogrid": 0.50, "lstm": 0.40}
 SIMULATED = [{"test": ["simulated/sim_test"]}]
-IN_SIMULATION = MEETING | {"goal_blind": 0.15, "goal_unseen": 0.35}
 
 
 def measures(ade_m, gap_m=None, spread_m=0.01):
@@ -86,9 +85,9 @@ def document_of(key, results, pictures=()):
 
 
 def test_met_expectations_are_called_met():
-    found = judged(metrics_of(IN_SIMULATION))
-    assert [finding.verdict for finding in found] == ["met"] * 7
-    assert "All 7 expectations" in summed_up([("here", finding) for finding in found])
+    found = judged(metrics_of(MEETING))
+    assert [finding.verdict for finding in found] == ["met"] * 4
+    assert "All 4 expectations" in summed_up([("here", finding) for finding in found])
 
 
 def test_an_expectation_of_an_unknown_kind_is_refused():
@@ -99,17 +98,14 @@ def test_an_expectation_of_an_unknown_kind_is_refused():
 @pytest.mark.parametrize(
     ("changed", "missed"),
     [
-        ({"social_force": 0.16}, "SF, true goal below SF, goal inferred"),
-        ({"goal_blind": 0.36}, "SF, goal inferred below SF, room unseen"),
-        ({"goal_unseen": 0.41}, "SF, room unseen below LSTM"),
-        ({"goal_unseen": 0.33}, "LSTM / SF, room unseen at most 1.20"),
+        ({"social_force": 0.41}, "SF, true goal below LSTM"),
         ({"lstm": 0.51}, "LSTM below LSTM-noGrid"),
         ({"lstm_nogrid": 0.61}, "LSTM-noGrid below Kalman CV"),
         ({"lstm": 0.45}, "LSTM-noGrid / LSTM at least 1.15"),
     ],
 )
 def test_a_missed_expectation_is_named(changed, missed):
-    found = judged(metrics_of(IN_SIMULATION | changed))
+    found = judged(metrics_of(MEETING | changed))
     assert missed in [finding.claim for finding in found if finding.verdict == "missed"]
     text = summed_up([("here", finding) for finding in found])
     assert "missed" in text

@@ -34,7 +34,7 @@ def test_a_row_is_replaced_with_its_comment_and_a_new_one_appended(tmp_path):
 
 def tuned(place, sensor, path, scene=None):
     """The row that is fitted to a scene with detections at 2.5 Hz, as the sensor lets them through."""
-    params = {"places": {place: {"sensor": sensor}}, "sensors": {"perfect": {}, "thinned": {"every": 2}}}
+    params = {"places": {place: {"sensor": sensor}}, "sensors": {"perfect": {}, "thinned": {"rate_hz": 1.25}}}
     Path("params.yaml").write_text(yaml.safe_dump(params))
     scene = scene or walled_scene(np.random.default_rng(0), noise_m=0.05)
     write_scene(scene, Path("data/scenes/real", place))

@@ -137,7 +137,7 @@ STAGES = [
         for v in (-5, 2.5)
     ),
     ("train +phase=main +name=lstm +data=simulated/main", "training.main", "lr", "nan"),
-    ("train_situations +name=mixture", "training.situations", "seed", -1),
+    ("train +phase=situations +name=mixture", "training.situations", "seed", -1),
     ("pretrain_autoencoder", "autoencoder", "clip_norm", 0),
     ("simulate +name=corridor", "simulations.corridor", "pedestrians", 0.5),
 ]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pedpred.errors import ValueRuleError
+from pedpred.fields import parsed
 from pedpred.report.simulation_page import walking_findings
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.crowd import Clock, crowd_of
-from pedpred.simulation.fields import parsed
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.kernel import advance
 from pedpred.simulation.layouts import drawn_targets

@@ -1,38 +1,40 @@
 """Training rows: what a network would see of tracked people, and where they truly went."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import FeatureSettings
-from pedpred.features.situation import channel_widths
+from pedpred.fields import parsed
 from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from pedpred.simulation.fields import parsed
-from pedpred.tracking import KalmanSettings
-from pedpred.worlds import SensingSettings, WorldSettings, simulate_world
-from pedpred.worlds.sets import (
+from pedpred.simulation.worlds import simulate_world
+from pedpred.simulation.worlds.views import Area
+from pedpred.situations import (
+    Recipe,
+    RowSettings,
     SimulatedSet,
     ViewingSettings,
-    refined,
-    scene_rows,
-    true_states,
-    viewing_rows,
-    world_rows,
+    collect_scene_rows,
+    collect_viewing_rows,
+    collect_world_rows,
+    draw_tracker,
+    refine,
+    select_true_states,
+    training_rows,
 )
-from pedpred.worlds.situations import Recipe, RowSettings, drawn_tracker, training_rows
-from pedpred.worlds.views import Area
+from pedpred.tracking import KalmanSettings
+from tests.exported import MIXTURE_ROWS, widths_of
+from tests.simulated import SENSING, read, short_worlds
 from tests.worlds import walled_scene
 
-CONF = Path(__file__).parents[1] / "conf"
-WORLDS = WorldSettings(warm_up_s=5.0, duration_s=12.0, bottleneck_s=12.0)
-SIZES = FeatureSettings()
-RECIPE = Recipe(RowSettings(), SIZES, 0.2)
-UNMOVED = replace(RECIPE, rows=RowSettings(shifted_share=0.0))
+CONF = read("situations/varied")
+ROWS = parsed(RowSettings, CONF["rows"])
+WORLDS = short_worlds(12.0, warm_up_s=5.0)
+PROTOCOL = MIXTURE_ROWS.protocol
+RECIPE = Recipe(ROWS, MIXTURE_ROWS, 0.2)
+UNMOVED = replace(RECIPE, rows=replace(ROWS, shifted_share=0.0))
 CORRIDOR = SimulatedSet("corridor", "", 2, 60, 30, 1.0)
 VIEWINGS = ViewingSettings(3, 50, 0.5, (1.0, 0.5), (0.0, 0.02), (0.0,))
 KALMAN = KalmanSettings(0.1, 0.05)
@@ -63,10 +65,10 @@ def assert_equal(rows, others):
 def test_straight_walkers_have_straight_targets(kalman):
     scene = straight()
     rows = training_rows(scene, scene.trajectories, kalman, 1000, UNMOVED, np.random.default_rng(0))
-    ahead = np.cumsum(rows["future"], axis=1) * SIZES.dt_s
+    ahead = np.cumsum(rows["future"], axis=1) * PROTOCOL.dt_s
     settled = rows["track"][:, 5] == 1.0
     assert settled.sum() > 100
-    want = 1.3 * SIZES.dt_s * (np.arange(SIZES.horizon_steps) + 1)
+    want = 1.3 * PROTOCOL.dt_s * (np.arange(PROTOCOL.horizon_steps) + 1)
     np.testing.assert_allclose(ahead[settled, :, 0], np.tile(want, (settled.sum(), 1)), atol=0.02)
     np.testing.assert_allclose(ahead[settled, :, 1], 0.0, atol=0.02)
     np.testing.assert_allclose(rows["state"][settled], [[1.3, 0.0]] * settled.sum(), atol=0.02)
@@ -81,7 +83,7 @@ def test_only_detections_whose_whole_future_is_known_are_taken_also_newborn_ones
 
 def test_newborn_tracks_have_their_share_of_the_rows():
     scene = straight(people=60, seconds=12.0)
-    usual = replace(RECIPE, rows=RowSettings(newborn_share=0.0))
+    usual = replace(RECIPE, rows=replace(ROWS, newborn_share=0.0))
     shares = []
     for recipe in (usual, RECIPE):
         rows = training_rows(scene, scene.trajectories, KALMAN, 1000, recipe, np.random.default_rng(0))
@@ -93,7 +95,7 @@ def test_newborn_tracks_have_their_share_of_the_rows():
 
 def test_the_future_is_known_outside_of_the_view():
     scene = straight()
-    seen = true_states(scene, Area(np.full(2, -1.0), np.full(2, 5.0)), 0.1)
+    seen = select_true_states(scene, Area(np.full(2, -1.0), np.full(2, 5.0)), 0.1)
     rows = training_rows(seen, scene.trajectories, None, 1000, RECIPE, np.random.default_rng(0))
     assert len(rows["future"]) == len(seen.trajectories) > 20
 
@@ -130,7 +132,7 @@ def test_a_shifted_map_moves_the_beams_alone():
     scene = straight()
     here, shifted = (
         training_rows(scene, scene.trajectories, KALMAN, 200, recipe, np.random.default_rng(1))
-        for recipe in (UNMOVED, replace(RECIPE, rows=RowSettings(shifted_share=0.5, shift_m=0.06)))
+        for recipe in (UNMOVED, replace(RECIPE, rows=replace(ROWS, shifted_share=0.5, shift_m=0.06)))
     )
     for name in set(here) - {"beams"}:
         np.testing.assert_array_equal(here[name], shifted[name])
@@ -144,29 +146,28 @@ def test_a_shifted_map_moves_the_beams_alone():
 @pytest.mark.parametrize("kind", ["corridor", "bottleneck", "room", "square", "lone"])
 def test_a_world_gives_the_rows_that_are_asked_for_and_the_same_ones_again(kind):
     chosen = replace(CORRIDOR, kind=kind)
-    rows = world_rows(1, chosen, WORLDS, SensingSettings(), RECIPE)
-    assert {name: values.shape[1] for name, values in rows.items() if name != "future"} == channel_widths(
-        SIZES
-    )
-    assert rows["future"].shape[1:] == (SIZES.horizon_steps, 2)
+    rows = collect_world_rows(1, chosen, WORLDS, SENSING, RECIPE)
+    widths = {name: values.shape[1] for name, values in rows.items() if name != "future"}
+    assert widths == widths_of(MIXTURE_ROWS.features)
+    assert rows["future"].shape[1:] == (PROTOCOL.horizon_steps, 2)
     assert 30 < len(rows["future"]) <= 90
     assert len({len(values) for values in rows.values()}) == 1
     assert all(np.isfinite(values).all() for values in rows.values())
-    assert_equal(rows, world_rows(1, chosen, WORLDS, SensingSettings(), RECIPE))
+    assert_equal(rows, collect_world_rows(1, chosen, WORLDS, SENSING, RECIPE))
 
 
 def test_a_set_may_have_true_states_only():
-    rows = world_rows(0, replace(CORRIDOR, rows=0), WORLDS, SensingSettings(), RECIPE)
+    rows = collect_world_rows(0, replace(CORRIDOR, rows=0), WORLDS, SENSING, RECIPE)
     assert 0 < len(rows["future"]) <= 30
     np.testing.assert_array_equal(rows["track"][:, 2:5], 0.0)  # no covariance
-    neither = world_rows(0, replace(CORRIDOR, rows=0, true_share=0.0), WORLDS, SensingSettings(), RECIPE)
-    assert neither["future"].shape == (0, SIZES.horizon_steps, 2)
+    neither = collect_world_rows(0, replace(CORRIDOR, rows=0, true_share=0.0), WORLDS, SENSING, RECIPE)
+    assert neither["future"].shape == (0, PROTOCOL.horizon_steps, 2)
 
 
 def test_refining_keeps_the_recorded_states_and_walks_between_them():
     fine = simulate_world("room", 0, WORLDS)
-    coarse = true_states(fine, Area(np.full(2, -1e6), np.full(2, 1e6)), 0.3)
-    again = refined(coarse, 0.1)
+    coarse = select_true_states(fine, Area(np.full(2, -1e6), np.full(2, 1e6)), 0.3)
+    again = refine(coarse, 0.1)
     assert again.detection_dt_s == 0.1
     people = {
         int(p): fine.trajectories.select(fine.trajectories.track_id == p)
@@ -179,43 +180,37 @@ def test_refining_keeps_the_recorded_states_and_walks_between_them():
         apart = np.linalg.norm(mine.position[a] - true.position[b], axis=1)
         assert apart[::3].max() < 1e-9
         assert apart.max() < 0.05
-    assert refined(fine, 0.1) is fine
+    assert refine(fine, 0.1) is fine
 
 
 def test_scenes_on_disk_give_rows_as_worlds_do():
-    coarse = true_states(simulate_world("room", 1, WORLDS), Area(np.full(2, -1e6), np.full(2, 1e6)), 0.3)
-    rows = scene_rows(coarse, replace(CORRIDOR, kind="scene"), SensingSettings(), RECIPE)
+    coarse = select_true_states(
+        simulate_world("room", 1, WORLDS), Area(np.full(2, -1e6), np.full(2, 1e6)), 0.3
+    )
+    rows = collect_scene_rows(coarse, replace(CORRIDOR, kind="arrangement"), SENSING, RECIPE)
     assert len(rows["future"]) == 90
 
 
-@pytest.mark.parametrize("every", [1, 4])
-def test_viewings_differ_and_repeat(every):
+@pytest.mark.parametrize("rate_hz", [0.0, 2.5])
+def test_viewings_differ_and_repeat(rate_hz):
     scene = walled_scene(np.random.default_rng(0), dt_s=0.1, detections=120)
-    views = [viewing_rows(n, scene, every, VIEWINGS, RECIPE) for n in range(3)]
+    views = [collect_viewing_rows(n, scene, rate_hz, VIEWINGS, RECIPE) for n in range(3)]
     assert all(0 < len(rows["future"]) <= 50 for rows in views)
     assert not np.array_equal(views[0]["history"], views[1]["history"])
-    assert_equal(views[2], viewing_rows(2, scene, every, VIEWINGS, RECIPE))
+    assert_equal(views[2], collect_viewing_rows(2, scene, rate_hz, VIEWINGS, RECIPE))
 
 
 def test_trackers_are_drawn_from_what_is_set():
-    rng, settings = np.random.default_rng(0), RowSettings()
-    drawn = [drawn_tracker(settings, rng) for _ in range(500)]
+    rng, settings = np.random.default_rng(0), ROWS
+    drawn = [draw_tracker(settings, rng) for _ in range(500)]
     assert np.mean([tracker in settings.trackers for tracker in drawn]) == pytest.approx(0.4, abs=0.07)
     assert all(0.012 <= tracker.acceleration_noise <= 0.4 for tracker in drawn)
-    assert drawn_tracker(RowSettings(trackers=()), rng) not in settings.trackers
+    assert draw_tracker(replace(ROWS, trackers=()), rng) not in settings.trackers
 
 
-@pytest.mark.parametrize(("group", "settings"), [("worlds", WorldSettings), ("sensing", SensingSettings)])
-def test_the_configuration_holds_the_defaults(group, settings):
-    plain = yaml.safe_load((CONF / group / "varied.yaml").read_text())
-    assert parsed(settings, plain) == settings()
-
-
-def test_the_rows_of_the_configuration_are_the_defaults():
-    plain = yaml.safe_load((CONF / "situations" / "varied.yaml").read_text())
-    assert parsed(RowSettings, plain["rows"]) == RowSettings()
-    assert all(parsed(SimulatedSet, chosen) for chosen in plain["simulated"].values())
-    assert parsed(ViewingSettings, plain["real"])
+def test_the_configured_sets_are_valid():
+    assert all(parsed(SimulatedSet, chosen) for chosen in CONF["simulated"].values())
+    assert parsed(ViewingSettings, CONF["real"])
 
 
 def test_errors_name_the_field():
@@ -223,5 +218,6 @@ def test_errors_name_the_field():
         replace(CORRIDOR, kind="tunnel")
     with pytest.raises(ValueRuleError, match="thinnings"):
         replace(VIEWINGS, thinnings=())
+    wrong = {"trackers": [{"acceleration_noise": 0.0, "position_noise_m": 0.1}]}
     with pytest.raises(ValueRuleError, match=r"rows\.trackers\[0\]"):
-        parsed(RowSettings, {"trackers": [{"acceleration_noise": 0.0, "position_noise_m": 0.1}]}, "rows")
+        parsed(RowSettings, CONF["rows"] | wrong, "rows")

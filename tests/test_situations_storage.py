@@ -1,12 +1,15 @@
 """Situations survive the disk; damaged files name what is wrong."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pedpred.errors import StorageError
-from pedpred.features import FeatureSettings
+from pedpred.features import ForecastProtocol
+from pedpred.models.features import RowFormat
+from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.storage.situations import (
     read_situations,
     read_situations_manifest,
@@ -15,22 +18,23 @@ from pedpred.storage.situations import (
     write_situations_manifest,
 )
 
-SIZES = FeatureSettings(beams=8, neighbours=2, history_steps=3, horizon_steps=4)
+FEATURES = MixtureFeatures(beams=8, neighbours=2, history_steps=3)
+SIZES = RowFormat(ForecastProtocol(horizon_steps=4), "mixture", FEATURES)
+COLUMNS = situation_columns(SIZES)
 
 
 def rows(count, seed=0):
     rng = np.random.default_rng(seed)
-    columns = situation_columns(SIZES)
     return {
-        name: rng.normal(0, 5, (count, *about.shape)).astype(about.dtype) for name, about in columns.items()
+        name: rng.normal(0, 5, (count, *about.shape)).astype(about.dtype) for name, about in COLUMNS.items()
     }
 
 
 @pytest.mark.parametrize("count", [0, 1, 30])
 def test_rows_survive_the_disk_exactly(tmp_path, count):
-    write_situations(rows(count), tmp_path, "corridor_0")
+    write_situations(rows(count), tmp_path, "corridor_0", COLUMNS)
     back = read_situations(tmp_path, "corridor_0", SIZES)
-    assert list(back) == list(situation_columns(SIZES))
+    assert list(back) == list(COLUMNS)
     for name, values in rows(count).items():
         np.testing.assert_array_equal(back[name], values)
         assert back[name].dtype == values.dtype
@@ -38,7 +42,7 @@ def test_rows_survive_the_disk_exactly(tmp_path, count):
 
 def test_the_same_rows_give_the_same_bytes(tmp_path):
     for name in "ab":
-        write_situations(rows(9), tmp_path, name)
+        write_situations(rows(9), tmp_path, name, COLUMNS)
     assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
 
 
@@ -49,8 +53,8 @@ def test_a_manifest_survives_the_disk(tmp_path, names):
 
 
 def test_errors_name_file_and_field(tmp_path):
-    wider = FeatureSettings(beams=12, neighbours=2, history_steps=3, horizon_steps=4)
-    write_situations(rows(3), tmp_path, "room_0")
+    wider = replace(SIZES, features=replace(FEATURES, beams=12))
+    write_situations(rows(3), tmp_path, "room_0", COLUMNS)
     with pytest.raises(StorageError, match=r"room_0\.parquet.*column beams"):
         read_situations(tmp_path, "room_0", wider)
     with pytest.raises(StorageError, match="room_1"):
@@ -64,7 +68,7 @@ def test_errors_name_file_and_field(tmp_path):
 
 @pytest.mark.parametrize("name", ["/dev/zero", "../place", None])
 def test_a_manifest_names_files_of_its_folder_alone(tmp_path, name):
-    write_situations_manifest(tmp_path, FeatureSettings(), ["place"])
+    write_situations_manifest(tmp_path, SIZES, ["place"])
     path = tmp_path / "manifest.json"
     path.write_text(path.read_text().replace('"place"', json.dumps(name)))
     with pytest.raises(StorageError, match=r"manifest\.json"):

@@ -46,8 +46,7 @@ def test_it_is_small_and_says_what_it_is():
 
 
 def test_no_network_is_trained_in_its_world():
-    drawn = OmegaConf.load(ROOT / "params.yaml").worlds
-    assert stand_in.WORLDS.seed != drawn.get("seed", type(stand_in.WORLDS)().seed)
+    assert OmegaConf.load(ROOT / "params.yaml").worlds.seed != stand_in.SEED
 
 
 def test_the_option_adds_a_place_that_is_tested_and_never_trained_on():

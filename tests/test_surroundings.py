@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.features.beams import obstacle_distances
-from pedpred.features.history import past_positions
-from pedpred.features.nearest import nearest_neighbours
 from pedpred.geometry import rotate
+from pedpred.models.mixture.features.beams import obstacle_distances
+from pedpred.models.mixture.features.history import past_positions
+from pedpred.models.mixture.features.nearest import nearest_neighbours
 from pedpred.scenes import OccupancyMap
 from pedpred.tracking.spacing import SPACING_S, spaced
 

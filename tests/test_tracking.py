@@ -200,13 +200,13 @@ def test_a_sensor_is_as_bad_as_it_says():
 
 def test_a_slow_sensor_sees_every_third_instant():
     scene = walled_scene(np.random.default_rng(0))
-    seen = apply_sensor(scene, SensorSettings(every=3), np.random.default_rng(1))
+    seen = apply_sensor(scene, SensorSettings(rate_hz=0.8), np.random.default_rng(1))
     times, every = (np.unique(s.trajectories.time_s) for s in (seen, scene))
     np.testing.assert_array_equal(times, every[::3])
     assert seen.detection_dt_s == pytest.approx(1.2)
 
 
-@pytest.mark.parametrize("fault", [{"every": 0}, {"drop_out_share": 1.0}, {"position_noise_m": -1.0}])
+@pytest.mark.parametrize("fault", [{"rate_hz": -1.0}, {"drop_out_share": 1.0}, {"position_noise_m": -1.0}])
 def test_an_impossible_sensor_is_named(fault):
     with pytest.raises(ValueRuleError, match=f"^{next(iter(fault))} = "):
         SensorSettings(**fault)

@@ -9,13 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
-from pedpred.networks import parse_settings
-from pedpred.networks.contract import displacements
-from pedpred.networks.gaussian import FLOOR_M, GaussianHead, covariance_of, negative_log_density
-from pedpred.networks.registry import plain_settings
-from pedpred.training import RecurrentLearner, train
+from pedpred.models.contract import displacements
+from pedpred.models.gaussian import FLOOR_M, GaussianHead, covariance_of, negative_log_density
+from pedpred.models.registry import parse_settings, plain_settings
+from pedpred.training import SequenceLearner, train
 from tests import test_learning
-from tests.exported import lstm, motion_data, roll
+from tests.exported import lstm, roll, rows_of
 
 MEAN_ONLY = lstm(16, 16, {"state": (8, 8)}, dropout=0.2)
 WITH_SPREAD = dataclasses.replace(MEAN_ONLY, uncertainty="gaussian")
@@ -27,14 +26,14 @@ def noisy_walks(error_m, tracks=12):
     """People at 1 m/s whose next positions are off by `error_m` [rows, 3, 2] from a straight line."""
     straight = torch.tensor([1.0, 0.0]).expand(error_m.shape)
     steps = torch.diff(error_m, dim=1, prepend=torch.zeros(len(error_m), 1, 2)) / 0.3
-    return motion_data(straight[:, 0].clone(), straight + steps, tracks)
+    return rows_of(straight[:, 0].clone(), straight + steps, tracks)
 
 
 def trained(shape, data, scratch, **changes):
     torch.manual_seed(1)
     network = shape.build({"state": 2}, 3)
     how = dataclasses.replace(QUICK, **changes)
-    curve = train(RecurrentLearner(network, data, data.sequences, data.sequences, how), scratch, "toy")
+    curve = train(SequenceLearner(network, data, data.spans.rows, data.spans.rows, how), scratch, "toy")
     return network.eval(), curve
 
 
@@ -65,7 +64,7 @@ def test_the_mean_is_to_the_last_bit_what_it_is_without_a_spread(tmp_path):
     untouched = spread.state_dict()
     assert all(torch.equal(weight, untouched[name]) for name, weight in plain.state_dict().items())
     assert [row["validation_ade_m"] for row in curve] == [row["validation_ade_m"] for row in other]
-    assert set(roll(plain, data, data.sequences)) == {"velocities"}
+    assert set(roll(plain, data, data.spans.rows)) == {"velocities"}
 
 
 def test_the_spread_of_noise_is_found(tmp_path):
@@ -74,7 +73,7 @@ def test_the_spread_of_noise_is_found(tmp_path):
     noise = torch.randn(360, 3, 2, generator=torch.Generator().manual_seed(0))
     data = noisy_walks(noise * deviation_m)
     network, curve = trained(WITH_SPREAD, data, tmp_path, steps=120, validate_every=60, clip_norm=1.0)
-    outputs = roll(network, data, data.sequences)
+    outputs = roll(network, data, data.spans.rows)
     found = torch.diagonal(covariance_of(outputs["spread"]), dim1=-2, dim2=-1).mean(dim=0).sqrt()
     off = displacements(outputs["velocities"], data.future, data.dt_s).square().mean(dim=0).sqrt()
     torch.testing.assert_close(found, off, rtol=0.2, atol=0.0)

@@ -7,15 +7,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.features import FeatureSettings, extract, unpack_crops
+from pedpred.features import extract
+from pedpred.models.lstm.features.grids import unpack_crops
 from pedpred.scenes import VARIANTS
 from pedpred.tracking import follow
+from tests.exported import LSTM_ROWS
 from tests.worlds import walled_scene
 
 
 def features(scene):
     """Features from the true states, so that nothing but the world differs."""
-    return extract(scene, follow(scene.trajectories, "truth", None, 0.2), FeatureSettings())
+    return extract(
+        scene, follow(scene.trajectories, "truth", None, 0.2), LSTM_ROWS.protocol, LSTM_ROWS.features
+    )
 
 
 @given(st.sampled_from(sorted(VARIANTS)), st.integers(0, 9))
@@ -45,8 +49,8 @@ def test_a_mirrored_person_sees_the_mirror_image():
     here, there = features(scene), features(VARIANTS["mirrored"](scene))
     np.testing.assert_array_equal(here.track_id, there.track_id)
     np.testing.assert_allclose(there.future, here.future * [1, -1], atol=1e-5)
-    np.testing.assert_allclose(there.angular_grid, here.angular_grid[:, ::-1], atol=1e-4)
-    crops, mirrored = (unpack_crops(t.occupancy, 60) for t in (here, there))
+    np.testing.assert_allclose(there.inputs["angular_grid"], here.inputs["angular_grid"][:, ::-1], atol=1e-4)
+    crops, mirrored = (unpack_crops(t.inputs["occupancy"], 60) for t in (here, there))
     assert (mirrored == crops[:, :, ::-1]).mean() > 0.999  # a cell's edge may fall to either side
     assert (mirrored == crops).mean() < 0.99
 

@@ -7,42 +7,40 @@ import numpy as np
 import pytest
 
 from pedpred.errors import ValueRuleError
+from pedpred.fields import parsed
 from pedpred.report.simulation_page import weidmann_speed_mps
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from pedpred.simulation.fields import parsed
-from pedpred.storage.scenes import read_scene, write_scene
-from pedpred.worlds import (
-    KINDS,
+from pedpred.simulation.sensor import SensorSettings, apply_sensor
+from pedpred.simulation.worlds import (
+    DRAWN_KINDS,
     Area,
     SensingSettings,
-    Sensor,
     WorldSettings,
-    drawn_sensor,
-    sense,
+    draw_sensor,
     sense_world,
     simulate_world,
 )
-from pedpred.worlds.corridors import CorridorSettings, corridor
-from pedpred.worlds.floors import ground_cells
-from pedpred.worlds.heads import Sway, heads_of
-from pedpred.worlds.journeys import grouped, single
-from pedpred.worlds.models import ModelSettings, drawn_model
-from pedpred.worlds.people import PeopleSettings, drawn_traits
-from pedpred.worlds.settings import GuidanceSettings
-from pedpred.worlds.streams import StreamSettings
-from pedpred.worlds.views import VIEWED, ViewSettings, drawn_view
-from pedpred.worlds.walking import SPEED_CAP
-from pedpred.worlds.world import guidance, walked
+from pedpred.simulation.worlds.corridors import draw_corridor
+from pedpred.simulation.worlds.floors import ground_cells
+from pedpred.simulation.worlds.heads import Sway, move_to_heads
+from pedpred.simulation.worlds.journeys import form_groups, single
+from pedpred.simulation.worlds.models import draw_model
+from pedpred.simulation.worlds.people import draw_traits
+from pedpred.simulation.worlds.views import draw_view
+from pedpred.simulation.worlds.walking import SPEED_CAP
+from pedpred.simulation.worlds.world import draw_routes, record_walking
+from pedpred.storage.scenes import read_scene, write_scene
 from tests.scenes import assert_same
+from tests.simulated import SENSING, WORLDS, read, short_worlds
 
-SETTINGS = WorldSettings(warm_up_s=8.0, duration_s=20.0, bottleneck_s=20.0)
+SETTINGS = short_worlds(20.0, warm_up_s=8.0)
 SEEDS = range(4)
 EVERYTHING = Area(np.full(2, -1e9), np.full(2, 1e9))
 
 
 @pytest.fixture(scope="module")
 def worlds():
-    return {(kind, seed): simulate_world(kind, seed, SETTINGS) for kind in KINDS for seed in SEEDS}
+    return {(kind, seed): simulate_world(kind, seed, SETTINGS) for kind in DRAWN_KINDS for seed in SEEDS}
 
 
 def tracks(trajectories):
@@ -71,7 +69,7 @@ def test_nobody_is_faster_than_the_cap_and_positions_follow_velocities(worlds):
             assert (steps <= cap + 1e-6).all()
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", DRAWN_KINDS)
 def test_the_same_seed_gives_the_same_world_and_another_one_does_not(kind, worlds):
     assert_same(simulate_world(kind, 1, SETTINGS), worlds[kind, 1])
     others = worlds[kind, 2].trajectories, replace(SETTINGS, seed=78)
@@ -101,7 +99,7 @@ def test_people_in_rooms_stay_and_visit_places(worlds):
     changes = 0
     for seed in SEEDS:
         everybody = tracks(worlds["room", seed].trajectories)
-        assert {len(track) for track in everybody} == {round(SETTINGS.duration_s / 0.1)}
+        assert {len(track) for track in everybody} == {round(SETTINGS.room.duration_s / 0.1)}
         changes += sum((np.diff(track.goal, axis=0) != 0).any(axis=1).sum() for track in everybody)
     assert changes > 3
 
@@ -114,7 +112,7 @@ def test_lone_people_walk_straight_or_stand(worlds):
 
 def test_corridors_have_all_forms():
     rng = np.random.default_rng(0)
-    floors = [corridor(CorridorSettings(), rng) for _ in range(60)]
+    floors = [draw_corridor(WORLDS.corridor, rng) for _ in range(60)]
     assert {len(floor.entrances) for floor in floors} == {2, 3, 4}
     assert sum(floor.crossed for floor in floors) > 3
 
@@ -131,10 +129,17 @@ def hall(length_m=30.0, width_m=3.0):
 def calm(collision_free, leave=True):
     """A model without randomness."""
     share = float(collision_free)
-    settings = ModelSettings(
-        share, share, 1.0, noise_mps2=(0, 0), wander_rad=(0, 0), unsteady=(0, 0), unseen_weight=(0.3, 0.3)
+    settings = replace(
+        WORLDS.model,
+        collision_free_share=share,
+        dense_collision_free_share=share,
+        published_share=1.0,
+        noise_mps2=(0, 0),
+        wander_rad=(0, 0),
+        unsteady=(0, 0),
+        unseen_weight=(0.3, 0.3),
     )
-    return drawn_model(settings, False, 0.5, 0.8, leave, np.random.default_rng(0))
+    return draw_model(settings, False, 0.5, 0.8, leave, np.random.default_rng(0))
 
 
 def one_way(per_s, collision_free, groups=0.0, standing_s=0.0, seconds=40.0):
@@ -144,12 +149,12 @@ def one_way(per_s, collision_free, groups=0.0, standing_s=0.0, seconds=40.0):
     entry = np.stack([np.full(count, 2.0), rng.uniform(0.8, 2.2, count)], axis=1)
     journeys = single(np.linspace(0.0, seconds, count), entry, np.zeros(count, int))
     journeys = journeys._replace(standing_s=np.full(count, standing_s))
-    journeys = grouped(journeys, groups, (2, 2), 0.5, free, rng)
-    people = PeopleSettings(headway_s=(1.0, 1.0), stops_share=0.0, speed_deviation=(0.1, 0.1))
+    journeys = form_groups(journeys, groups, (2, 2), 0.5, free, rng)
+    people = replace(WORLDS.people, headway_s=(1.0, 1.0), stops_share=0.0, speed_deviation=(0.1, 0.1))
     people = replace(people, paces={"usual": 1.0, "slow": 0.0, "fast": 0.0})
-    traits = drawn_traits(journeys.group, people, collision_free, True, False, rng)
-    ground, routes = guidance(free, np.array([[28.0, 1.5]]), GuidanceSettings(), rng)
-    return walked(journeys, traits, calm(collision_free), ground, routes, (0.0, seconds), rng)
+    traits = draw_traits(journeys.group, people, collision_free, True, False, rng)
+    ground, routes = draw_routes(free, np.array([[28.0, 1.5]]), WORLDS.guidance, rng)
+    return record_walking(journeys, traits, calm(collision_free), ground, routes, (0.0, seconds), rng)
 
 
 @pytest.mark.parametrize("collision_free", [False, True])
@@ -165,12 +170,13 @@ def test_a_dense_stream_is_slower_than_a_sparse_one(collision_free):
 
 def test_dense_streams_are_about_as_fast_as_observed_ones():
     """Weidmann's speeds at the same density."""
-    forms = dict.fromkeys(CorridorSettings().forms, 0.0) | {"straight": 1.0}
-    patterns = dict.fromkeys(StreamSettings().patterns, 0.0) | {"one_way": 1.0}
-    streams = StreamSettings(patterns, dense_share=1.0, stopping_share=0.0)
-    hall = CorridorSettings(forms, (3.0, 3.0), any_width_share=0.0, arm_m=(10.0, 10.0), streams=streams)
-    people = PeopleSettings({"usual": 1.0, "slow": 0.0, "fast": 0.0})
-    settings = WorldSettings(corridor=replace(hall, obstacle_share=0.0), people=people, duration_s=20.0)
+    forms = dict.fromkeys(WORLDS.corridor.forms, 0.0) | {"straight": 1.0}
+    patterns = dict.fromkeys(WORLDS.corridor.streams.patterns, 0.0) | {"one_way": 1.0}
+    streams = replace(WORLDS.corridor.streams, patterns=patterns, dense_share=1.0, stopping_share=0.0)
+    size = {"width_m": (3.0, 3.0), "any_width_share": 0.0, "arm_m": (10.0, 10.0), "obstacle_share": 0.0}
+    hall = replace(WORLDS.corridor, forms=forms, streams=streams, duration_s=20.0, **size)
+    people = replace(WORLDS.people, paces={"usual": 1.0, "slow": 0.0, "fast": 0.0})
+    settings = replace(WORLDS, corridor=hall, people=people)
     densities, speeds = [], []
     for seed in range(24):
         walked = simulate_world("corridor", seed, settings).trajectories
@@ -188,10 +194,10 @@ def test_dense_streams_are_about_as_fast_as_observed_ones():
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_a_crowd_does_not_dither(share):
     """Real crowds walk on, however slowly: over 3 s they get ahead by most of the way that they walk."""
-    model = ModelSettings(dense_collision_free_share=share)
+    settings = replace(WORLDS, model=replace(WORLDS.model, dense_collision_free_share=share))
     ahead, way = [], []
     for seed in range(8):
-        walked = simulate_world("bottleneck", seed, WorldSettings(model=model)).trajectories
+        walked = simulate_world("bottleneck", seed, settings).trajectories
         for path in tracks(walked):
             steps = np.diff(path.position[::5], axis=0)
             if len(steps) >= 6:
@@ -239,6 +245,12 @@ def parade(people=40, seconds=60.0):
     return Scene("parade", Trajectories(time_s, person, position, velocity), ground, 0.1)
 
 
+def sense(scene, rng, in_view=None, rate_hz=10.0, **faults):
+    """What a sensor with its own clock detects."""
+    sensor = SensorSettings(own_clock=True, rate_hz=rate_hz, **faults)
+    return apply_sensor(scene, sensor, np.random.default_rng(rng), in_view)
+
+
 def error(seen):
     """Detected minus true positions, m."""
     rows = seen.trajectories
@@ -246,7 +258,7 @@ def error(seen):
 
 
 def test_a_perfect_sensor_sees_the_truth_at_its_rate():
-    seen = sense(parade(), Sensor(rate_hz=2.67), EVERYTHING, np.random.default_rng(1))
+    seen = sense(parade(), 1, rate_hz=2.67)
     assert np.abs(error(seen)).max() < 1e-6
     assert seen.trajectories.usual_interval_s() == pytest.approx(1 / 2.67)
     assert seen.detection_dt_s == pytest.approx(1 / 2.67)
@@ -255,8 +267,7 @@ def test_a_perfect_sensor_sees_the_truth_at_its_rate():
 
 
 def test_noise_and_drop_outs_are_as_set():
-    sensor = Sensor(rate_hz=5.0, noise_m=0.05, drop_out=0.1, jitter_s=0.02)
-    seen = sense(parade(), sensor, EVERYTHING, np.random.default_rng(2))
+    seen = sense(parade(), 2, rate_hz=5.0, position_noise_m=0.05, drop_out_share=0.1, jitter_s=0.02)
     assert error(seen).std() == pytest.approx(0.05, rel=0.05)
     assert len(seen.trajectories) == pytest.approx(0.9 * 40 * 300, rel=0.02)
     instants = np.unique(seen.trajectories.time_s)
@@ -264,13 +275,13 @@ def test_noise_and_drop_outs_are_as_set():
 
 
 def test_coordinates_are_rounded_to_the_quantum():
-    seen = sense(parade(), Sensor(quantum_m=0.05, noise_m=0.1), EVERYTHING, np.random.default_rng(3))
+    seen = sense(parade(), 3, quantum_m=0.05, position_noise_m=0.1)
     steps = seen.trajectories.position / 0.05
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
 
 
 def test_people_are_born_late_by_at_most_what_is_set():
-    seen = sense(parade(), Sensor(late_s=2.0), EVERYTHING, np.random.default_rng(4))
+    seen = sense(parade(), 4, late_s=2.0)
     births = np.array([track.time_s[0] for track in tracks(seen.trajectories)])
     assert births.max() < 2.2
     assert births.mean() == pytest.approx(1.05, abs=0.4)
@@ -278,7 +289,7 @@ def test_people_are_born_late_by_at_most_what_is_set():
 
 def test_only_what_is_in_view_is_detected():
     view = Area(np.array([-5.0, 2.0]), np.array([12.0, 50.0]))
-    seen = sense(parade(), Sensor(noise_m=0.3), view, np.random.default_rng(5)).trajectories
+    seen = sense(parade(), 5, view.holds, position_noise_m=0.3).trajectories
     assert view.holds(seen.position).all()
     assert seen.position[:, 0].min() < -4.8
     assert set(seen.person_id) == set(range(1, 17))
@@ -286,10 +297,10 @@ def test_only_what_is_in_view_is_detected():
 
 def test_ids_switch_only_between_close_people_and_stay_switched():
     scene, rng = parade(20), np.random.default_rng(6)
-    unswitched = sense(scene, Sensor(switch=0.5), EVERYTHING, rng).trajectories
+    unswitched = sense(scene, rng, switch_share=0.5).trajectories
     np.testing.assert_array_equal(unswitched.track_id, unswitched.person_id)
     close = replace(scene, trajectories=replace(scene.trajectories, position=scene.trajectories.position / 6))
-    seen = sense(close, Sensor(rate_hz=5.0, switch=0.01), EVERYTHING, rng).trajectories
+    seen = sense(close, rng, rate_hz=5.0, switch_share=0.01).trajectories
     switched = seen.track_id != seen.person_id
     assert 0.1 < switched.mean() < 0.95
     for row in np.split(np.arange(len(seen)), np.flatnonzero(np.diff(seen.time_s)) + 1):
@@ -300,18 +311,18 @@ def test_ids_switch_only_between_close_people_and_stay_switched():
 
 def test_heads_sway_beside_the_way_and_drift():
     body, rng = parade(), np.random.default_rng(7)
-    sway = heads_of(body, Sway(amplitude_m=0.05), rng).trajectories.position - body.trajectories.position
+    sway = move_to_heads(body, Sway(amplitude_m=0.05), rng).trajectories.position - body.trajectories.position
     assert 0.02 < sway[:, 1].std() < 0.06
     assert sway[:, 0].std() == pytest.approx(0.4 * sway[:, 1].std(), rel=0.1)
-    drift = heads_of(body, Sway(drift_m=0.02), rng).trajectories.position - body.trajectories.position
+    drift = move_to_heads(body, Sway(drift_m=0.02), rng).trajectories.position - body.trajectories.position
     assert drift.std() == pytest.approx(0.02, rel=0.1)
     still = replace(body.trajectories, velocity=np.zeros((len(body.trajectories), 2)))
-    stands = heads_of(replace(body, trajectories=still), Sway(amplitude_m=0.05), rng)
+    stands = move_to_heads(replace(body, trajectories=still), Sway(amplitude_m=0.05), rng)
     np.testing.assert_allclose(stands.trajectories.position, body.trajectories.position)
 
 
 def test_a_sensed_world_knows_the_heads_of_whom_it_sees(worlds):
-    settings = SensingSettings(sway_share=1.0, noisy_share=0.0)
+    settings = replace(SENSING, sway_share=1.0, noisy_share=0.0)
     seen, heads = sense_world(worlds["corridor", 2], EVERYTHING, settings, np.random.default_rng(8))
     truth = {track.track_id[0]: track for track in tracks(heads.trajectories)}
     rows = seen.trajectories
@@ -324,16 +335,22 @@ def test_a_sensed_world_knows_the_heads_of_whom_it_sees(worlds):
 
 
 def test_drawn_sensors_stay_in_their_ranges_and_repeat():
-    draws = [drawn_sensor(SensingSettings(), np.random.default_rng(n)) for n in range(200)]
-    assert draws[3] == drawn_sensor(SensingSettings(), np.random.default_rng(3))
-    assert {sensor.rate_hz for sensor, _ in draws} == set(SensingSettings().rates_hz)
-    assert all(0.005 <= sensor.noise_m <= 0.1 and sensor.drop_out <= 0.12 for sensor, _ in draws)
-    assert 0.3 < np.mean([sensor.switch == 0 for sensor, _ in draws]) < 0.8
+    draws = [draw_sensor(SENSING, np.random.default_rng(n)) for n in range(200)]
+    assert draws[3] == draw_sensor(SENSING, np.random.default_rng(3))
+    assert {sensor.rate_hz for sensor, _ in draws} == set(SENSING.rates_hz)
+    assert all(
+        0.005 <= sensor.position_noise_m <= 0.1 and sensor.drop_out_share <= 0.12 for sensor, _ in draws
+    )
+    assert 0.3 < np.mean([sensor.switch_share == 0 for sensor, _ in draws]) < 0.8
 
 
 def test_a_view_cuts_the_ends_off(worlds):
     occupancy = worlds["corridor", 0].occupancy
-    view = drawn_view(occupancy, ViewSettings((1.0, 1.0), (2.0, 2.0)), np.random.default_rng(0))
+    view = draw_view(
+        occupancy,
+        replace(SENSING.views["corridor"], cut_x_m=(1.0, 1.0), cut_y_m=(2.0, 2.0)),
+        np.random.default_rng(0),
+    )
     np.testing.assert_allclose(view.low, occupancy.origin + np.array([1.0, 2.0]))
     np.testing.assert_allclose(view.high, occupancy.origin + occupancy.extent_m - np.array([1.0, 2.0]))
 
@@ -341,19 +358,20 @@ def test_a_view_cuts_the_ends_off(worlds):
 # Settings
 
 
-@pytest.mark.parametrize("settings", [SETTINGS, SensingSettings(late_s=(1.0, 2.0))])
+@pytest.mark.parametrize("settings", [SETTINGS, replace(SENSING, late_s=(1.0, 2.0))])
 def test_settings_can_be_written_as_plain_text(settings):
     assert parsed(type(settings), json.loads(json.dumps(asdict(settings)))) == settings
 
 
 def test_errors_name_the_field():
-    views = {kind: {"window_m": [0.0, 1.0]} if kind == "room" else {} for kind in VIEWED}
-    plain = {"corridor": {"width_m": [3.0, 2.0], "forms": {}}}
+    worlds, sensing = read("worlds/varied"), read("sensing/varied")
+    worlds["corridor"]["forms"] = {}
+    sensing["views"]["room"]["window_m"] = [0.0, 1.0]
     with pytest.raises(ValueRuleError, match=r"worlds\.corridor\.forms"):
-        parsed(WorldSettings, plain, "worlds")
+        parsed(WorldSettings, worlds, "worlds")
     with pytest.raises(ValueRuleError, match="width_m"):
-        CorridorSettings(width_m=(3.0, 2.0))
+        replace(WORLDS.corridor, width_m=(3.0, 2.0))
     with pytest.raises(ValueRuleError, match=r"views\.room\.window_m"):
-        parsed(SensingSettings, {"views": views})
+        parsed(SensingSettings, sensing)
     with pytest.raises(ValueRuleError, match="kind"):
         simulate_world("tunnel", 0, SETTINGS)

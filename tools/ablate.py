@@ -13,7 +13,8 @@ import json
 import logging
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -21,6 +22,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from pedpred.config import config_errors, plain, read_params
+from pedpred.errors import ConfigError
 from pedpred.files import check_output, write_json, write_text
 from pedpred.forecasting import Methods
 from pedpred.report.ablation import (
@@ -101,16 +103,31 @@ def learning(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dic
     }
 
 
+def _points_of(ablation: Ablation, point: str) -> Sequence[str]:
+    """The overrides of a point.
+
+    Raises:
+        ConfigError: there is no such point.
+    """
+    if point not in ablation.points:
+        raise ConfigError("point", point, f"choose one of {', '.join(ablation.points)}")
+    return ablation.points[point]
+
+
 @config_errors()
 def main() -> None:
     """Run all points, write the figures."""
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
     parser.add_argument("name", help="a file in conf/ablations, without .yaml")
     parser.add_argument("--jobs", type=int, default=1, help="points at a time")
-    parser.add_argument("--out", type=Path, default=Path("reports/ablations"))
+    parser.add_argument("--point", action="append", help="run this point only; may be repeated")
+    parser.add_argument("--out", type=Path, help="reports/ablations, with --point build/ablations")
     options = parser.parse_args()
     ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
-    check_output(options.out, folder=True)
+    if options.point:
+        ablation = replace(ablation, points={point: _points_of(ablation, point) for point in options.point})
+    out = options.out or Path("build/ablations" if options.point else "reports/ablations")
+    check_output(out, folder=True)
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
     references = reproduced(ablation, experiments, options.jobs)
     rows = point_rows(ablation, measures(ablation, references))
@@ -118,9 +135,9 @@ def main() -> None:
     tables = [ablation_table(ablation, rows, methods)]
     if ablation.curves:
         tables.append(steps_table(ablation, steps_until(ablation, learning(ablation, references)), methods))
-    write_json(options.out / f"{options.name}.json", rows)
-    write_text(options.out / f"{options.name}.md", "\n\n".join(tables) + "\n")
-    write_png(ablation_figure(ablation, rows, methods), options.out / f"{options.name}.png")
+    write_json(out / f"{options.name}.json", rows)
+    write_text(out / f"{options.name}.md", "\n\n".join(tables) + "\n")
+    write_png(ablation_figure(ablation, rows, methods), out / f"{options.name}.png")
     logging.getLogger(__name__).info("\n%s", "\n\n".join(tables))
 
 

@@ -15,11 +15,11 @@ from pedpred.command.prediction import robot_for
 from pedpred.config import LOCK, plain, row
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
 from pedpred.features.perception import sensed
+from pedpred.fields import parsed
 from pedpred.online.assessment import NETWORK, assess
 from pedpred.online.network import read_origin
 from pedpred.report.comparison import metrics_at, metrics_now
 from pedpred.scenes import Scene
-from pedpred.simulation.fields import parsed
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
 from tools.verdicts import (

@@ -1,17 +1,14 @@
 """Repair the files that a killed `dvc repro` left half written: `python -m tools.mend_lock`.
 
 `make reproduce` starts with it. DVC writes dvc.lock in place: after a kill during that write the file ends
-within a stage's entry, and later entries are lost. Every stage makes a copy of the file when it starts, which
-has them. Restored entries are safe: DVC compares them with the files and runs the stage again where they
-differ. DVC's list of files in use (rwlock) can be cut likewise; after a kill it is removed.
+within a stage's entry. The copy that every stage makes when it starts then takes its place; stages that have
+ended since run again. DVC's list of files in use (rwlock) can be cut likewise and is removed.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import logging
-import re
 from pathlib import Path
 
 import yaml
@@ -20,35 +17,19 @@ from dvc.schema import COMPILED_LOCKFILE_SCHEMA
 from dvc.utils.strictyaml import YAMLValidationError, validate
 
 from pedpred.config import KEPT, LOCK, keep_lock
-from pedpred.files import write_text
 
 RUNNING = Path(".dvc/tmp/rwlock")
 """The files that running DVC commands read and write."""
-_ENTRY = re.compile(r"^(?= {2}[^\s-])", re.MULTILINE)
 
 
-def whole(text: str) -> bool:
-    """Return whether a lock file ends with a whole line and matches DVC's schema."""
+def is_whole(lock: Path) -> bool:
+    """Return whether a lock file exists, ends with a whole line and matches DVC's schema."""
     try:
+        text = lock.read_text()
         validate(yaml.safe_load(text), COMPILED_LOCKFILE_SCHEMA)
-    except (yaml.YAMLError, YAMLValidationError):
+    except (FileNotFoundError, yaml.YAMLError, YAMLValidationError):
         return False
     return text.endswith("\n")
-
-
-def mended(cut: str, earlier: str) -> str:
-    """Drop the entry in which a lock file was cut, add entries of an earlier one; may be empty."""
-    head, *entries = _ENTRY.split(cut)
-    earlier_head, *known = _ENTRY.split(earlier)
-    found = {name(entry): entry for entry in entries[:-1]}
-    lost = {name(entry): entry for entry in known if name(entry) not in found}
-    head = head if entries else earlier_head
-    return "".join([head, *found.values(), *lost.values()]) if found or lost else ""
-
-
-def name(entry: str) -> str:
-    """Return the name of the stage of an entry."""
-    return entry.partition("\n")[0]
 
 
 def remove_damaged_rwlock() -> None:
@@ -63,14 +44,13 @@ def remove_damaged_rwlock() -> None:
             RUNNING.unlink()
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Repair both files if necessary and keep a copy of dvc.lock for the next time."""
-    argparse.ArgumentParser(prog="python -m tools.mend_lock", description=__doc__).parse_args(arguments)
     remove_damaged_rwlock()
-    if LOCK.exists() and not whole(text := LOCK.read_text()):
-        logging.warning("dvc.lock is cut, as after a kill; missing entries come from %s", KEPT)
-        if kept := mended(text, KEPT.read_text() if KEPT.exists() else ""):
-            write_text(LOCK, kept)
+    if LOCK.exists() and not is_whole(LOCK):
+        logging.warning("dvc.lock is cut, as after a kill; the copy %s takes its place", KEPT)
+        if is_whole(KEPT):
+            KEPT.replace(LOCK)
         else:
             LOCK.unlink()
     keep_lock(Path())

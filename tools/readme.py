@@ -25,7 +25,6 @@ Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
 
 _MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _TRAININGS = {"transfer": "simulation only", "real": "fine-tuned on the other places"}
-_NOT_SHOWN = ("ablation", "bound")
 _NOT_RANKED = "oracle"
 
 
@@ -96,7 +95,7 @@ def _main(studies: Mapping[str, Figures], methods: Methods) -> Any:
 def _rows(studies: Mapping[str, Figures], methods: Methods) -> Any:
     """Yield label, role and figures by place; a network has a row per training."""
     for method in methods:
-        if method.role in _NOT_SHOWN:
+        if method.role == "ablation":
             continue
         trained = method.role == "network"
         for study, training in _TRAININGS.items():

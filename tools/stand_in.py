@@ -7,22 +7,26 @@ times a second with an error of 3 cm. The scene folder goes to examples/simulate
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from pedpred.config import plain, read_params
 from pedpred.errors import user_errors
+from pedpred.fields import parsed
 from pedpred.files import atomic_write, check_output, write_json
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
+from pedpred.simulation.worlds import WorldSettings, simulate_world
 from pedpred.storage.scenes import SCENE_SCHEMA, write_map
-from pedpred.worlds import WorldSettings, simulate_world
 
+ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path("examples/simulated_corner")
-WORLDS = WorldSettings(seed=2018, duration_s=48.0)
+SEED = 2018
 """Training draws its worlds from another seed."""
-KIND, NUMBER = "corridor", 11
-SENSOR = SensorSettings(every=4, position_noise_m=0.03, seed=7)
+KIND, NUMBER, DURATION_S = "corridor", 11, 48.0
+SENSOR = SensorSettings(rate_hz=2.5, position_noise_m=0.03, seed=7)
 MADE = "simulated people, written by `python -m tools.stand_in`"
 AROUND_M = 5.0
 """Kept of the map around all people: farther than the corners of a crop of a network reach."""
@@ -30,7 +34,9 @@ AROUND_M = 5.0
 
 def stand_in(name: str) -> Scene:
     """Simulate the people and look at them."""
-    world = simulate_world(KIND, NUMBER, WORLDS)
+    ranges = parsed(WorldSettings, plain(read_params(ROOT).worlds))
+    longer = replace(ranges.corridor, duration_s=DURATION_S)
+    world = simulate_world(KIND, NUMBER, replace(ranges, seed=SEED, corridor=longer))
     seen = apply_sensor(world, SENSOR, np.random.default_rng(SENSOR.seed))
     kept = Trajectories(*(getattr(seen.trajectories, key) for key in ("time_s", "track_id", "position")))
     return Scene(name, kept, around(world.occupancy, kept.position), seen.detection_dt_s, stand_in=MADE)

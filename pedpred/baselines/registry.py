@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from pedpred.baselines.goal_inference import goal_blind, goal_unseen
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.baselines.social_force import social_force
 from pedpred.errors import ValueRuleError
+from pedpred.fields import check_choice
 from pedpred.forecasting import Forecaster, Method
-from pedpred.simulation.fields import check_choice
 
-BASELINES: dict[str, Callable[..., Forecaster]] = {
-    **PRESENT_MOTION,
-    "social_force": social_force,
-    "goal_blind": goal_blind,
-    "goal_unseen": goal_unseen,
-}
+BASELINES: dict[str, Callable[..., Forecaster]] = {**PRESENT_MOTION, "social_force": social_force}
 """Name -> factory, called with the settings of a row. The row names it by its key or as `baseline`."""
 
 

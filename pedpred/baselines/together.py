@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pedpred.features.extract import present_rows
+from pedpred.features.surroundings import present_rows
 from pedpred.forecasting import ForecastRequest
 from pedpred.geometry import rotate
 from pedpred.scenes import Predictions

@@ -13,13 +13,13 @@ from tqdm import tqdm
 
 from pedpred.command.conversion import layout_of, read_given
 from pedpred.errors import StorageError, ValueRuleError
+from pedpred.fields import parsed
 from pedpred.files import read_yaml, translate_errors
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import as_windows, replayed
 from pedpred.ros import check_recordable, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import Forecast, Scene
-from pedpred.simulation.fields import parsed
 from pedpred.tracking import KalmanSettings
 
 _log = logging.getLogger(__name__)
@@ -34,8 +34,8 @@ def predict(given: argparse.Namespace) -> None:
     tracker = None if given.tracker is None else read_tracker(Path(given.tracker))
     scene = read_given(given)
     predictor = robot_for(scene, given.model, tracker, given.detection_noise_m)
-    check_recordable(scene, predictor.features.horizon_steps, given.grid)
-    windows = as_windows(scene, _with_progress(scene, predictor), _METHOD, predictor.features)
+    check_recordable(scene, predictor.protocol.horizon_steps, given.grid)
+    windows = as_windows(scene, _with_progress(scene, predictor), _METHOD, predictor.protocol)
     write_recording(scene, given.output, windows, {_METHOD: _COLOUR}, _METHOD, given.grid)
     write_layout(scene.occupancy, set(), layout_of(given.output))
     _log.info("%s: recorded with forecasts in %s", scene.name, given.output)

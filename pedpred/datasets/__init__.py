@@ -1,6 +1,6 @@
-"""Splits and lanes: how feature tables become training batches."""
+"""Training rows on disk, how they are divided, and how sequences become batches."""
 
 from pedpred.datasets.lanes import LaneBatch, split_sequences, stream_lanes
-from pedpred.datasets.motion import MotionData, load_motion_data
+from pedpred.datasets.rows import TrainingRows, load_instants, load_sequences
 
-__all__ = ["LaneBatch", "MotionData", "load_motion_data", "split_sequences", "stream_lanes"]
+__all__ = ["LaneBatch", "TrainingRows", "load_instants", "load_sequences", "split_sequences", "stream_lanes"]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pedpred.datasets.motion import MotionData
+from pedpred.datasets.rows import TrainingRows
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.fields import check_choice, check_ranges
+from pedpred.fields import check_choice, check_ranges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class SplitSettings:
 
 
 def split_sequences(
-    data: MotionData, how: SplitSettings, rng: np.random.Generator
+    data: TrainingRows, how: SplitSettings, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Divide the sequences of a data set.
 
@@ -47,14 +47,14 @@ def split_sequences(
         ValueRuleError: the data set has only one scene or track to divide.
     """
     by = how.validation_by
-    group = data.scene if by == "scene" else data.track
+    group = data.spans.scene if by == "scene" else data.spans.track
     names = rng.permutation(np.unique(group))
     held = max(1, round(how.validation_share * len(names)))
     if held >= len(names):
         rule = f"the data have {len(names)} of it: nothing is left to train on"
         raise ValueRuleError("validation_by", by, rule)
     validation = np.isin(group, names[:held])
-    return data.sequences[~validation], data.sequences[validation]
+    return data.spans.rows[~validation], data.spans.rows[validation]
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.evaluation.scores import EvaluationSettings, metric_scene, score
 from pedpred.evaluation.summary import Figures, summaries
-from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.features.extract import last_differences
+from pedpred.features import FeatureTable, ForecastProtocol
+from pedpred.features.surroundings import last_differences
+from pedpred.fields import Range, check_ranges, parsed
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.metrics import METRICS
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.fields import Range, check_ranges, parsed
 from pedpred.tracking import KalmanSettings, follow
 
 _METRICS = {key: METRICS[key] for key in ("ade_m", "fde_m")}
@@ -144,12 +144,10 @@ def request_about(scene: Scene, found: Stretches, tracker: KalmanSettings) -> Fo
         last_position=found.seen[:, -1],
         last_velocity=velocity,
         last_acceleration=acceleration,
-        occupancy=np.zeros((windows, 0), np.uint8),
-        angular_grid=np.zeros((windows, 0), np.float32),
         future=np.zeros((windows, steps, 2), np.float32),
         future_steps=np.full(windows, steps, np.int8),
     )
-    sizes = FeatureSettings(dt_s=found.step_s, horizon_steps=steps)
+    sizes = ForecastProtocol(dt_s=found.step_s, horizon_steps=steps)
     return ForecastRequest(
         replace(scene, trajectories=seen), table, sizes, track, tracker, detection_interval_s=found.step_s
     )

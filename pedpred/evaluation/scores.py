@@ -9,12 +9,12 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable
+from pedpred.fields import LARGEST_SEED, check_ranges
 from pedpred.geometry import rotate
 from pedpred.metrics import METRICS, Metric, MetricScene
 from pedpred.metrics.calibration import mixture_nll, share_inside
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import OccupancyMap, Predictions
-from pedpred.simulation.fields import LARGEST_SEED, check_ranges
 
 _PER_STEP = ("error_m", "inside", "nll")
 

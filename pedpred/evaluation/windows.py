@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import FeatureSettings, FeatureTable, extract, extract_at_detections
+from pedpred.features import FeatureTable, ForecastProtocol, extract, extract_at_detections
 from pedpred.features.perception import Perception, perceived
 from pedpred.forecasting import ForecastRequest
 from pedpred.scenes import Scene
@@ -22,7 +21,7 @@ _WORTH_SAYING = 0.01
 def window_request(
     scene: Scene,
     how: Perception,
-    sizes: FeatureSettings,
+    sizes: ForecastProtocol,
     social_force: SocialForceSettings | None = None,
     memory: bool = True,
 ) -> ForecastRequest:
@@ -31,21 +30,20 @@ def window_request(
     Args:
         scene: a place; detections at any rate, regular or not.
         how: how its people are perceived.
-        sizes: of the features; the clock of networks has one phase, whatever training uses.
+        sizes: time step, horizon, ages; the clock of networks has one phase, whatever training uses.
         social_force: the model of walking there; None where there is none.
-        memory: compute what networks with a memory read: its steps, and the grids of all rows.
+        memory: compute the steps of networks with a memory.
     """
     seen, tracks = perceived(scene, how, sizes)
-    table = extract_at_detections(seen, tracks, sizes, scene.trajectories, grids=memory)
-    one_phase = replace(sizes, phase_offsets=1)
-    clock = extract(seen, tracks, one_phase, scene.trajectories) if memory else None
+    table = extract_at_detections(seen, tracks, sizes, scene.trajectories)
+    clock = extract(seen, tracks, sizes, truth=scene.trajectories) if memory else None
     tracker = None if sizes.noncausal else how.kalman
     rows = windows_of(table, sizes)
     every_s, noise_m = seen.detection_dt_s, how.sensor.position_noise_m
     return ForecastRequest(scene, table, sizes, rows, tracker, every_s, social_force, clock, tracks, noise_m)
 
 
-def windows_of(table: FeatureTable, sizes: FeatureSettings) -> np.ndarray:
+def windows_of(table: FeatureTable, sizes: ForecastProtocol) -> np.ndarray:
     """Find the evaluation windows in a table at detections.
 
     A window is a detection with at least `min_history` earlier ones of the same life and a true position at
@@ -57,7 +55,7 @@ def windows_of(table: FeatureTable, sizes: FeatureSettings) -> np.ndarray:
     return np.flatnonzero(_with_history(table, sizes) & (table.future_steps == sizes.horizon_steps))
 
 
-def count_without_truth(table: FeatureTable, sizes: FeatureSettings, place: str) -> int:
+def count_without_truth(table: FeatureTable, sizes: ForecastProtocol, place: str) -> int:
     """Count the detections that lack nothing but truth to be windows: their person stays, unseen at times.
 
     Args:
@@ -95,5 +93,5 @@ def _usual(table: FeatureTable) -> str:
     return f"; detections of a person are usually {usual_s:g} s apart (time stamps must be in seconds)"
 
 
-def _with_history(table: FeatureTable, sizes: FeatureSettings) -> np.ndarray:
+def _with_history(table: FeatureTable, sizes: ForecastProtocol) -> np.ndarray:
     return table.step >= sizes.min_history

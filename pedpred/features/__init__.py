@@ -1,21 +1,20 @@
-"""Network inputs (occupancy crop, angular pedestrian grid, velocity) and training targets."""
+"""Tracked states, what a model can see around people, and training targets."""
 
+from pedpred.features.contract import ModelFeatures, StoredColumn
 from pedpred.features.extract import extract, extract_at_detections, extract_blocks
-from pedpred.features.grids import angular_grids, occupancy_crops, unpack_crops
-from pedpred.features.observe import Neighbours, Observation, Pedestrians, observe
-from pedpred.features.table import FeatureSettings, FeatureTable
+from pedpred.features.surroundings import Neighbours, Pedestrians, Surroundings, neighbours_at
+from pedpred.features.table import FeatureTable, ForecastProtocol
 
 __all__ = [
-    "FeatureSettings",
     "FeatureTable",
+    "ForecastProtocol",
+    "ModelFeatures",
     "Neighbours",
-    "Observation",
     "Pedestrians",
-    "angular_grids",
+    "StoredColumn",
+    "Surroundings",
     "extract",
     "extract_at_detections",
     "extract_blocks",
-    "observe",
-    "occupancy_crops",
-    "unpack_crops",
+    "neighbours_at",
 ]

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.features.table import FeatureSettings
-from pedpred.scenes import Scene
-from pedpred.simulation.fields import (
+from pedpred.features.table import ForecastProtocol
+from pedpred.fields import (
     check_choice,
     check_mapping,
     check_names,
@@ -20,6 +19,7 @@ from pedpred.simulation.fields import (
     finite,
     parsed,
 )
+from pedpred.scenes import Scene
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.tracking import KalmanSettings, Tracks, follow, resampled
 
@@ -70,7 +70,7 @@ def parse_tracker(row: Mapping[str, Any]) -> KalmanSettings | None:
 
 
 def parsed_kalman(plain: Any, path: str = "") -> KalmanSettings:
-    """Build the settings of a Kalman tracker; see `pedpred.simulation.fields.parsed`.
+    """Build the settings of a Kalman tracker; see `pedpred.fields.parsed`.
 
     Raises:
         ValueRuleError: a field is missing or unknown, or no positive number.
@@ -89,20 +89,20 @@ def sensed(scene: Scene, sensor: SensorSettings) -> Scene:
     return apply_sensor(scene, sensor, np.random.default_rng([sensor.seed, zlib.crc32(scene.name.encode())]))
 
 
-def perceived(scene: Scene, how: Perception, sizes: FeatureSettings) -> tuple[Scene, Tracks]:
+def perceived(scene: Scene, how: Perception, protocol: ForecastProtocol) -> tuple[Scene, Tracks]:
     """Detect and track the people of a scene.
 
     Args:
         scene: their true paths.
         how: sensor and tracker.
-        sizes: of the features; `noncausal` ones are made of resampled tracks, without sensor and tracker.
+        protocol: `noncausal` inputs are made of resampled tracks, without sensor and tracker.
 
     Returns:
         The scene as it is detected, and the tracked states after every detection.
     """
-    if sizes.noncausal:
-        seen, kalman = resampled(scene, sizes.dt_s, sizes.lost_after_s), None
+    if protocol.noncausal:
+        seen, kalman = resampled(scene, protocol.dt_s, protocol.lost_after_s), None
     else:
         seen, kalman = sensed(scene, how.sensor), how.kalman
     kind = "truth" if kalman is None else "kalman"
-    return seen, follow(seen.trajectories, kind, kalman, how.standstill_mps, sizes.lost_after_s)
+    return seen, follow(seen.trajectories, kind, kalman, how.standstill_mps, protocol.lost_after_s)

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.fields import check_choice, check_mapping, check_ranges, parsed
+from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
 
-ROLES = ("baseline", "reference", "oracle", "bound", "ablation", "network")
+ROLES = ("baseline", "reference", "oracle", "ablation", "network")
 """baseline: simple and causal. reference: the strongest of these, which paired differences are taken to.
-oracle: knows the future goal. bound: what could be reached at best. ablation: the network `of` without one of
-its parts. network: a learned method; the last one listed is what reports are about."""
+oracle: knows the future goal. ablation: the network `of` without one of its parts. network: a learned method;
+the last one listed is what reports are about."""
 
 
 WHERE = ("simulated", "real", "literature")

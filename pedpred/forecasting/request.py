@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import FeatureSettings, FeatureTable
-from pedpred.features.extract import present_rows
+from pedpred.features import FeatureTable, ForecastProtocol, ModelFeatures, Surroundings, neighbours_at
+from pedpred.features.surroundings import present_rows
 from pedpred.scenes import Predictions, Scene
 from pedpred.simulation.settings import SocialForceSettings
 from pedpred.tracking import KalmanSettings, Tracks
@@ -24,21 +24,21 @@ class ForecastRequest:
 
     Attributes:
         scene: trajectories and obstacles.
-        table: the features at all detections of the scene, sorted by track and time.
-        sizes: what the table was made with: time step, horizon, ranges.
+        table: states and true futures at all detections of the scene, sorted by track and time.
+        sizes: protocol that the table was made with: time step, horizon, ages.
         rows: which rows to forecast. [W]
         tracker: noise of the filter that the tracked states come from; None where states are true.
         detection_interval_s: time between two detections of a track, s.
         social_force: the model of walking at this place; None where there is none.
-        clock: the features every `dt_s` from each life's first detection on, at which recurrent memories
-            advance; sorted by track and step. None where nobody keeps one.
+        clock: the same every `dt_s` from each life's first detection on, when recurrent memories advance;
+            sorted by track and step. None where nobody keeps one.
         tracks: the tracker's states, row by row those of `table`; None where nobody reads the past.
         detection_noise_m: declared standard deviation of a detection's coordinate, m.
     """
 
     scene: Scene
     table: FeatureTable
-    sizes: FeatureSettings
+    sizes: ForecastProtocol
     rows: np.ndarray
     tracker: KalmanSettings | None
     detection_interval_s: float
@@ -54,7 +54,7 @@ class ForecastRequest:
 
     @property
     def asked(self) -> FeatureTable:
-        """The features of the rows to forecast. [W]."""
+        """The rows to forecast. [W]."""
         return self.table.select(self.rows)
 
     @property
@@ -70,13 +70,13 @@ class ForecastRequest:
 
     @property
     def steps(self) -> FeatureTable:
-        """The features at which recurrent memories advance.
+        """The instants at which recurrent memories advance.
 
         Raises:
             ValueRuleError: there are none.
         """
         if self.clock is None:
-            raise ValueRuleError("clock", None, "a recurrent forecaster needs the features of its own steps")
+            raise ValueRuleError("clock", None, "a recurrent forecaster needs the instants of its own steps")
         return self.clock
 
     @property
@@ -94,6 +94,18 @@ class ForecastRequest:
         if self.tracks is None:
             raise ValueRuleError("tracks", None, "a network without memory needs the past of the people")
         return self.tracks
+
+    def inputs(self, features: ModelFeatures, row: np.ndarray, time_s: np.ndarray) -> dict[str, np.ndarray]:
+        """Compute a model's inputs.
+
+        Args:
+            features: of the model.
+            row: last detections of some people, as rows of `tracks`. [Q]
+            time_s: instants; equal ones must be equal to the last bit, s. [Q]
+        """
+        around = neighbours_at(self.past, time_s, self.max_age_s)
+        seen = Surroundings.of(self.past, row, time_s, around, self.scene.occupancy)
+        return features.compute(seen, self.sizes.dt_s)
 
     def present(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Find everybody who is present at each instant of the scene up to the last one of a row to forecast.

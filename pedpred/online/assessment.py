@@ -15,8 +15,9 @@ from pedpred.evaluation.scores import in_order, metric_scene, true_paths
 from pedpred.evaluation.windows import count_without_truth, window_request
 from pedpred.features.perception import Perception, sensed
 from pedpred.forecasting import Forecaster, ForecastRequest
+from pedpred.forecasting.chain import instant_blocks
 from pedpred.metrics import METRICS, Metric
-from pedpred.online.batch import instant_blocks, predictions_in_blocks
+from pedpred.online.batch import predictions_in_blocks
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.replay import predictions_at, replayed
 from pedpred.scenes import Forecast, Predictions, Scene
@@ -60,7 +61,7 @@ def assess(
     """
     if taken := sorted(set(others or {}).intersection(ALWAYS)):
         raise ValueRuleError("others", taken, f"the names {ALWAYS} are taken")
-    about, sizes, sensor = predictor.description, predictor.features, sensor or SensorSettings()
+    about, sizes, sensor = predictor.description, predictor.protocol, sensor or SensorSettings()
     how = Perception(about.tracker, about.standstill_mps, sensor)
     request = window_request(scene, how, sizes, memory=False)
     without_truth = count_without_truth(request.table, sizes, scene.name)
@@ -68,7 +69,7 @@ def assess(
     request = replace(request, tracker=None)
     if answered is not None:
         request = replace(request, rows=request.rows[answered(request)])
-    if about.reads_situations:
+    if not about.memory:
         blocks = predictions_in_blocks(predictor, request, f"forecast {scene.name}")
     else:
         blocks = _replayed(sensed(scene, sensor), predictor, request)

@@ -14,44 +14,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pedpred.errors import StorageError, ValueRuleError, brief
-from pedpred.features import FeatureSettings
-from pedpred.features.situation import channel_widths
+from pedpred.features import ForecastProtocol, ModelFeatures
+from pedpred.fields import check_ranges
 from pedpred.files import read_bytes, read_json, translate_errors, write_json
 from pedpred.forecasting.tensors import TENSORS, predictions_of, sound_rows
+from pedpred.models.features import RowFormat
 from pedpred.online.graph import load_graph
 from pedpred.scenes import Predictions
-from pedpred.simulation.fields import check_ranges
 from pedpred.tracking import KalmanSettings
 
-MODEL_SCHEMA = 3
+MODEL_SCHEMA = 4
 _LARGEST_MEMORY = 100_000
 _LARGEST_BYTES = 2**28
 _CHECKSUM = "description_sha256"
-_SIZES = {
-    "dt_s": "[0.01, 10]",
-    "horizon_steps": "[1, 1000]",
-    "grid_cells": "[1, 1000]",
-    "grid_resolution_m": "[0.001, 10]",
-    "angular_cells": "[1, 3600]",
-    "max_range_m": "(0, 100]",
-    "history_steps": "[1, 100]",
-    "neighbours": "[1, 1000]",
-    "neighbour_range_m": "(0, 100]",
-    "beams": "[1, 3600]",
-    "beam_range_m": "(0, 100]",
-    "lost_after_s": "(0, 60]",
-}
+_PROTOCOL = {"dt_s": "[0.01, 10]", "horizon_steps": "[1, 1000]", "lost_after_s": "(0, 60]"}
 """What a robot can compute between two frames."""
 _NOISE = {"acceleration_noise": "(0, 1000]", "position_noise_m": "(0, 100]", "initial_speed_mps": "(0, 100]"}
 GRAPH, ABOUT = "network.onnx", "model.json"
 _REMEDY = "Export the model again or copy the folder again"
 Shape = tuple[int, ...]
-
-
-def sensor_shapes(sizes: FeatureSettings) -> dict[str, Shape]:
-    """The inputs that a robot can compute: name -> shape per person."""
-    grids = {"crop": (sizes.grid_cells, sizes.grid_cells), "angular": (sizes.angular_cells,)}
-    return grids | {name: (width,) for name, width in channel_widths(sizes).items()}
 
 
 def output_shapes(steps: int, modes: int) -> dict[str, Shape]:
@@ -65,10 +46,10 @@ class ModelDescription:
     """What a robot must know to use a network.
 
     Attributes:
-        inputs: names of the graph's inputs, in order; see `sensor_shapes`.
+        inputs: names of the graph's inputs, in order; see `ModelFeatures.shapes`.
         memory: tensors of its recurrent state, which starts as zeros: name -> shape per person, in order.
         outputs: its outputs, in order: name -> shape per person; see `pedpred.forecasting.tensors`.
-        features: sizes and time step of the inputs.
+        made_with: protocol of the forecasts, and what the inputs are.
         tracker: noise of the tracker that filters the positions.
         standstill_mps: below this speed a pedestrian keeps its heading, m/s.
     """
@@ -76,22 +57,22 @@ class ModelDescription:
     inputs: tuple[str, ...]
     memory: dict[str, Shape]
     outputs: dict[str, Shape]
-    features: FeatureSettings
+    made_with: RowFormat
     tracker: KalmanSettings
     standstill_mps: float
 
     def __post_init__(self) -> None:
-        check_ranges(self.features, _SIZES)
+        check_ranges(self.protocol, _PROTOCOL)
         check_ranges(self.tracker, _NOISE)
         check_ranges(self, {"standstill_mps": "[0, 100]"})
-        known = sensor_shapes(self.features)
+        known = self.features.shapes()
         if set(self.inputs) - set(known) or not self.inputs:
             raise ValueRuleError("inputs", self.inputs, f"known inputs are {list(known)}")
         for name, shape in self.memory.items():
             if min(shape, default=1) < 1 or math.prod(shape) > _LARGEST_MEMORY:
                 raise ValueRuleError(f"memory.{name}", shape, f"it must have 1 to {_LARGEST_MEMORY} numbers")
         modes = self.outputs.get("weight", (1,))[0]
-        allowed = output_shapes(self.features.horizon_steps, modes)
+        allowed = output_shapes(self.protocol.horizon_steps, modes)
         if "velocities" not in self.outputs or ("path" in self.outputs) != ("weight" in self.outputs):
             raise ValueRuleError("outputs", list(self.outputs), "velocities, or path and weight are missing")
         for name, shape in self.outputs.items():
@@ -99,13 +80,18 @@ class ModelDescription:
                 raise ValueRuleError(f"outputs.{name}", shape, f"known outputs are {allowed}")
 
     @property
-    def reads_situations(self) -> bool:
-        """Whether its inputs are those of a network without memory (`pedpred.features.situation`)."""
-        return not self.memory and set(self.inputs) <= set(channel_widths(self.features))
+    def protocol(self) -> ForecastProtocol:
+        """Time step, horizon and ages."""
+        return self.made_with.protocol
+
+    @property
+    def features(self) -> ModelFeatures:
+        """What the inputs are."""
+        return self.made_with.features
 
     def ends(self) -> tuple[dict[str, Shape], list[Shape]]:
         """Shapes per person of the graph's inputs, by name, and of its outputs, in order."""
-        known = sensor_shapes(self.features)
+        known = self.features.shapes()
         inputs = {name: known[name] for name in self.inputs} | self.memory
         return inputs, [*self.outputs.values(), *self.memory.values()]
 
@@ -128,10 +114,16 @@ def write_description(folder: Path, description: ModelDescription, origin: Mappi
             "covariance": "m^2, agent frame, in each mode, [people, modes, horizon_steps, 2, 2]",
         },
         "network_sha256": _digest(read_bytes(folder / GRAPH)),
-        **asdict(description),
+        **_plain(description),
         "origin": dict(origin),
     }
     write_json(folder / ABOUT, about | {_CHECKSUM: _digest_of(about)})
+
+
+def _plain(description: ModelDescription) -> dict[str, Any]:
+    """A description as it is written."""
+    fields = {name: value for name, value in vars(description).items() if name != "made_with"}
+    return {**fields, "tracker": asdict(description.tracker), **description.made_with.plain()}
 
 
 def read_description(folder: Path) -> ModelDescription:
@@ -148,7 +140,7 @@ def read_description(folder: Path) -> ModelDescription:
             tuple(about["inputs"]),
             _shapes(about["memory"]),
             _shapes(about["outputs"]),
-            FeatureSettings(**about["features"]),
+            RowFormat.parse(about),
             KalmanSettings(**about["tracker"]),
             float(about["standstill_mps"]),
         )
@@ -249,5 +241,5 @@ class ExportedNetwork:
         outputs = {name: tensors[name] for name in self._about.outputs}
         memory = {name: tensors[name] for name in self._about.memory}
         return Answer(
-            sound, predictions_of(outputs, self._about.features.dt_s), outputs["velocities"], memory
+            sound, predictions_of(outputs, self._about.protocol.dt_s), outputs["velocities"], memory
         )

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from pedpred.features import FeatureSettings
-from pedpred.features.situation import Past
+from pedpred.features.surroundings import Past
 from pedpred.tracking.spacing import SPACING_S
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
@@ -15,14 +14,14 @@ Arrays = dict[str, np.ndarray]
 """Name -> [N, ...]:
 trail_s: times of the kept detections before the last one, -inf in front of the first one, s. [N, T]
 trail: their positions, world frame, m. [N, T, 2]
-last_velocity: see `pedpred.features.extract.last_differences`, m/s. [N, 2]
+last_velocity: see `pedpred.features.surroundings.last_differences`, m/s. [N, 2]
 kept: whether the last one will be kept (`pedpred.tracking.spacing`). [N] bool
 """
 
 
-def slots_for(sizes: FeatureSettings) -> int:
-    """Kept detections T that a history needs."""
-    return math.ceil(sizes.history_steps * sizes.dt_s / SPACING_S) + 2
+def slots_for(past_s: float) -> int:
+    """Kept detections T that inputs need which look back so far, s."""
+    return math.ceil(past_s / SPACING_S) + 2
 
 
 def first_seen(people: int, slots: int) -> Arrays:

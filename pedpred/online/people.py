@@ -34,7 +34,7 @@ class People:
         walked: whether they ever moved; until then the heading follows the slightest motion. [N] bool
         ticks: steps of the network. [N]
         memory: the network's state after them, name -> [N, ...] float32
-        past: recent detections, see `pedpred.online.past`; empty for a network that does not read them.
+        past: recent detections, see `pedpred.online.past`.
     """
 
     track_id: np.ndarray
@@ -56,14 +56,13 @@ class People:
 
     @classmethod
     def nobody(cls, memory: Mapping[str, tuple[int, ...]], slots: int) -> People:
-        """Nobody yet; memory: name -> shape per person; slots: detections that their past holds, or 0."""
+        """Nobody yet; memory: name -> shape per person; slots: detections that their past holds."""
         none, pairs, whole = np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.int64)
         empty = {name: np.zeros((0, *shape), np.float32) for name, shape in memory.items()}
-        past = first_seen(0, slots) if slots else {}
         return cls(
             track_id=whole, life=whole, born_s=none, seen_s=none, detection=pairs, position=pairs,
             velocity=pairs, covariance=np.zeros((0, 3)), heading_rad=none, walked=np.zeros(0, bool),
-            ticks=whole, memory=empty, past=past,
+            ticks=whole, memory=empty, past=first_seen(0, slots),
         )  # fmt: skip
 
     def select(self, rows: np.ndarray) -> People:
@@ -133,11 +132,9 @@ def detected(
     moved = {
         "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, **vars(again)
     }  # fmt: skip
-    past = people.past
-    if past:
-        mine = {name: values[rows] for name, values in past.items()}
-        after = seen_again(mine, people.seen_s[rows], people.detection[rows], time_s, seen)
-        past = {name: _written(values, rows, after[name]) for name, values in past.items()}
+    mine = {name: values[rows] for name, values in people.past.items()}
+    after = seen_again(mine, people.seen_s[rows], people.detection[rows], time_s, seen)
+    past = {name: _written(values, rows, after[name]) for name, values in people.past.items()}
     changed: dict[str, Any] = {
         name: _written(getattr(people, name), rows, values) for name, values in moved.items()
     }
@@ -182,7 +179,7 @@ def _newborn(
     now = np.full(count, time_s)
     heading, walked = _heading(belief.velocity, np.zeros(count), np.zeros(count, bool), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
-    past = first_seen(count, people.past["trail_s"].shape[1]) if people.past else {}
+    past = first_seen(count, people.past["trail_s"].shape[1])
     return People(
         track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=position, **vars(belief),
         heading_rad=heading, walked=walked, ticks=np.zeros(count, np.int64), memory=memory, past=past,

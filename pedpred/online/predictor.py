@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import FeatureSettings, Pedestrians, unpack_crops
-from pedpred.features.observe import Neighbours, observe
-from pedpred.features.situation import situations
+from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surroundings
+from pedpred.forecasting.chain import forecast_instant
 from pedpred.forecasting.regions import Regions
-from pedpred.forecasting.selection import consistent
 from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shortened
 from pedpred.online.frame import Frame
@@ -75,22 +73,21 @@ class OnlinePredictor:
         return self._settings
 
     @property
-    def features(self) -> FeatureSettings:
-        """Sizes and time step of the network's inputs."""
-        return self._about.features
+    def protocol(self) -> ForecastProtocol:
+        """Time step, horizon and ages of the forecasts."""
+        return self._about.protocol
 
     def reset(self) -> None:
         """Forget everybody, and what was learned of the regions; the map stays."""
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
-        self._regions = Regions.unlearned(self.features.horizon_steps, self._settings.detection_noise_m)
+        self._regions = Regions.unlearned(self.protocol.horizon_steps, self._settings.detection_noise_m)
         none, answer = np.zeros(0, int), self._network.nobody()
         nobody = self._people.at(none, 0.0), answer.predictions, answer.velocities
         self._last = self._forecast(self._people, self._regions, none, *nobody, 0.0)[1]
 
     def _nobody(self) -> People:
-        return People.nobody(
-            self._about.memory, slots_for(self.features) if self._about.reads_situations else 0
-        )
+        past_s = self._about.features.past_s(self.protocol.dt_s)
+        return People.nobody(self._about.memory, slots_for(past_s))
 
     def set_map(self, occupancy: OccupancyMap) -> None:
         """Use these static obstacles from now on; without a map everything is free.
@@ -125,7 +122,7 @@ class OnlinePredictor:
             After any error everything is as it was before the call.
         """
         frame = Frame.checked(time_s, track_id, position, velocity)
-        now, longest_s = frame.time_s, self.features.lost_after_s + TIME_TOLERANCE_S
+        now, longest_s = frame.time_s, self.protocol.lost_after_s + TIME_TOLERANCE_S
         if abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S:
             _LOG.warning("frame at %s s dropped: the last one was at %s s", now, self._now)
             return self._last
@@ -160,8 +157,8 @@ class OnlinePredictor:
         """Time of everybody's next step, s; infinite if there is none before the person is forgotten. [N]."""
         if not self._about.memory:
             return np.full(len(people), np.inf)
-        due = next_ticks_s(people, self.features.dt_s)
-        gone = due > people.seen_s + self.features.lost_after_s
+        due = next_ticks_s(people, self.protocol.dt_s)
+        gone = due > people.seen_s + self.protocol.lost_after_s
         return np.where(gone, np.inf, due)
 
     def _predicted(
@@ -218,22 +215,14 @@ class OnlinePredictor:
         self, people: People, person: np.ndarray, observers: Pedestrians, time_s: float
     ) -> dict[str, np.ndarray]:
         """The network's inputs for some people, name -> [R, ...] float32."""
-        sizes = self.features
         lately = time_s - people.seen_s <= self._settings.max_age_s + TIME_TOLERANCE_S
         everybody = lately.all() and len(observers) == len(people)
         crowd = observers if everybody else people.at(np.flatnonzero(lately), time_s)
         around = Neighbours.together(crowd, len(observers))
-        if self._about.reads_situations:
-            past = past_of(people.past, person, people.seen_s, people.detection, people.covariance)
-            now_s = np.full(len(observers), time_s)
-            inputs = situations(observers, past, now_s, around, self._map, sizes)
-        else:
-            seen = observe(observers, around, self._map, sizes)
-            inputs = {
-                "state": seen.velocity,
-                "crop": unpack_crops(seen.occupancy, sizes.grid_cells).astype(np.float32),
-                "angular": 1.0 - seen.angular_grid / np.float32(sizes.max_range_m),
-            }
+        past = past_of(people.past, person, people.seen_s, people.detection, people.covariance)
+        now_s, features = np.full(len(observers), time_s), self._about.features
+        seen = Surroundings(observers, past, now_s, around, self._map)
+        inputs = features.graph_inputs(features.compute(seen, self.protocol.dt_s))
         return {name: inputs[name] for name in self._about.inputs}
 
     def _forecast(
@@ -250,11 +239,10 @@ class OnlinePredictor:
         position, heading = observers.position, observers.heading_rad
         world = rotate(velocities.astype(np.float64), heading[:, None])
         there = predictions.in_world(position, heading)
-        if not self._about.memory:  # as `pedpred.networks.forecasting` does
-            there = consistent(there, position, np.full(len(rows), time_s))
-        if people.past:
+        if not self._about.memory:
             seen = (people.seen_s[rows] == time_s) & people.past["kept"][rows]
-            regions, there = regions.after(time_s, people.life[rows], people.detection[rows], seen, there)
+            lives, detection = people.life[rows], people.detection[rows]
+            regions, there = forecast_instant(regions, there, position, time_s, lives, detection, seen)
         share = self._moving_shares(people, rows)
         if not (share == 1.0).all():
             world, there = share[:, None, None] * world, shortened(there, position, share)
@@ -262,7 +250,7 @@ class OnlinePredictor:
 
     def _moving_shares(self, people: People, rows: np.ndarray) -> np.ndarray:
         """See `pedpred.online.caution`. [R]."""
-        if not people.past:
+        if self._about.memory:
             return np.ones(len(rows))
         young = (people.seen_s - people.born_s)[rows] < YOUNG_S - TIME_TOLERANCE_S
         new = young | (kept_before(people.past, rows) < NEWBORN)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from pedpred.features import FeatureSettings
+from pedpred.features import ForecastProtocol
 from pedpred.features.targets import Futures
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.scenes import Forecast, Predictions, Scene
@@ -68,7 +68,7 @@ def predictions_at(
 
 
 def as_windows(
-    scene: Scene, forecasts: Iterable[Forecast], method: str, sizes: FeatureSettings
+    scene: Scene, forecasts: Iterable[Forecast], method: str, protocol: ForecastProtocol
 ) -> EvaluationWindows:
     """Arrange forecasts as rows beside the paths that people took.
 
@@ -76,21 +76,21 @@ def as_windows(
         scene: knows these paths; where one ends, its last position stands for the rest.
         forecasts: at any instants of it.
         method: what to call them.
-        sizes: of the forecasts.
+        protocol: of the forecasts.
 
     Returns:
         One row per person and forecast; the grids are left empty.
     """
     frames = list(forecasts)
-    dt_s, ahead_s = sizes.dt_s, (np.arange(sizes.horizon_steps) + 1) * sizes.dt_s
-    nobody = np.zeros((0, sizes.horizon_steps, 2))
+    dt_s, ahead_s = protocol.dt_s, (np.arange(protocol.horizon_steps) + 1) * protocol.dt_s
+    nobody = np.zeros((0, protocol.horizon_steps, 2))
     predictions = Predictions.single(nobody, dt_s)
     if any(len(frame) for frame in frames):
         predictions = Predictions.join([frame.predictions for frame in frames if len(frame)])
     track_id = np.concatenate([np.zeros(0, np.int64), *(frame.track_id for frame in frames)])
     time_s = np.repeat([frame.time_s for frame in frames], [len(frame) for frame in frames])
     first = np.concatenate([nobody, *(frame.velocity for frame in frames)])[:, 0]
-    truth, _ = Futures.of(scene.trajectories, sizes.lost_after_s).after(track_id, time_s, ahead_s)
+    truth, _ = Futures.of(scene.trajectories, protocol.lost_after_s).after(track_id, time_s, ahead_s)
     rows = len(track_id)
     return EvaluationWindows(
         track_id,
@@ -104,6 +104,6 @@ def as_windows(
         predictions={method: predictions},
         dt_s=dt_s,
         grid_cells=0,
-        grid_resolution_m=sizes.grid_resolution_m,
-        max_range_m=sizes.max_range_m,
+        grid_resolution_m=0.0,
+        max_range_m=0.0,
     )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pedpred.features import FeatureSettings
-from pedpred.simulation.fields import check_ranges
+from pedpred.features import ForecastProtocol
+from pedpred.fields import check_ranges
 from pedpred.tracking import KalmanSettings
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
@@ -31,6 +31,6 @@ class OnlineSettings:
         check_ranges(self, dict.fromkeys(("max_age_s", "snap_s", "detection_noise_m"), "[0, inf)"))
 
     @classmethod
-    def as_offline(cls, features: FeatureSettings, detection_dt_s: float) -> OnlineSettings:
+    def as_offline(cls, protocol: ForecastProtocol, detection_dt_s: float) -> OnlineSettings:
         """What makes a replay give the pipeline's forecasts, for detections `detection_dt_s` apart."""
-        return cls(features.max_age_intervals * detection_dt_s, TIME_TOLERANCE_S)
+        return cls(protocol.max_age_intervals * detection_dt_s, TIME_TOLERANCE_S)

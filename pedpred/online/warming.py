@@ -10,7 +10,9 @@ import numpy as np
 
 from pedpred.compiled import cache_folder
 from pedpred.evaluation import EvaluationSettings
-from pedpred.features import Neighbours, Pedestrians, observe
+from pedpred.evaluation.windows import window_request
+from pedpred.features.perception import Perception
+from pedpred.models.features import FEATURES
 from pedpred.online.assessment import assess
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.replay import replayed
@@ -40,8 +42,10 @@ def warm_up(model: Path | str | None = None) -> None:
     for _ in replayed(scene, predictor, true_velocities=False):
         pass
     assess(scene, predictor, EvaluationSettings(bootstrap=1))
-    people = Pedestrians(np.arange(3), _PLACES_M, np.zeros(3), _SPEEDS_MPS)
-    observe(people, Neighbours.together(people, 3), scene.occupancy, predictor.features)  # for other models
+    how = Perception(predictor.description.tracker, predictor.description.standstill_mps)
+    request = window_request(scene, how, predictor.protocol, memory=False)
+    for features in FEATURES.values():  # of models of other kinds, too
+        request.inputs(features(), request.rows, request.table.time_s[request.rows])
     try:
         place = f"kept in {cache_folder()}"
     except RuntimeError:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from pedpred.errors import ValueRuleError
+from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
 from pedpred.forecasting import Methods
 from pedpred.report.document import NOTHING
 from pedpred.report.measures import Figures, Result
-from pedpred.simulation.fields import check_choice, check_mapping, check_ranges, parsed
 
 Verdict = Literal["met", "missed", "not measured"]
 _KINDS = ("below", "gains", "ratio_at_most", "ratio_at_least")

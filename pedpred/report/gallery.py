@@ -10,7 +10,7 @@ import pandas as pd
 
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Methods
-from pedpred.networks.autoencoder import GridAutoencoder
+from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.report.charts import box_plot
 from pedpred.report.curves import training_figure
 from pedpred.report.document import Picture, Pictures, Section, Text

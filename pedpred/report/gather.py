@@ -8,7 +8,7 @@ from typing import Any
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.forecasting import Methods
-from pedpred.networks.autoencoder import read_autoencoder
+from pedpred.models.lstm.autoencoder import read_autoencoder
 from pedpred.report.curves import read_curve
 from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper

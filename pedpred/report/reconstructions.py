@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from matplotlib.figure import Figure
 
-from pedpred.networks.autoencoder import GridAutoencoder, intersection_over_union
+from pedpred.models.lstm.autoencoder import GridAutoencoder, intersection_over_union
 from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.document import Picture, Pictures, Section
 from pedpred.report.snapshots import grid_image

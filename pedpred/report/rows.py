@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from pedpred.fields import check_ranges, parsed, parsed_each
 from pedpred.report.animation import Animation
-from pedpred.simulation.fields import check_ranges, parsed, parsed_each
 
 
 class Texts:
@@ -42,7 +42,6 @@ class ExportRow(Texts):
     networks: str
     network: str
     tracker: str
-    distilled: bool
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,7 @@ def rooms(
     return found
 
 
-def simulated(arrangement: Arrangement, settings: SocialForceSettings) -> Scene:
+def simulate_arrangement(arrangement: Arrangement, settings: SocialForceSettings) -> Scene:
     """Draw targets and simulate one room."""
     rng, occupancy = arrangement.rng(), arrangement.layout.occupancy()
     targets = drawn_targets(arrangement.layout, ground_of(occupancy), settings.crowd, rng)

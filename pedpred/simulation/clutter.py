@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from pedpred.simulation.fields import Range, check_ranges
+from pedpred.fields import Range, check_ranges
 from pedpred.simulation.furniture import KINDS, columns, furniture, split_walls
 from pedpred.simulation.layouts import RESOLUTION_M, WALL_CELLS, Layout, covered
 from pedpred.simulation.shapes import Shape

@@ -13,8 +13,8 @@ import pandas as pd
 import pedpy
 
 from pedpred.errors import ValueRuleError
+from pedpred.fields import LARGEST_SEED, Range, check_ranges, positive
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.fields import LARGEST_SEED, Range, check_ranges, positive
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.layouts import Layout, drawn_targets
 from pedpred.simulation.settings import SocialForceSettings

@@ -10,8 +10,8 @@ import numpy as np
 from scipy import ndimage
 
 from pedpred.errors import ValueRuleError
+from pedpred.fields import parsed, positive
 from pedpred.scenes import OccupancyMap
-from pedpred.simulation.fields import parsed, positive
 from pedpred.simulation.ground import Ground
 from pedpred.simulation.settings import CrowdSettings
 from pedpred.simulation.shapes import Shape, kind_of, shape_from

@@ -13,7 +13,6 @@ from pedpred.simulation.ground import Ground, interpolate
 from pedpred.simulation.settings import RoutingSettings
 
 _SOURCE_RADIUS = 1.25  # of the disc around the target that the wave starts from, in routing cells
-_NO_WAY = 1e-9  # shorter direction vectors count as zero
 
 
 class Routes(NamedTuple):
@@ -57,32 +56,6 @@ def routes_to(targets: np.ndarray, ground: Ground, settings: RoutingSettings) ->
         time = travel_time(targets[index] - ground.origin, blocked, speed, settings.resolution_m)
         directions[index] = descent(time)[nearest[0], nearest[1]]
     return Routes(targets, ground.origin, float(settings.resolution_m), directions)
-
-
-def directions_at(points: np.ndarray, routes: Routes) -> np.ndarray:
-    """Desired direction from some points to every target, by bilinear interpolation.
-
-    Where the field is 0 the direction is straight to the target, as in the kernel.
-
-    Args:
-        points: world frame, m. [M, 2]
-        routes: to the targets.
-
-    Returns:
-        Unit vectors; 0 on the target itself. [M, G, 2]
-    """
-    last = np.array(routes.direction.shape[1:3]) - 1
-    cells = np.clip((points - routes.origin) / routes.resolution_m - 0.5, 0.0, last)
-    low = np.minimum(cells.astype(int), np.maximum(last - 1, 0))
-    high, share = np.minimum(low + 1, last), cells - low
-    along = np.zeros((len(routes.target), len(points), 2))
-    for i, p in ((low[:, 0], 1.0 - share[:, 0]), (high[:, 0], share[:, 0])):
-        for j, q in ((low[:, 1], 1.0 - share[:, 1]), (high[:, 1], share[:, 1])):
-            along += routes.direction[:, i, j] * (p * q)[:, None]
-    along = along.swapaxes(0, 1)
-    lost = np.linalg.norm(along, axis=-1) < _NO_WAY
-    along = np.where(lost[..., None], routes.target - points[:, None], along)
-    return along / np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), _NO_WAY)
 
 
 def clearance_grid(ground: Ground, resolution_m: float) -> np.ndarray:

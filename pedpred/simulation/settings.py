@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.fields import LARGEST_SEED, Range, check_ranges, parsed, parsed_together
+from pedpred.fields import LARGEST_SEED, Range, check_ranges, parsed, parsed_together
 from pedpred.simulation.forces import FORCE_RANGES, ForceSettings
 
 _NARROWEST = 0.1
@@ -154,7 +154,7 @@ class SetUse:
         social_force: walking of its people, or of the forecasters that simulate them.
         tracker: of its people.
         sensor: that detects them.
-        phase_offsets: step sequences per track, see `FeatureSettings`.
+        phase_offsets: step sequences per track, see `pedpred.features.extract_blocks`.
         variants: altered copies of each scene to learn from.
     """
 

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from pedpred.errors import ValueRuleError
+from pedpred.fields import finite, parsed, positive
 from pedpred.geometry import rotate
-from pedpred.simulation.fields import finite, parsed, positive
 
 Point = Sequence[float]
 

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import SourceError
+from pedpred.fields import check_ranges, finite, parsed
 from pedpred.files import translate_errors
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.fields import check_ranges, finite, parsed
 from pedpred.sources.walls import UNITS, occupancy_of, read_walls
 from pedpred.storage.text import Row, check_unique, read_numbers, text_rows
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.fields import check_ranges
+from pedpred.fields import check_ranges
 
 
 @dataclass(frozen=True)

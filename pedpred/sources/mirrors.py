@@ -26,7 +26,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pedpred.errors import FetchError, ValueRuleError
-from pedpred.simulation.fields import check_ranges, parsed
+from pedpred.fields import check_ranges, parsed
 from pedpred.sources.archives import unpack_members
 from pedpred.sources.mirror_row import MirrorRow
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import ValueRuleError
+from pedpred.fields import parsed
 from pedpred.scenes import Scene
-from pedpred.simulation.fields import parsed
 from pedpred.sources.single_file import check_clock
 from pedpred.storage.scenes import read_scene
 

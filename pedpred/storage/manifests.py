@@ -1,9 +1,9 @@
-"""The manifest of a folder of Parquet files: schema version, sizes, columns with types and units, files."""
+"""The manifest of a folder of Parquet files: schema version, protocol, inputs, columns with units, files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,19 +11,11 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import StorageError, brief
-from pedpred.features.table import FeatureSettings
+from pedpred.features import StoredColumn
 from pedpred.files import read_json, translate_errors, write_json
+from pedpred.models.features import RowFormat
 
 _REMEDY = "Write it again"
-
-
-@dataclass(frozen=True)
-class StoredColumn:
-    """What a column looks like on disk: type, trailing axes, unit and frame."""
-
-    dtype: str
-    shape: tuple[int, ...] = ()
-    unit: str = ""
 
 
 def shapes_of(wanted: Mapping[str, StoredColumn]) -> dict[str, tuple[int, ...]]:
@@ -46,7 +38,7 @@ def check_types(path: Path, columns: Mapping[str, np.ndarray], wanted: Mapping[s
 def write_about(
     folder: Path,
     schema: int,
-    sizes: FeatureSettings,
+    made_with: RowFormat,
     columns: Mapping[str, StoredColumn],
     files: Mapping[str, Any],
 ) -> None:
@@ -55,17 +47,17 @@ def write_about(
     Args:
         folder: of the files.
         schema: version of the columns' meaning.
-        sizes: that the rows were made with.
+        made_with: protocol and inputs.
         columns: of each file.
         files: one entry, which names them.
     """
     listed = {name: asdict(column) for name, column in columns.items()}
-    about = {"schema": schema, "settings": asdict(sizes), "columns": listed, **files}
+    about = {"schema": schema, **made_with.plain(), "columns": listed, **files}
     write_json(folder / "manifest.json", about)
 
 
-def read_manifest_of(folder: Path, schema: int, files: str) -> tuple[FeatureSettings, Any]:
-    """Read the sizes of a folder, and the entry that names its files.
+def read_manifest_of(folder: Path, schema: int, files: str) -> tuple[RowFormat, Any]:
+    """Read what the rows of a folder were made with, and the entry that names its files.
 
     Args:
         folder: of the files.
@@ -84,4 +76,4 @@ def read_manifest_of(folder: Path, schema: int, files: str) -> tuple[FeatureSett
         for name in about[files]:
             if Path(name).name != name:
                 raise StorageError(path, files, f"{brief(name)} is no name of a file in this folder", _REMEDY)
-        return FeatureSettings(**about["settings"]), about[files]
+        return RowFormat.parse(about), about[files]

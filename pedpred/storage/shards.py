@@ -4,28 +4,27 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import fields
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from pedpred.errors import StorageError
-from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.features import FeatureTable, StoredColumn
 from pedpred.files import translate_errors
+from pedpred.models.features import RowFormat
 from pedpred.storage.columns import PAIRS, count_rows, join_pairs, read_blocks, split_pairs, write_blocks
-from pedpred.storage.manifests import StoredColumn, check_types, read_manifest_of, shapes_of, write_about
+from pedpred.storage.manifests import check_types, read_manifest_of, shapes_of, write_about
 
-FEATURE_SCHEMA = 3
+FEATURE_SCHEMA = 4
 _NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
 """Byte-stream-split makes these 5-45 % smaller, and those that hold their values up to 3 times larger."""
 _REMEDY = "Write it again"
 
 
-def columns_of(settings: FeatureSettings) -> dict[str, StoredColumn]:
+def columns_of(made_with: RowFormat) -> dict[str, StoredColumn]:
     """Every column of a shard, pairs split into x and y."""
-    bits = "bits, cell (i forward, j left) is bit i * grid_cells + j, least significant first"
-    cones = "m, cone k covers [k, k+1) * 2 pi / angular_cells counter-clockwise from the heading"
+    steps = made_with.protocol.horizon_steps
     by_field = {
         "track_id": StoredColumn("int64"),
         "phase": StoredColumn("int8"),
@@ -37,9 +36,8 @@ def columns_of(settings: FeatureSettings) -> dict[str, StoredColumn]:
         "last_position": StoredColumn("float64", unit="m, world"),
         "last_velocity": StoredColumn("float64", unit="m/s, world"),
         "last_acceleration": StoredColumn("float64", unit="m/s^2, world"),
-        "occupancy": StoredColumn("uint8", (settings.grid_cells**2 // 8,), bits),
-        "angular_grid": StoredColumn("float32", (settings.angular_cells,), cones),
-        "future": StoredColumn("float32", (settings.horizon_steps, 2), "m/s, agent frame, row-major"),
+        **made_with.features.columns(),
+        "future": StoredColumn("float32", (steps, 2), "m/s, agent frame, row-major"),
         "future_steps": StoredColumn("int8", unit="steps of future that are known"),
     }
     return {name: about for field, about in by_field.items() for name in PAIRS.get(field, (field,))}
@@ -54,19 +52,27 @@ def write_shard(blocks: Iterable[FeatureTable], folder: Path, name: str) -> None
         name: of the scene.
     """
     path = folder / f"{name}.parquet"
-    write_blocks((split_pairs(vars(block)) for block in blocks), path, FEATURE_SCHEMA, split=_NEVER_REPEATED)
+    columns = (split_pairs(_ordered(block)) for block in blocks)
+    write_blocks(columns, path, FEATURE_SCHEMA, split=_NEVER_REPEATED)
 
 
-def write_manifest(folder: Path, settings: FeatureSettings, scenes: Mapping[str, Path]) -> None:
-    """Write `manifest.json`: schema version, sizes (dt_s among them), columns with units, sources.
+def _ordered(table: FeatureTable) -> dict[str, np.ndarray]:
+    """Its columns, the inputs before the targets."""
+    targets = {name: table.columns[name] for name in ("future", "future_steps")}
+    states = {name: values for name, values in table.columns.items() if name not in targets}
+    return {**states, **table.inputs, **targets}
+
+
+def write_manifest(folder: Path, made_with: RowFormat, scenes: Mapping[str, Path]) -> None:
+    """Write `manifest.json`: schema version, protocol, inputs, columns with units, sources.
 
     Args:
         folder: of the shards.
-        settings: that they were made with.
+        made_with: protocol and inputs.
         scenes: the scene folder behind each shard, by name.
     """
     shards = {name: {"scene_sha256": _digest(scene)} for name, scene in sorted(scenes.items())}
-    write_about(folder, FEATURE_SCHEMA, settings, columns_of(settings), {"shards": shards})
+    write_about(folder, FEATURE_SCHEMA, made_with, columns_of(made_with), {"shards": shards})
 
 
 def _digest(scene: Path) -> str:
@@ -77,15 +83,15 @@ def _digest(scene: Path) -> str:
     return digest.hexdigest()
 
 
-def read_manifest(folder: Path) -> tuple[FeatureSettings, dict[str, str]]:
-    """Sizes of a feature folder and its shards: name -> digest of its scene, which variants share.
+def read_manifest(folder: Path) -> tuple[RowFormat, dict[str, str]]:
+    """What a feature folder was made with, and its shards: name -> digest of its scene, which variants share.
 
     Raises:
         StorageError: the manifest is missing, damaged or of another schema version.
     """
-    settings, shards = read_manifest_of(folder, FEATURE_SCHEMA, "shards")
+    made_with, shards = read_manifest_of(folder, FEATURE_SCHEMA, "shards")
     with translate_errors(partial(StorageError, folder / "manifest.json", "shards", remedy=_REMEDY)):
-        return settings, {name: str(shard["scene_sha256"]) for name, shard in shards.items()}
+        return made_with, {name: str(shard["scene_sha256"]) for name, shard in shards.items()}
 
 
 def has_rows(folder: Path) -> bool:
@@ -98,28 +104,28 @@ def has_rows(folder: Path) -> bool:
     return any(count_rows(path) for path in paths)
 
 
-def read_shard(folder: Path, name: str, settings: FeatureSettings) -> FeatureTable:
+def read_shard(folder: Path, name: str, made_with: RowFormat) -> FeatureTable:
     """Read one scene's feature table; errors of `read_shard_blocks`."""
-    blocks = list(read_shard_blocks(folder, name, settings))
-    return FeatureTable(
-        **{f.name: np.concatenate([getattr(b, f.name) for b in blocks]) for f in fields(FeatureTable)}
-    )
+    blocks = list(read_shard_blocks(folder, name, made_with))
+    return FeatureTable.join(blocks)
 
 
-def read_shard_blocks(folder: Path, name: str, settings: FeatureSettings) -> Iterator[FeatureTable]:
+def read_shard_blocks(folder: Path, name: str, made_with: RowFormat) -> Iterator[FeatureTable]:
     """Read one scene's feature table block by block, whole tracks each.
 
     Raises:
         StorageError: the shard is damaged or of another schema version, or a column is missing or of
             another type or size; it names file and field.
     """
-    for columns in _blocks(folder / f"{name}.parquet", columns_of(settings)):
-        yield FeatureTable(**join_pairs(columns))
+    for columns in _blocks(folder / f"{name}.parquet", columns_of(made_with)):
+        found = join_pairs(columns)
+        inputs = {own: found.pop(own) for own in made_with.features.columns()}
+        yield FeatureTable(**found, inputs=inputs)
 
 
-def read_crops(folder: Path, name: str, settings: FeatureSettings) -> Iterator[np.ndarray]:
+def read_crops(folder: Path, name: str, made_with: RowFormat) -> Iterator[np.ndarray]:
     """Read only the bit-packed crops of one scene, block by block: [m, cells^2 / 8] uint8."""
-    wanted = {"occupancy": columns_of(settings)["occupancy"]}
+    wanted = {"occupancy": columns_of(made_with)["occupancy"]}
     return (columns["occupancy"] for columns in _blocks(folder / f"{name}.parquet", wanted))
 
 

@@ -1,7 +1,16 @@
-"""The training loop and what it trains: recurrent networks, the auto-encoder, a narrow encoder."""
+"""The training loop and what it trains: networks on sequences or instants, and the auto-encoder."""
 
+from pedpred.training.instants import InstantLearner, InstantSettings
 from pedpred.training.loop import train
 from pedpred.training.pretraining import AutoencoderLearner, AutoencoderSettings
-from pedpred.training.recurrent import RecurrentLearner, TrainingSettings
+from pedpred.training.sequences import SequenceLearner, SequenceSettings
 
-__all__ = ["AutoencoderLearner", "AutoencoderSettings", "RecurrentLearner", "TrainingSettings", "train"]
+__all__ = [
+    "AutoencoderLearner",
+    "AutoencoderSettings",
+    "InstantLearner",
+    "InstantSettings",
+    "SequenceLearner",
+    "SequenceSettings",
+    "train",
+]

@@ -17,8 +17,8 @@ import torch.distributed as dist
 from torch import Tensor
 
 from pedpred.errors import ValueRuleError
-from pedpred.networks.contract import Tensors
-from pedpred.simulation.fields import check_choice, check_ranges
+from pedpred.fields import check_choice, check_ranges
+from pedpred.models.contract import Tensors
 
 _LOG = logging.getLogger(__name__)
 DEVICES = ("auto", "cpu", "cuda")

@@ -1,75 +1,75 @@
-"""One phase of the curriculum: data and initial weights in, checkpoint and curve out."""
+"""One phase of the curriculum: rows and initial weights in, checkpoint and curve out."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import torch
+from torch.optim.swa_utils import AveragedModel
 
-from pedpred.datasets.lanes import SplitSettings, split_sequences
-from pedpred.datasets.motion import MotionData, load_motion_data
-from pedpred.errors import StorageError
+from pedpred.datasets.rows import EMBEDDED, TrainingRows
+from pedpred.errors import StorageError, ValueRuleError
 from pedpred.files import atomic_write, translate_errors
-from pedpred.networks.contract import NetworkSettings, RecurrentNetwork
-from pedpred.networks.encoding import encode, load_encoder
-from pedpred.networks.registry import describe_network, is_network
+from pedpred.models.contract import NetworkSettings, RecurrentNetwork
+from pedpred.models.lstm.encoding import encode, load_encoder
+from pedpred.models.registry import describe_network, is_network
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
-from pedpred.storage.shards import read_manifest
 from pedpred.training.distributed import DistributedContext
+from pedpred.training.instants import InstantSettings
 from pedpred.training.loop import scratch_folder, train
-from pedpred.training.recurrent import RecurrentLearner, TrainingSettings
+from pedpred.training.sequences import SequenceSettings
 
 
-@dataclass(frozen=True)
-class PhaseData:
-    """Where a phase finds its data.
+def load_rows(
+    architecture: NetworkSettings,
+    settings: SequenceSettings | InstantSettings,
+    folders: Mapping[str, Path],
+    embeddings: Mapping[str, Path],
+    autoencoder: Path,
+) -> TrainingRows:
+    """The rows that a network is trained on.
 
-    Attributes:
-        features: folders of feature shards, one per place or set of scenes.
-        embeddings: the folder of the frozen encoder's outputs that belongs to each of them; read only if the
-            network reads the grid.
+    Args:
+        architecture: of the network.
+        settings: whether it reads sequences or instants.
+        folders: set -> its rows.
+        embeddings: set -> the frozen encoder's outputs there; read only if the network reads the grid.
         autoencoder: checkpoint of that encoder; likewise.
-        split: into training and validation.
     """
-
-    features: Sequence[Path]
-    embeddings: Sequence[Path]
-    autoencoder: Path
-    split: SplitSettings
-
-    def load(self, with_grid: bool) -> MotionData:
-        """All rows, with the encoder's outputs and those of an empty crop for a network that reads them."""
-        if not with_grid:
-            return load_motion_data(self.features)
-        cells = read_manifest(self.features[0])[0].grid_cells
-        data = load_motion_data(self.features, self.embeddings)
-        free = np.zeros((1, cells * cells // 8), np.uint8)  # unmapped ground is free
-        empty = encode(load_encoder(self.autoencoder), free, cells)[0]
-        return replace(data, empty_embedding=torch.from_numpy(empty))
+    if EMBEDDED not in architecture.channels_read:
+        return settings.load(folders, None)
+    rows, encoder = settings.load(folders, embeddings), load_encoder(autoencoder)
+    free = np.zeros((1, encoder.sides[0] ** 2 // 8), np.uint8)  # unmapped ground is free
+    return replace(rows, nothing={EMBEDDED: torch.from_numpy(encode(encoder, free)[0])})
 
 
-def initialised(settings: NetworkSettings, data: MotionData, previous: Path, seed: int) -> RecurrentNetwork:
+def initialise(
+    settings: NetworkSettings, rows: TrainingRows, previous: Path | None, seed: int
+) -> RecurrentNetwork:
     """A network with the weights of the phase before.
 
     Args:
         settings: of the network to build.
-        data: whose widths and horizon the network gets.
+        rows: whose widths and horizon the network gets.
         previous: checkpoint of the same network, or of the auto-encoder, from which the network takes what it
-            can (`RecurrentNetwork.take_encoder`).
+            can (`RecurrentNetwork.take_encoder`); None starts with random weights.
         seed: of all other weights.
 
     Raises:
         StorageError: the checkpoint is missing, damaged or does not fit the settings.
     """
-    weights, about = read_checkpoint(previous)
     torch.manual_seed(seed)
-    network = settings.build(data.widths, data.horizon_steps)
+    network = settings.build(rows.widths, rows.horizon_steps)
+    if previous is None:
+        return network
+    weights, about = read_checkpoint(previous)
     if is_network(about):
         load_weights(network, weights, previous)
         return network
@@ -81,50 +81,55 @@ def initialised(settings: NetworkSettings, data: MotionData, previous: Path, see
 
 
 def fit(
-    network_settings: NetworkSettings,
-    previous: Path,
-    phase: PhaseData,
-    settings: TrainingSettings,
-    description: str,
+    architecture: NetworkSettings,
+    previous: Path | None,
+    rows: TrainingRows,
+    settings: SequenceSettings | InstantSettings,
+    title: str,
     context: DistributedContext,
-) -> tuple[RecurrentNetwork, pd.DataFrame, dict]:
-    """Load the data, divide them and train.
+) -> tuple[RecurrentNetwork, pd.DataFrame, dict[str, Any]]:
+    """Train a network.
 
     Args:
-        network_settings: of the network.
-        previous: see `initialised`.
-        phase: the data.
-        settings: see there.
-        description: title of the progress bar.
+        architecture: settings of the network.
+        previous: see `initialise`.
+        rows: see `load_rows`.
+        settings: of the training.
+        title: of the progress bar.
         context: where to train.
 
     Returns:
-        The network with the best weights, the curve, and the checkpoint's description.
+        The network, the mean curve of the runs, and the checkpoint's description.
+
+    Raises:
+        StorageError: the checkpoint is missing, damaged or does not fit.
+        ValueRuleError: several runs have no weights to start from.
     """
-    data = phase.load("grid" in network_settings.channels_read)
-    network = initialised(network_settings, data, previous, settings.seed)
-    rng = np.random.default_rng(settings.seed)
-    training, validation = split_sequences(data, phase.split, rng)
-    about = {
-        **describe_network(network),
-        "dt_s": data.dt_s,
-        "training": asdict(settings),
-        "features_sha256": manifests_sha256(phase.features),
-    }
-    with scratch_folder(about, network.state_dict(), context) as scratch:
-        network.to(context.device)
-        resident = data.to(context.device)
-        learner = RecurrentLearner(network, resident, training, validation, settings, context)
-        curve = train(learner, scratch, description)
-    return network, pd.DataFrame(curve), about
+    runs = settings.runs
+    if runs > 1 and previous is None:
+        raise ValueRuleError("runs", runs, "the mean of several needs weights to start from; use 1")
+    digest = hashlib.sha256(rows.future.numpy().tobytes() + rows.future_steps.numpy().tobytes())
+    about: dict[str, Any] = {"training": asdict(settings), "targets_sha256": digest.hexdigest()}
+    resident, networks, curves = rows.to(context.device), [], []
+    for seed in range(settings.seed, settings.seed + runs):
+        network = initialise(architecture, rows, previous, seed)
+        about = describe_network(network, rows.made_with) | about
+        with scratch_folder(about | {"seed": seed}, network.state_dict(), context) as scratch:
+            learner = replace(settings, seed=seed).learner(network.to(context.device), resident, context)
+            named = title + (f", seed {seed}" if runs > 1 else "")
+            curves.append(pd.DataFrame(train(learner, scratch, named)))
+        networks.append(network)
+    curve = pd.concat(curves).groupby(level=0).mean().astype(curves[0].dtypes)
+    return networks[0] if runs == 1 else average_weights(networks), curve, about
 
 
-def manifests_sha256(features: Iterable[Path]) -> str:
-    """Checksum of the manifests of feature folders, which identify their content."""
-    digest = hashlib.sha256()
-    for folder in features:
-        digest.update((folder / "manifest.json").read_bytes())
-    return digest.hexdigest()
+def average_weights(networks: Sequence[RecurrentNetwork]) -> RecurrentNetwork:
+    """A network with the mean of the weights of some."""
+    mean = AveragedModel(networks[0])
+    for network in networks:
+        mean.update_parameters(network)
+    assert isinstance(mean.module, RecurrentNetwork)
+    return mean.module
 
 
 def copy_phase(previous: Path, out: Path, curve_path: Path) -> None:

@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from pedpred.errors import ValueRuleError
 from pedpred.files import SCRATCH, atomic_write
-from pedpred.networks.contract import Loss, Tensors
+from pedpred.models.contract import Loss, Tensors
 from pedpred.training.distributed import ALONE, DistributedContext
 from pedpred.training.schedule import Schedule, learning_rate
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
 from torch.nn.utils import clip_grad_norm_
 
-from pedpred.networks.autoencoder import GridAutoencoder, intersection_over_union, reconstruction_loss
-from pedpred.networks.contract import Loss
-from pedpred.networks.encoding import CROPS_AT_ONCE, float_crops
-from pedpred.simulation.fields import check_ranges
+from pedpred.fields import check_ranges
+from pedpred.models.contract import Loss
+from pedpred.models.lstm.autoencoder import GridAutoencoder, intersection_over_union, reconstruction_loss
+from pedpred.models.lstm.encoding import CROPS_AT_ONCE, float_crops
 from pedpred.training.loop import Learner
 from pedpred.training.schedule import Schedule
 
@@ -40,23 +39,11 @@ class AutoencoderSettings(Schedule):
         check_ranges(self, {"latent": "[1, 100000]", "batch": "[1, 1000000]", "clip_norm": "(0, 1e6]"})
 
 
-class CropLearner(Learner):
-    """A learner that has no recurrent state and reads random crops."""
-
-    count: int
-    settings: Any
-
-    def batches(self, done: int) -> Iterator[np.ndarray]:
-        """Random rows below `count`, sorted, because neighbours lie together on disk. [B] each."""
-        rng = np.random.default_rng(self.settings.seed)
-        drawn = (rng.integers(0, self.count, self.settings.batch) for _ in itertools.count())
-        return map(np.sort, itertools.islice(drawn, done, None))
-
-
-class AutoencoderLearner(CropLearner):
-    """An auto-encoder and its bit-packed crops."""
+class AutoencoderLearner(Learner):
+    """An auto-encoder and its bit-packed crops; it has no recurrent state."""
 
     network: GridAutoencoder
+    settings: AutoencoderSettings
 
     def __init__(
         self, training: np.ndarray, validation: np.ndarray, cells: int, settings: AutoencoderSettings
@@ -73,7 +60,13 @@ class AutoencoderLearner(CropLearner):
         self.training, self.validation, self.cells, self.settings = training, validation, cells, settings
         self.network = GridAutoencoder(cells, settings.latent, settings.tied)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=settings.lr)
-        self.count, self.memory = len(training), {}
+        self.memory = {}
+
+    def batches(self, done: int) -> Iterator[np.ndarray]:
+        """Random training rows, sorted, because neighbours lie together on disk. [B] each."""
+        rng = np.random.default_rng(self.settings.seed)
+        drawn = (rng.integers(0, len(self.training), self.settings.batch) for _ in itertools.count())
+        return map(np.sort, itertools.islice(drawn, done, None))
 
     def loss(self, batch: np.ndarray, step: int) -> Loss:
         """Reconstruction loss."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pedpred.simulation.fields import LARGEST_SEED, check_ranges
+from pedpred.fields import LARGEST_SEED, check_ranges
 
 _MOST_STEPS = 10**9
 
@@ -32,6 +32,26 @@ class Schedule:
         counts = dict.fromkeys(("steps", "validate_every"), f"[1, {_MOST_STEPS}]")
         check_ranges(self, counts | {"warmup_steps": f"[0, {_MOST_STEPS}]"})
         check_ranges(self, {"lr": "(0, 10]", "seed": f"[0, {LARGEST_SEED}]"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitSettings(Schedule):
+    """What the trainings of all networks have in common.
+
+    Attributes:
+        clip_norm: largest gradient norm.
+        weight_decay: decoupled weight decay (the paper's lambda).
+        runs: trainings from the same weights, each with the next seed; the network gets the mean of their
+            weights, which depends less on the seed (Wortsman et al. 2022).
+    """
+
+    clip_norm: float
+    weight_decay: float
+    runs: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_ranges(self, {"clip_norm": "(0, 1e6]", "weight_decay": "[0, 1]", "runs": "[1, 1000]"})
 
 
 def learning_rate(step: int, steps: int, peak: float, warmup_steps: int, final_share: float = 0.01) -> float:

@@ -5,7 +5,7 @@ import dataclasses
 import torch
 from torch import nn
 
-from pedpred.networks.contract import Loss, RecurrentNetwork, mean_over, velocity_distance
+from pedpred.models.contract import Loss, RecurrentNetwork, mean_over, velocity_distance
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import shutil
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,11 @@ from PIL import Image
 
 from pedpred import config
 from pedpred.command.foreign import COLUMNS, read_forecasts
-from pedpred.features import FeatureSettings, FeatureTable
+from pedpred.features import FeatureTable, ForecastProtocol
 from pedpred.geometry import Homography
+from pedpred.models.features import RowFormat
+from pedpred.models.lstm.features import LstmFeatures
+from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.online.network import ExportedNetwork, read_description
 from pedpred.report import measures
 from pedpred.ros import write_recording
@@ -41,7 +43,9 @@ from tests.test_bags import repacked
 from tests.test_fetch import write_archive
 from tests.test_sources import write_sequence
 
-FEATURES = FeatureSettings(grid_cells=8, angular_cells=6, horizon_steps=4)
+SIZES, STEPS = LstmFeatures(grid_cells=8, angular_cells=6), 4
+FEATURES = RowFormat(ForecastProtocol(horizon_steps=STEPS), "lstm", SIZES)
+SITUATIONS = RowFormat(FEATURES.protocol, "mixture", MixtureFeatures(neighbours=2, beams=8))
 ARCHIVED = dict.fromkeys(("seq_eth/H.txt", "seq_eth/obsmat.txt"), b"7 1.5\n" * 100)
 METRICS = {"eth": {"cv": dict.fromkeys(measures._FIELDS, 0.25)}}
 TRACKER = "kind: kalman\nacceleration_noise: 0.05\nposition_noise_m: 0.05\n"
@@ -133,12 +137,14 @@ def table(rows: int = 12) -> FeatureTable:
         "time_s": rng.random(rows),
         "heading_rad": rng.random(rows),
         "velocity": rng.random((rows, 2), dtype=np.float32),
-        "occupancy": rng.integers(0, 255, (rows, FEATURES.grid_cells**2 // 8), dtype=np.uint8),
-        "angular_grid": rng.random((rows, FEATURES.angular_cells), dtype=np.float32),
-        "future": rng.random((rows, FEATURES.horizon_steps, 2), dtype=np.float32),
+        "future": rng.random((rows, STEPS, 2), dtype=np.float32),
         "future_steps": np.full(rows, 4, np.int8),
     }
-    return FeatureTable(**{f.name: values.get(f.name, rng.random((rows, 2))) for f in fields(FeatureTable)})
+    pairs = ("position", "last_position", "last_velocity", "last_acceleration")
+    values |= {name: rng.random((rows, 2)) for name in pairs}
+    crops = rng.integers(0, 255, (rows, SIZES.grid_cells**2 // 8), dtype=np.uint8)
+    grids = rng.random((rows, SIZES.angular_cells), dtype=np.float32)
+    return FeatureTable(**values, inputs={"occupancy": crops, "angular_grid": grids})
 
 
 def make_features(folder: Path) -> None:
@@ -151,15 +157,17 @@ def make_features(folder: Path) -> None:
 
 def read_features(folder: Path) -> object:
     """Manifest, then every shard that it names."""
-    settings, names = read_manifest(folder)
-    return [split_pairs(vars(read_shard(folder, name, settings))) for name in names]
+    made_with, names = read_manifest(folder)
+    tables = [read_shard(folder, name, made_with) for name in names]
+    return [split_pairs({**table.columns, **table.inputs}) for table in tables]
 
 
 def make_situations(folder: Path) -> None:
     """Twelve training rows and the manifest."""
-    rng, columns = np.random.default_rng(0), situation_columns(FEATURES)
-    write_situations({name: rng.random((12, *c.shape)) for name, c in columns.items()}, folder, "place")
-    write_situations_manifest(folder, FEATURES, ["place"])
+    rng, columns = np.random.default_rng(0), situation_columns(SITUATIONS)
+    rows = {name: rng.random((12, *c.shape)) for name, c in columns.items()}
+    write_situations(rows, folder, "place", columns)
+    write_situations_manifest(folder, SITUATIONS, ["place"])
 
 
 def read_all_situations(folder: Path) -> object:
@@ -172,14 +180,14 @@ def make_windows(folder: Path) -> None:
     """Forecasts of two methods."""
     rows = table()
     paths = {"cv": rows.future, "lstm": rows.future}
-    inputs = {"packed_grid": rows.occupancy, "angular_grid_m": rows.angular_grid}
+    inputs = {"packed_grid": rows.inputs["occupancy"], "angular_grid_m": rows.inputs["angular_grid"]}
     write_windows(windows_with(rows.position, rows.future, paths, **inputs), folder / "place.parquet")
 
 
 def make_checkpoint(folder: Path) -> None:
     """An untrained motion network."""
     torch.manual_seed(0)
-    write_network(folder, NETWORK.build(WIDTHS, 10), {"dt_s": 0.3})
+    write_network(folder, NETWORK.build(WIDTHS, 10))
 
 
 def read_model(folder: Path) -> object:
@@ -187,9 +195,8 @@ def read_model(folder: Path) -> object:
     about = read_description(folder)
     network = ExportedNetwork(folder, about)
     memory = {name: np.zeros((2, *shape), np.float32) for name, shape in about.memory.items()}
-    cells, cones = about.features.grid_cells, about.features.angular_cells
-    shapes = {"state": (2, 2), "crop": (2, cells, cells), "angular": (2, cones)}
-    return network.step({n: np.zeros(shapes[n], np.float32) for n in about.inputs}, memory)
+    shapes = about.features.shapes()
+    return network.step({n: np.zeros((2, *shapes[n]), np.float32) for n in about.inputs}, memory)
 
 
 def make_recording(folder: Path) -> None:

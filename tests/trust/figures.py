@@ -13,7 +13,7 @@ from pedpred.command.prediction import robot_for
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import true_paths
 from pedpred.evaluation.windows import window_request
-from pedpred.features import FeatureSettings
+from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.files import write_json
 from pedpred.metrics.paths import displacement
@@ -38,7 +38,7 @@ def as_on_a_robot(scene: Scene) -> dict[str, float]:
 
 def by_its_own_forces(scene: Scene) -> float:
     """Mean error of the social force model in its own simulation, m."""
-    sizes = FeatureSettings()
+    sizes = ForecastProtocol()
     request = window_request(scene, Perception(None, 0.2), sizes, SETTINGS)
     paths = BASELINES["social_force"]()(request).point
     truth = true_paths(request.asked, sizes.dt_s)

@@ -22,7 +22,6 @@ SILENT = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 # short trainings that save their state often
 TOY = """\
 autoencoder: {steps: 24, validate_every: 6, validation_crops: 100}
-distilled: {steps: 20, validate_every: 10}
 training:
   corridor: {steps: 40, validate_every: 5, lanes: 8}
   main: {steps: 40, validate_every: 5, lanes: 8}

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores
 
 from pedpred import config
 from pedpred.command.prediction import read_tracker
-from pedpred.networks import load_network
+from pedpred.models.registry import load_network
 from pedpred.report import measures
 from pedpred.ros import read_bag, read_recording
 from pedpred.sources import SOURCES

@@ -50,7 +50,8 @@ def test_the_campaign_disturbs_every_kind_of_stage():
     for fault, times in ((killed, 2), (under_a_jumping_clock, 1)):
         assert sorted(stage for kind, stage in faults if kind is fault) == sorted([*stages] * times)
     half_trained = {stage.split("@")[0] for fault, stage in faults if fault is killed_half_trained}
-    assert half_trained == {"train_corridor", "train_main", "finetune"}
+    sequences, instants = {"train_corridor", "train_main", "finetune"}, {"train_situations", "train_robot"}
+    assert half_trained == sequences | instants | {"finetune_situations"}
 
 
 @of_dvc

@@ -16,12 +16,12 @@ from omegaconf import OmegaConf
 
 from pedpred.config import SETS
 from pedpred.evaluation.windows import window_request
-from pedpred.features import FeatureSettings
+from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
-from pedpred.networks import GridAutoencoder, NetworkForecaster
+from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.tracking import KalmanSettings
 from stages import train
-from tests.exported import NETWORK, WIDTHS
+from tests.exported import NETWORK, WIDTHS, forecaster_of
 from tests.worlds import walled_scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -99,7 +99,7 @@ def test_fine_tuning_reads_the_sets_of_its_fold_alone(fold, monkeypatch):
         raise InterruptedError
 
     read = set()
-    monkeypatch.setattr(train, "fit", record)
+    monkeypatch.setattr(train, "load_rows", record)
     monkeypatch.setattr(train, "has_rows", lambda folder: True)
     given = {"phase": "finetune", "name": next(iter(PARAMS["methods"]["networks"])), "fold": fold}
     with pytest.raises(InterruptedError):
@@ -141,14 +141,14 @@ def test_no_forecast_moves_when_the_future_does():
     """The whole chain: tracker, features, encoder, recurrent network."""
     torch.manual_seed(0)
     encoder, network = GridAutoencoder(60, 64).eval(), NETWORK.build(WIDTHS, 10).eval()
-    sizes, now = FeatureSettings(), 8.0
+    sizes, now = ForecastProtocol(), 8.0
     scene = walled_scene(np.random.default_rng(0))
 
     def forecast(trajectories):
         seen = replace(scene, trajectories=trajectories)
         request = window_request(seen, Perception(KalmanSettings(0.1, 0.1), 0.2), sizes)
         asked = replace(request, rows=np.arange(len(request.table)))
-        return asked.table.time_s, NetworkForecaster(network, encoder.encoder)(asked).point
+        return asked.table.time_s, forecaster_of(network, encoder.encoder)(asked).point
 
     later = scene.trajectories.time_s > now
     noise = np.random.default_rng(1).normal(0, 3, (len(later), 2))

@@ -32,7 +32,7 @@ from pedpred.report.sections import (
     warnings,
 )
 
-_SCRIPTS = ("codec.js", "replay.js", "inputs.js", "player.js", "page.js")
+_SCRIPTS = ("replay.js", "inputs.js", "player.js", "page.js")
 
 
 @dataclass(frozen=True)

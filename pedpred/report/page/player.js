@@ -25,10 +25,14 @@ class Player {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.refresh());
   }
 
-  open(name) {
+  async open(name) {
     this.play(false);
-    this.replay = new Replay(this.payloads.get(name));
-    const { header } = this.replay;
+    this.asked = name;
+    const replay = await Replay.read(this.payloads.get(name));
+    if (this.asked !== name) return; // another scene was chosen meanwhile
+    this.play(false);
+    this.replay = replay;
+    const { header } = replay;
     this.drawn ??= new Set(["truth", header.drawn]);
     this.plan.style.aspectRatio = `${header.size_m[0]} / ${header.size_m[1]}`;
     this.parts.scrub.max = header.duration_s;
@@ -81,6 +85,7 @@ class Player {
   }
 
   seek(time) {
+    if (!this.replay) return;
     this.time = Math.min(Math.max(time, 0), this.replay.header.duration_s);
     this.draw();
   }
@@ -115,6 +120,7 @@ class Player {
 
   // The nearest person to a point of the plan, if one is within a finger's width.
   pickAt(column, row) {
+    if (!this.replay) return;
     const near = this.replay.peopleAt(this.time)
       .map((person) => ({ ...person, off: Math.hypot(this.x(person.x) - column, this.y(person.y) - row) }))
       .sort((a, b) => a.off - b.off)[0];

@@ -2,27 +2,29 @@
 
 Lengths are whole millimetres from the lower left corner of the map, times hundredths of a second from the
 beginning of the stretch, headings tenths of a milliradian. Everything is turned like the scene's camera
-picture, as in the plans of the report. Columns are predicted from earlier ones (`codec.py`); points of true
-and forecast paths are exact to half of `PATH_MM`, those of modes to half of `MODE_MM`, and about every second
-one is kept. The network's inputs are computed from map and positions,
-here as in the player (`replay.js`), and the differences to the true inputs are stored: the player shows every
-bit of the obstacle grid, and the angular grid in steps of its range / `LEVELS`.
+picture, as in the plans of the report. Points of true and forecast paths are exact to half of `PATH_MM`,
+those of modes to half of `MODE_MM`. The network's inputs are computed from map and positions, here as in the
+player (`replay.js`), and the differences to the true inputs are stored: the player shows every bit of the
+obstacle grid, and the angular grid in steps of its range / `LEVELS`. Numbers are JSON, compressed by gzip, in
+base 64.
 """
 
 from __future__ import annotations
 
+import base64
+import gzip
+import json
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pedpred.features import angular_grids, occupancy_crops
+from pedpred.fields import check_ranges
 from pedpred.forecasting import Methods
+from pedpred.models.lstm.features.grids import angular_grids, occupancy_crops
 from pedpred.report.animation import LONGEST_GAP, busiest_start
-from pedpred.report.page.codec import Coder, PointColumns
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.scenes import OccupancyMap, Predictions, Scene
-from pedpred.simulation.fields import check_ranges
 from pedpred.storage.windows import EvaluationWindows
 
 TAIL_S = 2.0
@@ -33,10 +35,8 @@ WEIGHT = 0.05
 """Weights of modes are whole multiples of this."""
 LEVELS = 240
 """Distances of the angular grid are whole multiples of its range / `LEVELS`, 2.5 cm of 6 m."""
-_LINES_BEFORE = 3
-"""Steps before the present at which the line between detections predicts the present."""
 _UNITS: dict[str, Any] = {"path_mm": PATH_MM, "mode_mm": MODE_MM, "weight": WEIGHT, "levels": LEVELS}
-_UNITS |= {"lines_before": _LINES_BEFORE, "tail_s": TAIL_S}
+_UNITS |= {"tail_s": TAIL_S}
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Replay:
     """The player's data."""
 
     header: dict[str, Any]  # names, sizes and units
-    data: str  # everything else, in the order in which `replay` and `replay.js` go through it
+    data: str  # everything else, see `packed`
 
 
 def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, methods: Methods) -> Replay:
@@ -78,26 +78,24 @@ def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, m
     kept = windows.predictions.keys() & {*settings.methods, methods.main.key}
     shown, steps = methods.ordered(kept), windows.truth.shape[1]
     several = [name for name in shown if windows.predictions[name].modes > 1]
-    order, coarse = orders(steps)
     turns = quarter_turns_of(scene.camera)
     image, (left, right, bottom, top) = obstacle_image(scene.occupancy, turns)
     ground = OccupancyMap(image.T, np.zeros(2), scene.occupancy.resolution_m)
     stretch = _Stretch(scene, windows, start_s, duration_s, turns, np.array([left, bottom]))
-    coder = Coder()
-    coder.changes(np.diff(image.ravel().astype(np.int64), prepend=0))
-    stretch.write_people(coder)
-    table = stretch.write_presents(coder)
-    stretch.write_paths(table, shown, order)
-    for name in several:
-        stretch.write_modes(coder, table, windows.predictions[name], coarse, settings)
-    stretch.write_inputs(coder, ground)
+    data = {
+        "map": image.ravel().astype(int).tolist(),
+        "seen": stretch.seen.numbers(),
+        "rows": stretch.rows.numbers() | stretch.motion(),
+        "paths": stretch.paths(shown),
+        "modes": {name: stretch.modes(windows.predictions[name], settings) for name in several},
+        "missed": stretch.missed(ground),
+    }
     header = _UNITS | {
         "name": scene.name,
         "start_s": round(start_s, 2),
         "duration_s": duration_s,
         "step_s": windows.dt_s,
         "steps": steps,
-        "order": order,
         "gap_s": round(LONGEST_GAP * scene.detection_dt_s, 3),
         "size_m": [round(right - left, 3), round(top - bottom, 3)],
         "map_cells": ground.occupied.shape,
@@ -107,20 +105,16 @@ def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, m
         "cones": windows.angular_grid_m.shape[1],
         "range_m": windows.max_range_m,
         "methods": shown,
-        "modes": {name: min(windows.predictions[name].modes, settings.modes) for name in several},
-        "mode_order": coarse,
+        "modes": several,
         "drawn": methods.main.key,
-        "seen": len(stretch.seen.track),
-        "rows": len(stretch.rows.track),
     }
-    return Replay(header, coder.text())
+    return Replay(header, packed(data))
 
 
-def orders(steps: int) -> tuple[list[int], list[int]]:
-    """Points of a path in the order in which they are kept, the last one first; and those of modes."""
-    strides = (steps, steps // 2 or 1, steps // 5 or 1)
-    coarse = list(dict.fromkeys(k for stride in strides for k in range(stride, steps + 1, stride)))
-    return list(dict.fromkeys([*coarse, *range(1, steps + 1)])), coarse
+def packed(data: dict[str, Any]) -> str:
+    """Compress lists of numbers and their names; the same ones give the same text."""
+    text = json.dumps(data, separators=(",", ":")).encode()
+    return base64.b64encode(gzip.compress(text, mtime=0)).decode()
 
 
 class _Tracks:
@@ -131,15 +125,10 @@ class _Tracks:
         self.track, self.clock, self.at = track, clock, at
         self.key = track * 2**32 + clock
 
-    def line(self, track: np.ndarray, clock: np.ndarray) -> np.ndarray:
-        """Positions at times [W] between rows of tracks [W], held before and after; 0 of others. [W, 2]."""
-        first, last = np.searchsorted(self.track, track), np.searchsorted(self.track, track, "right") - 1
-        after = np.clip(np.searchsorted(self.key, track * 2**32 + clock), first, last)
-        before = np.clip(after - 1, first, after)
-        way, span = clock - self.clock[before], self.clock[after] - self.clock[before]
-        way, span = np.clip(way, 0, span)[:, None], np.maximum(span, 1)[:, None]
-        twice = 2 * (self.at[before] * (span - way) + self.at[after] * way)
-        return np.where((first <= last)[:, None], (twice + span) // (2 * span), 0)
+    def numbers(self) -> dict[str, list[Any]]:
+        """Differences of neighbouring rows; the first row's to 0."""
+        values = {"track": self.track, "clock": self.clock, "x": self.at[:, 0], "y": self.at[:, 1]}
+        return {name: np.diff(own, prepend=0).tolist() for name, own in values.items()}
 
 
 class _Stretch:
@@ -164,57 +153,49 @@ class _Stretch:
         self.kept = order[(windows.time_s[order] >= start_s) & (windows.time_s[order] <= end_s)]
         own = (windows.track_id[self.kept], windows.time_s[self.kept], windows.position[self.kept])
         self.rows = self._tracks(*own)
+        heading = windows.heading_rad[self.kept] + turns * np.pi / 2
+        self.heading = np.floor(1e4 * np.angle(np.exp(1j * heading))).astype(int)  # its middle is on no edge
 
-    def write_people(self, coder: Coder) -> None:
-        """Who was seen, when and where; who has a forecast, and when."""
-        for found in (self.seen, self.rows):
-            coder.numbers(np.diff(found.track, prepend=0))
-            coder.numbers(np.diff(found.clock, 2, prepend=[0, 0]))
-        first = np.diff(self.seen.track, prepend=-1) != 0
-        PointColumns(coder, self.seen.track).add(
-            self.seen.at - np.where(first[:, None], 0, np.roll(self.seen.at, 1, axis=0))
-        )
+    def motion(self) -> dict[str, list[Any]]:
+        """Velocity and heading of every row, differences as in `_Tracks.numbers`."""
+        velocity = np.rint(1000.0 * turned(self.windows.world_velocity[self.kept], self.turns)).astype(int)
+        values = {"vx": velocity[:, 0], "vy": velocity[:, 1], "heading": self.heading}
+        return {name: np.diff(own, prepend=0).tolist() for name, own in values.items()}
 
-    def write_presents(self, coder: Coder) -> PointColumns:
-        """Position, velocity and heading of every row; the table that predicts its paths from these."""
-        windows, at, step = self.windows, self.rows.at, round(100 * self.windows.dt_s)
-        steps = range(-_LINES_BEFORE, windows.truth.shape[1] + 2)
-        lines = {k: self.seen.line(self.rows.track, self.rows.clock + k * step) for k in steps}
-        table = PointColumns(coder, self.rows.track)
-        for k in range(-_LINES_BEFORE, 0):
-            table.know(lines[k] - lines[0])
-        table.add(at - lines[0])
-        velocity = table.add(np.rint(1000.0 * turned(windows.world_velocity[self.kept], self.turns)))
-        for k in steps:
-            table.know(lines[k] - at)
-        course = np.arctan2(velocity[:, 1], velocity[:, 0])
-        off = np.angle(np.exp(1j * (windows.heading_rad[self.kept] + self.turns * np.pi / 2 - course)))
-        self.heading = np.floor(1e4 * (course + off))  # its middle is never on a cell's or cone's edge
-        coder.numbers((self.heading - np.floor(1e4 * course)).astype(np.int64))
-        return table
+    def paths(self, shown: list[str]) -> dict[str, list[Any]]:
+        """The true path and the point forecasts of some methods, as in `_bends`."""
+        points = {name: self.windows.predictions[name].point for name in shown}
+        return {
+            name: self._bends(path[self.kept], self.rows.at, PATH_MM)
+            for name, path in {"truth": self.windows.truth, **points}.items()
+        }
 
-    def write_paths(self, table: PointColumns, shown: list[str], order: list[int]) -> None:
-        """The true path and the point forecasts of some methods."""
-        answers = [self.windows.predictions[name] for name in shown]
-        for path in (self.windows.truth, *(own.point for own in answers)):
-            points = self._place(path[self.kept])
-            for point in order:
-                table.add(points[:, point - 1] - self.rows.at, PATH_MM)
+    def modes(self, own: Predictions, settings: ReplaySettings) -> list[dict[str, list[Any]]]:
+        """Weights of the modes of a method, and paths of the rows whose weight is not 0."""
+        weight, paths = own.weight[self.kept, : settings.modes], own.path[self.kept]
+        parts = np.where(weight < settings.least_weight, 0, np.rint(weight / WEIGHT)).astype(int)
+        likely = parts > 0
+        return [
+            {
+                "parts": parts[:, mode].tolist(),
+                "bends": self._bends(paths[rows, mode], self.rows.at[rows], MODE_MM),
+            }
+            for mode, rows in enumerate(likely.T)
+        ]
 
-    def write_modes(
-        self, coder: Coder, table: PointColumns, own: Predictions, order: list[int], settings: ReplaySettings
-    ) -> None:
-        """Weights and some points of the modes of a method; those left out have the weight 0."""
-        weight, paths = own.weight[self.kept, : settings.modes], self._place(own.path[self.kept])
-        parts = np.where(weight < settings.least_weight, 0, np.rint(weight / WEIGHT)).astype(np.int64)
-        for mode in range(parts.shape[1]):
-            coder.numbers(parts[:, mode])
-            for point in order:
-                table.add(paths[:, mode, point - 1] - self.rows.at, MODE_MM, parts[:, mode] > 0)
+    def missed(self, ground: OccupancyMap) -> dict[str, list[Any]]:
+        """Gaps between the network's inputs that differ from those computed from the rest; by how much."""
+        off = self._inputs_off(ground, (self.heading + 0.5) * 1e-4).ravel()
+        places = np.flatnonzero(off)
+        return {"places": np.diff(places, prepend=0).tolist(), "by": off[places].tolist()}
 
-    def write_inputs(self, coder: Coder, ground: OccupancyMap) -> None:
-        """What the network's inputs differ by from those computed from the rest."""
-        coder.changes(self._inputs_off(ground, (self.heading + 0.5) * 1e-4))
+    def _bends(self, paths: np.ndarray, at: np.ndarray, step_mm: int) -> list[Any]:
+        """Second differences of the points of paths (m, [R, P, 2]) from `at` on, in steps. [2][P][R].
+
+        A path that goes straight on at one speed has only its first point; the others are 0.
+        """
+        points = np.rint((self._place(paths) - at[:, None]) / step_mm).astype(int)
+        return np.diff(points, 2, axis=1, prepend=np.zeros((len(points), 2, 2), int)).T.tolist()
 
     def _inputs_off(self, ground: OccupancyMap, heading_rad: np.ndarray) -> np.ndarray:
         """True inputs less those computed from what is kept. [W, cells^2 + cones] int.

@@ -1,5 +1,4 @@
 // A stretch of a scene: millimetres and hundredths of a second in, metres and seconds out. y points up.
-// Goes through the data in the order in which player.py packs them.
 function bitPicture(columns, lines, colour, isSet) {
   const picture = Object.assign(document.createElement("canvas"), { width: columns, height: lines });
   const brush = picture.getContext("2d");
@@ -10,52 +9,51 @@ function bitPicture(columns, lines, colour, isSet) {
   return picture;
 }
 
+function summed(values) {
+  let sum = 0;
+  return values.map((value) => (sum += value));
+}
+
+// Points of paths, [point][axis][row], from their second differences, [axis][point][row]; the present comes first.
+function pathsOf(bends, step, rows) {
+  const still = new Array(rows).fill(0), points = [[still, still]];
+  bends[0].forEach((_, k) => {
+    const [last, older] = [points[k], points[Math.max(k - 1, 0)]];
+    points.push(bends.map((axis, i) => axis[k].map((bend, row) => 2 * last[i][row] - older[i][row] + step * bend)));
+  });
+  return points;
+}
+
 class Replay {
-  constructor({ header, data }) {
-    const decoder = new Decoder(data);
-    const edges = decoder.changes(), cells = new Array(header.map_cells[0] * header.map_cells[1]).fill(0);
-    Object.assign(this, { header, map: summed(cells.map((_, k) => edges.get(k) ?? 0)), paths: {}, modes: {} });
-    const [seen, rows] = [header.seen, header.rows].map((count) =>
-      ({ track: summed(decoder.numbers(count)), clock: summed(summed(decoder.numbers(count))) }));
-    Object.assign(this, { seen, rows });
-    const table = new PointColumns(decoder, seen.track), ways = table.column();
-    seen.at = ways.map((axis) => axis.map((way, k) => (table.before[k] < 0 ? way : (axis[k] = axis[k - 1] + way))));
+  // Unpacks what player.py packs: JSON, compressed by gzip, in base 64.
+  static async read({ header, data }) {
+    const bytes = Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0));
+    const text = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return new Replay(header, await new Response(text).json());
+  }
+
+  constructor(header, data) {
+    Object.assign(this, { header, map: data.map, paths: {}, modes: {} });
+    for (const name of ["seen", "rows"]) {
+      const { track, clock, x, y } = data[name];
+      this[name] = { track: summed(track), clock: summed(clock), at: [x, y].map(summed) };
+    }
+    const { rows, seen } = this, { vx, vy, heading } = data.rows;
+    rows.velocity = [vx, vy].map(summed);
+    rows.heading = summed(heading).map((tenths) => (tenths + 0.5) * 1e-4);
     this.tracks = new Map(Replay.runs(seen.track).map((run) => [run.value, run]));
     const order = rows.track.map((_, row) => row).sort((a, b) => rows.clock[a] - rows.clock[b] || a - b);
     this.frames = Replay.runs(order.map((row) => rows.clock[row]))
       .map(({ value, begin, end }) => ({ value, rows: order.slice(begin, end) }));
-    this.readRows(decoder, new PointColumns(decoder, rows.track));
-  }
-
-  // Present, truth, forecasts and inputs of every row.
-  readRows(decoder, table) {
-    const { rows, header } = this, { steps, step_s: step } = header, lines = new Map();
-    const off = (points, origin) => points.map((axis, k) => axis.map((value, row) => value - origin[k][row]));
-    for (let k = -header.lines_before; k < steps + 2; k++) {
-      const found = rows.track.map((track, row) => this.lineAt(track, rows.clock[row] + k * Math.round(100 * step)));
-      lines.set(k, [0, 1].map((axis) => found.map((point) => point[axis])));
-    }
-    for (let k = -header.lines_before; k < 0; k++) table.know(off(lines.get(k), lines.get(0)));
-    const here = lines.get(0);
-    rows.at = table.column().map((axis, k) => axis.map((value, row) => value + here[k][row]));
-    rows.velocity = table.column();
-    for (const line of lines.values()) table.know(off(line, rows.at));
-    const [vx, vy] = rows.velocity;
-    rows.heading = decoder.numbers(header.rows).map((code, row) => (code + Math.floor(1e4 * Math.atan2(vy[row], vx[row])) + 0.5) * 1e-4);
-    const path = (step_mm) => {
-      const found = [[0, 1].map(() => new Float64Array(header.rows))];
-      for (const point of header.order) found[point] = table.column(step_mm);
-      return found;
-    };
-    for (const name of ["truth", ...header.methods]) this.paths[name] = path(header.path_mm);
-    for (const [name, count] of Object.entries(header.modes)) {
-      this.modes[name] = Array.from({ length: count }, () => {
-        const parts = decoder.numbers(header.rows), points = [];
-        for (const point of header.mode_order) points[point] = table.column(header.mode_mm, (row) => parts[row] > 0);
-        return { parts, points: [this.paths.truth[0], ...points.filter(Boolean)] };
+    for (const [name, bends] of Object.entries(data.paths)) this.paths[name] = pathsOf(bends, header.path_mm, rows.track.length);
+    for (const [name, modes] of Object.entries(data.modes)) {
+      this.modes[name] = modes.map(({ parts, bends }) => {
+        const places = summed(parts.map((part) => (part > 0 ? 1 : 0)));
+        return { parts, places, points: pathsOf(bends, header.mode_mm, places[places.length - 1]) };
       });
     }
-    this.missed = decoder.changes();
+    const places = summed(data.missed.places);
+    this.missed = new Map(places.map((place, k) => [place, data.missed.by[k]]));
   }
 
   // Stretches of equal values: {value, begin, end}.
@@ -120,17 +118,19 @@ class Replay {
   }
 
   // The present and every point of a path ("truth" or a method's) of a row, m.
-  path(name, row) { return this.points(this.paths[name], row); }
+  path(name, row) { return this.points(this.paths[name], row, row); }
 
-  points(path, row) {
+  // Points of the path of a row, which stands at a place among all paths.
+  points(paths, place, row) {
     const [x, y] = this.rows.at.map((axis) => axis[row]);
-    return path.map(([dx, dy]) => [(x + dx[row]) / 1000, (y + dy[row]) / 1000]);
+    return paths.map(([dx, dy]) => [(x + dx[place]) / 1000, (y + dy[place]) / 1000]);
   }
 
   // The likely ones of the weighted paths of a method that gives several: {points, weight}.
   modesOf(name, row) {
     return (this.modes[name] ?? []).filter(({ parts }) => parts[row] > 0)
-      .map(({ parts, points }) => ({ points: this.points(points, row), weight: parts[row] * this.header.weight }));
+      .map(({ parts, places, points }) =>
+        ({ points: this.points(points, places[row] - 1, row), weight: parts[row] * this.header.weight }));
   }
 
   heading(row) { return this.rows.heading[row]; }

@@ -1,0 +1,264 @@
+"""The training rows of some sets, mapped from disk: inputs, targets, and which rows belong together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pedpred.errors import ShapeError, StorageError, ValueRuleError
+from pedpred.features import FeatureTable
+from pedpred.models.features import RowFormat
+from pedpred.storage.mapped import MappedRows
+from pedpred.storage.shards import read_embeddings, read_manifest, read_shard_blocks
+from pedpred.storage.situations import read_situations, read_situations_manifest
+
+EMBEDDED = "grid"
+"""The channel that a frozen encoder computes from the crops."""
+
+
+@dataclass(frozen=True)
+class Spans:
+    """Rows that belong together: the steps of a track, or all instants of a world.
+
+    Attributes:
+        rows: [first, last) of each. [S, 2]
+        part: index of its set. [S]
+        scene: index of its scene or world; variants of a scene share it. [S]
+        track: id of its track; variants of a scene share it. 0 for worlds. [S]
+    """
+
+    rows: np.ndarray
+    part: np.ndarray
+    scene: np.ndarray
+    track: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+@dataclass(frozen=True)
+class TrainingRows:
+    """Inputs and targets of some sets, ready to be looked up by row.
+
+    Attributes:
+        channels: what a network reads, name -> [M, width]; single or half precision.
+        future: true velocities, agent frame, m/s. [M, P, 2] float32
+        future_steps: how many of them are known. [M] int64
+        spans: rows that belong together.
+        sets: names of the sets, in the order of their rows.
+        made_with: protocol and sizes.
+        nothing: channel -> its values at row < 0, zeros for others. [width] float32
+    """
+
+    channels: Mapping[str, torch.Tensor]
+    future: torch.Tensor
+    future_steps: torch.Tensor
+    spans: Spans
+    sets: tuple[str, ...]
+    made_with: RowFormat
+    nothing: Mapping[str, torch.Tensor] = field(default_factory=dict)
+
+    @property
+    def widths(self) -> dict[str, int]:
+        """Channel -> numbers per row."""
+        return {name: values.shape[1] for name, values in self.channels.items()}
+
+    @property
+    def horizon_steps(self) -> int:
+        """Forecast steps P."""
+        return self.future.shape[1]
+
+    @property
+    def dt_s(self) -> float:
+        """Time between steps, s."""
+        return self.made_with.protocol.dt_s
+
+    @property
+    def by_set(self) -> dict[str, np.ndarray]:
+        """Set -> rows [first, last) of its spans. [S, 2] each."""
+        return {name: self.spans.rows[self.spans.part == i] for i, name in enumerate(self.sets)}
+
+    def to(self, device: torch.device) -> TrainingRows:
+        """The same rows on another device, all of them."""
+        channels, nothing = (
+            {name: values.to(device) for name, values in own.items()} for own in (self.channels, self.nothing)
+        )
+        future, future_steps = self.future.to(device), self.future_steps.to(device)
+        return replace(self, channels=channels, nothing=nothing, future=future, future_steps=future_steps)
+
+    def inputs(self, rows: torch.Tensor) -> dict[str, torch.Tensor]:
+        """The network's inputs at some rows, none of which is negative, channel -> [B, width] float32."""
+        return {name: values[rows].to(torch.float32) for name, values in self.channels.items()}
+
+    def padded_inputs(
+        self, rows: torch.Tensor, instead: Mapping[str, torch.Tensor] | None = None
+    ) -> dict[str, torch.Tensor]:
+        """The network's inputs at some rows, channel -> [..., width] float32.
+
+        Args:
+            rows: row < 0 stands for a person at rest without neighbours or obstacles. [...]
+            instead: channel -> other rows for this channel. [...]
+        """
+        instead = instead or {}
+        return {
+            name: _entries(table, instead.get(name, rows), self.nothing.get(name))
+            for name, table in self.channels.items()
+        }
+
+    def known(self, rows: torch.Tensor) -> torch.Tensor:
+        """Which target steps count at some rows, [...] -> [..., P]; none at row < 0."""
+        steps = torch.arange(self.future.shape[1], device=rows.device)
+        return (steps < self.future_steps[rows.clamp(min=0)][..., None]) & (rows >= 0)[..., None]
+
+
+def _entries(table: torch.Tensor, rows: torch.Tensor, nothing: torch.Tensor | None) -> torch.Tensor:
+    """Entries of a table [M, W]; at row < 0 `nothing` [W], which is zeros when None. [...] -> [..., W]."""
+    found = table.index_select(0, rows.clamp(min=0).flatten()).to(torch.float32).unflatten(0, rows.shape)
+    return torch.where((rows >= 0)[..., None], found, 0.0 if nothing is None else nothing)
+
+
+def sequences_of(table: FeatureTable) -> np.ndarray:
+    """Rows [first, last) of each (track, phase) of a sorted feature table. [S, 2]."""
+    first = np.flatnonzero(table.step == 0)
+    last = np.append(first[1:], len(table))
+    return np.stack([first, last], axis=-1) if len(first) else np.zeros((0, 2), int)
+
+
+def load_sequences(folders: Mapping[str, Path], embeddings: Mapping[str, Path] | None = None) -> TrainingRows:
+    """All steps of all tracks of some feature folders, with an encoder's outputs where they are given.
+
+    Rows are read block by block and lie on disk (`MappedRows`); only the spans take memory.
+
+    Args:
+        folders: set -> its feature shards; of the same protocol and sizes.
+        embeddings: set -> the frozen encoder's outputs there, the channel "grid".
+
+    Raises:
+        StorageError: a shard or manifest cannot be read, or features and embeddings do not belong together.
+        ValueRuleError: the folders were made with different sizes.
+        OSError: the disk is full.
+    """
+    found = {name: read_manifest(folder) for name, folder in folders.items()}
+    made_with = _common({name: own for name, (own, _) in found.items()})
+    columns, scenes, tracks = _Columns(), 0, 0
+    for part, (name, folder) in enumerate(folders.items()):
+        _, shards = found[name]
+        numbers = {digest: scenes + i for i, digest in enumerate(dict.fromkeys(shards.values()))}
+        largest = -1
+        for shard, digest in shards.items():
+            for table in read_shard_blocks(folder, shard, made_with):
+                spans = sequences_of(table)
+                track = table.track_id[spans[:, 0]]
+                largest = max(largest, int(track.max(initial=-1)))
+                columns.add_spans(spans, part, np.full(len(spans), numbers[digest]), track + tracks)
+                stored = {"state": table.velocity, **table.inputs}
+                channels = made_with.features.channels(stored)
+                columns.add(channels, table.future, table.future_steps)
+            if embeddings is not None:
+                _add_embeddings(columns, embeddings[name], shard)
+        scenes += len(numbers)
+        tracks += largest + 1
+    return columns.joined(tuple(folders), made_with)
+
+
+def load_instants(folders: Mapping[str, Path]) -> TrainingRows:
+    """All rows of some sets of situations, world by world; they lie on disk (`MappedRows`).
+
+    Args:
+        folders: set -> its folder; of the same protocol and sizes.
+
+    Raises:
+        StorageError: a file is missing or damaged.
+        ValueRuleError: the sets were made with different sizes.
+        OSError: the disk is full.
+    """
+    found = {name: read_situations_manifest(folder) for name, folder in folders.items()}
+    made_with = _common({name: own for name, (own, _) in found.items()})
+    columns, steps, scene = _Columns(), made_with.protocol.horizon_steps, 0
+    for part, (name, (_, worlds)) in enumerate(found.items()):
+        for world in worlds:
+            stored = read_situations(folders[name], world, made_with)
+            future = stored.pop("future")
+            columns.add_spans(np.array([[0, len(future)]]), part, np.array([scene]), np.zeros(1, int))
+            columns.add(made_with.features.channels(stored), future, np.full(len(future), steps))
+            scene += 1
+    return columns.joined(tuple(folders), made_with)
+
+
+def _common(formats: Mapping[str, RowFormat]) -> RowFormat:
+    """What several sets were made with.
+
+    Raises:
+        ValueRuleError: they were made with different sizes.
+    """
+    first, *others = formats
+    for other in others:
+        mine, theirs = (formats[name] for name in (first, other))
+        for part, size in [("protocol", "dt_s"), ("protocol", "horizon_steps"), *_sizes(mine)]:
+            values = [getattr(getattr(own, part), size, None) for own in (mine, theirs)]
+            if values[0] != values[1]:
+                rule = f"{first} has {values[0]!r}, and one training needs the same"
+                raise ValueRuleError(f"{other}, {size}", values[1], rule)
+    return formats[first]
+
+
+def _sizes(made_with: RowFormat) -> list[tuple[str, str]]:
+    return [("features", name) for name in vars(made_with.features)]
+
+
+class _Columns:
+    """Rows and spans, as they are read."""
+
+    def __init__(self) -> None:
+        self.mapped: dict[str, MappedRows] = {}
+        self.spans: list[tuple[np.ndarray, ...]] = []
+
+    def __len__(self) -> int:
+        return len(self.mapped["future"]) if self.mapped else 0
+
+    def add_spans(self, spans: np.ndarray, part: int, scene: np.ndarray, track: np.ndarray) -> None:
+        """Append spans of rows that follow."""
+        self.spans.append((spans + len(self), np.full(len(spans), part), scene, track))
+
+    def add(self, channels: Mapping[str, np.ndarray], future: np.ndarray, future_steps: np.ndarray) -> None:
+        """Append rows."""
+        columns = {**channels, "future": future.copy(), "future_steps": future_steps.astype(np.int64)}
+        for name, values in columns.items():
+            self.extend(name, values)
+
+    def extend(self, name: str, values: np.ndarray) -> None:
+        """Append to one column."""
+        self.mapped.setdefault(name, MappedRows(name)).append(values)
+
+    def joined(self, sets: tuple[str, ...], made_with: RowFormat) -> TrainingRows:
+        """Everything that was added.
+
+        Raises:
+            ShapeError: nothing was.
+        """
+        if not self.mapped:
+            raise ShapeError("future", (), "at least one block of rows")
+        tensors = {name: torch.from_numpy(rows.array()) for name, rows in self.mapped.items()}
+        future, future_steps = tensors.pop("future"), tensors.pop("future_steps")
+        spans = Spans(*(np.concatenate(column) for column in zip(*self.spans, strict=True)))
+        return TrainingRows(tensors, future, future_steps, spans, sets, made_with)
+
+
+def _add_embeddings(columns: _Columns, folder: Path, shard: str) -> None:
+    for block in read_embeddings(folder, shard):
+        columns.extend(EMBEDDED, block)
+    count = len(columns.mapped[EMBEDDED]) if EMBEDDED in columns.mapped else 0
+    if count != len(columns):
+        problem = f"{count} rows so far beside {len(columns)} rows of features"
+        raise StorageError(folder / f"{shard}.parquet", "embedding", problem, "Encode the features again")
+
+
+def select_held_out(spans: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
+    """Which spans of a set are kept for validation; at least one stays for training. [S] bool."""
+    chosen = np.zeros(len(spans), bool)
+    chosen[rng.permutation(len(spans))[: min(round(share * len(spans)), len(spans) - 1)]] = True
+    return chosen

@@ -1,0 +1,61 @@
+"""The kinds of networks by what they read, and what rows for them are made with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pedpred.features import ForecastProtocol, ModelFeatures
+from pedpred.fields import check_choice, parsed
+from pedpred.models.lstm.features import LstmFeatures
+from pedpred.models.mixture.features import MixtureFeatures
+
+FEATURES: dict[str, type[ModelFeatures]] = {"lstm": LstmFeatures, "mixture": MixtureFeatures}
+"""Kind of network, also a row of conf/features -> the settings of its inputs."""
+
+
+def parse_features(model: str, plain: Mapping[str, Any], path: str = "") -> ModelFeatures:
+    """Build the settings of a model's inputs from a plain dictionary.
+
+    Raises:
+        ValueRuleError: the model is unknown, or a setting breaks its rule.
+    """
+    check_choice("model", model, FEATURES)
+    features: ModelFeatures = parsed(FEATURES[model], plain, path)
+    return features
+
+
+def plain_features(features: ModelFeatures) -> dict[str, Any]:
+    """The inverse of `parse_features`."""
+    return dict(vars(features))
+
+
+@dataclass(frozen=True)
+class RowFormat:
+    """What the rows of a folder were made with.
+
+    Attributes:
+        protocol: time step and horizon.
+        model: whose inputs they hold, a key of `FEATURES`.
+        features: sizes of these inputs.
+    """
+
+    protocol: ForecastProtocol
+    model: str
+    features: ModelFeatures
+
+    def plain(self) -> dict[str, Any]:
+        """The inverse of `parse`."""
+        protocol, features = asdict(self.protocol), plain_features(self.features)
+        return {"protocol": protocol, "model": self.model, "features": features}
+
+    @classmethod
+    def parse(cls, plain: Mapping[str, Any]) -> RowFormat:
+        """Build from plain dictionaries.
+
+        Raises:
+            ValueRuleError: the model is unknown, or a size breaks its rule.
+        """
+        model = plain["model"]
+        return cls(ForecastProtocol(**plain["protocol"]), model, parse_features(model, plain["features"]))

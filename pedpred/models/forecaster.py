@@ -1,0 +1,120 @@
+"""A trained network as a forecaster (`pedpred.forecasting.Forecaster`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pedpred.datasets.rows import EMBEDDED
+from pedpred.features import ModelFeatures
+from pedpred.forecasting import ForecastRequest
+from pedpred.forecasting.chain import Chain, forecast_blocks
+from pedpred.forecasting.tensors import predictions_of
+from pedpred.models.contract import RecurrentNetwork, Tensors
+from pedpred.models.lstm.autoencoder import GridEncoder
+from pedpred.models.lstm.encoding import encode, load_encoder
+from pedpred.models.registry import load_format, load_network
+from pedpred.models.rolling import recall
+from pedpred.scenes import Predictions
+from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
+
+
+@dataclass(frozen=True)
+class NetworkForecaster:
+    """Runs a network along the clock of a request, so that its memory builds up as on a robot.
+
+    An instant between two steps is forecast from its own inputs and the memory of the last step. A network
+    without memory forecasts everybody present, not only who is asked for, because people choose together.
+
+    Attributes:
+        network: trained.
+        features: what it reads.
+        encoder: the frozen convolutions; None for a network that does not read the grid.
+        together: people choose their modes together, see `pedpred.forecasting.selection`.
+        learning: regions learn from earlier forecasts, see `pedpred.forecasting.regions`.
+    """
+
+    network: RecurrentNetwork
+    features: ModelFeatures
+    encoder: GridEncoder | None
+    together: bool = True
+    learning: bool = True
+
+    def __call__(self, request: ForecastRequest) -> Predictions:
+        """World-frame predictions of the request's rows.
+
+        Raises:
+            ValueRuleError: the request has no clock.
+        """
+        asked, sizes = request.asked, request.sizes
+        if not len(asked):
+            return Predictions.single(np.zeros((0, sizes.horizon_steps, 2)), sizes.dt_s)
+        if not self.network.state_shapes:
+            return self._present(request)
+        predictions = self._answer(self._recalled(request), sizes.dt_s)
+        return predictions.in_world(asked.position, asked.heading_rad)
+
+    def _present(self, request: ForecastRequest) -> Predictions:
+        """Predictions of a network without memory."""
+
+        def infer(row: np.ndarray, inputs: Mapping[str, np.ndarray]) -> Predictions:
+            channels = self.features.channels(inputs)
+            with torch.inference_mode():
+                outputs, _ = self.network({n: torch.from_numpy(v)[:, None] for n, v in channels.items()}, {})
+            return self._answer({name: values[:, 0] for name, values in outputs.items()}, request.sizes.dt_s)
+
+        chain = Chain(self.together, self.learning, request.detection_noise_m)
+        which, parts = zip(*forecast_blocks(request, self.features, infer, chain), strict=True)
+        return Predictions.join(parts).select(np.argsort(np.concatenate(which)))
+
+    def _answer(self, outputs: Tensors, dt_s: float) -> Predictions:
+        """What outputs mean, agent frames."""
+        with torch.inference_mode():
+            answer = self.network.answer(outputs, dt_s)
+        return predictions_of({name: values.numpy() for name, values in answer.items()}, dt_s)
+
+    def _recalled(self, request: ForecastRequest) -> Tensors:
+        """Outputs of a recurrent network. [W, ...] each."""
+        steps, asked = request.steps, request.asked
+        latest = last_rows(steps.track_id, steps.time_s, asked.track_id, asked.time_s)
+        first = latest - steps.step[latest]
+        on_step = steps.time_s[latest] >= asked.time_s - TIME_TOLERANCE_S
+        before = steps.step[latest] + ~on_step
+        row = request.past.last_row(steps.track_id, steps.time_s)
+        inputs = self._inputs(request, [(row, steps.time_s), (request.rows, asked.time_s)])
+        return recall(self.network, inputs[0], inputs[1], first, before, on_step)
+
+    def _inputs(
+        self, request: ForecastRequest, instants: list[tuple[np.ndarray, np.ndarray]]
+    ) -> list[Tensors]:
+        """The network's inputs at some lists of rows and times; equal crops are encoded once."""
+        stored = [request.inputs(self.features, row, time_s) for row, time_s in instants]
+        channels = [self.features.channels(own) for own in stored]
+        if self.encoder is not None:
+            crops = np.concatenate([own["occupancy"] for own in stored])
+            different, index = np.unique(crops, axis=0, return_inverse=True)
+            embedded = encode(self.encoder, different)[index.ravel()]
+            parts = np.split(embedded, np.cumsum([len(row) for row, _ in instants])[:-1])
+            for own, part in zip(channels, parts, strict=True):
+                own[EMBEDDED] = part
+        return [{name: torch.from_numpy(values) for name, values in own.items()} for own in channels]
+
+
+def forecaster(network_folder: Path, autoencoder_folder: Path, **choices: bool) -> NetworkForecaster:
+    """The forecaster of a checkpoint; the auto-encoder is read only if the network reads the grid.
+
+    Args:
+        network_folder: the checkpoint.
+        autoencoder_folder: the checkpoint of the encoder.
+        choices: `together` and `learning` of `NetworkForecaster`.
+
+    Raises:
+        StorageError: a checkpoint is missing or damaged.
+    """
+    network, made_with = load_network(network_folder), load_format(network_folder)
+    encoder = load_encoder(autoencoder_folder) if EMBEDDED in network.settings.channels_read else None
+    return NetworkForecaster(network, made_with.features, encoder, **choices)

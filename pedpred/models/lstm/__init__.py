@@ -1,0 +1,1 @@
+"""The network of Pfeiffer et al. 2018: grids around a person, an LSTM for each input, a joint LSTM."""

@@ -1,0 +1,60 @@
+"""Encode packed occupancy crops with the frozen convolutions."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pedpred.errors import StorageError
+from pedpred.files import translate_errors
+from pedpred.models.lstm.autoencoder import GridEncoder
+from pedpred.models.lstm.features.grids import unpack_crops
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
+
+CROPS_AT_ONCE = 8
+"""Their first layer's output, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
+_PREFIX = "encoder."
+
+
+def load_encoder(folder: Path) -> GridEncoder:
+    """The encoder of a pre-trained auto-encoder.
+
+    Raises:
+        StorageError: a file is missing, damaged or of another network.
+    """
+    weights, about = read_checkpoint(folder)
+    with translate_errors(
+        partial(StorageError, folder / "about.json", "settings", remedy="Train the encoder again")
+    ):
+        encoder = GridEncoder(int(about["cells"]), about["settings"]["latent"])
+    own = {name.removeprefix(_PREFIX): w for name, w in weights.items() if name.startswith(_PREFIX)}
+    load_weights(encoder, own, folder)
+    return encoder
+
+
+def float_crops(packed: np.ndarray, cells: int) -> torch.Tensor:
+    """Bit-packed crops as networks read them. [N, cells^2 / 8] uint8 -> [N, cells, cells] float32."""
+    return torch.from_numpy(unpack_crops(packed, cells)).to(torch.float32)
+
+
+@torch.no_grad()
+def encode(encoder: GridEncoder, packed: np.ndarray) -> np.ndarray:
+    """The frozen convolutions' outputs of bit-packed crops, in cache-sized batches.
+
+    Args:
+        encoder: pre-trained.
+        packed: [M, cells^2 / 8] uint8
+
+    Returns:
+        Embeddings. [M, C] float32
+    """
+    fast = encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    # Filled, not collected: small pieces kept between the layers' large outputs make the heap grow.
+    embeddings = np.empty((len(packed), encoder.fc.in_features), np.float32)
+    for at in range(0, len(packed), CROPS_AT_ONCE):
+        batch = slice(at, at + CROPS_AT_ONCE)
+        embeddings[batch] = fast.embedding(float_crops(packed[batch], encoder.sides[0])).numpy()
+    return embeddings

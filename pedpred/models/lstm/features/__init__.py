@@ -1,0 +1,88 @@
+"""What the paper's network reads of a person: velocity, occupancy crop, angular pedestrian grid (III-B)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.errors import ValueRuleError
+from pedpred.features.contract import StoredColumn
+from pedpred.features.surroundings import Surroundings
+from pedpred.fields import check_ranges
+from pedpred.geometry import rotate
+from pedpred.models.lstm.features.grids import angular_grids, occupancy_crops, unpack_crops
+from pedpred.scenes import OccupancyMap
+
+
+@dataclass(frozen=True)
+class LstmFeatures:
+    """Sizes of the grids; the defaults are the paper's.
+
+    Attributes:
+        grid_cells: cells per side of the occupancy crop.
+        grid_resolution_m: side of a crop cell, m.
+        angular_cells: cones K of the angular pedestrian grid.
+        max_range_m: range of that grid, m.
+    """
+
+    grid_cells: int = 60
+    grid_resolution_m: float = 0.1
+    angular_cells: int = 72
+    max_range_m: float = 6.0
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"grid_cells": "[1, 1000]", "angular_cells": "[1, 3600]"})
+        check_ranges(self, {"grid_resolution_m": "[0.001, 10]", "max_range_m": "(0, 100]"})
+        if self.grid_cells % 4:
+            rule = "it must be a multiple of 4: crops are stored in whole bytes"
+            raise ValueRuleError("grid_cells", self.grid_cells, rule)
+
+    def columns(self) -> dict[str, StoredColumn]:
+        """See `ModelFeatures`; the velocity is a column of every feature table."""
+        bits = "bits, cell (i forward, j left) is bit i * grid_cells + j, least significant first"
+        cones = "m, cone k covers [k, k+1) * 2 pi / angular_cells counter-clockwise from the heading"
+        return {
+            "occupancy": StoredColumn("uint8", (self.grid_cells**2 // 8,), bits),
+            "angular_grid": StoredColumn("float32", (self.angular_cells,), cones),
+        }
+
+    def compute(self, seen: Surroundings, dt_s: float) -> dict[str, np.ndarray]:
+        """See `ModelFeatures`; "occupancy" is bit-packed, "angular_grid" are distances, m."""
+        who, around = seen.observers, seen.around
+        angular = angular_grids(
+            who.position, who.heading_rad, around.position, around.track_id, who.track_id, around.span,
+            self.angular_cells, self.max_range_m,
+        )  # fmt: skip
+        velocity = rotate(who.velocity, -who.heading_rad).astype(np.float32)
+        crops = self.obstacle_inputs(seen.occupancy, who.position, who.heading_rad)
+        return {"state": velocity, **crops, "angular_grid": angular}
+
+    def obstacle_inputs(
+        self, occupancy: OccupancyMap, position: np.ndarray, heading_rad: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """See `ModelFeatures`."""
+        crops = occupancy_crops(occupancy, position, heading_rad, self.grid_cells, self.grid_resolution_m)
+        return {"occupancy": crops}
+
+    def channels(self, stored: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """See `ModelFeatures`; the encoder's embedding of the crop is the channel "grid"."""
+        return {"state": stored["state"], "angular": self.closeness(stored["angular_grid"])}
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """See `ModelFeatures`."""
+        return {"state": (2,), "crop": (self.grid_cells, self.grid_cells), "angular": (self.angular_cells,)}
+
+    def graph_inputs(self, stored: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """See `ModelFeatures`."""
+        crops = unpack_crops(stored["occupancy"], self.grid_cells)
+        return self.channels(stored) | {"crop": crops.astype(np.float32)}
+
+    def closeness(self, angular_grid: np.ndarray) -> np.ndarray:
+        """1 - r / r_max of angular grids, so that an empty cone is 0. [..., K] float32."""
+        return 1.0 - angular_grid / np.float32(self.max_range_m)
+
+    def past_s(self, dt_s: float) -> float:
+        """None: the network's state remembers it."""
+        return 0.0

@@ -1,0 +1,62 @@
+"""Input masking: parts of the inputs that are left out in training, so that a network can do without."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from pedpred.fields import check_ranges
+from pedpred.models.mixture.features.history import PAST
+from pedpred.models.mixture.features.nearest import NEIGHBOUR
+
+
+@dataclass(frozen=True)
+class InputMasking:
+    """What is masked in some rows; nothing by default.
+
+    Attributes:
+        map_share: of the rows: no obstacle is known.
+        neighbours_share: of the rows: nobody else is seen.
+        missed_share: of the rows: some neighbours are not seen,
+        missed: each of them with this probability.
+        past_share: of the rows: the past is shorter, by a random number of steps.
+    """
+
+    map_share: float = 0.0
+    neighbours_share: float = 0.0
+    missed_share: float = 0.0
+    missed: float = 0.0
+    past_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_ranges(self, dict.fromkeys(self.__dataclass_fields__, "[0, 1]"))
+
+
+def mask(
+    inputs: dict[str, Tensor], how: InputMasking, free_m: float, rng: np.random.Generator
+) -> dict[str, Tensor]:
+    """Inputs of which some parts are masked.
+
+    Args:
+        inputs: channel -> [B, width].
+        how: shares.
+        free_m: value of a beam that meets nothing, m.
+        rng: decides which rows and parts.
+    """
+    count, device = len(inputs["state"]), inputs["state"].device
+
+    def drawn(share: float, *axes: int) -> Tensor:
+        return torch.from_numpy(rng.random((count, *axes)) < share).to(device)
+
+    beams = torch.where(drawn(how.map_share, 1), free_m, inputs["beams"])
+    people = inputs["neighbours"].unflatten(-1, (-1, NEIGHBOUR))
+    missed = drawn(how.missed, people.shape[1]) & drawn(how.missed_share, 1) | drawn(how.neighbours_share, 1)
+    neighbours = torch.where(missed[..., None], 0.0, people).flatten(-2)
+    past = inputs["history"].unflatten(-1, (-1, PAST))
+    least = torch.from_numpy(rng.integers(1, past.shape[1] + 1, (count, 1))).to(device)
+    gone = (torch.arange(past.shape[1], device=device) >= least) & drawn(how.past_share, 1)
+    history = torch.where(gone[..., None], 0.0, past).flatten(-2)
+    return inputs | {"beams": beams, "neighbours": neighbours, "history": history}

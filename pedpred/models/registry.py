@@ -1,0 +1,91 @@
+"""The architectures of recurrent networks, and how one is built, written and read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from pedpred.errors import StorageError
+from pedpred.fields import check_choice, check_mapping
+from pedpred.files import read_json, translate_errors
+from pedpred.models.contract import NetworkSettings, RecurrentNetwork
+from pedpred.models.features import RowFormat
+from pedpred.models.lstm.network import LstmSettings
+from pedpred.models.mixture.network import MixtureSettings
+from pedpred.storage.checkpoints import load_weights, read_checkpoint
+
+ARCHITECTURES: dict[str, type[NetworkSettings]] = {
+    "lstm": LstmSettings,
+    "mixture": MixtureSettings,
+}
+"""`architecture`, in configuration and checkpoints, -> its settings, which build the network."""
+
+_KIND = "motion"
+
+
+def parse_settings(plain: Mapping[str, Any]) -> NetworkSettings:
+    """Settings of a network from plain dictionaries; the key `architecture` chooses their type.
+
+    Raises:
+        ValueRuleError: the architecture is unknown, or a setting breaks its rule.
+    """
+    check_mapping("settings", plain)
+    own = dict(plain)
+    name = own.pop("architecture", None)
+    check_choice("architecture", name, ARCHITECTURES)
+    return ARCHITECTURES[name].parse(own)
+
+
+def plain_settings(settings: NetworkSettings) -> dict[str, Any]:
+    """The inverse of `parse_settings`."""
+    names = [name for name, kind in ARCHITECTURES.items() if type(settings) is kind]
+    return {"architecture": names[0], **settings.plain()}
+
+
+def describe_network(network: RecurrentNetwork, made_with: RowFormat) -> dict[str, Any]:
+    """What `about.json` must hold so that `load_network` and `load_format` can read it again."""
+    return {
+        "kind": _KIND,
+        "network": plain_settings(network.settings),
+        "widths": network.widths,
+        "horizon_steps": network.horizon_steps,
+        "rows": made_with.plain(),
+    }
+
+
+def load_format(folder: Path) -> RowFormat:
+    """What the rows were made with that the network of a checkpoint was trained on.
+
+    Raises:
+        StorageError: the checkpoint is missing or damaged.
+    """
+    path = folder / "about.json"
+    wording = partial(StorageError, path, "rows", remedy="Train the network again")
+    about = read_json(path, wording)
+    with translate_errors(wording):
+        return RowFormat.parse(about["rows"])
+
+
+def is_network(about: Mapping[str, Any]) -> bool:
+    """Whether a checkpoint's description is that of a recurrent network."""
+    return about["kind"] == _KIND
+
+
+def load_network(folder: Path) -> RecurrentNetwork:
+    """The network of a checkpoint, ready to forecast.
+
+    Raises:
+        StorageError: the checkpoint is missing or damaged.
+    """
+    weights, about = read_checkpoint(folder)
+    remedy = "Train the network again"
+    with translate_errors(partial(StorageError, folder / "about.json", "network", remedy=remedy)):
+        settings = parse_settings(about["network"])
+        with torch.device("meta"):  # no memory until the weights are known to fit
+            network = settings.build(about["widths"], int(about["horizon_steps"]))
+    load_weights(network, weights, folder)
+    return network.eval()

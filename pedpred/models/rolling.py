@@ -1,0 +1,91 @@
+"""Run a recurrent network along whole tracks, with its state carried from the first step to the last."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+
+from pedpred.datasets.rows import TrainingRows
+from pedpred.models.contract import RecurrentNetwork, Tensors, select
+
+_TRACKS_AT_ONCE = 256
+_STEPS_AT_ONCE = 32
+
+
+def rolled(
+    network: RecurrentNetwork, data: TrainingRows, sequences: np.ndarray
+) -> Iterator[tuple[torch.Tensor, Tensors]]:
+    """Outputs at every step of some sequences, in blocks of rows, which bounds the memory.
+
+    Args:
+        network: in evaluation mode.
+        data: inputs.
+        sequences: rows [first, last) of each track. [S, 2]
+
+    Yields:
+        Rows [m], each row of a sequence once, and the outputs there. [m, ...] each
+    """
+    by_length = sequences[np.argsort(sequences[:, 0] - sequences[:, 1], kind="stable")]
+    for at in range(0, len(by_length), _TRACKS_AT_ONCE):
+        first, last = by_length[at : at + _TRACKS_AT_ONCE].T
+        state = network.start(len(first))
+        for begin in range(0, int((last - first).max()), _STEPS_AT_ONCE):
+            steps = first[:, None] + begin + np.arange(_STEPS_AT_ONCE)
+            rows = torch.from_numpy(np.where(steps < last[:, None], steps, -1)).to(data.future.device)
+            with torch.inference_mode():  # not around `yield`: it would hold in the caller, too
+                outputs, state = network(data.padded_inputs(rows), state)
+            real = rows >= 0
+            yield rows[real], select(outputs, real)
+
+
+def recall(
+    network: RecurrentNetwork,
+    steps: Tensors,
+    asked: Tensors,
+    first: np.ndarray,
+    before: np.ndarray,
+    on_step: np.ndarray,
+) -> Tensors:
+    """Outputs at any instants: those of a step, or of fresh inputs with the memory of the steps before.
+
+    Args:
+        network: in evaluation mode.
+        steps: inputs at all steps, track by track, channel -> [M, width].
+        asked: inputs at the instants, channel -> [W, width].
+        first: row of `steps` at which the track of each instant starts. [W]
+        before: number of that track's steps before the instant. [W]
+        on_step: whether the instant is that of the step that follows them. [W] bool
+
+    Returns:
+        [W, ...] each
+    """
+    start, lane = np.unique(first, return_inverse=True)
+    length = np.zeros(len(start), np.int64)
+    np.maximum.at(length, lane, before + on_step)
+    by_length = np.argsort(-length, kind="stable")
+    start, length, lane = start[by_length], length[by_length], np.argsort(by_length)[lane]
+    whole: Tensors = {}
+    for at in range(0, len(start), _TRACKS_AT_ONCE):
+        block = slice(at, at + _TRACKS_AT_ONCE)
+        state = network.start(len(start[block]))
+        own = np.flatnonzero((lane >= at) & (lane < block.stop))
+        for step in range(length[at] + 1):
+            going = int((length[block] > step).sum())  # longer tracks come first
+            due = own[before[own] == step]
+            between = due[~on_step[due]]
+            rows, fresh = torch.from_numpy(start[block][:going] + step), torch.from_numpy(between)
+            if not going + len(between):
+                break
+            inputs = {name: torch.cat([steps[name][rows], asked[name][fresh]])[:, None] for name in steps}
+            lanes = torch.from_numpy(np.concatenate([np.arange(going), lane[between] - at]))
+            with torch.inference_mode():
+                outputs, state = network(inputs, select(state, lanes))
+            state = select(state, slice(going))
+            source = np.where(on_step[due], lane[due] - at, going + np.cumsum(~on_step[due]) - 1)
+            for name, values in outputs.items():
+                if name not in whole:
+                    whole[name] = values.new_zeros(len(before), *values.shape[2:])
+                whole[name][torch.from_numpy(due)] = values[torch.from_numpy(source), 0]
+    return whole

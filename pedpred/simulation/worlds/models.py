@@ -1,0 +1,142 @@
+"""The walking model of a world: social forces or the collision-free speed model, with drawn parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pedpred.fields import Range
+from pedpred.simulation.worlds.drawing import check_intervals, log_uniform, uniform
+
+
+class WalkingModel(NamedTuple):
+    """Parameters of `walking.walk`, equal for all people of a world; the equations are there.
+
+    Attributes:
+        collision_free: whether the collision-free speed model is used instead of social forces.
+        strength: V0 of pedestrian repulsion, m^2/s^2.
+        range_m: sigma of pedestrian repulsion.
+        anticipation_s: of the strides of others.
+        border_strength: U0 of border repulsion, m^2/s^2.
+        border_range_m: R of border repulsion.
+        unseen_weight: factor on the influence of people behind.
+        direction_push: a of the collision-free speed model.
+        direction_range_m: D of the collision-free speed model.
+        wall_push: a of walls in the collision-free speed model.
+        wall_range_m: D of walls in the collision-free speed model.
+        noise_mps2: standard deviation of the random acceleration.
+        wander_rad: standard deviation of the direction.
+        wander_s: its correlation time.
+        unsteady: standard deviation of the desired speed over time, as a share of it.
+        spacing_m: least distance to others when somebody appears.
+        reach_m: distance at which a target counts as reached.
+        leave: whether people leave at their last target.
+    """
+
+    collision_free: bool
+    strength: float
+    range_m: float
+    anticipation_s: float
+    border_strength: float
+    border_range_m: float
+    unseen_weight: float
+    direction_push: float
+    direction_range_m: float
+    wall_push: float
+    wall_range_m: float
+    noise_mps2: float
+    wander_rad: float
+    wander_s: float
+    unsteady: float
+    spacing_m: float
+    reach_m: float
+    leave: bool
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """Ranges of the parameters of `WalkingModel`, and shares of the models.
+
+    Attributes:
+        collision_free_share: share of the sparse worlds with the collision-free speed model.
+        dense_collision_free_share: share of the dense worlds with it.
+        published_share: share of the worlds with social forces that have the parameters of Helbing &
+            Molnar 1995.
+        strength: log-uniform, as are the ranges, m^2/s^2.
+        range_m: of pedestrian repulsion.
+        anticipation_s: of the strides of others.
+        border_strength: log-uniform, m^2/s^2.
+        border_range_m: log-uniform.
+        unseen_weight: of people behind.
+        direction_push: of others on the direction.
+        direction_range_m: of this push.
+        wall_push: of walls on the direction.
+        wall_range_m: of this push.
+        noise_mps2: random acceleration.
+        wander_rad: deviation of the direction.
+        wander_s: its correlation time.
+        unsteady: deviation of the speed, as a share.
+    """
+
+    collision_free_share: float
+    dense_collision_free_share: float
+    published_share: float
+    strength: Range
+    range_m: Range
+    anticipation_s: Range
+    border_strength: Range
+    border_range_m: Range
+    unseen_weight: Range
+    direction_push: Range
+    direction_range_m: Range
+    wall_push: Range
+    wall_range_m: Range
+    noise_mps2: Range
+    wander_rad: Range
+    wander_s: Range
+    unsteady: Range
+
+    def __post_init__(self) -> None:
+        positive = "strength range_m border_strength border_range_m direction_range_m wall_range_m wander_s"
+        others = "anticipation_s noise_mps2 wander_rad direction_push wall_push"
+        check_intervals(self, {"(0, 1000]": positive, "[0, 1000]": others})
+        check_intervals(self, {"[0, 1]": "unseen_weight", "[0, 0.5]": "unsteady"})
+
+
+def draw_model(
+    settings: ModelSettings,
+    dense: bool,
+    spacing_m: float,
+    reach_m: float,
+    leave: bool,
+    rng: np.random.Generator,
+) -> WalkingModel:
+    """Draw the model of a world; the last three parameters of `WalkingModel` are given."""
+    share = settings.dense_collision_free_share if dense else settings.collision_free_share
+    model = WalkingModel(
+        collision_free=bool(rng.random() < share),
+        strength=log_uniform(rng, settings.strength),
+        range_m=log_uniform(rng, settings.range_m),
+        anticipation_s=uniform(rng, settings.anticipation_s),
+        border_strength=log_uniform(rng, settings.border_strength),
+        border_range_m=log_uniform(rng, settings.border_range_m),
+        unseen_weight=uniform(rng, settings.unseen_weight),
+        direction_push=uniform(rng, settings.direction_push),
+        direction_range_m=uniform(rng, settings.direction_range_m),
+        wall_push=uniform(rng, settings.wall_push),
+        wall_range_m=uniform(rng, settings.wall_range_m),
+        noise_mps2=uniform(rng, settings.noise_mps2),
+        wander_rad=uniform(rng, settings.wander_rad),
+        wander_s=uniform(rng, settings.wander_s),
+        unsteady=uniform(rng, settings.unsteady),
+        spacing_m=spacing_m,
+        reach_m=reach_m,
+        leave=leave,
+    )
+    if rng.random() < settings.published_share:
+        return model._replace(
+            strength=2.1, range_m=0.3, anticipation_s=0.5, border_strength=10.0, border_range_m=0.2
+        )
+    return model

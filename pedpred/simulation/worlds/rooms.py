@@ -1,0 +1,49 @@
+"""Closed rooms with partitions, columns and furniture; people walk between places in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pedpred.fields import Range
+from pedpred.simulation.clutter import ClutterSettings, cluttered_room
+from pedpred.simulation.worlds.drawing import check_intervals, nested, uniform
+from pedpred.simulation.worlds.floors import Floor
+from pedpred.simulation.worlds.journeys import Stage
+from pedpred.simulation.worlds.visits import VisitSettings, draw_visits
+
+
+@dataclass(frozen=True)
+class RoomSettings:
+    """Ranges of rooms.
+
+    Attributes:
+        duration_s: recorded time.
+        side_difference_m: largest difference between the sides of one room.
+        clutter: the generator of rooms; `side_m` holds the sides of all rooms.
+        visits: who walks.
+    """
+
+    duration_s: float
+    side_difference_m: float
+    clutter: ClutterSettings = nested(ClutterSettings)
+    visits: VisitSettings = nested(VisitSettings)
+
+    def __post_init__(self) -> None:
+        least, most = self.clutter.side_m
+        check_intervals(self, {"(0, 36000]": "duration_s", f"[0, {most - least}]": "side_difference_m"})
+
+
+def draw_room(settings: RoomSettings, rng: np.random.Generator) -> Floor:
+    """Draw a room with its outer walls."""
+    least, most = settings.clutter.side_m
+    side_m = uniform(rng, (least, most - settings.side_difference_m))
+    sides: Range = (side_m, side_m + settings.side_difference_m)
+    return Floor(~cluttered_room(replace(settings.clutter, side_m=sides), rng).occupancy().occupied)
+
+
+def set_up_room(settings: RoomSettings, duration_s: float, rng: np.random.Generator) -> Stage:
+    """Draw a room and its people during some time (with the warm-up)."""
+    floor = draw_room(settings, rng)
+    return Stage(floor, draw_visits(floor, settings.visits, duration_s, rng), whole_map=True)

@@ -1,0 +1,173 @@
+"""The kinds of simulated worlds; from a kind and a seed to a scene: ground, people, and how they walk."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pedpred.errors import ValueRuleError
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.simulation.arrangements import Arrangement, simulate_arrangement
+from pedpred.simulation.crowd import Clock
+from pedpred.simulation.ground import Ground, ground_of
+from pedpred.simulation.routing import Routes, routes_to
+from pedpred.simulation.settings import RoutingSettings
+from pedpred.simulation.worlds.bottlenecks import BottleneckSettings, set_up_bottleneck
+from pedpred.simulation.worlds.corridors import CorridorSettings, set_up_corridor
+from pedpred.simulation.worlds.drawing import uniform
+from pedpred.simulation.worlds.floors import CELL_M, show_on_map
+from pedpred.simulation.worlds.journeys import Journeys, Stage, State
+from pedpred.simulation.worlds.lone import LoneSettings, simulate_lone_people
+from pedpred.simulation.worlds.models import WalkingModel, draw_model
+from pedpred.simulation.worlds.people import Traits, draw_traits
+from pedpred.simulation.worlds.rooms import RoomSettings, set_up_room
+from pedpred.simulation.worlds.settings import GuidanceSettings, WorldSettings
+from pedpred.simulation.worlds.squares import SquareSettings, set_up_square
+from pedpred.simulation.worlds.walking import World, walk
+
+STEP_S = 0.05
+RECORD_S = 0.1
+
+
+def simulate_world(kind: str, seed: int, settings: WorldSettings) -> Scene:
+    """Simulate a world; the same kind, seed and settings give the same scene.
+
+    People enter and leave, so tracks have different spans. Desired speeds, present goals and groups
+    are recorded, too.
+
+    Args:
+        kind: one of `DRAWN_KINDS`.
+        seed: number of the world.
+        settings: ranges that it is drawn from.
+
+    Returns:
+        True positions and velocities every 0.1 s, named `<kind>_<seed>`.
+
+    Raises:
+        ValueRuleError: the kind is unknown.
+    """
+    if kind not in DRAWN_KINDS:
+        raise ValueRuleError("kind", kind, f"it must be one of {', '.join(DRAWN_KINDS)}")
+    rng = np.random.default_rng([settings.seed, zlib.crc32(kind.encode()), seed])
+    return KINDS[kind].simulate(getattr(settings, kind), settings, f"{kind}_{seed}", rng)
+
+
+def _simulate_visitors(
+    set_up: Callable[[Any, float, np.random.Generator], Stage],
+    own: Any,
+    settings: WorldSettings,
+    name: str,
+    rng: np.random.Generator,
+) -> Scene:
+    """Simulate people who come, walk and leave, on ground that is drawn with them.
+
+    Args:
+        set_up: draws ground and people from `own` and the simulated time.
+        own: settings of the kind.
+        settings: of all kinds.
+        name: of the scene.
+        rng: source of all randomness.
+    """
+    floor, visitors, whole_map = set_up(own, settings.warm_up_s + own.duration_s, rng)
+    occupied = ~floor.free if whole_map else show_on_map(floor.free, rng)
+    model = draw_model(
+        settings.model, visitors.dense, visitors.spacing_m, visitors.reach_m, visitors.leave, rng
+    )
+    traits = draw_traits(
+        visitors.journeys.group, settings.people, model.collision_free, visitors.dense, visitors.stops, rng
+    )
+    ground, routes = draw_routes(floor.free, visitors.target, settings.guidance, rng)
+    seconds = (settings.warm_up_s, own.duration_s)
+    trajectories = record_walking(visitors.journeys, traits, model, ground, routes, seconds, rng)
+    return Scene(name, trajectories, OccupancyMap(occupied, np.zeros(2), CELL_M), RECORD_S)
+
+
+def _simulate_lone(own: LoneSettings, _: WorldSettings, name: str, rng: np.random.Generator) -> Scene:
+    return simulate_lone_people(own, RECORD_S, name, rng)
+
+
+def draw_routes(
+    free: np.ndarray, target: np.ndarray, settings: GuidanceSettings, rng: np.random.Generator
+) -> tuple[Ground, Routes]:
+    """Compute obstacles, and routes to the targets; on ground without obstacles they are straight."""
+    ground = ground_of(OccupancyMap(~free, np.zeros(2), CELL_M))
+    routing = RoutingSettings(
+        settings.resolution_m,
+        uniform(rng, settings.narrow_m),
+        uniform(rng, settings.comfortable_m),
+        uniform(rng, settings.slowest),
+    )
+    if not free.all():
+        return ground, routes_to(target, ground, routing)
+    nowhere = np.zeros((len(target), 2, 2, 2), dtype=np.float32)  # the kernel then walks straight
+    return ground, Routes(target, np.zeros(2), routing.resolution_m, nowhere)
+
+
+def record_walking(
+    journeys: Journeys,
+    traits: Traits,
+    model: WalkingModel,
+    ground: Ground,
+    routes: Routes,
+    seconds: tuple[float, float],
+    rng: np.random.Generator,
+) -> Trajectories:
+    """Let people walk and record them.
+
+    Args:
+        journeys: of all people.
+        traits: of all people.
+        model: how they walk.
+        ground: obstacles.
+        routes: to the targets.
+        seconds: warm-up, which is not recorded, and recorded time.
+        rng: source of all randomness.
+    """
+    every, skipped = round(RECORD_S / STEP_S), round(seconds[0] / RECORD_S)
+    steps = (skipped + round(seconds[1] / RECORD_S)) * every
+    clock = Clock(STEP_S, steps, every, every)
+    world = World(journeys, traits, model, ground, routes)
+    record, person, leg, state = walk(world, State.before(journeys), clock, rng)
+    kept = record >= skipped
+    record, person, leg, state = record[kept] - skipped, person[kept], leg[kept], state[kept]
+    return Trajectories(
+        time_s=np.round(record * RECORD_S, 9),
+        track_id=person,
+        position=state[:, :2],
+        velocity=state[:, 2:],
+        goal=routes.target[journeys.plan[person, leg]],
+        desired_speed_mps=traits.desired_speed[person],
+        group_id=journeys.group[person],
+    )
+
+
+class Kind(NamedTuple):
+    """A kind of simulated world.
+
+    Attributes:
+        settings: class of what is peculiar to the kind.
+        simulate: makes a scene of these settings and of how people walk: for a drawn kind
+            (settings, `WorldSettings`, name, rng), for an arrangement (arrangement, `SocialForceSettings`).
+    """
+
+    settings: type
+    simulate: Callable[..., Scene]
+
+
+KINDS: dict[str, Kind] = {
+    "corridor": Kind(CorridorSettings, partial(_simulate_visitors, set_up_corridor)),
+    "bottleneck": Kind(BottleneckSettings, partial(_simulate_visitors, set_up_bottleneck)),
+    "room": Kind(RoomSettings, partial(_simulate_visitors, set_up_room)),
+    "square": Kind(SquareSettings, partial(_simulate_visitors, set_up_square)),
+    "lone": Kind(LoneSettings, _simulate_lone),
+    "arrangement": Kind(Arrangement, simulate_arrangement),
+}
+"""All kinds. An arrangement is a drawn layout or a random room of conf/simulations, such as the paper's
+corridor and rooms; `simulation.kernel` moves its people. `worlds.walking` moves those of the other kinds."""
+
+DRAWN_KINDS = tuple(kind for kind in KINDS if kind != "arrangement")
+"""Kinds that `simulate_world` draws from conf/worlds."""

@@ -1,0 +1,286 @@
+"""Training rows of networks without memory: tracked people of worlds and recordings, and their future."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from pedpred.features import Surroundings, neighbours_at
+from pedpred.features.perception import parsed_kalman
+from pedpred.features.targets import Futures, future_velocities
+from pedpred.fields import LARGEST_SEED, Range, check_choice
+from pedpred.geometry import rotate
+from pedpred.models.features import RowFormat
+from pedpred.scenes import Scene, Trajectories
+from pedpred.simulation.sensor import SensorSettings, apply_sensor, frames_between
+from pedpred.simulation.worlds.drawing import check_intervals, log_uniform, uniform
+from pedpred.simulation.worlds.floors import Area
+from pedpred.simulation.worlds.sensing import SensingSettings, sense_world
+from pedpred.simulation.worlds.settings import WorldSettings
+from pedpred.simulation.worlds.views import draw_view
+from pedpred.simulation.worlds.world import KINDS, RECORD_S, simulate_world
+from pedpred.tracking import KalmanSettings, Tracks, follow
+from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
+
+Rows = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class RowSettings:
+    """How training rows vary.
+
+    Attributes:
+        seed: of everything but the worlds themselves.
+        trackers: parameters of trackers in use.
+        used_share: share of the recordings that one of those tracks.
+        acceleration_noise: of other trackers, m^2/s^3; log-uniform.
+        position_noise_m: of other trackers; log-uniform.
+        initial_speed_mps: of other trackers.
+        newborn_share: least expected share of the rows at the first detections of a track, which are rare
+            where detections are many, but are what a robot sees when somebody appears.
+        newborn: number of those detections.
+        shifted_share: share of the rows whose map is shifted.
+        shift_m: standard deviation of that shift along each axis.
+    """
+
+    seed: int
+    trackers: tuple[KalmanSettings, ...] = field(metadata={"each": parsed_kalman})
+    used_share: float
+    acceleration_noise: Range
+    position_noise_m: Range
+    initial_speed_mps: Range
+    newborn_share: float
+    newborn: int
+    shifted_share: float
+    shift_m: float
+
+    def __post_init__(self) -> None:
+        check_intervals(self, {"(0, 100]": "acceleration_noise position_noise_m initial_speed_mps"})
+        check_intervals(self, {"[0, 1000]": "newborn shift_m", f"[0, {LARGEST_SEED}]": "seed"})
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What all training rows have in common.
+
+    Attributes:
+        rows: how they vary.
+        made_with: protocol and inputs.
+        standstill_mps: below this speed the heading is held, m/s.
+    """
+
+    rows: RowSettings
+    made_with: RowFormat
+    standstill_mps: float
+
+
+def draw_tracker(settings: RowSettings, rng: np.random.Generator) -> KalmanSettings:
+    """Draw the parameters of a tracker."""
+    if settings.trackers and rng.random() < settings.used_share:
+        return settings.trackers[rng.integers(len(settings.trackers))]
+    return KalmanSettings(
+        log_uniform(rng, settings.acceleration_noise),
+        log_uniform(rng, settings.position_noise_m),
+        uniform(rng, settings.initial_speed_mps),
+    )
+
+
+def training_rows(
+    seen: Scene,
+    truth: Trajectories,
+    kalman: KalmanSettings | None,
+    most: int,
+    recipe: Recipe,
+    rng: np.random.Generator,
+) -> Rows:
+    """Track the people of a scene and collect random detections whose whole future is known.
+
+    Args:
+        seen: detections, and the map.
+        truth: true paths of the people whom `person_id` of the detections names.
+        kalman: parameters of the tracker; None takes the true states.
+        most: number of rows; fewer where there are not as many.
+        recipe: protocol, inputs and variation.
+        rng: source of all randomness.
+
+    Returns:
+        The inputs of a model, and `future`, m/s, agent frame, [M, P, 2] float32.
+    """
+    protocol, features = recipe.made_with.protocol, recipe.made_with.features
+    kind = "truth" if kalman is None else "kalman"
+    tracks = follow(seen.trajectories, kind, kalman, recipe.standstill_mps, protocol.lost_after_s)
+    futures = Futures.of(truth, min(protocol.truth_gap_s, protocol.lost_after_s))
+    row = np.flatnonzero(_with_future(tracks, futures, protocol.horizon_steps * protocol.dt_s))
+    chance = _chances(tracks.age[row] < recipe.rows.newborn, recipe.rows.newborn_share)
+    row = np.sort(rng.choice(row, min(most, len(row)), replace=False, p=chance))
+    time_s, position, heading = tracks.time_s[row], tracks.position[row], tracks.heading_rad[row]
+    around = neighbours_at(tracks, time_s, seen.detection_dt_s * protocol.max_age_intervals)
+    inputs = features.compute(Surroundings.of(tracks, row, time_s, around, seen.occupancy), protocol.dt_s)
+    moved = rng.random(len(row)) < recipe.rows.shifted_share
+    beside = position[moved] + rng.normal(0.0, recipe.rows.shift_m, (moved.sum(), 2))
+    for name, values in features.obstacle_inputs(seen.occupancy, beside, heading[moved]).items():
+        inputs[name][moved] = values
+    ahead_s = (np.arange(protocol.horizon_steps) + 1) * protocol.dt_s
+    path, _ = futures.after(tracks.person_id[row], time_s, ahead_s)
+    future = rotate(future_velocities(position, path, protocol.dt_s), -heading[:, None])
+    return inputs | {"future": future.astype(np.float32)}
+
+
+def _chances(newborn: np.ndarray, share: float) -> np.ndarray | None:
+    """Probabilities of rows that give the newborn at least a share; None: equal ones. [M] bool -> [M]."""
+    usual = newborn.mean() if len(newborn) else 0.0
+    if not 0.0 < usual < share or share >= 1.0:
+        return None
+    return np.where(newborn, share / usual, (1.0 - share) / (1.0 - usual)) / len(newborn)
+
+
+def _with_future(tracks: Tracks, futures: Futures, horizon_s: float) -> np.ndarray:
+    """Detections after which the true path is known for `horizon_s`. [M] bool."""
+    last = last_rows(futures.person_id, futures.time_s, tracks.person_id, tracks.time_s)
+    if not len(futures.time_s):
+        return np.zeros(len(last), bool)
+    end_s = futures.time_s[futures.last[last] - 1]
+    return (last >= 0) & (tracks.time_s + horizon_s <= end_s + TIME_TOLERANCE_S)
+
+
+@dataclass(frozen=True)
+class SimulatedSet:
+    """A set of training rows of simulated people.
+
+    Attributes:
+        kind: of the worlds; those of kind "arrangement" are the scenes in folder `input`.
+        input: what has to exist before the set is made.
+        worlds: number of worlds or scenes.
+        rows: of each, through a sensor and a tracker.
+        true_rows: further rows of true states every `dt_s` of the channels.
+        true_share: share of the worlds with those.
+    """
+
+    kind: str
+    input: str
+    worlds: int
+    rows: int
+    true_rows: int
+    true_share: float
+
+    def __post_init__(self) -> None:
+        check_choice("kind", self.kind, KINDS)
+        check_intervals(self, {"[1, 1000000]": "worlds", "[0, 10000000]": "rows true_rows"})
+
+
+@dataclass(frozen=True)
+class ViewingSettings:
+    """How a recording is seen several times.
+
+    Attributes:
+        viewings: number of them.
+        rows: largest number of rows of each.
+        used_share: as in `RowSettings`.
+        thinnings: where a sensor detects people in every n-th frame: factors on n, one of which is drawn.
+        thinned_noise_m: standard deviations of a coordinate, one of which is drawn, in thinned recordings.
+        noise_m: the same in annotated ones, whose positions are less precise.
+    """
+
+    viewings: int
+    rows: int
+    used_share: float
+    thinnings: tuple[float, ...]
+    thinned_noise_m: tuple[float, ...]
+    noise_m: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        check_intervals(self, {"[1, 1000000]": "viewings rows", "[0.1, 1000]": "thinnings"})
+        check_intervals(self, {"[0, 100]": "thinned_noise_m noise_m"})
+
+
+def collect_world_rows(
+    number: int, chosen: SimulatedSet, worlds: WorldSettings, sensing: SensingSettings, recipe: Recipe
+) -> Rows:
+    """Simulate a world and collect its training rows; the same arguments give the same rows."""
+    return collect_scene_rows(simulate_world(chosen.kind, number, worlds), chosen, sensing, recipe)
+
+
+def collect_scene_rows(scene: Scene, chosen: SimulatedSet, sensing: SensingSettings, recipe: Recipe) -> Rows:
+    """Collect the training rows of a simulated scene; see `collect_world_rows`.
+
+    Args:
+        scene: true positions and velocities at equal steps.
+        chosen: numbers of rows.
+        sensing: ranges of the sensor.
+        recipe: protocol, inputs and variation of the rows.
+    """
+    rng = np.random.default_rng([recipe.rows.seed, zlib.crc32(scene.name.encode())])
+    view = draw_view(scene.occupancy, sensing.views[chosen.kind], rng)
+    seen, heads = sense_world(refine(scene, RECORD_S), view, sensing, rng)
+    kalman = draw_tracker(recipe.rows, rng)
+    rows = training_rows(seen, heads.trajectories, kalman, chosen.rows, recipe, rng)
+    if rng.random() >= chosen.true_share:
+        return rows
+    states = select_true_states(scene, view, recipe.made_with.protocol.dt_s)
+    exact = training_rows(states, scene.trajectories, None, chosen.true_rows, recipe, rng)
+    return {name: np.concatenate([rows[name], exact[name]]) for name in rows}
+
+
+def select_true_states(scene: Scene, view: Area, dt_s: float) -> Scene:
+    """What a perfect sensor detects in its view every `dt_s`, a multiple of the scene's interval."""
+    trajectories = scene.trajectories
+    tick = np.round(trajectories.time_s / scene.detection_dt_s).astype(int)
+    kept = (tick % round(dt_s / scene.detection_dt_s) == 0) & view.holds(trajectories.position)
+    return replace(scene, trajectories=trajectories.select(kept), detection_dt_s=dt_s)
+
+
+def refine(scene: Scene, dt_s: float) -> Scene:
+    """Interpolate recorded positions and velocities by cubic Hermite polynomials.
+
+    Args:
+        scene: with velocities; each track without gaps.
+        dt_s: time between the new states; a scene that has this interval is returned as it is.
+    """
+    if abs(scene.detection_dt_s - dt_s) < 1e-9:
+        return scene
+    known = scene.trajectories
+    assert known.velocity is not None
+    order = np.lexsort((known.time_s, known.track_id))
+    starts = np.flatnonzero(np.diff(known.track_id[order], prepend=-1))
+    parts = []
+    for rows in np.split(order, starts[1:]):
+        if len(rows) > 1:
+            path = CubicHermiteSpline(known.time_s[rows], known.position[rows], known.velocity[rows])
+            ticks = np.round(known.time_s[rows[[0, -1]]] / dt_s).astype(int)
+            now = np.round(np.arange(ticks[0], ticks[1] + 1) * dt_s, 9)
+            who = np.full(len(now), known.track_id[rows[0]])
+            parts.append((now, who, path(now), path(now, 1)))
+    states = Trajectories(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return replace(scene, trajectories=states, detection_dt_s=dt_s)
+
+
+def collect_viewing_rows(
+    number: int, scene: Scene, rate_hz: float, settings: ViewingSettings, recipe: Recipe
+) -> Rows:
+    """Collect the training rows of one viewing of a recording; the same arguments give the same rows.
+
+    Args:
+        number: of the viewing.
+        scene: all recorded detections, which are the truth.
+        rate_hz: of the place's sensor; 0: it detects people in all frames.
+        settings: how viewings vary.
+        recipe: protocol, inputs and variation of the rows.
+    """
+    rng = np.random.default_rng([recipe.rows.seed, zlib.crc32(scene.name.encode()), number])
+    frame_s = scene.detection_dt_s
+    every = frames_between(rate_hz, frame_s)
+    if every > 1:
+        every = max(2, int(every * rng.choice(settings.thinnings)))
+        noise_m = float(rng.choice(settings.thinned_noise_m))
+    else:
+        noise_m = float(rng.choice(settings.noise_m))
+    truth = scene.trajectories
+    _, instant = np.unique(truth.time_s, return_inverse=True)
+    later = replace(scene, trajectories=truth.select(instant >= rng.integers(every)))
+    sensor = SensorSettings(rate_hz=1.0 / (every * frame_s), position_noise_m=noise_m)
+    seen = apply_sensor(later, sensor, rng)
+    kalman = draw_tracker(replace(recipe.rows, used_share=settings.used_share), rng)
+    return training_rows(seen, truth, kalman, settings.rows, recipe, rng)

@@ -1,0 +1,109 @@
+"""Checksums of what the pipeline makes, by names that a move of files or columns does not change.
+
+`python -m tools.checksums FOLDER` prints one line per table, tensor or graph below a project folder that has
+been reproduced; `--against FILE` compares them with the lines in a file, and fails when some differ. Shows
+that a change of the code left scenes, rows, embeddings, weights, exported networks, forecasts and metrics as
+they were.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from safetensors.numpy import load_file
+
+RENAMED = (
+    (
+        r"^data/forecasts/(\w+)/(\w+)/(\w+)/(\w+)\.parquet (point|modes|weight|covariance)_",
+        r"forecasts \1 \2 \4 \5_",
+    ),
+    (r"^data/forecasts/(\w+)/(\w+)/(\w+)\.parquet ", r"forecasts \1 \2 \3 "),
+)
+"""Pattern of a name -> what takes its place; the first one that fits counts."""
+IGNORED = r"config\.checked|data/raw|manifest\.json|about\.json|model\.json|forecasts .* (grid|angular_grid)$"
+"""What describes results, and what only pictures show."""
+
+
+def checksums(root: Path) -> dict[str, str]:
+    """Name -> checksum of everything that was made below a project folder."""
+    found = {}
+    for folder in ("data", "models", "reports/metrics"):
+        for path in sorted((root / folder).rglob("*")):
+            if path.is_file():
+                for part, digest in parts_of(path):
+                    name = renamed(f"{path.relative_to(root)} {part}".strip())
+                    if not re.search(IGNORED, name):
+                        found[name] = digest
+    return found
+
+
+def renamed(name: str) -> str:
+    """A name under which results before and after a move are the same."""
+    for pattern, other in RENAMED:
+        if re.search(pattern, name):
+            return re.sub(pattern, other, name)
+    return name
+
+
+def parts_of(path: Path) -> Iterator[tuple[str, str]]:
+    """Parts of a file with their checksums: columns, tensors, figures, or the whole."""
+    if path.suffix == ".parquet":
+        table = pq.read_table(path)
+        for name in table.column_names:
+            yield name, _digest(_bytes_of(table[name].combine_chunks()))
+    elif path.suffix == ".safetensors":
+        for name, tensor in load_file(path).items():
+            yield name, _digest(tensor.tobytes())
+    elif path.suffix == ".json" and "metrics" in path.parts:
+        for place, methods in json.loads(path.read_text()).items():
+            by_method = methods if isinstance(methods, dict) else {"": methods}
+            for method, figures in by_method.items():
+                yield f"{place} {method}", _digest(json.dumps(figures, sort_keys=True).encode())
+    else:
+        yield "", _digest(path.read_bytes())
+
+
+def _bytes_of(column: pa.Array) -> bytes:
+    if pa.types.is_fixed_size_binary(column.type):
+        return b"".join(column.to_pylist())
+    flat = column.flatten() if pa.types.is_fixed_size_list(column.type) else column
+    values: np.ndarray = flat.to_numpy(zero_copy_only=False)
+    return values.tobytes()
+
+
+def _digest(raw: bytes) -> str:
+    return hashlib.sha256(raw).hexdigest()[:16]
+
+
+def main() -> None:
+    """Print or compare."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("folder", type=Path, help="project folder that has been reproduced")
+    parser.add_argument("--against", type=Path, help="file with lines of an earlier call")
+    given = parser.parse_args()
+    now = checksums(given.folder)
+    if given.against is None:
+        sys.stdout.writelines(f"{digest} {name}\n" for name, digest in now.items())
+        return
+    lines = given.against.read_text().splitlines()
+    before = {name: digest for digest, _, name in (line.partition(" ") for line in lines)}
+    common = before.keys() & now.keys()
+    differ = sorted(name for name in common if before[name] != now[name])
+    sys.stdout.writelines(f"differs: {name}\n" for name in differ)
+    sys.stdout.writelines(f"only before: {name}\n" for name in sorted(before.keys() - now.keys()))
+    sys.stdout.writelines(f"only now: {name}\n" for name in sorted(now.keys() - before.keys()))
+    sys.stdout.write(f"{len(common) - len(differ)} the same, {len(differ)} differ\n")
+    raise SystemExit(bool(differ))
+
+
+if __name__ == "__main__":
+    main()
