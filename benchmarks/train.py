@@ -2,8 +2,8 @@
 
 `python -m benchmarks.train [--device cuda] [--json FILE]`. A sample is one step of one lane, or one situation
 of a network without memory. Data are random, sizes are those of params.yaml (`methods`, `training`); a step
-includes the look-up and the augmentation of its data. All times of a row are taken in turn, round after round,
-and the medians compared, so that a machine that is busy elsewhere slows all alike.
+includes the look-up and the augmentation of its data. All times of a row are taken in turn, round after
+round, and the medians compared, so that a machine that is busy elsewhere slows all alike.
 
 Operations per sample of a recurrent network: a product with a weight matrix of n entries takes 2 n, forward,
 and as much again for each gradient: of the weights, and of its input unless that is data. So 6 sum(n) - 2

@@ -99,7 +99,7 @@ def main(cfg: DictConfig) -> None:
     sets = [] if cfg.phase == "situations" else sets_of(cfg, phase.rows)
     title = f"{cfg.phase} of {name} on {', '.join(sets) or 'simulated situations'}"
     out, curve_path = outputs_of(cfg, name)
-    previous = phase.previous and Path(phase.previous.format(name=name))
+    previous = None if phase.previous is None else Path(phase.previous.format(name=name))
     if isinstance(settings, InstantSettings):
         shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
         settings = replace(settings, shares=mix_shares(shares, sets, real_share))
@@ -114,7 +114,7 @@ def main(cfg: DictConfig) -> None:
             here = group.enter_context(distributed_context(device.device, device.autocast))
         group.enter_context(configured(f"training.{cfg.phase}"))
         rows = load_rows(architecture, settings, folders, embeddings, Path("models/autoencoder"))
-        network, curve, about = fit(architecture, previous or None, rows, settings, title, here)
+        network, curve, about = fit(architecture, previous, rows, settings, title, here)
     if here.writes:
         write_checkpoint(out, network.state_dict(), about)
         write_curve(curve, curve_path)

@@ -5,6 +5,7 @@ import numpy as np
 from pedpred.evaluation.windows import windows_of
 from pedpred.features import ForecastProtocol
 from pedpred.forecasting import ForecastRequest, Methods
+from pedpred.forecasting.regions import learned_in_parts
 from pedpred.metrics import MetricScene
 from pedpred.report.findings import Paper
 from pedpred.scenes import Predictions
@@ -21,6 +22,11 @@ def request_about(scene, table, rows=None, **given):
     rows = windows_of(table, ForecastProtocol()) if rows is None else rows
     usual = {"sizes": ForecastProtocol(), "tracker": None, "detection_interval_s": scene.detection_dt_s}
     return ForecastRequest(scene=scene, table=table, rows=rows, **usual | given)
+
+
+def learned(predictions, person, time_s, detection, seen, *how, **named):
+    """Forecasts of many instants at once with regions that learn, see `learned_in_parts`."""
+    return next(learned_in_parts([(predictions, person, time_s, detection, seen)], *how, **named))
 
 
 def metric_scene(windows, occupancy=None, **given):

@@ -19,10 +19,11 @@ from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.features.surroundings import present_rows
 from pedpred.forecasting.chain import instant_blocks
-from pedpred.forecasting.regions import learned, learned_in_parts
+from pedpred.forecasting.regions import learned_in_parts
 from pedpred.online.assessment import assess
 from pedpred.scenes import Predictions
 from tests.exported import TRACKER
+from tests.forecasts import learned
 from tests.worlds import walled_scene
 
 SETTINGS = EvaluationSettings(bootstrap=10)

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.forecasting.detections import Detections
-from pedpred.forecasting.regions import Regions, learned
+from pedpred.forecasting.regions import Regions
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside
 from pedpred.scenes import Predictions
+from tests.forecasts import learned
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
 STAND, WALK = 0, 1

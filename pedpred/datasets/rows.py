@@ -196,18 +196,16 @@ def _common(formats: Mapping[str, RowFormat]) -> RowFormat:
         ValueRuleError: they were made with different sizes.
     """
     first, *others = formats
+    common = [("protocol", "dt_s"), ("protocol", "horizon_steps")]
+    common += [("features", size) for size in vars(formats[first].features)]
     for other in others:
         mine, theirs = (formats[name] for name in (first, other))
-        for part, size in [("protocol", "dt_s"), ("protocol", "horizon_steps"), *_sizes(mine)]:
+        for part, size in common:
             values = [getattr(getattr(own, part), size, None) for own in (mine, theirs)]
             if values[0] != values[1]:
                 rule = f"{first} has {values[0]!r}, and one training needs the same"
                 raise ValueRuleError(f"{other}, {size}", values[1], rule)
     return formats[first]
-
-
-def _sizes(made_with: RowFormat) -> list[tuple[str, str]]:
-    return [("features", name) for name in vars(made_with.features)]
 
 
 class _Columns:

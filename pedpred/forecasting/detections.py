@@ -49,19 +49,17 @@ class Detections:
             Positions, NaN between detections too far apart [Q, 2]; their variance in units of a detection's
             [Q].
         """
-        return _at(self.person, self.time_s, self.position, person, time_s)
+        begin, end = (np.searchsorted(self.person, person, side) for side in ("left", "right"))
+        return _at(begin, end, self.time_s, self.position, time_s)
 
 
 @compiled
-def _at(known_id, known_s, position, person, time_s):  # pragma: no cover (compiled)
-    """See `Detections.at`."""
+def _at(begin, end, known_s, position, time_s):  # pragma: no cover (compiled)
+    """See `Detections.at`; rows [begin, end) are the detections of each person. [Q]."""
     found, noise = np.empty((len(time_s), 2)), np.empty(len(time_s))
     for q in range(len(time_s)):
         found[q, 0], found[q, 1], noise[q] = np.nan, np.nan, 1.0
-        begin = end = _below(known_id, person[q])
-        while end < len(known_id) and known_id[end] == person[q]:
-            end += 1
-        own_s, own, now_s = known_s[begin:end], position[begin:end], time_s[q]
+        own_s, own, now_s = known_s[begin[q] : end[q]], position[begin[q] : end[q]], time_s[q]
         after = _below(own_s, now_s - TIME_TOLERANCE_S)
         if after == len(own_s):
             continue

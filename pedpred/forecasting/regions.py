@@ -163,37 +163,20 @@ class Regions:
         )
 
 
-def learned(
-    predictions: Predictions,
-    person: np.ndarray,
-    time_s: np.ndarray,
-    detection: np.ndarray,
-    seen: np.ndarray,
-    noise_m: float = 0.0,
-    lost_after_s: float = LOST_AFTER_S,
-) -> Predictions:
-    """Forecasts of many instants with regions that learn from one to the next; each from earlier ones only.
-
-    Args:
-        predictions: world frame. [W]
-        person: see `Regions.after`. [W]
-        time_s: the instants, never falling, s. [W]
-        detection: see `Regions.after`. [W, 2]
-        seen: see there. [W]
-        noise_m: see `Regions`.
-        lost_after_s: after a longer time without an instant, all people are new, as on a robot, s.
-    """
-    return next(learned_in_parts([(predictions, person, time_s, detection, seen)], noise_m, lost_after_s))
-
-
 Instants = tuple[Predictions, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Predictions, person, time_s, detection and seen of `learned`, at some whole instants."""
+"""Predictions, world frame, and person, time_s, detection and seen of `Regions.after`, at whole instants."""
 
 
 def learned_in_parts(
     parts: Iterable[Instants], noise_m: float = 0.0, lost_after_s: float = LOST_AFTER_S
 ) -> Iterator[Predictions]:
-    """Yield `learned` of one part of the instants after the other, with no more than one part in memory."""
+    """Yield forecasts with regions that learn from one instant to the next; each from earlier ones only.
+
+    Args:
+        parts: instants that never fall, with no more than one part in memory.
+        noise_m: see `Regions`.
+        lost_after_s: after a longer time without an instant, all people are new, as on a robot, s.
+    """
     regions, before_s = None, np.inf
     for predictions, person, time_s, detection, seen in parts:
         regions = regions or Regions.unlearned(predictions.steps, noise_m)
