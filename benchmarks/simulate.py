@@ -28,7 +28,7 @@ from pedpred.simulation.layouts import Layout, TargetPool, open_cells, scattered
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.simulation.shapes import Rectangle
-from pedpred.simulation.simulator import desired_speeds, visiting_plans
+from pedpred.simulation.simulator import draw_desired_speeds, draw_visiting_plans
 
 TILE_M = 20.0
 BLOCKS = [(3.5, 3.5), (8, 3), (13, 4), (17, 8), (4, 9), (10, 10), (5, 15), (15, 15.5)]
@@ -73,12 +73,12 @@ def compare(label: str, settings: SocialForceSettings, peers: bool, rng: np.rand
     cells = open_cells(ground, settings.crowd.clearance_m)
     targets = scattered(cells, TARGETS, settings.crowd.target_spacing_m, rng)
     start = scattered(cells, people, settings.crowd.spacing_m, rng)
-    speed = desired_speeds(people, settings.crowd, rng)
+    speed = draw_desired_speeds(people, settings.crowd, rng)
     began = time.perf_counter()
     routes = routes_to(targets, ground, settings.routing)
     routing_s = time.perf_counter() - began
     pool = TargetPool(routes.target, np.arange(len(targets)))
-    plan = visiting_plans(pool, people, 400, settings.crowd.least_leg_m, rng)
+    plan = draw_visiting_plans(pool, people, 400, settings.crowd.least_leg_m, rng)
     crowd = crowd_of(start, np.zeros((people, 2)), speed, plan)
     step_s = settings.clock.step_s
     steps, hold = round(CHUNK_S / step_s), round(settings.clock.noise_hold_s / step_s)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any
 
@@ -122,75 +122,85 @@ def field_path(path: str, name: str) -> str:
 
 
 def check_ranges(settings: Any, ranges: Mapping[str, str]) -> None:
-    """Check that numeric fields lie in their intervals; both ends of a range must, in rising order.
+    """Check the kinds of fields by their annotations, and that numeric ones lie in their intervals.
 
-    Fields annotated as bool, str or `tuple[str, ...]` must hold those, whether `ranges` names them or not.
+    Fields annotated as bool, str or `tuple[str, ...]`, or as mappings to such, must hold those, whether
+    `ranges` names them or not. The annotation of a numeric field says how many numbers it holds: one; a
+    rising pair (`Range`, `tuple[int, int]`); some in any order (`...`); some by name (`Mapping`). Those
+    annotated as int must be whole.
 
     Args:
-        settings: a dataclass or named tuple; fields annotated as int must hold whole numbers, those annotated
-            with `...` any number of them, in any order, those as Mapping any number by name.
+        settings: a dataclass or named tuple.
         ranges: field name -> interval such as "(0, 1]".
 
     Raises:
         ValueRuleError: a field holds something else.
     """
-    kind = type(settings)
-    listed = fields(settings) if is_dataclass(settings) else ()
-    annotations = {field.name: str(field.type) for field in listed} or kind.__annotations__
+    if is_dataclass(settings):
+        annotations = {field.name: str(field.type) for field in fields(settings)}
+    else:
+        annotations = {name: str(kind) for name, kind in type(settings).__annotations__.items()}
     for name, annotation in annotations.items():
-        _check_kind(name, getattr(settings, name), annotation)
+        _check_words(name, getattr(settings, name), annotation)
     for name, interval in ranges.items():
-        _check_numbers(name, getattr(settings, name), str(annotations[name]), interval)
+        _check_numbers(name, getattr(settings, name), annotations[name], interval)
+
+
+def _is_list_of_texts(value: Any) -> bool:
+    return isinstance(value, (tuple, list)) and all(isinstance(entry, str) for entry in value)
 
 
 _WORDS = {
     "bool": (lambda value: isinstance(value, bool), "true or false"),
     "str": (lambda value: isinstance(value, str), "a text"),
-    "tuple[str, ...]": (lambda value: _listed(value), "a list of texts"),
+    "tuple[str, ...]": (_is_list_of_texts, "a list of texts"),
 }
 """Annotation -> whether a value is of it, and what it is called."""
 _ENTRIES = {"Mapping[str, Sequence[str]]": "tuple[str, ...]", "Mapping[str, str]": "str"}
 """Annotation of a mapping -> that of its values."""
 
 
-def _check_kind(name: str, value: Any, annotation: str) -> None:
-    """Check that a value is what an annotation says; of a mapping, each entry by its name."""
+def _check_words(name: str, value: Any, annotation: str) -> None:
+    """Check a truth value, a text or several; of a mapping, each entry by its name. Others pass."""
     if annotation in _ENTRIES:
         check_mapping(name, value)
-        for key, own in value.items():
-            _check_kind(f"{name}.{key}", own, _ENTRIES[annotation])
-    elif annotation in _WORDS and not _WORDS[annotation][0](value):
-        raise ValueRuleError(name, value, f"it must be {_WORDS[annotation][1]}")
-
-
-def _listed(value: Any) -> bool:
-    return isinstance(value, (tuple, list)) and _texts(value)
-
-
-def _texts(values: Iterable[Any]) -> bool:
-    return all(isinstance(value, str) for value in values)
+        for key, entry in value.items():
+            _check_words(f"{name}.{key}", entry, _ENTRIES[annotation])
+    elif annotation in _WORDS:
+        is_one, called = _WORDS[annotation]
+        if not is_one(value):
+            raise ValueRuleError(name, value, f"it must be {called}")
 
 
 def _check_numbers(name: str, value: Any, annotation: str, interval: str) -> None:
-    """Check one number, a pair of them, or several; see `check_ranges`."""
+    """Check one number, a pair of them, or several; of a mapping, each entry by its name."""
     if annotation.startswith("Mapping"):
         check_mapping(name, value)
-        for key, one in value.items():
-            _check_numbers(f"{name}.{key}", one, annotation.partition(", ")[2].removesuffix("]"), interval)
+        of_entry = annotation.partition(", ")[2].removesuffix("]")
+        for key, entry in value.items():
+            _check_numbers(f"{name}.{key}", entry, of_entry, interval)
         return
-    listed = "..." in annotation
-    pair = annotation.startswith(("Range", "tuple")) and not listed
-    several = isinstance(value, (tuple, list)) and (len(value) == 2 if pair else listed)
-    ends = value if several else [value]
-    numbers = (int,) if "int" in annotation else (int, float)
-    counted = several and len(ends) > 0 if listed else len(ends) == 1 + pair
-    fits = counted and all(
-        isinstance(end, numbers) and not isinstance(end, bool) and _inside(end, interval) for end in ends
-    )
-    if not fits or (pair and ends[0] > ends[1]):
-        one = "a whole number" if "int" in annotation else "a number"
-        what = "two rising numbers" if pair else "some numbers" if listed else one
+    whole = "int" in annotation
+    if "..." in annotation:
+        what = "some numbers"
+        fits = _are_numbers(value, whole, interval) and len(value) > 0
+    elif annotation.startswith(("Range", "tuple")):
+        what = "two rising numbers"
+        fits = _are_numbers(value, whole, interval) and len(value) == 2 and value[0] <= value[1]
+    else:
+        what = "a whole number" if whole else "a number"
+        fits = _are_numbers([value], whole, interval)
+    if not fits:
         raise ValueRuleError(name, value, f"it must be {what} in {interval}")
+
+
+def _are_numbers(values: Any, whole: bool, interval: str) -> bool:
+    """Whether a value is a list of (whole) numbers, all of them in an interval."""
+    numbers = (int,) if whole else (int, float)
+    return isinstance(values, (tuple, list)) and all(
+        isinstance(entry, numbers) and not isinstance(entry, bool) and _inside(entry, interval)
+        for entry in values
+    )
 
 
 def _inside(value: float, interval: str) -> bool:

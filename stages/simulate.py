@@ -8,7 +8,7 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, row, stage, stage_key
 from pedpred.fields import parsed
-from pedpred.simulation.arrangements import Arrangement, arrangements, parsed_layouts, simulate_arrangement
+from pedpred.simulation.arrangements import Arrangement, arrangements, parse_layouts, simulate_arrangement
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.settings import SimulationSettings, SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import write_scene
@@ -33,7 +33,7 @@ def main(cfg: DictConfig) -> None:
     with configured(f"simulations.{key}"):
         data_set = SimulationSettings.parse(simulation)
     with configured("layouts"):
-        layouts = parsed_layouts(plain(cfg.layouts), data_set.drawn, settings)
+        layouts = parse_layouts(plain(cfg.layouts), data_set.drawn, settings)
     with configured(f"simulations.{key}"):
         todo = arrangements(data_set, layouts, clutter, settings)
     tasks = [(out, arrangement, settings) for arrangement in todo]

@@ -7,7 +7,7 @@ import numpy as np
 import yaml
 
 from pedpred.fields import parsed
-from pedpred.simulation.arrangements import arrangements, parsed_layouts, simulate_arrangement
+from pedpred.simulation.arrangements import arrangements, parse_layouts, simulate_arrangement
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import Layout, TargetPool, layout_from
 from pedpred.simulation.settings import SimulationSettings, social_force_settings
@@ -51,7 +51,7 @@ def drawn(name):
 def asked(row, layouts=DRAWN):
     """The arrangements of a plain row of `conf/simulations`, in which the fields of `SetUse` may lack."""
     data_set = SimulationSettings.parse(USE | row)
-    drawn = parsed_layouts(layouts, data_set.drawn, SETTINGS)
+    drawn = parse_layouts(layouts, data_set.drawn, SETTINGS)
     return arrangements(data_set, drawn, parsed(ClutterSettings, CLUTTER), SETTINGS)
 
 

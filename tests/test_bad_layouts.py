@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
-from pedpred.simulation.arrangements import sealed_part
+from pedpred.simulation.arrangements import find_sealed_part
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.layouts import Layout
 from pedpred.simulation.routing import routes_to
@@ -134,7 +134,7 @@ def test_what_is_admitted_is_reached_by_routes(width_m):
     ground = ground_of(room.occupancy())
     reached = (routes_to([[7.0, 1.0]], ground, SETTINGS.routing).direction[0] != 0).any(axis=-1)
     start = np.floor((np.array([1.0, 1.0]) - ground.origin) / SETTINGS.routing.resolution_m).astype(int)
-    area_m2, _ = sealed_part(ground, SETTINGS.routing)
+    area_m2, _ = find_sealed_part(ground, SETTINGS.routing)
     assert (area_m2 == 0.0) == reached[tuple(start)]
     assert area_m2 == 0.0 or area_m2 == pytest.approx(3.85 * 6.0, rel=0.15)  # but for corners
 

@@ -14,9 +14,9 @@ from scipy import ndimage
 
 from pedpred.config import composed
 from pedpred.fields import parsed
-from pedpred.simulation.clutter import ClutterSettings, cluttered_room
+from pedpred.simulation.clutter import ClutterSettings, draw_cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
-from pedpred.simulation.layouts import Layout, drawn_targets
+from pedpred.simulation.layouts import Layout, draw_targets
 from pedpred.simulation.shapes import Circle, Door, Polygon, Rectangle, Wall, shape_from
 from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, asked, drawn, scene_of, short
 
@@ -35,7 +35,7 @@ def connected_parts(distance, clearance_m):
 
 def room_maps(seeds):
     settings = parsed(ClutterSettings, CLUTTER)
-    return [cluttered_room(settings, np.random.default_rng(seed)).occupancy() for seed in seeds]
+    return [draw_cluttered_room(settings, np.random.default_rng(seed)).occupancy() for seed in seeds]
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_the_world_origin_is_the_lower_left_corner_of_the_free_room():
 
 def test_corridor_targets_lie_at_its_two_ends():
     layout = drawn("corridor")
-    pool = drawn_targets(layout, ground_of(layout.occupancy()), SETTINGS.crowd, np.random.default_rng(0))
+    pool = draw_targets(layout, ground_of(layout.occupancy()), SETTINGS.crowd, np.random.default_rng(0))
     assert set(pool.region) == {0, 1}
     assert np.abs(pool.position[:, 0] - 10.0).min() > 7.5
 

@@ -10,10 +10,10 @@ from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.kernel import advance
-from pedpred.simulation.layouts import drawn_targets
+from pedpred.simulation.layouts import draw_targets
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
-from pedpred.simulation.simulator import desired_speeds, rollout, simulate, visiting_plans
+from pedpred.simulation.simulator import draw_desired_speeds, draw_visiting_plans, rollout, simulate
 from pedpred.simulation.walking import count_walking
 from pedpred.storage.tracks import tracks_table
 from tests.simulated import (
@@ -38,7 +38,7 @@ def tables_equal(first, second):
 def ways_in(name, seed):
     """The ground of a drawn layout, its targets and the routes to them."""
     ground, rng = ground_of(drawn(name).occupancy()), np.random.default_rng(seed)
-    targets = drawn_targets(drawn(name), ground, SETTINGS.crowd, rng)
+    targets = draw_targets(drawn(name), ground, SETTINGS.crowd, rng)
     return ground, targets, routes_to(targets.position, ground, SETTINGS.routing)
 
 
@@ -80,8 +80,8 @@ def test_halving_the_step_hardly_changes_a_noise_free_path():
     ground, targets, routes = ways_in("columns", seed=3)
     rng = np.random.default_rng(4)
     start = targets.position[:12]
-    plan = visiting_plans(targets, 12, 3, 8.0, rng)
-    crowd = crowd_of(start, np.zeros((12, 2)), desired_speeds(12, SETTINGS.crowd, rng), plan)
+    plan = draw_visiting_plans(targets, 12, 3, 8.0, rng)
+    crowd = crowd_of(start, np.zeros((12, 2)), draw_desired_speeds(12, SETTINGS.crowd, rng), plan)
     fine = social_force_settings(with_field("clock.step_s", 0.025))
     coarse_path, fine_path = (rollout(crowd, ground, routes, s, 10, 0.3) for s in (SETTINGS, fine))
     assert np.linalg.norm(coarse_path - fine_path, axis=-1).max() < 0.1
@@ -110,7 +110,7 @@ def test_people_stay_around_the_last_target_of_their_plan():
 
 
 def test_desired_speeds_are_truncated():
-    speeds = desired_speeds(2000, SETTINGS.crowd, np.random.default_rng(0))
+    speeds = draw_desired_speeds(2000, SETTINGS.crowd, np.random.default_rng(0))
     least, most = SETTINGS.crowd.speed_range_mps
     assert least <= speeds.min() < speeds.max() <= most
     assert speeds.mean() == pytest.approx(1.34, abs=0.03)
@@ -118,7 +118,7 @@ def test_desired_speeds_are_truncated():
 
 def test_plans_go_to_another_region_far_enough():
     targets = pool([0.0, 0.0], [1.0, 0.0], [12.0, 0.0])
-    plans = visiting_plans(targets, 5, 50, 10.0, np.random.default_rng(0))
+    plans = draw_visiting_plans(targets, 5, 50, 10.0, np.random.default_rng(0))
     legs = np.linalg.norm(np.diff(targets.position[plans], axis=1), axis=-1)
     assert legs.min() > 10.0
 

@@ -13,9 +13,9 @@ from scipy import ndimage
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene
-from pedpred.simulation.clutter import ClutterSettings, cluttered_room
+from pedpred.simulation.clutter import ClutterSettings, draw_cluttered_room
 from pedpred.simulation.ground import Ground, ground_of
-from pedpred.simulation.layouts import Layout, drawn_targets, largest_part, layout_from, open_cells, scattered
+from pedpred.simulation.layouts import Layout, draw_targets, largest_part, layout_from, open_cells, scattered
 from pedpred.simulation.routing import clearance_grid
 from pedpred.simulation.settings import (
     CrowdSettings,
@@ -53,7 +53,7 @@ class Arrangement:
         return copy.deepcopy(self.initial_rng)
 
 
-def parsed_layouts(
+def parse_layouts(
     plain: Mapping[str, Any], names: Iterable[str], settings: SocialForceSettings
 ) -> dict[str, Layout]:
     """Parse and check some drawn layouts; names that do not exist are left out.
@@ -109,7 +109,7 @@ def rooms(
     for name in data_set.rooms:
         rng = np.random.default_rng([data_set.seed, zlib.crc32(name.encode())])
         if name not in data_set.drawn:
-            found[name] = (cluttered_room(clutter, rng), rng)
+            found[name] = (draw_cluttered_room(clutter, rng), rng)
         elif name in layouts:
             found[name] = (layouts[name], rng)
         else:
@@ -120,7 +120,7 @@ def rooms(
 def simulate_arrangement(arrangement: Arrangement, settings: SocialForceSettings) -> Scene:
     """Draw targets and simulate one room."""
     rng, occupancy = arrangement.rng(), arrangement.layout.occupancy()
-    targets = drawn_targets(arrangement.layout, ground_of(occupancy), settings.crowd, rng)
+    targets = draw_targets(arrangement.layout, ground_of(occupancy), settings.crowd, rng)
     people, duration_s = arrangement.pedestrians, arrangement.duration_s
     return simulate(arrangement.name, occupancy, targets, settings, people, duration_s, rng)
 
@@ -141,7 +141,7 @@ def _check_room(layout: Layout, settings: SocialForceSettings, path: str) -> Non
         if not region.covers(cells).any():
             rule = f"people cannot get there with {clearance_m} m of free ground around them"
             raise ValueRuleError(f"{path}.target_regions[{n}].{kind_of(region)}", region, rule)
-    area_m2, place = sealed_part(ground, settings.routing)
+    area_m2, place = find_sealed_part(ground, settings.routing)
     if area_m2 > SEALED_M2:
         _raise_sealed(layout, area_m2, place, settings.routing, path)
 
@@ -149,7 +149,7 @@ def _check_room(layout: Layout, settings: SocialForceSettings, path: str) -> Non
 def _check_crowd(room: Arrangement, settings: CrowdSettings) -> None:
     """Refuse too many people, or a room with one target, by repeating the first draws of the simulation."""
     ground, rng = ground_of(room.layout.occupancy()), room.rng()
-    pool = drawn_targets(room.layout, ground, settings, rng)
+    pool = draw_targets(room.layout, ground, settings, rng)
     if len(np.unique(pool.region)) < 2:
         rule = f"it is too small for two targets {settings.target_spacing_m} m apart"
         raise ValueRuleError(f"rooms.{room.name}.size_m", room.layout.size_m, rule)
@@ -160,7 +160,7 @@ def _check_crowd(room: Arrangement, settings: CrowdSettings) -> None:
         raise ValueRuleError("pedestrians", room.pedestrians, rule)
 
 
-def sealed_part(ground: Ground, settings: RoutingSettings) -> tuple[float, np.ndarray]:
+def find_sealed_part(ground: Ground, settings: RoutingSettings) -> tuple[float, np.ndarray]:
     """Find the largest part of the ground that is wide enough for people but cannot be reached.
 
     Returns:
@@ -188,6 +188,6 @@ def _raise_sealed(
     rule = f"it closes off {area_m2:.1f} m2 around ({x}, {y}); leave an opening wider than {wide_m:.1f} m"
     for n, shape in enumerate(layout.shapes):
         others = replace(layout, shapes=[*layout.shapes[:n], *layout.shapes[n + 1 :]])
-        if sealed_part(ground_of(others.occupancy()), settings)[0] < area_m2:
+        if find_sealed_part(ground_of(others.occupancy()), settings)[0] < area_m2:
             raise ValueRuleError(f"{path}.shapes[{n}].{kind_of(shape)}", shape, rule)
     raise ValueRuleError(f"{path}.shapes", layout.shapes, rule)

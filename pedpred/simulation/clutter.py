@@ -56,7 +56,7 @@ class ClutterSettings:
         check_ranges(self, {"partitions": "[0, 100]", "clearance_m": "[0, 1000]", "attempts": "[0, 100000]"})
 
 
-def cluttered_room(settings: ClutterSettings, rng: np.random.Generator) -> Layout:
+def draw_cluttered_room(settings: ClutterSettings, rng: np.random.Generator) -> Layout:
     """Generate a random room; the same generator state gives the same room.
 
     An obstacle is kept only if the ground stays connected at `clearance_m`, so no part is closed off.

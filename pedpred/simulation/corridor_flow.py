@@ -16,7 +16,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.fields import LARGEST_SEED, Range, check_ranges, positive
 from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.ground import ground_of
-from pedpred.simulation.layouts import Layout, drawn_targets
+from pedpred.simulation.layouts import Layout, draw_targets
 from pedpred.simulation.settings import SocialForceSettings
 from pedpred.simulation.shapes import Rectangle
 from pedpred.simulation.simulator import simulate
@@ -112,7 +112,7 @@ def _walked(people: int, settings: FlowSettings, model: SocialForceSettings) -> 
     model = replace(model, crowd=crowd, clock=replace(model.clock, warm_up_s=settings.settle_s))
     rng = np.random.default_rng([settings.seed, people])
     occupancy = layout.occupancy()
-    targets = drawn_targets(layout, ground_of(occupancy), crowd, rng)
+    targets = draw_targets(layout, ground_of(occupancy), crowd, rng)
     return simulate("corridor_flow", occupancy, targets, model, people, settings.seconds, rng)
 
 

@@ -124,7 +124,7 @@ def scattered(candidates: np.ndarray, count: int, spacing_m: float, rng: np.rand
     return chosen
 
 
-def drawn_targets(
+def draw_targets(
     layout: Layout, ground: Ground, settings: CrowdSettings, rng: np.random.Generator
 ) -> TargetPool:
     """Draw a layout's pool of targets: from its target regions, or from the whole room.

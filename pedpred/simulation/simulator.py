@@ -93,7 +93,7 @@ def rollout(
     return path.swapaxes(0, 1)
 
 
-def desired_speeds(count: int, settings: CrowdSettings, rng: np.random.Generator) -> np.ndarray:
+def draw_desired_speeds(count: int, settings: CrowdSettings, rng: np.random.Generator) -> np.ndarray:
     """Draw truncated normal desired speeds, m/s. [N]."""
     speeds = np.empty(0)
     least, most = settings.speed_range_mps
@@ -125,7 +125,7 @@ def successors(position: np.ndarray, region: np.ndarray, least_leg_m: float) -> 
     return apart >= np.minimum(least_leg_m, apart.max(axis=1, keepdims=True))
 
 
-def visiting_plans(
+def draw_visiting_plans(
     targets: TargetPool, count: int, legs: int, least_leg_m: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Draw sequences of targets; successive ones differ in region and are far enough apart.
@@ -162,9 +162,9 @@ def _drawn_crowd(
     position = scattered(cells, pedestrians, crowd.spacing_m, rng)
     if len(position) < pedestrians:
         raise ValueRuleError("pedestrians", pedestrians, f"only {len(position)} fit on this map")
-    speed = desired_speeds(pedestrians, crowd, rng)
+    speed = draw_desired_speeds(pedestrians, crowd, rng)
     farthest = (duration_s + settings.clock.warm_up_s) * settings.forces.speed_cap * speed.max()
     shortest_leg = max(crowd.least_leg_m - 2.0 * crowd.reach_m, crowd.reach_m)
     legs = int(np.ceil(farthest / shortest_leg)) + 2
-    plan = visiting_plans(targets, pedestrians, legs, crowd.least_leg_m, rng)
+    plan = draw_visiting_plans(targets, pedestrians, legs, crowd.least_leg_m, rng)
     return crowd_of(position, np.zeros((pedestrians, 2)), speed, plan)

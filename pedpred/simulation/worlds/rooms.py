@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pedpred.fields import Range
-from pedpred.simulation.clutter import ClutterSettings, cluttered_room
+from pedpred.simulation.clutter import ClutterSettings, draw_cluttered_room
 from pedpred.simulation.worlds.drawing import check_intervals, nested, uniform
 from pedpred.simulation.worlds.floors import Floor
 from pedpred.simulation.worlds.journeys import Stage
@@ -40,7 +40,7 @@ def draw_room(settings: RoomSettings, rng: np.random.Generator) -> Floor:
     least, most = settings.clutter.side_m
     side_m = uniform(rng, (least, most - settings.side_difference_m))
     sides: Range = (side_m, side_m + settings.side_difference_m)
-    return Floor(~cluttered_room(replace(settings.clutter, side_m=sides), rng).occupancy().occupied)
+    return Floor(~draw_cluttered_room(replace(settings.clutter, side_m=sides), rng).occupancy().occupied)
 
 
 def set_up_room(settings: RoomSettings, duration_s: float, rng: np.random.Generator) -> Stage:

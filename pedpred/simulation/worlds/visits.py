@@ -8,7 +8,7 @@ import numpy as np
 
 from pedpred.fields import Range
 from pedpred.simulation.layouts import TargetPool
-from pedpred.simulation.simulator import visiting_plans
+from pedpred.simulation.simulator import draw_visiting_plans
 from pedpred.simulation.worlds.drawing import check_intervals, log_uniform, uniform
 from pedpred.simulation.worlds.floors import CELL_M, Area, Floor, draw_points
 from pedpred.simulation.worlds.journeys import Journeys, Visitors, draw_number
@@ -66,7 +66,7 @@ def draw_visits(
     everywhere = Area(np.zeros(2), floor.size_m)
     target = draw_points(floor.free, everywhere, settings.targets, 0.55, rng)
     pool = TargetPool(target, np.arange(len(target)))
-    plan = visiting_plans(pool, count, settings.legs, settings.least_leg_m, rng)
+    plan = draw_visiting_plans(pool, count, settings.legs, settings.least_leg_m, rng)
     pauses = uniform(rng, settings.pausing_people) if rng.random() < settings.pausing_share else 0.0
     pause_s = rng.exponential(log_uniform(rng, settings.pause_s), plan.shape) * (
         rng.random(plan.shape) < pauses
