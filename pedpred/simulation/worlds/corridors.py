@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, check_shares, choose, nested, uniform
+from pedpred.simulation.worlds.drawing import check_intervals, check_shares, draw_name, nested, uniform
 from pedpred.simulation.worlds.floors import CELL_M, Area, Floor, ground_cells, paint_disc, paint_rectangle
 from pedpred.simulation.worlds.journeys import Stage
 from pedpred.simulation.worlds.streams import StreamSettings, draw_streams
@@ -70,7 +70,7 @@ class CorridorSettings:
 
 def draw_corridor(settings: CorridorSettings, rng: np.random.Generator) -> Floor:
     """Draw a corridor: arms along the axes that meet at the centre of a square."""
-    form = choose(rng, settings.forms)
+    form = draw_name(rng, settings.forms)
     arm_m = uniform(rng, settings.arm_m)
     center = np.full(2, arm_m + _BEYOND_M)
     widths = [_width(settings, rng), _width(settings, rng)]  # of arms along x and along y

@@ -24,7 +24,7 @@ def log_uniform(rng: np.random.Generator, limits: Range) -> float:
     return math.exp(rng.uniform(math.log(limits[0]), math.log(limits[1])))
 
 
-def choose(rng: np.random.Generator, shares: Mapping[str, float]) -> str:
+def draw_name(rng: np.random.Generator, shares: Mapping[str, float]) -> str:
     """Draw a name with the probability that it maps to."""
     return str(rng.choice(list(shares), p=list(shares.values())))
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, check_shares, choose, log_uniform, uniform
+from pedpred.simulation.worlds.drawing import check_intervals, check_shares, draw_name, log_uniform, uniform
 
 
 class Traits(NamedTuple):
@@ -106,7 +106,7 @@ def draw_traits(
         rng: source of all randomness.
     """
     count = len(group)
-    mean_mps = uniform(rng, getattr(settings, f"{choose(rng, settings.paces)}_mps"))
+    mean_mps = uniform(rng, getattr(settings, f"{draw_name(rng, settings.paces)}_mps"))
     speed = rng.normal(mean_mps, uniform(rng, settings.speed_deviation) * mean_mps, count)
     tau_s = settings.collision_free_relaxation_s if collision_free else settings.relaxation_s
     relaxation_s = log_uniform(rng, tau_s) * np.exp(rng.normal(0.0, 0.2, count))

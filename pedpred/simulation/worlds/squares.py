@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, check_shares, choose, nested, uniform
+from pedpred.simulation.worlds.drawing import check_intervals, check_shares, draw_name, nested, uniform
 from pedpred.simulation.worlds.floors import Area, Floor, ground_cells, paint_disc, paint_rectangle
 from pedpred.simulation.worlds.journeys import Stage
 from pedpred.simulation.worlds.strolls import StrollSettings, draw_strolls
@@ -66,7 +66,7 @@ def draw_square(settings: SquareSettings, rng: np.random.Generator) -> Floor:
     """Draw a square; the ground goes on beyond its edges."""
     size = rng.uniform(*settings.side_m, 2)
     free = ground_cells(size, True)
-    obstacles = choose(rng, settings.obstacles)
+    obstacles = draw_name(rng, settings.obstacles)
     if obstacles in ("posts", "both"):
         _place_posts(free, size, settings, rng)
     if obstacles in ("walls", "both"):

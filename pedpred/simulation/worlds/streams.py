@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, check_shares, choose, log_uniform, uniform
+from pedpred.simulation.worlds.drawing import check_intervals, check_shares, draw_name, log_uniform, uniform
 from pedpred.simulation.worlds.floors import Floor, draw_points
 from pedpred.simulation.worlds.journeys import Journeys, Visitors, form_groups, single
 
@@ -101,7 +101,7 @@ def _pairs(floor: Floor, settings: StreamSettings, rng: np.random.Generator) -> 
     count = len(floor.entrances)
     if floor.crossed and rng.random() < settings.right_angle_share:
         return [(0, 1), (2, 3)] if rng.random() < 0.5 else [(1, 0), (2, 3)]
-    pattern = choose(rng, settings.patterns)
+    pattern = draw_name(rng, settings.patterns)
     a, b = (int(n) for n in rng.choice(count, 2, replace=False))
     if pattern == "one_way":
         return [(a, b)]

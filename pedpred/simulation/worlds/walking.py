@@ -46,7 +46,7 @@ _TOUCH_M = 0.08  # nobody walks towards an obstacle that is closer
 _EDGE_CELLS = 0.4  # the interpolated distance may be 0.35 cells inside the corner of an occupied cell
 
 
-class World(NamedTuple):
+class FixedWorld(NamedTuple):
     """What does not change while people walk."""
 
     journeys: Journeys
@@ -257,7 +257,7 @@ def _step(n, dt, state, most, ground):
 def walk(world, state, clock, rng):
     """Simulate people who come, walk and leave.
 
-    The arguments are a `World`, a `State`, which is changed in place, a `Clock` and a random generator.
+    The arguments are a `FixedWorld`, a `State`, which is changed in place, a `Clock` and a random generator.
     Random accelerations are held for `clock.hold` steps.
 
     Returns:

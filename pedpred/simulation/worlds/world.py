@@ -27,7 +27,7 @@ from pedpred.simulation.worlds.people import Traits, draw_traits
 from pedpred.simulation.worlds.rooms import RoomSettings, set_up_room
 from pedpred.simulation.worlds.settings import GuidanceSettings, WorldSettings
 from pedpred.simulation.worlds.squares import SquareSettings, set_up_square
-from pedpred.simulation.worlds.walking import World, walk
+from pedpred.simulation.worlds.walking import FixedWorld, walk
 
 STEP_S = 0.05
 RECORD_S = 0.1
@@ -130,7 +130,7 @@ def record_walking(
     every, skipped = round(RECORD_S / STEP_S), round(seconds[0] / RECORD_S)
     steps = (skipped + round(seconds[1] / RECORD_S)) * every
     clock = Clock(STEP_S, steps, every, every)
-    world = World(journeys, traits, model, ground, routes)
+    world = FixedWorld(journeys, traits, model, ground, routes)
     record, person, leg, state = walk(world, State.before(journeys), clock, rng)
     kept = record >= skipped
     record, person, leg, state = record[kept] - skipped, person[kept], leg[kept], state[kept]
