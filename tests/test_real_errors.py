@@ -65,7 +65,8 @@ def test_the_pipeline_and_a_script_agree(name):
     folder = raw_folder(data_set).joinpath(*inside)
     sensor, tracker = SENSORS[place["sensor"]], TRACKERS[place["tracker"]]
     rows, rate_hz = raw_rows(folder, place["settings"])
-    expected = script(rows, rate_hz, sensor["every"], tracker)
+    every = round(rate_hz / sensor["rate_hz"]) if sensor["rate_hz"] else 1
+    expected = script(rows, rate_hz, every, tracker)
 
     scene = SOURCES[place["source"]](folder, name, place["settings"])
     how = Perception(parse_tracker(tracker), 0.2, SensorSettings(**sensor))
