@@ -16,12 +16,12 @@ import yaml
 from tqdm import tqdm
 
 from benchmarks.timing import needed
+from pedpred.evaluation.forecasts import read_windows
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import read_origin
 from pedpred.online.replay import predictions_at, replayed
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest
-from pedpred.storage.windows import read_windows
 
 
 def differences(model: Path) -> Iterator[dict[str, Any]]:

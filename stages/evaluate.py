@@ -12,6 +12,7 @@ from pedpred.baselines.registry import baselines
 from pedpred.config import SETS, configured, one_of, plain, row, stage
 from pedpred.evaluation import EvaluationSettings, Scores
 from pedpred.evaluation.compare import compare
+from pedpred.evaluation.forecasts import write_windows
 from pedpred.evaluation.summary import figures
 from pedpred.evaluation.windows import window_request
 from pedpred.features import ForecastProtocol
@@ -23,7 +24,6 @@ from pedpred.models.forecaster import forecaster
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import read_scene, scene_folders
-from pedpred.storage.windows import write_windows
 from pedpred.workers import in_parallel
 from stages.features import features_of, perception_of
 

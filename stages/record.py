@@ -6,13 +6,13 @@ from matplotlib.colors import to_rgb
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage
+from pedpred.evaluation.forecasts import read_windows
 from pedpred.fields import parsed
 from pedpred.forecasting import Methods
 from pedpred.report.animation import Animation, write_animation
 from pedpred.ros import write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.storage.scenes import read_scene
-from pedpred.storage.windows import read_windows
 
 
 @stage

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.evaluation.windows import windows_of
 from pedpred.features import ForecastProtocol
 from pedpred.forecasting import ForecastRequest, Methods
@@ -9,7 +10,6 @@ from pedpred.forecasting.regions import learned_in_parts
 from pedpred.metrics import MetricScene
 from pedpred.report.findings import Paper
 from pedpred.scenes import Predictions
-from pedpred.storage.windows import EvaluationWindows
 from tests.simulated import read
 from tests.worlds import empty_map
 

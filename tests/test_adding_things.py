@@ -11,11 +11,11 @@ import pytest
 import yaml
 
 from pedpred import config
+from pedpred.evaluation.forecasts import read_windows
 from pedpred.online import OnlinePredictor
 from pedpred.online.replay import replayed
 from pedpred.storage.checkpoints import read_checkpoint
 from pedpred.storage.scenes import read_scene
-from pedpred.storage.windows import read_windows
 from tests.conftest import ROOT
 from tests.exported import write_autoencoder
 from tests.toys import architecture, metric, source

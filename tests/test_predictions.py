@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.errors import ShapeError, StorageError, ValueRuleError
+from pedpred.evaluation.forecasts import read_windows, write_windows
 from pedpred.geometry import rotate
 from pedpred.metrics import METRICS
 from pedpred.metrics.calibration import mixture_nll
 from pedpred.scenes import Predictions
-from pedpred.storage.windows import read_windows, write_windows
 from tests.forecasts import drawn_predictions, metric_scene, windows_with
 
 SEEDS = st.integers(0, 2**32 - 1)

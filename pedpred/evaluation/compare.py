@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.evaluation.scores import EvaluationSettings, Scores, metric_scene, score, true_paths
 from pedpred.evaluation.windows import count_without_truth, windows_of
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.models.lstm.features import LstmFeatures
-from pedpred.storage.windows import EvaluationWindows
 
 
 def compare(

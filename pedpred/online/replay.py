@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.features import ForecastProtocol
 from pedpred.features.targets import Futures
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.scenes import Forecast, Predictions, Scene
-from pedpred.storage.windows import EvaluationWindows
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 

@@ -13,13 +13,13 @@ from matplotlib.colors import to_hex, to_rgb
 from PIL import Image, ImageDraw, ImageFont
 
 from pedpred.errors import ValueRuleError
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.fields import check_ranges
 from pedpred.files import atomic_write
 from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import FAINT, INK, OBSTACLE
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.scenes import Scene, Trajectories
-from pedpred.storage.windows import EvaluationWindows
 
 _PERSON_RADIUS_M = 0.2
 _TAIL = "#7FA8C9"

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pedpred.errors import ValueRuleError
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.forecasting import Methods
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.report.charts import box_plot
@@ -23,7 +24,6 @@ from pedpred.report.sections import calibration_section
 from pedpred.report.situation import ARROW_S, reading_of_modes
 from pedpred.report.snapshots import snapshot_figure
 from pedpred.scenes import Scene
-from pedpred.storage.windows import EvaluationWindows
 
 CROWD = {"simulated": 8, "real": 4}
 """Least number of moving people at an instant that is shown."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import StorageError, ValueRuleError
+from pedpred.evaluation.forecasts import read_windows
 from pedpred.forecasting import Methods
 from pedpred.models.lstm.autoencoder import read_autoencoder
 from pedpred.report.curves import read_curve
@@ -23,7 +24,6 @@ from pedpred.report.sections import (
     warnings,
 )
 from pedpred.storage.scenes import read_scenes
-from pedpred.storage.windows import read_windows
 
 TITLES = {
     "sim": "Simulation: rooms that no network was trained in",

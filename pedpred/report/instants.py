@@ -16,9 +16,9 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from pedpred.errors import ValueRuleError
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.forecasting import Method, Methods
 from pedpred.scenes import OccupancyMap, Scene
-from pedpred.storage.windows import EvaluationWindows
 
 MOVING_MPS = 0.3
 """People faster than this count as moving."""

@@ -12,11 +12,11 @@ import numpy as np
 import torch
 from matplotlib.figure import Figure
 
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.models.lstm.autoencoder import GridAutoencoder, intersection_over_union
 from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.document import Picture, Pictures, Section
 from pedpred.report.snapshots import grid_image
-from pedpred.storage.windows import EvaluationWindows
 
 SHOWN = 8
 """Number of crops in the picture."""

@@ -12,13 +12,13 @@ from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.forecasting import Method
 from pedpred.metrics.calibration import shown_steps
 from pedpred.report.canvas import INK
 from pedpred.report.instants import Instant
 from pedpred.report.regions import region
 from pedpred.scenes import Scene, Trajectories
-from pedpred.storage.windows import EvaluationWindows
 
 ARROW_S = 0.75
 """Time that a velocity arrow spans, s."""

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import FAINT, INK, blank, styled
 from pedpred.report.instants import Instant
@@ -17,7 +18,6 @@ from pedpred.report.measures import Figures, Result
 from pedpred.report.plan import draw_ground
 from pedpred.report.situation import draw_situation, legend_handles, reading_of_modes
 from pedpred.scenes import Scene
-from pedpred.storage.windows import EvaluationWindows
 
 RANKS = (0.1, 0.35, 0.65, 0.9)
 """Quantiles of the main method's error at which windows are shown."""

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import radius2
 from pedpred.ros.scene_messages import Content, header, point
 from pedpred.scenes import Forecast, Predictions
-from pedpred.storage.windows import EvaluationWindows
 
 Colour = tuple[float, float, float]
 """Red, green and blue, 0 to 1."""

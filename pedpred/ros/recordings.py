@@ -15,6 +15,7 @@ from mcap.writer import Writer
 from tqdm import tqdm
 
 from pedpred.errors import SourceError, ValueRuleError
+from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.files import atomic_write, translate_errors
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.markers import Colour, markers_message
@@ -41,7 +42,6 @@ from pedpred.ros.scene_messages import (
 )
 from pedpred.scenes import Predictions, Scene, predicted_occupancy
 from pedpred.storage.tracks import tracks_of, tracks_table
-from pedpred.storage.windows import EvaluationWindows
 
 _log = logging.getLogger(__name__)
 _SCENE_RECORD = "pedpred.scene"

@@ -14,6 +14,7 @@ from PIL import Image
 
 from pedpred import config
 from pedpred.command.foreign import COLUMNS, read_forecasts
+from pedpred.evaluation.forecasts import write_windows
 from pedpred.features import FeatureTable, ForecastProtocol
 from pedpred.geometry import Homography
 from pedpred.models.features import RowFormat
@@ -35,7 +36,6 @@ from pedpred.storage.situations import (
     write_situations,
     write_situations_manifest,
 )
-from pedpred.storage.windows import write_windows
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.forecasts import windows_with
 from tests.scenes import write_as_table

@@ -15,13 +15,13 @@ from rosbags.typesys import Stores
 
 from pedpred import config
 from pedpred.command.prediction import read_tracker
+from pedpred.evaluation.forecasts import read_windows
 from pedpred.models.registry import load_network
 from pedpred.report import measures
 from pedpred.ros import read_bag, read_recording
 from pedpred.sources import SOURCES
 from pedpred.storage.scenes import read_map, read_scene
 from pedpred.storage.shards import read_embeddings, write_embeddings
-from pedpred.storage.windows import read_windows
 from tests.exported import export
 from tests.test_bags import Store, stream
 from tests.test_jupedsim import SETTINGS as LABORATORY
