@@ -66,8 +66,9 @@ trust: setup ## damaged files, killed stages, a million frames: what is promised
 docs: setup ## build the documentation into build/site; fails on a broken link
 	NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --strict
 
-readme: setup ## write the tables of results into README.md and docs/
+readme: setup ## write the tables of results into README.md and docs/, those of the pipeline into ARCHITECTURE.md
 	python -m tools.readme
+	python -m tools.staleness --write
 
 dist: setup ## build the wheel and the source archive into build/dist
 	test -x build/packager/bin/python || { python -m venv build/packager && build/packager/bin/pip install --quiet build; }

@@ -32,12 +32,13 @@ def differences(model: Path) -> Iterator[dict[str, Any]]:
     """
     params, origin = yaml.safe_load(Path("params.yaml").read_text()), read_origin(model)
     for name, row in params["recording"]["scenes"].items():
-        (study, fold), (kind, data) = Path(row["fold"]).parts, Path(row["scene"]).parts[:2]
-        weights = f"models/folds/{fold}" if study == "real" else "models/main"
+        kind, data = Path(row["scene"]).parts[:2]
+        weights = f"models/{row['networks']}"
         tracked = kind == "simulated" or params["places"][data]["tracker"] == origin["tracker"]
         if weights != origin["networks"] or not tracked:
             continue
-        forecasts_of = Path("data/forecasts", row["fold"], f"{name}.parquet")
+        folder = Path("data/forecasts", row["networks"], origin["method"], kind, data)
+        forecasts_of = folder / f"{name}.parquet"
         windows = read_windows(needed(forecasts_of, "make reproduce"))
         scene = read_scene(Path("data/scenes", row["scene"]))
         features, _ = read_manifest(Path("data/features", kind, data))
@@ -51,7 +52,7 @@ def differences(model: Path) -> Iterator[dict[str, Any]]:
         apart = np.linalg.norm(online - offline, axis=-1).max(axis=1)
         yield {
             "scene": name,
-            "fold": fold,
+            "networks": row["networks"],
             "windows": len(windows),
             "median_m": float(np.median(apart)),
             "largest_m": float(apart.max()),

@@ -7,19 +7,28 @@ from pathlib import Path
 from typing import Any
 
 from pedpred import config
-from pedpred.baselines.registry import baselines
+from pedpred.baselines.registry import baseline
 from pedpred.config import SETS, config_errors, configured, one_of, part, plain, read_params, row
 from pedpred.datasets.crops import CropSplit
-from pedpred.evaluation import EvaluationSettings
+from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.evaluation.literature import LiteratureSettings
 from pedpred.features.perception import Standstill, parse_tracker
 from pedpred.fields import parsed, parsed_each, parsed_together
-from pedpred.forecasting import Methods
+from pedpred.forecasting import MethodRow
 from pedpred.models.features import FEATURES
 from pedpred.models.registry import parse_settings
 from pedpred.report.findings import Paper
+from pedpred.report.methods import Methods
 from pedpred.report.page.player import ReplaySettings
-from pedpred.report.rows import FoldRow, OnlineRows, PlaceRow, RecordingRows, ReplayRows
+from pedpred.report.rows import (
+    FoldRow,
+    OnlineRows,
+    PlaceRow,
+    PublishedRows,
+    RecordingRows,
+    Reference,
+    ReplayRows,
+)
 from pedpred.scenes import VARIANTS
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
@@ -97,14 +106,14 @@ def _fold(cfg: Params, study: str) -> None:
 
 
 def _methods(cfg: Params) -> None:
-    for method in Methods.parse(part(cfg, "methods")):
-        (group,) = (group for group, rows in cfg["methods"].items() if method.key in rows)
-        if "architecture" in method.settings:
-            with configured(f"methods.{group}.{method.key}.settings"):
-                parse_settings(method.settings)
-        else:
+    for group in part(cfg, "methods"):
+        for key, method in parsed_each(MethodRow, part(cfg, "methods", group), f"methods.{group}").items():
             with configured(f"methods.{group}"):
-                baselines([method])
+                if "architecture" in method.settings:
+                    with configured(f"methods.{group}.{key}.settings"):
+                        parse_settings(method.settings)
+                else:
+                    baseline(key, method.settings)
 
 
 def _keys(cfg: Params) -> list[str]:
@@ -161,25 +170,28 @@ def _recording(cfg: Params) -> None:
         rows = parsed(RecordingRows, part(cfg, "recording"))
     _names("recording.methods", [*rows.methods, rows.animation.method], _keys(cfg))
     for name, scene in rows.scenes.items():
-        study, _, fold = scene.fold.partition("/")
-        one_of(f"recording.scenes.{name}.fold", fold, one_of(f"recording.scenes.{name}", study, cfg["folds"]))
+        networks = ["main", *(f"folds/{fold}" for fold in cfg["folds"]["real"])]
+        _names(f"recording.scenes.{name}.networks", [scene.networks], networks)
 
 
-def _literature(cfg: Params) -> None:
-    with configured("literature"):
-        _names("literature.places", parsed(LiteratureSettings, part(cfg, "literature")).places, cfg["places"])
+def _comparison(cfg: Params) -> None:
+    with configured("comparison"):
+        reference, _ = parsed_together([Reference, Resampling], part(cfg, "comparison"))
+    _names("comparison.reference", [reference.reference], cfg["methods"]["baselines"])
 
 
-def _paper(cfg: Params) -> None:
-    with configured("paper"):
-        Paper.parse(part(cfg, "paper"))
-
-
-def _page(cfg: Params) -> None:
-    with configured("page"):
-        rows, shown = parsed_together([ReplayRows, ReplaySettings], part(cfg, "page"))
-    _names("page.replays", rows.replays, cfg["folds"])
-    _names("page.methods", shown.methods, _keys(cfg))
+def _report(cfg: Params) -> None:
+    parts = dict.fromkeys(("methods", "paper", "page", "published"))
+    _names("report", part(cfg, "report"), parts)
+    with configured("report"):
+        Methods.parse(part(cfg, "report", "methods"), cfg["comparison"]["reference"])
+        parsed(PublishedRows, {"published": cfg["report"]["published"]})
+    with configured("report.paper"):
+        Paper.parse(part(cfg, "report", "paper"))
+    with configured("report.page"):
+        rows, shown = parsed_together([ReplayRows, ReplaySettings], part(cfg, "report", "page"))
+    _names("report.page.replays", rows.replays, cfg["folds"])
+    _names("report.page.methods", shown.methods, _keys(cfg))
 
 
 PARTS: dict[str, Check] = {
@@ -204,11 +216,11 @@ PARTS: dict[str, Check] = {
     "autoencoder": _whole("autoencoder", ThreadSettings, CropSplit, AutoencoderSettings),
     "training": _training,
     "validation": flow_of,
-    "evaluation": _whole("evaluation", EvaluationSettings),
+    "evaluation": _whole("evaluation", MetricSettings),
+    "comparison": _comparison,
     "recording": _recording,
-    "literature": _literature,
-    "paper": _paper,
-    "page": _page,
+    "literature": _whole("literature", LiteratureSettings),
+    "report": _report,
 }
 """Key of params.yaml -> what makes its settings, as stages do."""
 

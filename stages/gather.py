@@ -1,33 +1,61 @@
-"""gather@study: the metrics of all folds of a study in one file."""
+"""gather@study: the figures of all methods at the test sets of a study."""
 
-from functools import partial
 from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import stage, stage_key
-from pedpred.errors import ConfigError, StorageError
-from pedpred.files import read_json, write_json
+from pedpred.config import configured, plain, stage, stage_key
+from pedpred.errors import ConfigError
+from pedpred.evaluation.scores import Resampling, Scores, read_scores
+from pedpred.evaluation.summary import figures
+from pedpred.fields import parsed
+from pedpred.files import write_json
+
+
+def scores_at(cfg: DictConfig, models: str, at: str) -> dict[str, dict[str, Scores]]:
+    """Read the scores at a test set: scene -> method -> scores, methods in the order of the configuration.
+
+    Args:
+        cfg: the configuration.
+        models: folder of the networks that are tested there, below data/scores.
+        at: the set, kind/name.
+    """
+    found: dict[str, dict[str, Scores]] = {}
+    for group, rows in cfg.methods.items():
+        for method in rows:
+            folder = Path("data/scores", "baselines" if group == "baselines" else models, method, at)
+            for path in sorted(folder.glob("*.parquet")):
+                found.setdefault(path.stem, {})[method] = read_scores(path)
+    return found
 
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/metrics/<study>/<fold>.json, write reports/metrics/<study>.json in the order of conf/folds.
+    """Read data/scores, write reports/metrics/<study>.json in the order of conf/folds.
 
     The ADE of the test sets alone goes to reports/ade/<study>.json.
     """
     study, out = stage_key(cfg), Path(cfg.get("out", "reports"))
+    comparison = plain(cfg.comparison)
+    reference = comparison.pop("reference")
+    with configured("comparison"):
+        settings = parsed(Resampling, comparison)
     gathered: dict = {}
-    tested: dict = {}
+    errors_m: dict = {}
     for name, fold in cfg.folds[study].items():
-        path = Path("data/metrics", study, f"{name}.json")
-        found = read_json(path, partial(StorageError, path, "file"))
-        if twice := sorted(set(found) & set(gathered)):
-            raise ConfigError(f"folds.{study}.{name}.test", twice, "another fold tests it too; name it once")
-        gathered |= found
-        tested |= {key: found[key] for key in (test.split("/")[1] for test in fold.test) if key in found}
+        models = f"folds/{name}" if "train" in fold else "main"
+        for at in fold.test:
+            key, scores = at.split("/")[1], scores_at(cfg, models, at)
+            if any(reference not in own for own in scores.values()):
+                raise ConfigError("comparison.reference", reference, f"it was not evaluated at {at}")
+            found = figures(key, scores, reference, settings) if scores else {}
+            if twice := sorted(set(found) & set(gathered)):
+                rule = "another fold tests it too; name it once"
+                raise ConfigError(f"folds.{study}.{name}.test", twice, rule)
+            gathered |= found
+            if found:
+                errors_m[key] = {method: own["ade_m"] for method, own in found[key].items()}
     write_json(out / "metrics" / f"{study}.json", gathered)
-    errors_m = {key: {m: own["ade_m"] for m, own in found.items()} for key, found in tested.items()}
     write_json(out / "ade" / f"{study}.json", errors_m)
 
 

@@ -5,11 +5,11 @@ from pathlib import Path
 from matplotlib.colors import to_rgb
 from omegaconf import DictConfig
 
-from pedpred.config import configured, plain, stage
-from pedpred.evaluation.forecasts import read_windows
+from pedpred.config import configured, part, plain, stage
+from pedpred.evaluation.forecasts import read_forecasts
 from pedpred.fields import parsed
-from pedpred.forecasting import Methods
 from pedpred.report.animation import Animation, write_animation
+from pedpred.report.methods import Methods
 from pedpred.ros import write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.storage.scenes import read_scene
@@ -19,14 +19,15 @@ from pedpred.storage.scenes import read_scene
 def main(cfg: DictConfig) -> None:
     """Write data/recordings/<scene>.mcap, its Foxglove layout and reports/walking/<scene>.gif.
 
-    `scene` is a scene's folder, `forecasts` the file of the forecasts in it, `out` another root than here.
-    Without that file, as of a place that is not available, both show the scene alone.
+    `scene` is its folder below data/scenes, `networks` the folder of the networks below data/forecasts, `out`
+    another root than here. Without forecasts, as of a place that is not available, both show the scene alone.
     """
-    scene, forecasts = read_scene(Path(cfg.scene)), Path(cfg.forecasts)
-    windows = read_windows(forecasts) if forecasts.exists() else None
+    scene, at = read_scene(Path("data/scenes", cfg.scene)), "/".join(cfg.scene.split("/")[:2])
     root, options = Path(cfg.get("out", ".")), cfg.recording
+    asked = dict.fromkeys([*options.methods, options.animation.method])
+    windows = read_forecasts(Path(), cfg.networks, at, asked, scene.name).get(scene.name)
     recording = root / "data/recordings" / scene.name
-    methods = Methods.parse(plain(cfg.methods))
+    methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
     shown = {name: to_rgb(methods[name].colour) for name in methods.ordered(options.methods)}
     with configured("recording.animation"):
         animation = parsed(Animation, plain(options.animation))

@@ -1,34 +1,91 @@
-"""report@study: the Markdown page on a study, `reports/<study>.md`, and its pictures."""
+"""Everything that people read about the results: Markdown pages, their pictures, and `reports/index.html`."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import plain, stage, stage_key
+from pedpred.config import configured, part, plain, stage
+from pedpred.fields import parsed
 from pedpred.files import write_text
-from pedpred.forecasting import Methods
+from pedpred.report.ablation import ablation_sections
 from pedpred.report.canvas import write_png
+from pedpred.report.comparison import metrics_now
+from pedpred.report.document import Picture, Section, joined
 from pedpred.report.error_plots import horizon_table
 from pedpred.report.findings import Paper
-from pedpred.report.gallery import gallery
+from pedpred.report.gallery import Evaluated, gallery
 from pedpred.report.gather import document, gather
+from pedpred.report.methods import Methods
+from pedpred.report.page.build import Contents, page
+from pedpred.report.page.player import Replay, ReplaySettings, replay
+from pedpred.report.places import places_section
+from pedpred.report.simulation_page import flow_section
+
+PAGES = ("sim", "real")
+"""Studies with a page of their own; the others are compared with these."""
+
+
+def write_pictures(pictures: Sequence[Picture], folder: Path) -> None:
+    """Write pictures as PNG into a folder, which is made also where there are none."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for picture in pictures:
+        write_png(picture.figure, folder / f"{picture.name}.png")
+
+
+def write_study(evaluated: Evaluated, text: Section, methods: Methods, out: Path) -> None:
+    """Write the page on a study, its pictures, and the figures that `dvc plots` compares."""
+    write_pictures(list(text.pictures), out / evaluated.study)
+    write_text(out / f"{evaluated.study}.md", text.markdown(evaluated.study) + "\n")
+    (out / "horizon" / evaluated.study).mkdir(parents=True, exist_ok=True)
+    for result in evaluated.results:
+        table = horizon_table(result, methods).to_csv(sep="\t", index=False, float_format="%.4f")
+        write_text(out / "horizon" / evaluated.study / f"{result.name}.tsv", table)
+
+
+def replays_of(cfg: DictConfig, evaluated: Mapping[str, Evaluated], methods: Methods) -> list[Replay]:
+    """Choose what the page replays: scenes that were tested."""
+    settings = part(cfg, "report", "page")
+    chosen = settings.pop("replays")
+    with configured("report.page"):
+        shown = parsed(ReplaySettings, settings)
+    named = [(evaluated[study], name) for study in chosen if study in evaluated for name in chosen[study]]
+    tested = [(own.scene(name), own.windows[name]) for own, name in named if name in own.windows]
+    return [replay(*one, shown, methods) for one in tested]
 
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write the page, its pictures, and the figures that `dvc plots` compares."""
-    key, out = stage_key(cfg), Path(cfg.get("out", "reports"))
-    methods, paper = Methods.parse(plain(cfg.methods)), Paper.parse(plain(cfg.paper))
-    evaluated = gather(key, plain(cfg.folds[key]))
-    page = document(evaluated, gallery(evaluated, methods), methods, paper)
-    for folder in (out / key, out / "horizon" / key):
-        folder.mkdir(parents=True, exist_ok=True)  # also if no place is available
-    for picture in page.pictures:
-        write_png(picture.figure, out / key / f"{picture.name}.png")
-    write_text(out / f"{key}.md", page.markdown(key) + "\n")
-    for result in evaluated.results:
-        table = horizon_table(result, methods).to_csv(sep="\t", index=False, float_format="%.4f")
-        write_text(out / "horizon" / key / f"{result.name}.tsv", table)
+    """Gather what the other stages wrote, draw every picture once, write all pages below `out`."""
+    out, figures = Path(cfg.get("out", "reports")), metrics_now(Path("reports/metrics"))
+    methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
+    paper = Paper.parse(part(cfg, "report", "paper"))
+    studies = {name: plain(folds) for name, folds in cfg.folds.items() if name != "literature"}
+    evaluated = {study: gather(study, folds) for study, folds in studies.items()}
+    pages = {study: evaluated[study] for study in PAGES if study in evaluated}
+    galleries = {study: gallery(own, methods) for study, own in pages.items()}
+    for study, own in pages.items():
+        write_study(own, document(own, galleries[study], methods, paper), methods, out)
+    places = places_section(list(evaluated.values()), methods)
+    write_pictures(list(places.pictures), out / "places")
+    texts = [(out / f"{study}.md").read_text() for study in pages]
+    walking = Path("reports/simulation.md").read_text()
+    write_text(out / "report.md", joined([places.markdown("places"), *texts, walking]))
+    ablations = ablation_sections(Path("conf/ablations"), Path("reports/ablations"), methods)
+    contents = Contents(
+        list(pages.values()),
+        list(galleries.values()),
+        replays_of(cfg, evaluated, methods),
+        methods,
+        paper,
+        [Section("Ablations", ablations), flow_section(figures["walking"]["corridor_flow"])],
+        figures.get("literature", {}),
+        plain(cfg.report)["published"],
+        figures.get("latency", {}).get("updates", []),
+        places.blocks,
+    )
+    if any(own.results for own in pages.values()):
+        write_text(out / "index.html", page(contents))
 
 
 if __name__ == "__main__":

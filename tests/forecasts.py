@@ -5,16 +5,18 @@ import numpy as np
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.evaluation.windows import windows_of
 from pedpred.features import ForecastProtocol
-from pedpred.forecasting import ForecastRequest, Methods
+from pedpred.forecasting import ForecastRequest
 from pedpred.forecasting.regions import learned_in_parts
 from pedpred.metrics import MetricScene
 from pedpred.report.findings import Paper
+from pedpred.report.methods import Methods
 from pedpred.scenes import Predictions
 from tests.simulated import read
 from tests.worlds import empty_map
 
-METHODS = Methods.parse({group: read(f"methods/{group}") for group in ("baselines", "networks")})
-PAPER = Paper.parse(read("paper/pfeiffer2018"))
+ROWS = {key: row for key, row in read("report/methods").items() if "mixture" not in key}
+METHODS = Methods.parse(ROWS, "kalman_cv")
+PAPER = Paper.parse(read("report/paper"))
 
 
 def request_about(scene, table, rows=None, **given):

@@ -37,7 +37,7 @@ def test_every_point_composes_and_differs(path):
     assert len(set(composed)) == len(ablation.points)
     written = set()
     for name, _, key in (target.partition("@") for target in ablation.targets):
-        written |= {next(iter(entry)).replace("${item}", key) for entry in PIPELINE[name]["do"]["outs"]}
+        written |= {next(iter(entry)).replace("${key}", key) for entry in PIPELINE[name]["do"]["outs"]}
     assert {ablation.metrics, *(column.metrics for column in ablation.columns.values())} <= written
     tested = yaml.safe_load(composed[0])["folds"]["sim"]["simulation"]["test"]
     assert f"simulated/{ablation.entry}" in tested

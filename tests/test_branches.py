@@ -7,7 +7,7 @@ import pytest
 
 from pedpred.config import read_params
 from tests.conftest import ROOT
-from tools.branches import SHARED, branches, needed, pipeline
+from tools.branches import SHARED, branches, needed, stage_names
 
 TRAININGS = ("pretrain", "train", "finetune")
 pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarni
 
 @pytest.fixture(scope="module")
 def graph():
-    return pipeline(ROOT)
+    return stage_names(ROOT)
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import sys
 import pytest
 import yaml
 
-from pedpred.forecasting import Methods
+from pedpred.report.methods import Methods
 from tests.conftest import ROOT
 from tests.test_page_commands import PAGES, blocks
 from tools import prose, readme
@@ -51,22 +51,17 @@ def figures(**errors):
 
 
 def test_a_table_has_a_row_per_method_and_training_and_marks_the_best():
-    row = {"colour": "#000000", "where": ["real"]}
     plain = {
-        "baselines": {
-            "cv": {"label": "CV", "role": "reference", **row},
-            "goal": {"label": "Goal", "role": "oracle", **row},
-        },
-        "networks": {
-            "net": {"label": "Net", "role": "network", **row},
-            "later": {"label": "Later", "role": "network", **row},
-        },
+        "cv": {"label": "CV", "role": "baseline"},
+        "goal": {"label": "Goal", "role": "oracle"},
+        "net": {"label": "Net", "role": "network"},
+        "later": {"label": "Later", "role": "network"},
     }
     studies = {
         "transfer": {"a_hall": figures(cv=0.4, goal=0.1, net=0.3)},
         "real": {"a_hall": figures(cv=0.4, goal=0.1, net=0.2)},
     }
-    tables = readme.tables_from(studies, Methods.parse(plain))
+    tables = readme.tables_from(studies, Methods.parse(plain, "cv"))
     assert [line.split(" |")[0] for line in tables["unseen"].splitlines()[2:]] == [
         *("| CV", "| Goal", "| Net, simulation only", "| Net, fine-tuned on the other places"),
     ]

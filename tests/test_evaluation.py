@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.baselines.registry import BASELINES, baselines
+from pedpred.baselines.registry import BASELINES, baseline
 from pedpred.baselines.together import present_at
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pooled, score, summaries
@@ -16,7 +16,6 @@ from pedpred.evaluation.compare import compare
 from pedpred.evaluation.scores import true_paths
 from pedpred.evaluation.summary import TrackBootstrap
 from pedpred.features import ForecastProtocol, extract_at_detections
-from pedpred.forecasting import Method
 from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.paths import displacement, too_close
 from pedpred.scenes import Predictions, Scene, Trajectories
@@ -192,11 +191,10 @@ def test_figures_that_are_no_number_are_null():
 
 
 def test_unknown_baselines_and_settings_are_named():
-    row = Method("crystal_ball", "crystal ball", "#000000", "oracle", ("real",))
     with pytest.raises(ValueRuleError, match="crystal_ball"):
-        baselines([row])
+        baseline("crystal_ball", {})
     with pytest.raises(ValueRuleError, match="speed"):
-        baselines([dataclasses.replace(row, key="cv", settings={"speed": 1.0})])
+        baseline("cv", {"speed": 1.0})
 
 
 def test_a_method_that_needs_a_model_of_walking_says_so():

@@ -5,8 +5,8 @@ import pytest
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.literature import literature_figures, request_about, stretches
+from pedpred.evaluation import EvaluationSettings, summaries
+from pedpred.evaluation.literature import literature_scores, request_about, stretches
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import KalmanSettings
 from tests.worlds import empty_map, recorded
@@ -34,9 +34,9 @@ def paths(found, method):
 
 
 def measured(found):
-    methods = {method: make() for method, make in PRESENT_MOTION.items()}
-    how = EvaluationSettings(bootstrap=10)
-    return literature_figures(requested(found), found, methods, "kalman_cv", how)
+    request, how = requested(found), EvaluationSettings(bootstrap=10)
+    scores = {key: literature_scores(request, found, make(), how) for key, make in PRESENT_MOTION.items()}
+    return summaries(scores, "kalman_cv", how)
 
 
 def test_errors_by_hand():

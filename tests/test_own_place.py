@@ -13,6 +13,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from pedpred import config
+from pedpred.files import write_json
 from pedpred.models.registry import parse_settings
 from pedpred.ros import read_recording
 from pedpred.storage.scenes import read_scene
@@ -27,6 +28,7 @@ SMALL = [
     *(f"methods.networks.{n}.settings.{width}=8" for n in NETWORKS for width in WIDTHS_OF),
     *(f"methods.baselines.{m}.where=[]" for m in ("ca", "social_force")),
 ]
+WALKING = json.loads((ROOT / "reports/metrics/walking.json").read_text())["corridor_flow"]
 ADDED = "+folds.real.trained={train: [real/crossing], test: []}"
 
 
@@ -34,6 +36,23 @@ def run(script, cfg, **given):
     """A stage's script in this process."""
     stage = importlib.import_module(f"stages.{script}")
     stage.main.__wrapped__(OmegaConf.create({**cfg, **given}))
+
+
+def evaluate(project, networks):
+    """Test the simple methods and the networks of a folder below models."""
+    for name in project["methods"]["baselines"]:
+        run("evaluate_baseline", project, name=name)
+    for group in ("networks", "memoryless"):
+        for name in project["methods"][group]:
+            run("evaluate", project, name=name, networks=networks)
+
+
+def report(project):
+    """Write all pages; those on simulations are of other tests."""
+    project["folds"].pop("sim", None)
+    write_json(Path("reports/metrics/walking.json"), {"corridor_flow": WALKING})
+    Path("reports/simulation.md").write_text("# simulation\n")
+    run("report", project)
 
 
 def rows():
@@ -73,7 +92,7 @@ def project(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("project")
 def test_it_has_stages_of_its_own():
-    stages = ("ingest", "features_real", "encode_real", "finetune@lstm", "evaluate_real")
+    stages = ("ingest", "features_real", "encode_real", "finetune@lstm", "evaluate_fold@lstm")
     for stage in stages:
         address = f"{stage}{'-' if '@' in stage else '@'}crossing"
         assert config.declared(Path.cwd(), address, []) is not None
@@ -98,14 +117,15 @@ def test_it_flows_from_tracks_to_the_page(project, monkeypatch):
     assert curve["validation_ade_m"].notna().all()
     for name in NETWORKS:
         run("train", project, name=name, phase="finetune", fold="crossing")
-    run("evaluate", project, study="real", fold="crossing", networks="models/folds/crossing")
     del project["folds"]["real"]["trained"]
+    project["folds"] = {"real": project["folds"]["real"]}
+    evaluate(project, "folds/crossing")
     run("gather", project, name="real")
     figures = json.loads(Path("reports/metrics/real.json").read_text())
     assert set(figures) == {"crossing"}
     assert set(figures["crossing"]) == METHODS
     assert 0.1 < figures["crossing"]["kalman_cv"]["ade_m"] < 2.0
-    run("report", project, name="real")
+    report(project)
     assert "crossing" in Path("reports/real.md").read_text().lower()
     assert json.loads(Path("reports/ade/real.json").read_text())["crossing"]
 
@@ -138,36 +158,30 @@ def test_a_missing_place_is_in_no_result(project, monkeypatch):
     monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
     missing(project, "eth")
     project["folds"] = {
-        study: {"fold": {"train": [], "test": ["real/eth"]}} for study in ("transfer", "real")
+        "transfer": {"simulation": {"test": ["real/eth"]}},
+        "real": {"fold": {"train": [], "test": ["real/eth"]}},
+        "literature": {"native": {"test": ["literature/eth"]}},
     }
     for name in NETWORKS:
         run("train", project, name=name, phase="finetune", fold="fold")
-    for study, networks in (("transfer", "main"), ("real", "folds/fold")):
-        run("evaluate", project, study=study, fold="fold", networks=f"models/{networks}")
+    for study, networks in (("transfer", "main"), ("real", "folds/fold"), ("literature", "main")):
+        evaluate(project, networks)
         run("gather", project, name=study)
         assert json.loads(Path(f"reports/metrics/{study}.json").read_text()) == {}
-    run("report", project, name="real")
+    report(project)
     assert "Not available, hence neither trained on nor tested: eth" in Path("reports/real.md").read_text()
     assert "| eth | no raw data of eth: the archive is down |" in Path("reports/real.md").read_text()
     assert all(Path("reports", name).is_dir() for name in ("real", "horizon/real")), "DVC expects both"
-    for name in ("sim", "simulation"):
-        Path(f"reports/{name}.md").write_text(f"# {name}\n")
-    project["folds"].pop("sim", None)
-    run("summary", project)
     assert Path("reports/places").is_dir(), "DVC expects it"
     assert "| eth | no raw data of eth: the archive is down |" in Path("reports/report.md").read_text()
-    project["literature"]["places"] = ["eth"]
-    run("evaluate_literature", project)
-    assert json.loads(Path("reports/metrics/literature.json").read_text()) == {}
-    run("record", project, scene="data/scenes/real/eth", forecasts="data/forecasts/real/fold/eth.parquet")
+    run("record", project, scene="real/eth", networks="folds/fold")
     assert not len(read_recording(Path("data/recordings/eth.mcap")).trajectories)
     with Image.open("reports/walking/eth.gif") as picture:
         assert picture.n_frames == 1
 
 
 def test_a_stand_in_flows_from_the_example_to_the_pages(project, monkeypatch):
-    for stage in ("report", "summary"):
-        monkeypatch.setattr(f"stages.{stage}.write_png", lambda figure, path: None)
+    monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
     text = config.composed(Path("conf"), [*SMALL, "stand_in=simulated_corner"])
     project, place = yaml.safe_load(text), "simulated_corner"
     missing(project, "eth")
@@ -179,13 +193,10 @@ def test_a_stand_in_flows_from_the_example_to_the_pages(project, monkeypatch):
     for stage in ("features", "encode"):
         run(stage, project, kind="real", name=place)
     shutil.copytree("models/main", "models/folds/stand_in")
-    for study, fold, networks in (("transfer", "simulation", "main"), ("real", "stand_in", "folds/stand_in")):
-        run("evaluate", project, study=study, fold=fold, networks=f"models/{networks}")
+    for study, networks in (("transfer", "main"), ("real", "folds/stand_in")):
+        evaluate(project, networks)
         run("gather", project, name=study)
-    run("report", project, name="real")
-    for name in ("sim", "simulation"):
-        Path(f"reports/{name}.md").write_text(f"# {name}\n")
-    run("summary", project)
+    report(project)
     for name in ("real", "report"):
         page = Path(f"reports/{name}.md").read_text()
         assert "# Simulated people in place of recordings" in page
@@ -194,7 +205,6 @@ def test_a_stand_in_flows_from_the_example_to_the_pages(project, monkeypatch):
         assert "Real" not in page
         assert "fine-tuned" not in page
     assert json.loads(Path("reports/metrics/real.json").read_text()).keys() == {place}
-    forecasts = f"data/forecasts/real/stand_in/{place}.parquet"
-    run("record", project, scene=f"data/scenes/real/{place}", forecasts=forecasts)
+    run("record", project, scene=f"real/{place}", networks="folds/stand_in")
     with Image.open(f"reports/walking/{place}.gif") as picture:
         assert picture.n_frames > 1

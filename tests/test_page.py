@@ -16,7 +16,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.charts import box_plot, whiskers
-from pedpred.report.gallery import Evaluated
+from pedpred.report.gallery import Evaluated, gallery
 from pedpred.report.measures import results_of
 from pedpred.report.page.build import Contents, page
 from pedpred.report.page.player import LEVELS, ReplaySettings, replay
@@ -57,7 +57,7 @@ def stretch(duration_s, **given):
     return dataclasses.replace(KEPT, duration_s=duration_s, **given)
 
 
-PUBLISHED = read("literature/eth_ucy")["published"]
+PUBLISHED = read("report/published")["published"]
 SIMULATED = {"sim_test": metrics_of(MEETING), "sim_test_hall": metrics_of(MEETING)}
 REAL = {"eth": metrics_of(MEETING | {"lstm": 0.65, "ca": 9.0}), "hotel": metrics_of(MEETING)}
 FOLDS = [
@@ -82,7 +82,8 @@ def contents_of(scene, windows):
     ]
     literature = dict.fromkeys(REAL, few)
     side = places_section(evaluated, METHODS).blocks
-    return Contents(evaluated, shown, METHODS, PAPER, [], literature, PUBLISHED, LATENCY, side)
+    galleries = [gallery(own, METHODS) for own in evaluated]
+    return Contents(evaluated, galleries, shown, METHODS, PAPER, [], literature, PUBLISHED, LATENCY, side)
 
 
 @pytest.fixture(scope="module")
@@ -287,8 +288,8 @@ def test_the_player_plays_scrubs_and_changes_scene(visit_at):
     visit.scrub(0.3)
     assert visit.state("time") == "0.30"
     visit.page.click(".play")
-    visit.page.wait_for_function("Number(document.getElementById('player').dataset.time) > 0.5")
-    visit.page.click(".play")
+    late = "Number(document.getElementById('player').dataset.time) > 0.5"
+    visit.page.wait_for_function(f"{late} && (document.querySelector('.play').click(), true)")
     stopped = visit.state("time")
     assert visit.state("playing") == "false"
     visit.page.locator(".plan").focus()

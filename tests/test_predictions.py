@@ -147,6 +147,6 @@ def test_forecasts_that_break_a_rule_are_refused_with_the_name_of_their_file(tmp
 def test_a_missing_column_is_named(tmp_path):
     path = tmp_path / "hall.parquet"
     write_windows(windows_with(np.zeros((5, 2)), np.zeros((5, 4, 2)), {}), path)
-    pq.write_table(pq.read_table(path).drop_columns(["angular_grid"]), path)
-    with pytest.raises(StorageError, match="angular_grid"):
+    pq.write_table(pq.read_table(path).drop_columns(["heading_rad"]), path)
+    with pytest.raises(StorageError, match="heading_rad"):
         read_windows(path)

@@ -13,7 +13,6 @@ from PIL import Image
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.fields import parsed
-from pedpred.forecasting import Method
 from pedpred.geometry import Homography, rotate
 from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.calibration import radius2, share_inside, squared_mahalanobis
@@ -28,6 +27,7 @@ from pedpred.report.gallery import Evaluated, gallery
 from pedpred.report.gather import document
 from pedpred.report.instants import Instant, choose
 from pedpred.report.measures import read_metrics, results_of
+from pedpred.report.methods import Method
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
 from pedpred.report.reconstructions import evenly_chosen, reconstructed
 from pedpred.report.regions import ellipse, region
@@ -201,11 +201,15 @@ def test_an_ablation_names_the_network_that_it_is_an_ablation_of():
         replace(METHODS, rows=tuple(rows))
 
 
-def test_where_a_method_is_applied_its_reference_is():
-    rows = [replace(row, where=("real",)) if row.role == "reference" else row for row in METHODS]
-    assert METHODS.reference in METHODS.applied_to("literature")
-    with pytest.raises(ValueRuleError, match=r"methods\.kalman_cv\.where.*literature"):
-        replace(METHODS, rows=tuple(rows)).applied_to("literature")
+def test_the_reference_is_a_simple_method():
+    assert METHODS.reference in METHODS.simple
+    for key in ("lstm", "zebra"):
+        with pytest.raises(ValueRuleError, match=f"reference = '{key}'"):
+            replace(METHODS, reference=METHODS[key])
+
+
+def test_a_method_without_a_row_is_shown_by_its_key():
+    assert (METHODS["zebra"].label, METHODS["zebra"].role) == ("zebra", "other")
 
 
 @pytest.mark.parametrize(("key", "train"), [("sim", []), ("real", ["real/home"])])

@@ -19,15 +19,16 @@ FREE = (  # names that are chosen freely, or that other parts of the configurati
     *(f"{name}" for name in (*ROWS, "methods")),
     *(f"folds.{study}" for study in PARAMS["folds"]),
     *(f"methods.{group}" for group in PARAMS["methods"]),
+    "report.methods",
     *("online.exports", "online.promises", "situations.simulated", "recording.scenes"),
-    *("mirrors.juelich.inside", "literature.published.*.errors_m", "page.replays"),
+    *("mirrors.juelich.inside", "report.published.*.errors_m", "report.page.replays"),
     *(
-        "paper.ade_m",
-        "paper.ade_m.sim",
-        "paper.ade_m.real",
-        "paper.remarks",
-        "paper.at",
-        "paper.expectations",
+        "report.paper.ade_m",
+        "report.paper.ade_m.sim",
+        "report.paper.ade_m.real",
+        "report.paper.remarks",
+        "report.paper.at",
+        "report.paper.expectations",
     ),
 )
 NO_NUMBERS = ("x", True, None, [], [1.0, 2.0, 3.0], {}, math.nan, math.inf, -math.inf)

@@ -24,7 +24,6 @@ from tqdm import tqdm
 from pedpred.config import config_errors, plain, read_params
 from pedpred.errors import ConfigError
 from pedpred.files import check_output, write_json, write_text
-from pedpred.forecasting import Methods
 from pedpred.report.ablation import (
     Ablation,
     ablation_figure,
@@ -35,6 +34,7 @@ from pedpred.report.ablation import (
     steps_until,
 )
 from pedpred.report.canvas import write_png
+from pedpred.report.methods import Methods
 
 PATIENCE_S = 2.0  # between two looks at the queue
 _LOOKS = 30  # until workers are started again, in case that one has died: DVC starts only missing ones
@@ -131,7 +131,8 @@ def main() -> None:
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
     references = reproduced(ablation, experiments, options.jobs)
     rows = point_rows(ablation, measures(ablation, references))
-    methods = Methods.parse(plain(read_params(Path()).methods))
+    params = plain(read_params(Path()))
+    methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
     tables = [ablation_table(ablation, rows, methods)]
     if ablation.curves:
         tables.append(steps_table(ablation, steps_until(ablation, learning(ablation, references)), methods))

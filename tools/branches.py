@@ -13,12 +13,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import networkx as nx
-from dvc.repo import Repo
-from dvc.scm import SCMError
 from omegaconf import DictConfig
 
 from pedpred.config import read_params
-from pedpred.errors import FileError, user_errors
+from pedpred.errors import user_errors
+from tools.staleness import pipeline
 
 SHARED = ("ingest", "simulate", "situations_simulated", "situations_real")
 """Stages that several branches need."""
@@ -32,17 +31,9 @@ def branches(params: DictConfig) -> dict[str, list[str]]:
     }
 
 
-def pipeline(folder: Path) -> nx.DiGraph:
-    """Names of the stages, each with an edge to every one that it needs.
-
-    Raises:
-        FileError: DVC looks for a git history, and there is none.
-    """
-    try:
-        graph = Repo(str(folder)).index.graph
-    except SCMError as error:
-        raise FileError(folder, "", str(error), "`make setup` lets DVC do without") from error
-    return nx.relabel_nodes(graph, {stage: stage.name for stage in graph})
+def stage_names(folder: Path) -> nx.DiGraph:
+    """Names of the stages, each with an edge to every one that it needs."""
+    return nx.relabel_nodes(pipeline(folder), lambda stage: stage.name)
 
 
 def needed(graph: nx.DiGraph, targets: Iterable[str]) -> list[str]:
@@ -55,7 +46,8 @@ def needed(graph: nx.DiGraph, targets: Iterable[str]) -> list[str]:
 @user_errors()
 def main() -> None:
     """Run what the branches share, then all branches; lines of their output alternate."""
-    graph, command = pipeline(Path()), ["dvc", "--wait-for-lock", "repro", "--keep-going", "--single-item"]
+    graph = stage_names(Path())
+    command = ["dvc", "--wait-for-lock", "repro", "--keep-going", "--single-item"]
     shared = needed(graph, SHARED)
     subprocess.run([*command, *shared], check=False)
     running = []

@@ -98,7 +98,8 @@ class Judgement:
     def __init__(self, folder: Path, params: DictConfig):
         self.folder, self.params = folder, params
         self.origin = read_origin(folder)
-        self.settings = parsed(EvaluationSettings, plain(params.evaluation))
+        resampling = {key: params.comparison[key] for key in ("bootstrap", "seed")}
+        self.settings = parsed(EvaluationSettings, plain(params.evaluation) | resampling)
         self.promises = {place: Promise(**own) for place, own in plain(params.online.promises).items()}
 
     def places(self) -> dict[str, Path]:

@@ -18,7 +18,7 @@ from typing import Any
 from pedpred.config import config_errors, plain, read_params
 from pedpred.errors import StorageError
 from pedpred.files import atomic_write, read_json
-from pedpred.forecasting import Methods
+from pedpred.report.methods import Methods
 
 Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """Place -> method -> metrics, as in reports/metrics."""
@@ -140,7 +140,8 @@ def pages(root: Path) -> dict[Path, str]:
     if without := lacking(params["folds"], studies):
         logging.warning("the tables stay as they are: there are no figures of %s", ", ".join(without))
         return {}
-    tables = tables_from(studies, Methods.parse(params["methods"]))
+    methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
+    tables = tables_from(studies, methods)
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
     return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}
 

@@ -2,34 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.baselines.social_force import social_force
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_choice
-from pedpred.forecasting import Forecaster, Method
+from pedpred.forecasting import Forecaster
 
 BASELINES: dict[str, Callable[..., Forecaster]] = {**PRESENT_MOTION, "social_force": social_force}
 """Name -> factory, called with the settings of a row. The row names it by its key or as `baseline`."""
 
 
-def baselines(rows: Iterable[Method]) -> dict[str, Forecaster]:
-    """Make the forecasters of some rows, in their order.
+def baseline(key: str, settings: Mapping[str, Any]) -> Forecaster:
+    """Make the forecaster of a row.
+
+    Args:
+        key: of the row.
+        settings: of the row.
 
     Raises:
-        ValueRuleError: a row's baseline or one of its settings is unknown.
+        ValueRuleError: the row's baseline or one of its settings is unknown.
     """
-    return {row.key: _made(row) for row in rows}
-
-
-def _made(row: Method) -> Forecaster:
-    settings = dict(row.settings)
-    name = settings.pop("baseline", row.key)
-    check_choice(f"{row.key}.settings.baseline", name, sorted(BASELINES))
+    options = dict(settings)
+    name = options.pop("baseline", key)
+    check_choice(f"{key}.settings.baseline", name, sorted(BASELINES))
     try:
-        return BASELINES[name](**settings)
+        return BASELINES[name](**options)
     except ValueRuleError as cause:
-        raise ValueRuleError(f"{row.key}.settings.{cause.field}", cause.value, cause.rule) from cause
+        raise ValueRuleError(f"{key}.settings.{cause.field}", cause.value, cause.rule) from cause
     except TypeError as cause:
-        raise ValueRuleError(f"{row.key}.settings", dict(row.settings), str(cause)) from cause
+        raise ValueRuleError(f"{key}.settings", dict(settings), str(cause)) from cause

@@ -1,24 +1,36 @@
-"""One scene, all forecasters, the same windows."""
+"""One scene, some forecasters, the same windows."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.evaluation.scores import EvaluationSettings, Scores, metric_scene, score, true_paths
-from pedpred.evaluation.windows import count_without_truth, windows_of
+from pedpred.evaluation.forecasts import EvaluationWindows, write_windows
+from pedpred.evaluation.scores import (
+    MetricSettings,
+    Scores,
+    metric_scene,
+    score,
+    true_paths,
+    write_scores,
+)
+from pedpred.evaluation.windows import count_without_truth, window_request, windows_of
+from pedpred.features import ForecastProtocol
+from pedpred.features.perception import Perception
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.models.lstm.features import LstmFeatures
+from pedpred.simulation.settings import SocialForceSettings
+from pedpred.storage.scenes import read_scene
 
 
 def compare(
     request: ForecastRequest,
     forecasters: Mapping[str, Forecaster],
-    settings: EvaluationSettings,
+    settings: MetricSettings,
     shown: LstmFeatures | None = None,
 ) -> tuple[EvaluationWindows, dict[str, Scores]]:
     """Forecast and measure all evaluation windows of a scene.
@@ -40,8 +52,11 @@ def compare(
     predictions = {method: forecast(asked) for method, forecast in forecasters.items()}
     windows, truth = asked.asked, true_paths(asked.asked, asked.sizes.dt_s)
     scene = metric_scene(windows, request.scene.occupancy, settings)
+    noncausal = request.sizes.noncausal
     scores = {
-        method: replace(score(own, truth, windows.track_id, scene), without_truth=without_truth)
+        method: replace(
+            score(own, truth, windows.track_id, scene), without_truth=without_truth, noncausal=noncausal
+        )
         for method, own in predictions.items()
     }
     collected = EvaluationWindows(
@@ -72,3 +87,47 @@ def _grids(request: ForecastRequest, shown: LstmFeatures | None) -> dict[str, An
         "grid_resolution_m": sizes.grid_resolution_m,
         "max_range_m": sizes.max_range_m,
     }
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What the scenes of a test set are forecast with.
+
+    Attributes:
+        method: its key.
+        forecaster: of the method.
+        how: how people are perceived.
+        protocol: time step, horizon, ages.
+        social_force: the model of walking there.
+        settings: of the metrics.
+        memory: the forecaster reads the steps of a clock, see `window_request`.
+        shown: grids that the forecaster reads, for pictures; None: it reads none.
+    """
+
+    method: str
+    forecaster: Forecaster
+    how: Perception
+    protocol: ForecastProtocol
+    social_force: SocialForceSettings
+    settings: MetricSettings
+    memory: bool = False
+    shown: LstmFeatures | None = None
+
+
+def evaluate_scene(folder: Path, trial: Trial, forecasts: Path, scores: Path) -> None:
+    """Forecast all windows of a scene, write <scene>.parquet into both folders; nothing without recording.
+
+    Args:
+        folder: of the scene.
+        trial: what it is forecast with.
+        forecasts: folder of the windows with their forecasts.
+        scores: folder of the scores.
+    """
+    scene = read_scene(folder)
+    if scene.unavailable is not None:
+        return
+    request = window_request(scene, trial.how, trial.protocol, trial.social_force, trial.memory)
+    forecasters = {trial.method: trial.forecaster}
+    windows, measured = compare(request, forecasters, trial.settings, trial.shown)
+    write_windows(windows, forecasts / f"{scene.name}.parquet")
+    write_scores(measured[trial.method], scores / f"{scene.name}.parquet")

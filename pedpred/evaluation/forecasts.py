@@ -1,8 +1,9 @@
-"""Evaluation windows of one scene with the predictions of every method."""
+"""Evaluation windows of one scene with the predictions of some methods."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pedpred.errors import ShapeError, StorageError
+from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.geometry import rotate
 from pedpred.scenes import Predictions
@@ -19,6 +20,7 @@ from pedpred.storage.columns import PAIRS, join_pairs, read_about, read_columns,
 
 _POINT, _MODES, _WEIGHT, _COVARIANCE = "point_", "modes_", "weight_", "covariance_"
 _PLAIN = ("track_id", "time_s", "position", "heading_rad", "velocity")
+_GRIDS = {"grid": "packed_grid", "angular_grid": "angular_grid_m"}  # column -> field
 SIZES = ("dt_s", "grid_cells", "grid_resolution_m", "max_range_m")
 _REMEDY = "Evaluate again"
 
@@ -33,9 +35,10 @@ class EvaluationWindows:
         position: tracked, world frame, m. [W, 2]
         heading_rad: counter-clockwise from world x. [W]
         velocity: tracked, agent frame (forward, left), m/s. [W, 2]
-        packed_grid: bits of the obstacle grid, little end first. [W, bytes] uint8
+        packed_grid: bits of the obstacle grid, little end first; no columns where nobody reads it.
+            [W, bytes] uint8
         angular_grid_m: distance of the nearest pedestrian per cone, counted counter-clockwise
-            from the heading; `max_range_m` is empty. [W, C]
+            from the heading; `max_range_m` is empty; no columns likewise. [W, C]
         truth: true positions, world frame, m. [W, P, 2]
         predictions: of each method, world frame. {method: [W]}
         dt_s: time between two steps, s.
@@ -94,8 +97,7 @@ def write_windows(windows: EvaluationWindows, path: Path) -> None:
     """Write windows as Parquet; predicted and true positions become float32, sizes file metadata."""
     columns = {
         **split_pairs({name: getattr(windows, name) for name in _PLAIN}),
-        "grid": windows.packed_grid,
-        "angular_grid": windows.angular_grid_m,
+        **{name: own for name, field in _GRIDS.items() if (own := getattr(windows, field)).shape[1]},
         "truth": windows.truth.astype(np.float32),
     }
     modes = {}
@@ -124,7 +126,7 @@ def read_windows(path: Path) -> EvaluationWindows:
         shapes: dict[str, tuple[int, ...]] = {
             name: () for field in _PLAIN for name in PAIRS.get(field, (field,))
         }
-        shapes |= {"grid": (-1,), "angular_grid": (-1,), "truth": (steps, 2)}
+        shapes |= {name: (-1,) for name in _GRIDS if name in types} | {"truth": (steps, 2)}
         for method in (name.removeprefix(_POINT) for name in types if name.startswith(_POINT)):
             shapes |= _prediction_shapes(method, modes.get(method, 1), steps, types)
         columns = join_pairs(read_columns(path, shapes))
@@ -132,12 +134,55 @@ def read_windows(path: Path) -> EvaluationWindows:
         plain: dict[str, Any] = {name: columns[name] for name in _PLAIN}
         return EvaluationWindows(
             **plain,
-            packed_grid=columns["grid"],
-            angular_grid_m=columns["angular_grid"],
+            packed_grid=columns.get("grid", np.zeros((len(columns["truth"]), 0), np.uint8)),
+            angular_grid_m=columns.get("angular_grid", np.zeros((len(columns["truth"]), 0), np.float32)),
             truth=columns["truth"].astype(np.float64),
             predictions={method: _predictions(method, columns, sizes["dt_s"]) for method in methods},
             **sizes,
         )
+
+
+def read_forecasts(
+    root: Path, networks: str, at: str, methods: Iterable[str], scene: str = "*"
+) -> dict[str, EvaluationWindows]:
+    """Read what some methods forecast in the scenes of a test set.
+
+    Args:
+        root: the project's folder.
+        networks: folder of the networks that are tested there, below data/forecasts.
+        at: the test set, kind/name.
+        methods: their keys, in the order of the predictions; what was not forecast is left out.
+        scene: its name, or a pattern.
+
+    Raises:
+        StorageError: a file cannot be read.
+        ValueRuleError: two methods forecast different windows.
+    """
+    parts: dict[str, list[EvaluationWindows]] = {}
+    for method in methods:
+        for group in ("baselines", networks):
+            for path in sorted((root / "data/forecasts" / group / method / at).glob(f"{scene}.parquet")):
+                parts.setdefault(path.stem, []).append(read_windows(path))
+    return {name: join_windows(own) for name, own in parts.items()}
+
+
+def join_windows(parts: Sequence[EvaluationWindows]) -> EvaluationWindows:
+    """Put the predictions of the same windows together, and the grids of the first part that has them.
+
+    Args:
+        parts: at least one.
+
+    Raises:
+        ValueRuleError: two parts are about other windows.
+    """
+    for part in parts:
+        for name in ("track_id", "time_s"):
+            if not np.array_equal(getattr(part, name), getattr(parts[0], name)):
+                raise ValueRuleError(
+                    name, list(part.predictions), "all methods must forecast the same windows"
+                )
+    predictions = {method: own for part in parts for method, own in part.predictions.items()}
+    return replace(max(parts, key=lambda part: part.packed_grid.shape[1]), predictions=predictions)
 
 
 def _prediction_shapes(

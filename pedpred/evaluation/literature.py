@@ -7,19 +7,16 @@ at the last. The networks do not take part: they forecast 3 s, 0.3 s by 0.3 s.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.evaluation.scores import EvaluationSettings, metric_scene, score
-from pedpred.evaluation.summary import Figures, summaries
+from pedpred.evaluation.scores import MetricSettings, Scores, metric_scene, score
 from pedpred.features import FeatureTable, ForecastProtocol
 from pedpred.features.surroundings import last_differences
-from pedpred.fields import Range, check_ranges, parsed
+from pedpred.fields import check_ranges
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.metrics import METRICS
 from pedpred.scenes import Scene, Trajectories
@@ -29,54 +26,23 @@ _METRICS = {key: METRICS[key] for key in ("ade_m", "fde_m")}
 _TOLERANCE_S = 1e-3
 
 
-@dataclass(frozen=True)
-class PublishedRow:
-    """Errors that others published under the protocol.
-
-    Attributes:
-        name: of their method.
-        errors_m: place -> (ADE, FDE).
-        remark: how theirs was measured.
-    """
-
-    name: str
-    errors_m: Mapping[str, Range]
-    remark: str
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"errors_m": "(0, 1000]"})
-
-
 @dataclass(frozen=True, kw_only=True)
 class LiteratureSettings:
-    """The protocol's places and windows, and what others published.
+    """The windows of the protocol.
 
     Attributes:
-        places: their names.
         observed_steps: annotations that are seen.
         predicted_steps: annotations that are forecast.
         step_s: time between two of them.
-        bootstrap: replicates, see `EvaluationSettings`.
-        seed: of the bootstrap.
-        published: rows of other publications.
     """
 
-    places: tuple[str, ...]
     observed_steps: int
     predicted_steps: int
     step_s: float
-    bootstrap: int
-    seed: int
-    published: tuple[PublishedRow, ...] = field(default=(), metadata={"each": partial(parsed, PublishedRow)})
 
     def __post_init__(self) -> None:
         check_ranges(self, {"observed_steps": "[2, 10000]", "predicted_steps": "[1, 10000]"})
         check_ranges(self, {"step_s": "(0, 60]"})
-        self.resampling()
-
-    def resampling(self) -> EvaluationSettings:
-        """Settings of the intervals."""
-        return EvaluationSettings(bootstrap=self.bootstrap, seed=self.seed)
 
 
 @dataclass(frozen=True)
@@ -153,21 +119,16 @@ def request_about(scene: Scene, found: Stretches, tracker: KalmanSettings) -> Fo
     )
 
 
-def literature_figures(
-    request: ForecastRequest,
-    found: Stretches,
-    forecasters: Mapping[str, Forecaster],
-    reference: str,
-    settings: EvaluationSettings,
-) -> Figures:
-    """Measure forecasters in all windows of a place.
+def literature_scores(
+    request: ForecastRequest, found: Stretches, forecaster: Forecaster, settings: MetricSettings
+) -> Scores:
+    """Measure a forecaster in all windows of a place.
 
     Args:
         request: about the windows; see `request_about`.
         found: the windows.
-        forecasters: by method.
-        reference: the method that differences are taken to.
-        settings: of the bootstrap.
+        forecaster: any of present motion.
+        settings: thresholds of the metrics.
 
     Raises:
         ValueRuleError: there are no windows.
@@ -175,8 +136,4 @@ def literature_figures(
     if not len(found.track):
         raise ValueRuleError("windows", 0, "there must be full windows to measure")
     scene = metric_scene(request.table, request.scene.occupancy, settings)
-    scores = {
-        method: score(forecast(request), found.truth, found.track, scene, _METRICS)
-        for method, forecast in forecasters.items()
-    }
-    return summaries(scores, reference, settings)
+    return score(forecaster(request), found.truth, found.track, scene, _METRICS)

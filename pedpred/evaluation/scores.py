@@ -4,24 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
+from pedpred.errors import StorageError, ValueRuleError
 from pedpred.features import FeatureTable
 from pedpred.fields import LARGEST_SEED, check_ranges
+from pedpred.files import translate_errors
 from pedpred.geometry import rotate
 from pedpred.metrics import METRICS, Metric, MetricScene
 from pedpred.metrics.calibration import mixture_nll, share_inside
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import OccupancyMap, Predictions
+from pedpred.storage.columns import column_names, read_about, read_columns, write_columns
 
 _PER_STEP = ("error_m", "inside", "nll")
+_METRIC = "metric_"
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluationSettings:
-    """Choice of modes, thresholds of the metrics and size of the bootstrap; defaults: published figures.
+class MetricSettings:
+    """Choices of forecasters and thresholds of the metrics; defaults: published figures.
 
     Attributes:
         together: networks choose the modes of people who are present together.
@@ -29,8 +34,6 @@ class EvaluationSettings:
         moving_mps: slower people count as standing.
         collision_m: people forecast nearer than this at the same step collide.
         miss_m: a forecast whose last position is farther off than this is a miss.
-        bootstrap: replicates.
-        seed: of the bootstrap.
     """
 
     together: bool = True
@@ -38,12 +41,34 @@ class EvaluationSettings:
     moving_mps: float = 0.3
     collision_m: float = 0.2
     miss_m: float = 2.0
+
+    def __post_init__(self) -> None:
+        check_ranges(self, dict.fromkeys(("moving_mps", "collision_m", "miss_m"), "(0, 1e6]"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resampling:
+    """Size of the bootstrap behind intervals.
+
+    Attributes:
+        bootstrap: replicates.
+        seed: of the bootstrap.
+    """
+
     bootstrap: int = 1000
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("moving_mps", "collision_m", "miss_m"), "(0, 1e6]"))
         check_ranges(self, {"bootstrap": "[1, 100000]", "seed": f"[0, {LARGEST_SEED}]"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationSettings(MetricSettings, Resampling):
+    """How forecasters are measured and compared at once."""
+
+    def __post_init__(self) -> None:
+        MetricSettings.__post_init__(self)
+        Resampling.__post_init__(self)
 
 
 @dataclass(frozen=True)
@@ -58,6 +83,7 @@ class Scores:
             [W, P] or [W, 0]
         nll: negative log likelihood of the truth, nats; no columns likewise. [W, P] or [W, 0]
         without_truth: number of detections that are no windows because their truth has gaps.
+        noncausal: the inputs knew the future.
     """
 
     track: np.ndarray
@@ -66,6 +92,7 @@ class Scores:
     inside: np.ndarray
     nll: np.ndarray
     without_truth: int = 0
+    noncausal: bool = False
 
 
 def true_paths(windows: FeatureTable, dt_s: float) -> np.ndarray:
@@ -74,7 +101,7 @@ def true_paths(windows: FeatureTable, dt_s: float) -> np.ndarray:
     return windows.position[:, None] + rotate(walked, windows.heading_rad[:, None])
 
 
-def metric_scene(windows: FeatureTable, occupancy: OccupancyMap, settings: EvaluationSettings) -> MetricScene:
+def metric_scene(windows: FeatureTable, occupancy: OccupancyMap, settings: MetricSettings) -> MetricScene:
     """Collect what metrics know of a scene besides predictions and truth.
 
     Args:
@@ -147,4 +174,28 @@ def pooled(scores: Sequence[Scores]) -> Scores:
     values = {key: np.concatenate([part.values[key] for part in scores]) for key in scores[0].values}
     per_step = {name: np.concatenate([getattr(part, name) for part in scores]) for name in _PER_STEP}
     without_truth = sum(part.without_truth for part in scores)
-    return Scores(np.concatenate(track), values, **per_step, without_truth=without_truth)
+    noncausal = any(part.noncausal for part in scores)
+    return Scores(np.concatenate(track), values, **per_step, without_truth=without_truth, noncausal=noncausal)
+
+
+def write_scores(scores: Scores, path: Path) -> None:
+    """Write the scores of one method in one scene as Parquet, without rounding."""
+    columns = {"track": scores.track, **{_METRIC + key: values for key, values in scores.values.items()}}
+    columns |= {name: steps for name in _PER_STEP if (steps := getattr(scores, name)).shape[1]}
+    write_columns(columns, path, {"without_truth": scores.without_truth, "noncausal": scores.noncausal})
+
+
+def read_scores(path: Path) -> Scores:
+    """Read the scores of one method in one scene.
+
+    Raises:
+        StorageError: the file cannot be read, or a column is missing; it is named.
+    """
+    names, about = column_names(path), read_about(path)
+    shapes = {name: (-1,) if name in _PER_STEP else () for name in names}
+    columns = read_columns(path, {"track": (), "error_m": (-1,), **shapes})
+    none = np.zeros((len(columns["track"]), 0))
+    values = {name.removeprefix(_METRIC): columns[name] for name in names if name.startswith(_METRIC)}
+    error_m, inside, nll = (columns.get(name, none) for name in _PER_STEP)
+    with translate_errors(partial(StorageError, path, "schema", remedy="Evaluate again")):
+        return Scores(columns["track"], values, error_m, inside, nll, **about)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.evaluation.scores import EvaluationSettings, Scores, pooled
+from pedpred.evaluation.scores import Resampling, Scores, pooled
 from pedpred.metrics.calibration import REGIONS, coverage
 
 _DIGITS = 5
@@ -65,8 +65,7 @@ def figures(
     test: str,
     scores: Mapping[str, Mapping[str, Scores]],
     reference: str,
-    settings: EvaluationSettings,
-    noncausal: bool = False,
+    settings: Resampling,
 ) -> dict[str, Figures]:
     """Make the metric entries of a test set: all scenes pooled, and each one when there are several.
 
@@ -75,20 +74,15 @@ def figures(
         scores: scene name -> method -> scores.
         reference: the method that differences are taken to.
         settings: of the bootstrap.
-        noncausal: the inputs knew the future; every entry is marked.
     """
     methods = next(iter(scores.values()))
     pools = {test: {m: pooled([s[m] for s in scores.values()]) for m in methods}}
     if len(scores) > 1:
         pools |= {f"{test}_{name}": dict(own) for name, own in scores.items()}
-    mark = {"noncausal": True} if noncausal else {}
-    return {
-        entry: {m: mark | values for m, values in summaries(pool, reference, settings).items()}
-        for entry, pool in pools.items()
-    }
+    return {entry: summaries(pool, reference, settings) for entry, pool in pools.items()}
 
 
-def summaries(pool: Mapping[str, Scores], reference: str, settings: EvaluationSettings) -> Figures:
+def summaries(pool: Mapping[str, Scores], reference: str, settings: Resampling) -> Figures:
     """Summarise all methods in the same windows.
 
     Args:
@@ -103,7 +97,7 @@ def summaries(pool: Mapping[str, Scores], reference: str, settings: EvaluationSe
 
 def _summary(scores: Scores, reference: Scores, resampling: TrackBootstrap) -> dict[str, Any]:
     """Summarise one method; a metric that applies to no window is left out, differences are paired."""
-    values: dict[str, Any] = {}
+    values: dict[str, Any] = {"noncausal": True} if scores.noncausal else {}
     for key, own in scores.values.items():
         for name, each in ((key, own), (f"{key}_minus_reference", own - reference.values[key])):
             valid = ~np.isnan(each)
@@ -130,6 +124,8 @@ def _per_step(scores: Scores) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     """Round to plain JSON numbers, so that a metric file can be read and compared; None where it is none."""
+    if isinstance(value, bool):
+        return value
     if isinstance(value, (int, np.integer)):
         return int(value)
     rounded = np.round(np.asarray(value, dtype=np.float64), _DIGITS)

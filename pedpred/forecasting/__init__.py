@@ -1,6 +1,6 @@
-"""The contract of all forecasters: the request, the forecaster type and the table of methods."""
+"""The contract of all forecasters: the request, the forecaster type and rows of methods."""
 
-from pedpred.forecasting.methods import Method, Methods
+from pedpred.forecasting.methods import MethodRow
 from pedpred.forecasting.request import Forecaster, ForecastRequest
 
-__all__ = ["ForecastRequest", "Forecaster", "Method", "Methods"]
+__all__ = ["ForecastRequest", "Forecaster", "MethodRow"]

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 
 from pedpred.errors import FileError, ValueRuleError
 from pedpred.files import read_yaml, translate_errors
-from pedpred.forecasting import Methods
 from pedpred.plain import parse_json
 from pedpred.report.canvas import blank, styled
 from pedpred.report.document import Picture, Pictures, Section, markdown_table
+from pedpred.report.methods import Methods
 from pedpred.report.tables import interval
 
 _SPREAD = "mean ± standard deviation"

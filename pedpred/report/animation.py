@@ -16,8 +16,8 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.fields import check_ranges
 from pedpred.files import atomic_write
-from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import FAINT, INK, OBSTACLE
+from pedpred.report.methods import Method, Methods
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.scenes import Scene, Trajectories
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from pedpred.forecasting import Methods
 from pedpred.report.measures import Figures
+from pedpred.report.methods import Methods
 
 _BOXES = (800.0, 300.0)
 _TICKS = MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])

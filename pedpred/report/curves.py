@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from pedpred.errors import StorageError
 from pedpred.files import translate_errors
-from pedpred.forecasting import Methods
 from pedpred.report.canvas import INK, blank, styled
+from pedpred.report.methods import Methods
 
 _SCORES = {"validation_ade_m": "validation ADE [m]", "validation_iou": "validation IoU"}
 

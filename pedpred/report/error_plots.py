@@ -13,11 +13,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.forecasting import Methods
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside, shown_steps
 from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.charts import ends_of, scale_of
 from pedpred.report.measures import Result
+from pedpred.report.methods import Methods
 
 _READING = "below the dashed line: overconfident,\nabove it: underconfident"
 _SHARES = np.linspace(0.0, 0.99, 100)

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
-from pedpred.forecasting import Methods
 from pedpred.report.document import NOTHING
 from pedpred.report.measures import Figures, Result
+from pedpred.report.methods import Methods
 
 Verdict = Literal["met", "missed", "not measured"]
 _KINDS = ("below", "gains", "ratio_at_most", "ratio_at_least")

@@ -10,7 +10,6 @@ import pandas as pd
 
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.forecasting import Methods
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.report.charts import box_plot
 from pedpred.report.curves import training_figure
@@ -18,6 +17,7 @@ from pedpred.report.document import Picture, Pictures, Section, Text
 from pedpred.report.error_plots import calibration_figure, horizon_figure, with_covariances
 from pedpred.report.instants import Instant, before_obstacle, choose, mutual_avoidance
 from pedpred.report.measures import Result
+from pedpred.report.methods import Methods
 from pedpred.report.plan import arrangement_figure, contact_sheet
 from pedpred.report.reconstructions import reconstructions_section
 from pedpred.report.sections import calibration_section

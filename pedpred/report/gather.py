@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import StorageError, ValueRuleError
-from pedpred.evaluation.forecasts import read_windows
-from pedpred.forecasting import Methods
+from pedpred.evaluation.forecasts import EvaluationWindows, read_forecasts
 from pedpred.models.lstm.autoencoder import read_autoencoder
 from pedpred.report.curves import read_curve
 from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
 from pedpred.report.gallery import Evaluated
 from pedpred.report.measures import read_metrics, results_of
+from pedpred.report.methods import Methods
 from pedpred.report.sections import (
     READING,
     answer_section,
@@ -64,12 +64,16 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
         for name, scenes in sets.items()
         if all(scene.unavailable for scene in scenes)
     }
-    forecasts = sorted((root / "data/forecasts" / study).glob("*/*.parquet"), key=lambda path: path.stem)
-    if not forecasts and any(name not in missing for name in named):
-        raise StorageError(root / "data/forecasts" / study, "forecasts", "there are none")
-    windows = {path.stem: read_windows(path) for path in forecasts}
-    dt_s = next((own.dt_s for own in windows.values()), 0.0)
     metrics = read_metrics(root / f"reports/metrics/{study}.json")
+    windows: dict[str, EvaluationWindows] = {}
+    for name, fold in folds.items():
+        networks = f"folds/{name}" if "train" in fold else "main"
+        for at in fold["test"]:
+            windows |= read_forecasts(root, networks, at, metrics.get(at.split("/")[1], {}))
+    windows = {scene: windows[scene] for scene in sorted(windows)}
+    if not windows and any(name not in missing for name in named):
+        raise StorageError(root / "data/forecasts", "forecasts", f"there are none of the study {study}")
+    dt_s = next((own.dt_s for own in windows.values()), 0.0)
     results = results_of(metrics, folds.values(), study, dt_s, [f"{kind}/{name}" for name in missing])
     tested = [result.name for result in results]
     scenes = {name: sets[name] for name in [*tested, *sets] if name not in missing}

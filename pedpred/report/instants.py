@@ -17,7 +17,7 @@ from scipy.ndimage import distance_transform_edt
 
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.forecasting import Method, Methods
+from pedpred.report.methods import Method, Methods
 from pedpred.scenes import OccupancyMap, Scene
 
 MOVING_MPS = 0.3

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from pedpred.forecasting import Method, Methods
 from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
 from pedpred.report.gallery import Evaluated
 from pedpred.report.measures import Result
+from pedpred.report.methods import Method, Methods
 from pedpred.report.sections import warnings
 from pedpred.report.tables import interval, metric_cell, metric_title
 from pedpred.report.walls import (
@@ -95,7 +95,7 @@ def ratios_table(studies: Studies, methods: Methods) -> Table:
         cells = [Cell(name), metric_cell(f"{study}.{name}", key, "ade_m", base, shown=True)]
         for method, any_of in columns:
             _, own = _entry(studies, name, method, any_of)
-            if not own:
+            if not own or not base_m:  # nothing relates to an exact forecast
                 cells.append(Cell(NOTHING))
                 continue
             ratio = own["ade_m"] / base_m
@@ -166,12 +166,15 @@ def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
 
 
 def _gains(evaluated: Sequence[Evaluated], methods: Methods) -> Pictures:
+    """The picture of gains; none where nothing has a gain."""
     main, straight = methods.main, methods.simple[0]
     found = [
         gain
         for own in evaluated
         for gain in gains(own.results, _trained(own.study, own.results), methods, main)
     ]
+    if not found:
+        return Pictures([])
     where = STAND_IN if any(own.stand_ins for own in evaluated) else "real places"
     caption = (
         f"ADE of the {main.label} relative to the best simple method, over the share of {straight.label}'s "

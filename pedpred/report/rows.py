@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from pedpred.fields import check_ranges, parsed, parsed_each
+from pedpred.fields import Range, check_ranges, parsed, parsed_each
 from pedpred.report.animation import Animation
 
 
@@ -65,10 +65,10 @@ class OnlineRows:
 
 @dataclass(frozen=True)
 class SceneRow(Texts):
-    """A recorded scene, and the fold whose forecasts are shown in it."""
+    """A recorded scene, and the networks whose forecasts are shown in it."""
 
     scene: str
-    fold: str
+    networks: str
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,39 @@ class RecordingRows(Texts):
 
 
 @dataclass(frozen=True)
+class Reference(Texts):
+    """The method that differences are taken to."""
+
+    reference: str
+
+
+@dataclass(frozen=True)
 class ReplayRows(Texts):
     """Scenes of each study that the page replays."""
 
     replays: Mapping[str, Sequence[str]]
+
+
+@dataclass(frozen=True)
+class PublishedRow:
+    """Errors that others published under the protocol of `pedpred.evaluation.literature`.
+
+    Attributes:
+        name: of their method.
+        errors_m: place -> (ADE, FDE).
+        remark: how theirs was measured.
+    """
+
+    name: str
+    errors_m: Mapping[str, Range]
+    remark: str
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"errors_m": "(0, 1000]"})
+
+
+@dataclass(frozen=True)
+class PublishedRows:
+    """What others published."""
+
+    published: Sequence[PublishedRow] = field(metadata={"each": partial(parsed, PublishedRow)})

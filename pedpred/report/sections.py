@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from pedpred.forecasting import Methods
 from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
 from pedpred.report.findings import Paper, findings, in_the_noise, percent_better, summed_up
 from pedpred.report.measures import Figures, Result
+from pedpred.report.methods import Methods
 from pedpred.report.tables import (
     calibration_table,
     findings_table,

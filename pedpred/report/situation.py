@@ -13,10 +13,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.forecasting import Method
 from pedpred.metrics.calibration import shown_steps
 from pedpred.report.canvas import INK
 from pedpred.report.instants import Instant
+from pedpred.report.methods import Method
 from pedpred.report.regions import region
 from pedpred.scenes import Scene, Trajectories
 

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import FAINT, INK, OBSTACLE, blank, styled
 from pedpred.report.instants import Instant
+from pedpred.report.methods import Method, Methods
 from pedpred.report.plan import draw_ground, extent_around, obstacle_image, quarter_turns_of, turned
 from pedpred.report.situation import draw_situation, legend_handles
 from pedpred.scenes import Scene

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pedpred.forecasting import Methods
 from pedpred.metrics import METRICS
 from pedpred.metrics.calibration import REGIONS, shown_steps
 from pedpred.report.charts import whiskers
 from pedpred.report.document import NOTHING, Cell, Row, Table
 from pedpred.report.findings import Finding
 from pedpred.report.measures import Figures, Result
+from pedpred.report.methods import Methods
 
 FIRST = (
     *("ade_m", "fde_m", "min_ade_m_k6", "moving_ade_m", "nll"),

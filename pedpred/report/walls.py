@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.forecasting import Method, Methods
 from pedpred.report.canvas import FAINT, INK, blank, styled
 from pedpred.report.instants import Instant
 from pedpred.report.measures import Figures, Result
+from pedpred.report.methods import Method, Methods
 from pedpred.report.plan import draw_ground
 from pedpred.report.situation import draw_situation, legend_handles, reading_of_modes
 from pedpred.scenes import Scene
@@ -108,7 +108,10 @@ def best_simple(figures: Figures, methods: Methods) -> str:
 
 
 def gains(results: Iterable[Result], group: str, methods: Methods, method: Method) -> list[Gain]:
-    """The gain of a method at each place, and in each single scene of a pooled test set."""
+    """The gain of a method at each place, and in each single scene of a pooled test set.
+
+    A place where the best simple method is exact, as made-up straight lines are, has no ratio and is left out.
+    """
     found = []
     for result in results:
         for name, figures in (result.parts or {result.name: result.figures}).items():
@@ -116,6 +119,8 @@ def gains(results: Iterable[Result], group: str, methods: Methods, method: Metho
                 continue
             own, straight = figures[method.key], figures[methods.simple[0].key]
             base_m = figures[best_simple(figures, methods)]["ade_m"]
+            if not base_m:
+                continue
             low, high = (end / base_m for end in own["ade_m_ci95"])
             share, ratio = straight["obstacle_share"], own["ade_m"] / base_m
             found.append(Gain(name, group, share, ratio, (low, high), not result.parts))

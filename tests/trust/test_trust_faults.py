@@ -59,7 +59,7 @@ def test_the_campaign_knows_the_order_of_the_stages():
     order = list(pipeline(ROOT))
     chain = [
         order.index(stage)
-        for stage in ("fetch@ewap", "features_real@eth", "evaluate_real@without_hotel", "page")
+        for stage in ("fetch@ewap", "features_real@eth", "evaluate_fold@lstm-without_hotel", "report")
     ]
     assert chain == sorted(chain)
 

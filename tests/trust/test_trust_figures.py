@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
-from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.literature import literature_figures, request_about, stretches
+from pedpred.evaluation import EvaluationSettings, summaries
+from pedpred.evaluation.literature import literature_scores, request_about, stretches
 from pedpred.tracking import KalmanSettings
 from tests.trust.figures import COMMITTED, TOLERANCE, measured, published
 from tests.worlds import recorded
@@ -31,8 +31,9 @@ def test_real_errors_are_the_published_ones(place, ewap_folder):
     steps = (literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
     found, tuned = stretches(scene.trajectories, *steps), PARAMS["trackers"][options["tracker"]]
     tracker = KalmanSettings(**{name: value for name, value in tuned.items() if name != "kind"})
-    request, methods = request_about(scene, found, tracker), {m: make() for m, make in PRESENT_MOTION.items()}
-    figures = literature_figures(request, found, methods, STRONGEST, EvaluationSettings(bootstrap=1))
+    request, how = request_about(scene, found, tracker), EvaluationSettings(bootstrap=1)
+    scores = {m: literature_scores(request, found, make(), how) for m, make in PRESENT_MOTION.items()}
+    figures = summaries(scores, STRONGEST, how)
     for method, own in figures.items():
         for name in ("ade_m", "fde_m"):
             assert own[name] == pytest.approx(published(place)[method][name], abs=2e-5)

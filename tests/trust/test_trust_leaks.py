@@ -112,10 +112,11 @@ def test_fine_tuning_reads_the_sets_of_its_fold_alone(fold, monkeypatch):
 def test_a_fold_is_tested_with_its_own_networks(fold):
     """Of other folds' networks, some have been trained on its test places."""
     own, others = f"models/folds/{fold}", "models/folds/"
-    tested = behind(f"data/metrics/real/{fold}.json")
-    assert {name for name in tested if name.startswith(others)} == {own}
-    (command,) = {stage.cmd for stage in makers(f"data/metrics/real/{fold}.json")}
-    assert f"+fold={fold} +networks={own}" in command
+    tested = behind(f"data/scores/folds/{fold}")
+    networks = {name for group in ("networks", "memoryless") for name in PARAMS["methods"][group]}
+    assert {name for name in tested if name.startswith(others)} == {f"{own}/{name}" for name in networks}
+    commands = {stage.cmd for stage in makers(f"data/scores/folds/{fold}")}
+    assert all(command.endswith(f"+networks=folds/{fold}") for command in commands)
 
 
 def test_no_two_places_are_one_recording():

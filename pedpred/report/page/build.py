@@ -13,13 +13,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.colors import to_hex, to_rgb
 
-from pedpred.forecasting import Methods
 from pedpred.report.canvas import avif_bytes
 from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
-from pedpred.report.gallery import Evaluated, gallery
+from pedpred.report.gallery import Evaluated
 from pedpred.report.gather import title_of
 from pedpred.report.measures import Figures
+from pedpred.report.methods import Methods
 from pedpred.report.page.player import Replay
 from pedpred.report.sections import (
     READING,
@@ -40,6 +40,7 @@ class Contents:
     """What the page is made of, in the order of the page."""
 
     evaluated: Sequence[Evaluated]  # by kind of test sets
+    galleries: Sequence[Sequence[Section]]  # the pictures of each
     replays: Sequence[Replay]  # the first one is shown first
     methods: Methods
     paper: Paper
@@ -61,7 +62,7 @@ def page(contents: Contents) -> str:
         keep_trailing_newline=True,
     )
     environment.filters |= {"strong": _strong, "picture": _picture}
-    result = contents.evaluated[0].results[0]
+    result = next(result for own in contents.evaluated for result in own.results)
     steps = max(len(own["per_step_m"]) for own in result.figures.values())
     return environment.get_template("page.html").render(
         sections=_sections(contents),
@@ -85,7 +86,8 @@ def _sections(contents: Contents) -> list[Section]:
         answer.append(section)
     answer += [Text(READING, "note"), Section("Expectations", [table], folded=True)]
     answer += parts_sections(results, methods)
-    galleries = {title_of(e): gallery(e, methods) for e in contents.evaluated}
+    titles = map(title_of, contents.evaluated)
+    galleries = dict(zip(titles, contents.galleries, strict=True))
     unnamed = [Section(t, [s for s in own if not s.name]) for t, own in galleries.items()]
     return [
         Section("The answer", answer, "answer"),

@@ -21,9 +21,9 @@ import numpy as np
 
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.fields import check_ranges
-from pedpred.forecasting import Methods
 from pedpred.models.lstm.features.grids import angular_grids, occupancy_crops
 from pedpred.report.animation import LONGEST_GAP, busiest_start
+from pedpred.report.methods import Methods
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
 from pedpred.scenes import OccupancyMap, Predictions, Scene
 

@@ -1,0 +1,124 @@
+"""How the compared methods are called, coloured and used in reports. Rows of `conf/report/methods.yaml`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pedpred.errors import ValueRuleError
+from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
+
+ROLES = ("baseline", "oracle", "bound", "ablation", "network", "other")
+"""baseline: simple and causal. oracle: knows the future goal. bound: what could be reached at best.
+ablation: the network `of` without one of its parts. network: a learned method; the last one listed is what
+reports are about. other: in tables and plots only, as is a method without a row."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One row.
+
+    Attributes:
+        key: its name in files, commands and configuration.
+        label: name in reports.
+        colour: of its lines, #RRGGBB.
+        role: one of `ROLES`.
+        of: key of the network that an ablation is compared with; empty for other roles.
+    """
+
+    key: str
+    label: str
+    colour: str = "#999999"
+    role: str = "other"
+    of: str = ""
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {})
+        if not re.fullmatch("#[0-9A-Fa-f]{6}", self.colour):
+            raise ValueRuleError("colour", self.colour, "it must be #RRGGBB")
+        check_choice("role", self.role, ROLES)
+        if (self.role == "ablation") != bool(self.of):
+            rule = "a method with the role ablation, and no other, names the network it is compared with"
+            raise ValueRuleError("of", self.of, rule)
+
+    @property
+    def learned(self) -> bool:
+        """Whether it has weights."""
+        return self.role in ("ablation", "network")
+
+
+@dataclass(frozen=True)
+class Methods:
+    """All rows, in the order of display; the method that reports are about comes last.
+
+    Attributes:
+        rows: of the methods.
+        reference: the strongest simple method, which others are compared with window by window.
+    """
+
+    rows: tuple[Method, ...]
+    reference: Method
+
+    def __post_init__(self) -> None:
+        networks = [row.key for row in self.networks]
+        if not networks:
+            raise ValueRuleError("methods", "network", "one method must have this role")
+        if self.reference not in self.simple:
+            raise ValueRuleError(
+                "reference", self.reference.key, "it must be a method with the role baseline"
+            )
+        for row in self.rows:
+            if row.of and row.of not in networks:
+                raise ValueRuleError(f"methods.{row.key}.of", row.of, f"the networks are {networks}")
+
+    @classmethod
+    def parse(cls, plain: Mapping[str, Mapping[str, Any]], reference: str) -> Methods:
+        """Build from plain dictionaries, key -> row.
+
+        Args:
+            plain: the rows.
+            reference: key of the method that differences are taken to.
+
+        Raises:
+            ValueRuleError: a field of a row is missing or unknown, or breaks its rule.
+        """
+        check_mapping("methods", plain)
+        rows: dict[str, Method] = {}
+        for key, row in plain.items():
+            check_mapping(f"methods.{key}", row)
+            rows[key] = parsed(Method, {**row, "key": key}, f"methods.{key}")
+        return cls(tuple(rows.values()), rows.get(reference, Method(reference, reference)))
+
+    def __iter__(self) -> Iterator[Method]:
+        return iter(self.rows)
+
+    def __getitem__(self, key: str) -> Method:
+        return next((row for row in self.rows if row.key == key), Method(key, key))
+
+    @property
+    def simple(self) -> list[Method]:
+        """The simple methods, which every other one must beat; the first goes straight on."""
+        return [row for row in self.rows if row.role == "baseline"]
+
+    @property
+    def networks(self) -> list[Method]:
+        """The learned methods, but for ablations."""
+        return [row for row in self.rows if row.role == "network"]
+
+    @property
+    def main(self) -> Method:
+        """The method that reports are about."""
+        return self.networks[-1]
+
+    @property
+    def ablations(self) -> list[tuple[Method, Method]]:
+        """Each ablation with the network that it is compared with."""
+        return [(row, self[row.of]) for row in self.rows if row.of]
+
+    def ordered(self, keys: Iterable[str]) -> list[str]:
+        """Keys in the order of display; those without a row last, by name."""
+        given = set(keys)
+        known = [row.key for row in self.rows if row.key in given]
+        return known + sorted(given - set(known))

@@ -1,0 +1,84 @@
+"""One change makes stale what it changes, in the pipeline's own graph."""
+
+import pytest
+
+from pedpred.config import read_params
+from pedpred.errors import ValueRuleError
+from tests.conftest import ROOT
+from tools import staleness
+from tools.readme import filled
+from tools.staleness import family, pipeline, stale
+
+pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
+LSTM = {"pretrain_autoencoder", "encode_simulated", "encode_real", "train_corridor", "train_main", "finetune"}
+LSTM |= {"features_simulated", "features_real", "evaluate_main", "evaluate_fold"}
+MIXTURE = {
+    "situations_simulated",
+    "situations_real",
+    "train_situations",
+    "finetune_situations",
+    "train_robot",
+}
+MIXTURE |= {"evaluate_main_situations", "evaluate_fold_situations"}
+PAGES = {"gather", "record", "report"}
+OTHERS = {"config", "fetch", "ingest", "simulate", "validate_simulation", "evaluate_baseline"}
+ALL = LSTM | MIXTURE | PAGES | OTHERS | {"export"}
+
+
+@pytest.fixture(scope="module")
+def graph():
+    return pipeline(ROOT)
+
+
+def families(graph, change):
+    return {family(name) for name in stale(graph, change)}
+
+
+@pytest.mark.parametrize("change", ["grid_cells", "grid_resolution_m", "angular_cells"])
+def test_the_inputs_of_the_lstm_are_its_own(graph, change):
+    assert families(graph, f"features.lstm.{change}") == LSTM | PAGES | {"export"}
+
+
+@pytest.mark.parametrize("change", ["beams", "neighbours"])
+def test_the_inputs_of_the_mixture_are_its_own(graph, change):
+    assert families(graph, f"features.mixture.{change}") == MIXTURE | PAGES | {"export"}
+
+
+@pytest.mark.parametrize("change", ["label", "colour"])
+def test_a_look_changes_what_people_look_at(graph, change):
+    assert families(graph, f"report.methods.lstm.{change}") == {"record", "report"}
+
+
+@pytest.mark.parametrize("group", ["networks", "memoryless"])
+def test_a_network_costs_its_own_trainings_and_evaluations(graph, group):
+    rows = read_params(ROOT).methods[group]
+    for name in rows:
+        names = stale(graph, f"methods.{group}.{name}.settings.architecture")
+        learning = {own for own in names if family(own) in LSTM | MIXTURE}
+        assert learning
+        for own in learning:
+            assert own.partition("@")[2].partition("-")[0] == name
+
+
+def test_every_family_belongs_to_one_model_or_to_all(graph):
+    assert {family(stage.name) for stage in graph} == ALL
+
+
+def test_a_change_that_nothing_reads_is_refused(graph):
+    with pytest.raises(ValueRuleError, match=r"features\.lstm\.gird_cells"):
+        stale(graph, "features.lstm.gird_cells")
+    with pytest.raises(ValueRuleError, match=r"README\.md"):
+        stale(graph, "README.md")
+
+
+def test_the_page_shows_the_pipeline_as_it_is(graph):
+    """`make readme` writes it."""
+    page = (ROOT / staleness.PAGE).read_text()
+    assert filled(page, staleness.marked(graph)) == page
+
+
+def test_the_picture_shows_every_family_but_the_check(graph):
+    lines = staleness.picture(graph).split("\n")[2:-1]
+    arrows = {tuple(line.strip().split(" --> ")) for line in lines}
+    assert ("train_main", "finetune") in arrows
+    assert {name for arrow in arrows for name in arrow} == ALL - {"config"}

@@ -1,0 +1,145 @@
+"""What a change makes stale, and a picture of the pipeline: `python -m tools.staleness [CHANGE ...]`.
+
+A change is a key of params.yaml, such as `features.lstm.grid_cells`, or a file. Both answers come from the
+pipeline's own graph, without running anything; `--write` puts them into ARCHITECTURE.md, as `make readme`
+does. `config` only checks values, so nothing that follows it gets stale.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+import networkx as nx
+from dvc.dependency import ParamsDependency
+from dvc.repo import Repo
+from dvc.scm import SCMError
+from dvc.stage import Stage
+from omegaconf import OmegaConf
+
+from pedpred.config import read_params
+from pedpred.errors import FileError, ValueRuleError, user_errors
+from pedpred.files import atomic_write
+from tools.readme import filled
+
+PAGE = Path("ARCHITECTURE.md")
+CHECK = "config"
+"""The stage whose output does not depend on the values that it checks."""
+CHANGES = {
+    "the LSTM's grid": "features.lstm.grid_cells",
+    "the rays of Mixture": "features.mixture.beams",
+    "a width of the LSTM": "methods.networks.lstm.settings.joint",
+    "a width of Mixture": "methods.memoryless.mixture.settings.units",
+    "steps of the LSTM's main training": "training.main.steps",
+    "a threshold of the metrics": "evaluation.collision_m",
+    "replicates of the bootstrap": "comparison.bootstrap",
+    "a label or colour": "report.methods.lstm.label",
+    "a recording's tracker": "trackers.tuned_on_eth.acceleration_noise",
+    "code of a network": "pedpred/models/mixture/network.py",
+    "code of the pages": "pedpred/report/tables.py",
+}
+"""Row of the table -> its change."""
+
+
+def pipeline(folder: Path) -> nx.DiGraph:
+    """The stages, each with an edge to every one that it needs.
+
+    Raises:
+        FileError: DVC looks for a git history, and there is none.
+    """
+    try:
+        graph: nx.DiGraph = Repo(str(folder)).index.graph
+    except SCMError as error:
+        raise FileError(folder, "", str(error), "`make setup` lets DVC do without") from error
+    return graph
+
+
+def family(name: str) -> str:
+    """The name of a stage without its row: `ingest` of `ingest@eth`."""
+    return name.partition("@")[0]
+
+
+def reads(stage: Stage, change: str) -> bool:
+    """Whether a stage depends on a key of params.yaml, or on a file."""
+    for dependency in stage.deps:
+        if isinstance(dependency, ParamsDependency):
+            if any(f"{change}.".startswith(f"{key}.") for key in dependency.params):
+                return True
+        elif f"{change}/".startswith(f"{dependency.def_path}/"):
+            return True
+    return False
+
+
+def stale(graph: nx.DiGraph, change: str) -> set[str]:
+    """Names of the stages that a change makes stale.
+
+    Raises:
+        ValueRuleError: no stage reads what is changed.
+    """
+    if not Path(change).exists() and OmegaConf.select(read_params(Path()), change) is None:
+        raise ValueRuleError("change", change, "there is no such file or key of params.yaml")
+    first = [stage for stage in graph if reads(stage, change) and stage.name != CHECK]
+    if not first:
+        raise ValueRuleError(
+            "change", change, "no stage reads it; a file, or a key of params.yaml, is needed"
+        )
+    found = set(first).union(*(nx.ancestors(graph, stage) for stage in first))
+    return {stage.name for stage in found}
+
+
+def staleness_table(graph: nx.DiGraph) -> str:
+    """Markdown: a row per change, with the number of stages that it makes stale, by family."""
+    lines = [f"| a change of | stale of {len(graph)} stages | which |", "| --- | ---: | --- |"]
+    sizes = Counter(family(stage.name) for stage in graph)
+    for title, change in CHANGES.items():
+        names = stale(graph, change)
+        count = Counter(family(name) for name in names)
+        parts = [
+            own if count[own] == sizes[own] else f"{own} ({count[own]} of {sizes[own]})" for own in count
+        ]
+        lines.append(f"| {title} (`{change}`) | {len(names)} | {', '.join(sorted(parts))} |")
+    return "\n".join(lines)
+
+
+def picture(graph: nx.DiGraph) -> str:
+    """Mermaid: the families of stages, each with an arrow from those that it reads directly."""
+    families = nx.quotient_graph(graph, lambda one, other: family(one.name) == family(other.name))
+    named = nx.relabel_nodes(families, {node: family(next(iter(node)).name) for node in families})
+    named.remove_node(CHECK)
+    arrows = sorted((needed, name) for name, needed in nx.transitive_reduction(named).edges)
+    return "\n".join(["```mermaid", "flowchart LR", *(f"  {a} --> {b}" for a, b in arrows), "```"])
+
+
+def marked(graph: nx.DiGraph) -> dict[str, str]:
+    """What stands between the marks of the page: name -> Markdown."""
+    return {"pipeline": picture(graph), "stale": staleness_table(graph)}
+
+
+def describe(graph: nx.DiGraph, change: str) -> Iterable[str]:
+    """Lines about a change: how many stages of each family are stale."""
+    names = stale(graph, change)
+    yield f"{change}: {len(names)} of {len(graph)} stages"
+    yield from (f"  {name}" for name in sorted(names))
+
+
+@user_errors()
+def main() -> None:
+    """Print what some changes make stale; without any, the table and the picture."""
+    parser = argparse.ArgumentParser(prog="python -m tools.staleness", description=__doc__.partition(":")[0])
+    parser.add_argument("change", nargs="*", help="a key of params.yaml, or a file")
+    parser.add_argument("--write", action="store_true", help=f"write table and picture into {PAGE}")
+    args, graph = parser.parse_args(), pipeline(Path())
+    for change in args.change:
+        print("\n".join(describe(graph, change)))
+    if args.write:
+        written = filled(PAGE.read_text(), marked(graph))
+        with atomic_write(PAGE) as new:
+            new.write_text(written)
+    elif not args.change:
+        print(*marked(graph).values(), sep="\n\n")
+
+
+if __name__ == "__main__":
+    main()
