@@ -1,4 +1,4 @@
-"""A network, a metric, a data source, a place, a method and a fold, added to a copy of the project."""
+"""A network and its input, a metric, a source, a place, a method and a fold, added to a copy of the project."""
 
 import hashlib
 import inspect
@@ -12,8 +12,6 @@ import yaml
 
 from pedpred import config
 from pedpred.evaluation.forecasts import read_windows
-from pedpred.online import OnlinePredictor
-from pedpred.online.replay import replayed
 from pedpred.storage.checkpoints import read_checkpoint
 from pedpred.storage.scenes import read_scene
 from tests.conftest import ROOT
@@ -26,6 +24,8 @@ PLACE = {"source": "toy", "folder": "data/raw/toy", "settings": {"dt_s": 0.4}, "
 PLACE = next(iter(PARAMS["places"].values())) | PLACE
 FOLD = {"train": ["real/toy"], "test": ["real/toy"]}
 NETWORK = {"where": ["real"], "settings": {"architecture": "toy", "units": 6}}
+NAMES = {"input channel": "lstm"}  # the rest is called toy
+READS = {"settings": NETWORK["settings"] | {"channels_read": ["state", "crowd"]}}
 METHOD = {"where": ["real"], "settings": {"baseline": "kalman_cv"}}
 SHOWN = {"label": "Toy network", "colour": "#123456", "role": "network"}
 SMALL = [f"training.{p}.{k}" for p in ("corridor", "finetune") for k in ("steps=8", "validate_every=4")]
@@ -55,6 +55,36 @@ for stage, *arguments in json.loads(sys.argv[1]):
     sys.argv = [stage, "scale=smoke", *arguments]
     importlib.import_module(f"stages.{stage}").main()
 """
+ROBOT = """
+from pathlib import Path
+from pedpred.online import OnlinePredictor
+from pedpred.online.replay import replayed
+from pedpred.storage.scenes import read_scene
+scene = read_scene(Path("data/scenes/real/toy"))
+*_, last = replayed(scene, OnlinePredictor.load(Path("models/online/toy")))
+print([last.predictions.modes, last.predictions.weight[:, 1].tolist()])
+"""
+
+
+class Instead(str):
+    """Takes the place of a line."""
+
+
+FEATURES = {
+    '            "occupancy": StoredColumn': '            "crowd": StoredColumn("float32", (1,)),',
+    "        )  # fmt: skip": "        crowd = (angular < self.max_range_m).mean(-1, keepdims=True, dtype='f4')",
+    '        return {"state": velocity': Instead(
+        '        return {"state": velocity, **crops, "crowd": crowd, "angular_grid": angular}'
+    ),
+    '        return {"state": stored': Instead(
+        '        return {name: stored[name] for name in ("state", "crowd")} | '
+        '{"angular": self.closeness(stored["angular_grid"])}'
+    ),
+    '        return {"state": (2,)': Instead(
+        '        return {"state": (2,), "crowd": (1,), "crop": (self.grid_cells,) * 2, '
+        '"angular": (self.angular_cells,)}'
+    ),
+}
 
 
 def people():
@@ -70,7 +100,7 @@ def people():
 
 
 def additions():
-    """What to add -> file -> the texts to insert, each behind the line with a beginning ("": at the end)."""
+    """What to add -> file -> texts, each behind or instead of the line with a beginning ("": at the end)."""
     sums = [f"{hashlib.sha256(people().encode()).hexdigest()} people.txt"]
     mirror = {"folders": ["mirror"], "archives": [], "timeout_s": 1, "optional": [], "sha256sums": sums}
     entry = '    "overshoot_m": Metric("overshoot", "m", "lower", overshoot),'
@@ -82,6 +112,10 @@ def additions():
                 "from pedpred.models.lstm.network": "from pedpred.models.toy import ToySettings",
                 "ARCHITECTURES:": '    "toy": ToySettings,',
             },
+        },
+        "input channel": {
+            "pedpred/models/lstm/features/__init__.py": FEATURES,
+            "conf/methods/networks.yaml": {"toy:": Instead(f"toy: {json.dumps(NETWORK | READS)}")},
         },
         "metric": {
             "pedpred/metrics/table.py": {"_DRAWS": inspect.getsource(metric.overshoot), "METRICS:": entry}
@@ -105,7 +139,8 @@ def add(file, texts):
     lines = file.read_text().splitlines() if file.exists() else []
     for beginning, text in texts.items():
         behind = [number for number, line in enumerate(lines, 1) if line.startswith(beginning)]
-        lines.insert(behind[0] if beginning else len(lines), text)
+        at = behind[0] if beginning else len(lines)
+        lines[at - isinstance(text, Instead) : at] = [text]
     file.write_text("\n".join(lines) + "\n")
 
 
@@ -154,7 +189,7 @@ def table_of_additions():
 @pytest.mark.parametrize("kind", additions())
 def test_the_table_of_what_to_add_counts_right(project, kind):
     files, stated, entries = table_of_additions()[kind]
-    named = {file.replace("<name>", "toy") for file in (*files, *entries)}
+    named = {file.replace("<name>", NAMES.get(kind, "toy")) for file in (*files, *entries)}
     assert (project[1][kind], stated) == (named, len(files))
 
 
@@ -174,6 +209,7 @@ def test_an_addition_has_its_stages(project, kind):
 def test_a_new_network_is_trained_and_evaluated_with_all_its_modes(reproduced):
     before, after = (read_checkpoint(reproduced / "models" / name / "toy") for name in ("main", "folds/toy"))
     assert not np.array_equal(before[0]["out.weight"], after[0]["out.weight"])
+    assert before[0]["read.weight"].shape == (6, 3), "it reads the velocity and the new channel"
     windows = read_windows(reproduced / "data/forecasts/folds/toy/toy/real/toy/toy.parquet")
     assert windows.predictions["toy"].modes == 2
     np.testing.assert_allclose(windows.predictions["toy"].weight[:, 1], 1 / 3, atol=1e-4)
@@ -196,7 +232,6 @@ def test_new_methods_and_metrics_are_reported_by_their_labels(reproduced):
 def test_a_new_network_runs_on_the_robot(reproduced):
     scene = read_scene(reproduced / "data/scenes/real/toy")
     assert len(np.unique(scene.trajectories.track_id)) == 12
-    predictor = OnlinePredictor.load(reproduced / "models/online/toy")
-    forecast = list(replayed(scene, predictor))[-1]
-    assert forecast.predictions.modes == 2
-    np.testing.assert_allclose(forecast.predictions.weight[:, 1], 1 / 3, atol=0.01)
+    modes, weight = json.loads(run(reproduced, sys.executable, "-c", ROBOT))
+    assert modes == 2
+    np.testing.assert_allclose(weight, 1 / 3, atol=0.01)

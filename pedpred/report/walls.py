@@ -110,7 +110,7 @@ def best_simple(figures: Figures, methods: Methods) -> str:
 def gains(results: Iterable[Result], group: str, methods: Methods, method: Method) -> list[Gain]:
     """The gain of a method at each place, and in each single scene of a pooled test set.
 
-    A place where the best simple method is exact, as made-up straight lines are, has no ratio and is left out.
+    A place where the best simple method is exact, as on made-up straight lines, has no ratio and is left out.
     """
     found = []
     for result in results:
