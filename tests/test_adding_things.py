@@ -1,4 +1,4 @@
-"""A network and its input, a metric, a source, a place, a method and a fold, added to a copy of the project."""
+"""A network and its input, a metric, source, place, method and fold, added to a copy of the project."""
 
 import hashlib
 import inspect
@@ -72,7 +72,7 @@ class Instead(str):
 
 FEATURES = {
     '            "occupancy": StoredColumn': '            "crowd": StoredColumn("float32", (1,)),',
-    "        )  # fmt: skip": "        crowd = (angular < self.max_range_m).mean(-1, keepdims=True, dtype='f4')",
+    "        )  # fmt: skip": "        crowd = np.float32(angular < self.max_range_m).mean(1, keepdims=True)",
     '        return {"state": velocity': Instead(
         '        return {"state": velocity, **crops, "crowd": crowd, "angular_grid": angular}'
     ),

@@ -1,8 +1,8 @@
 """What a change makes stale, and a picture of the pipeline: `python -m tools.staleness [CHANGE ...]`.
 
 A change is a key of params.yaml, such as `features.lstm.grid_cells`, or a file. Both answers come from the
-pipeline's own graph, without running anything; `--write` puts them into ARCHITECTURE.md, as `make readme`
-does. `config` only checks values, so nothing that follows it gets stale.
+pipeline's own graph, without running anything. `--write` puts the table into ARCHITECTURE.md and draws
+docs/pipeline.png, as `make readme` does. `config` only checks values, so nothing after it gets stale.
 """
 
 from __future__ import annotations
@@ -13,18 +13,22 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import networkx as nx
+import numpy as np
 from dvc.dependency import ParamsDependency
 from dvc.repo import Repo
 from dvc.scm import SCMError
 from dvc.stage import Stage
+from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 
 from pedpred.config import read_params
 from pedpred.errors import FileError, ValueRuleError, user_errors
 from pedpred.files import atomic_write
+from pedpred.report.canvas import FAINT, INK, blank, styled, write_png
 from tools.readme import filled
 
-PAGE = Path("ARCHITECTURE.md")
+PAGE, PICTURE = Path("ARCHITECTURE.md"), Path("docs/pipeline.png")
+_SWEEPS = 20
 CHECK = "config"
 """The stage whose output does not depend on the values that it checks."""
 CHANGES = {
@@ -103,18 +107,51 @@ def staleness_table(graph: nx.DiGraph) -> str:
     return "\n".join(lines)
 
 
-def picture(graph: nx.DiGraph) -> str:
-    """Mermaid: the families of stages, each with an arrow from those that it reads directly."""
-    families = nx.quotient_graph(graph, lambda one, other: family(one.name) == family(other.name))
-    named = nx.relabel_nodes(families, {node: family(next(iter(node)).name) for node in families})
+def families(graph: nx.DiGraph) -> nx.DiGraph:
+    """Families of stages but the check, each with an edge to those that read from it; no shortcuts."""
+    joined = nx.quotient_graph(graph, lambda one, other: family(one.name) == family(other.name))
+    named = nx.relabel_nodes(joined, {node: family(next(iter(node)).name) for node in joined})
     named.remove_node(CHECK)
-    arrows = sorted((needed, name) for name, needed in nx.transitive_reduction(named).edges)
-    return "\n".join(["```mermaid", "flowchart LR", *(f"  {a} --> {b}" for a, b in arrows), "```"])
+    return nx.transitive_reduction(named).reverse()
+
+
+def places(flow: nx.DiGraph) -> dict[str, tuple[float, float]]:
+    """Where each family is drawn: a column before all that read it, beside what it is connected with."""
+    columns = [sorted(column) for column in nx.topological_generations(flow.reverse())][::-1]
+    at = {name: (x, y - len(column) / 2) for x, column in enumerate(columns) for y, name in enumerate(column)}
+    for _ in range(_SWEEPS):
+        for x, column in enumerate(columns):
+            wanted = {n: np.mean([at[m][1] for m in nx.all_neighbors(flow, n)] or [at[n][1]]) for n in column}
+            for y, name in enumerate(sorted(column, key=lambda name: (wanted[name], name))):
+                at[name] = (x, y - (len(column) - 1) / 2)
+    return at
+
+
+@styled
+def picture(graph: nx.DiGraph) -> Figure:
+    """Draw the families of stages from left to right, with an arrow to each from what it reads."""
+    flow = families(graph)
+    at, figure = places(flow), blank(13.0, 4.6)
+    axes = figure.subplots()
+    for one, other in flow.edges:
+        axes.annotate(
+            "",
+            at[other],
+            at[one],
+            arrowprops={"arrowstyle": "-|>", "color": FAINT, "shrinkA": 30, "shrinkB": 30},
+        )
+    for name, where in at.items():
+        box = {"boxstyle": "round", "facecolor": "white", "edgecolor": INK}
+        axes.annotate(name.replace("_", "\n"), where, ha="center", va="center", bbox=box)
+    low, high = np.min(list(at.values()), axis=0) - 0.5, np.max(list(at.values()), axis=0) + 0.5
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    axes.axis("off")
+    return figure
 
 
 def marked(graph: nx.DiGraph) -> dict[str, str]:
     """What stands between the marks of the page: name -> Markdown."""
-    return {"pipeline": picture(graph), "stale": staleness_table(graph)}
+    return {"stale": staleness_table(graph)}
 
 
 def describe(graph: nx.DiGraph, change: str) -> Iterable[str]:
@@ -126,10 +163,10 @@ def describe(graph: nx.DiGraph, change: str) -> Iterable[str]:
 
 @user_errors()
 def main() -> None:
-    """Print what some changes make stale; without any, the table and the picture."""
+    """Print what some changes make stale; without any, the table."""
     parser = argparse.ArgumentParser(prog="python -m tools.staleness", description=__doc__.partition(":")[0])
     parser.add_argument("change", nargs="*", help="a key of params.yaml, or a file")
-    parser.add_argument("--write", action="store_true", help=f"write table and picture into {PAGE}")
+    parser.add_argument("--write", action="store_true", help=f"write {PICTURE} and the table of {PAGE}")
     args, graph = parser.parse_args(), pipeline(Path())
     for change in args.change:
         print("\n".join(describe(graph, change)))
@@ -137,6 +174,7 @@ def main() -> None:
         written = filled(PAGE.read_text(), marked(graph))
         with atomic_write(PAGE) as new:
             new.write_text(written)
+        write_png(picture(graph), PICTURE)
     elif not args.change:
         print(*marked(graph).values(), sep="\n\n")
 
