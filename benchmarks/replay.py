@@ -19,7 +19,7 @@ from benchmarks.timing import needed
 from pedpred.evaluation.forecasts import read_windows
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import read_origin
-from pedpred.online.replay import predictions_at, replayed
+from pedpred.online.replay import predictions_at, replay_scene
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest
 
@@ -45,7 +45,9 @@ def differences(model: Path) -> Iterator[dict[str, Any]]:
         settings = OnlineSettings.as_offline(features, scene.detection_dt_s)
         robot = OnlinePredictor.load(model, settings)
         frames = len(np.unique(scene.trajectories.time_s))
-        forecasts = tqdm(replayed(scene, robot, kind == "simulated"), total=frames, desc=name, unit="frame")
+        forecasts = tqdm(
+            replay_scene(scene, robot, kind == "simulated"), total=frames, desc=name, unit="frame"
+        )
         offline = windows.predictions[origin["method"]].point
         sizes = offline.shape[1], windows.dt_s
         online = predictions_at(forecasts, windows.track_id, windows.time_s, *sizes).point

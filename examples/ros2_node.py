@@ -23,7 +23,7 @@ import numpy as np
 
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.warming import warm_up
-from pedpred.ros import ADAPTERS, TrackNumbers, Transform, map_of_grid, seconds, usable
+from pedpred.ros import ADAPTERS, TrackNumbers, Transform, find_usable, map_of_grid, seconds
 from pedpred.ros.frames import check_frames
 from pedpred.ros.markers import forecast_message
 from pedpred.ros.message_types import serialize
@@ -67,7 +67,7 @@ class Follower:
         people = [(self._names.number(name), (place.x, place.y)) for name, place in self._people_in(message)]
         track_id = np.array([track for track, _ in people], np.int64)
         position = np.array([place for _, place in people], np.float64).reshape(-1, 2)
-        kept, left_out = usable(np.full(len(people), now), track_id, position)
+        kept, left_out = find_usable(np.full(len(people), now), track_id, position)
         if left_out:
             _log.warning(left_out)
         position = position[kept] if self._transform is None else self._transform.to_map(position[kept])

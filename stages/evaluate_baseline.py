@@ -6,7 +6,12 @@ from omegaconf import DictConfig
 
 from pedpred.baselines.registry import baseline
 from pedpred.config import configured, plain, stage, stage_key
-from pedpred.evaluation.literature import LiteratureSettings, literature_scores, request_about, stretches
+from pedpred.evaluation.literature import (
+    LiteratureSettings,
+    ask_about_stretches,
+    find_stretches,
+    score_stretches,
+)
 from pedpred.evaluation.scores import write_scores
 from pedpred.fields import parsed
 from pedpred.forecasting import Forecaster, MethodRow
@@ -26,9 +31,9 @@ def evaluate_native(cfg: DictConfig, at: str, models: Path, forecaster: Forecast
     scene = read_scene(Path("data/scenes/real", place))
     if scene.unavailable is None:
         steps = protocol.observed_steps, protocol.predicted_steps, protocol.step_s
-        windows = stretches(scene.trajectories, *steps)
-        request = request_about(scene, windows, kalman_of(cfg, cfg.places[place].tracker))
-        measured = literature_scores(request, windows, forecaster, metric_settings(cfg))
+        windows = find_stretches(scene.trajectories, *steps)
+        request = ask_about_stretches(scene, windows, kalman_of(cfg, cfg.places[place].tracker))
+        measured = score_stretches(request, windows, forecaster, metric_settings(cfg))
         write_scores(measured, scores / at / f"{scene.name}.parquet")
 
 

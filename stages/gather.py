@@ -7,7 +7,7 @@ from omegaconf import DictConfig
 from pedpred.config import configured, plain, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.evaluation.scores import Resampling, Scores, read_scores
-from pedpred.evaluation.summary import figures
+from pedpred.evaluation.summary import summarise_test_set
 from pedpred.fields import parsed
 from pedpred.files import write_json
 
@@ -48,7 +48,7 @@ def main(cfg: DictConfig) -> None:
             key, scores = at.split("/")[1], scores_at(cfg, models, at)
             if any(reference not in own for own in scores.values()):
                 raise ConfigError("comparison.reference", reference, f"it was not evaluated at {at}")
-            found = figures(key, scores, reference, settings) if scores else {}
+            found = summarise_test_set(key, scores, reference, settings) if scores else {}
             if twice := sorted(set(found) & set(gathered)):
                 rule = "another fold tests it too; name it once"
                 raise ConfigError(f"folds.{study}.{name}.test", twice, rule)

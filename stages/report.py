@@ -11,13 +11,13 @@ from pedpred.files import write_text
 from pedpred.report.ablation import ablation_sections
 from pedpred.report.canvas import write_png
 from pedpred.report.comparison import metrics_now
-from pedpred.report.document import Picture, Section, joined
+from pedpred.report.document import Picture, Section, join_pages
 from pedpred.report.error_plots import horizon_table
 from pedpred.report.findings import Paper
-from pedpred.report.gallery import Evaluated, gallery
-from pedpred.report.gather import document, gather
+from pedpred.report.gallery import Evaluated, draw_gallery
+from pedpred.report.gather import gather, study_page
 from pedpred.report.methods import Methods
-from pedpred.report.page.build import Contents, page
+from pedpred.report.page.build import Contents, render_page
 from pedpred.report.page.player import Replay, ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.simulation_page import flow_section
@@ -63,14 +63,14 @@ def main(cfg: DictConfig) -> None:
     studies = {name: plain(folds) for name, folds in cfg.folds.items() if name != "literature"}
     evaluated = {study: gather(study, folds) for study, folds in studies.items()}
     pages = {study: evaluated[study] for study in PAGES if study in evaluated}
-    galleries = {study: gallery(own, methods) for study, own in pages.items()}
+    galleries = {study: draw_gallery(own, methods) for study, own in pages.items()}
     for study, own in pages.items():
-        write_study(own, document(own, galleries[study], methods, paper), methods, out)
+        write_study(own, study_page(own, galleries[study], methods, paper), methods, out)
     places = places_section(list(evaluated.values()), methods)
     write_pictures(list(places.pictures), out / "places")
     texts = [(out / f"{study}.md").read_text() for study in pages]
     walking = Path("reports/simulation.md").read_text()
-    write_text(out / "report.md", joined([places.markdown("places"), *texts, walking]))
+    write_text(out / "report.md", join_pages([places.markdown("places"), *texts, walking]))
     ablations = ablation_sections(Path("conf/ablations"), Path("reports/ablations"), methods)
     contents = Contents(
         list(pages.values()),
@@ -85,7 +85,7 @@ def main(cfg: DictConfig) -> None:
         places.blocks,
     )
     if any(own.results for own in pages.values()):
-        write_text(out / "index.html", page(contents))
+        write_text(out / "index.html", render_page(contents))
 
 
 if __name__ == "__main__":

@@ -3,10 +3,10 @@
 import numpy as np
 
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.evaluation.windows import windows_of
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.forecasting import ForecastRequest
-from pedpred.forecasting.regions import learned_in_parts
+from pedpred.forecasting.regions import learn_regions
 from pedpred.metrics import MetricScene
 from pedpred.report.findings import Paper
 from pedpred.report.methods import Methods
@@ -21,14 +21,14 @@ PAPER = Paper.parse(read("report/paper"))
 
 def request_about(scene, table, rows=None, **given):
     """A request for some rows of a table at detections; by default for its windows."""
-    rows = windows_of(table, ForecastProtocol()) if rows is None else rows
+    rows = find_windows(table, ForecastProtocol()) if rows is None else rows
     usual = {"sizes": ForecastProtocol(), "tracker": None, "detection_interval_s": scene.detection_dt_s}
     return ForecastRequest(scene=scene, table=table, rows=rows, **usual | given)
 
 
 def learned(predictions, person, time_s, detection, seen, *how, **named):
-    """Forecasts of many instants at once with regions that learn, see `learned_in_parts`."""
-    return next(learned_in_parts([(predictions, person, time_s, detection, seen)], *how, **named))
+    """Forecasts of many instants at once with regions that learn, see `learn_regions`."""
+    return next(learn_regions([(predictions, person, time_s, detection, seen)], *how, **named))
 
 
 def metric_scene(windows, occupancy=None, **given):

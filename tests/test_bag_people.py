@@ -15,10 +15,10 @@ from pedpred.errors import ShapeError, SourceError, ValueRuleError
 from pedpred.ros import (
     TrackNumbers,
     Transform,
+    find_usable,
     map_of_grid,
     read_bag,
     read_recording,
-    usable,
     write_recording,
 )
 from pedpred.scenes import Trajectories, checked_placement
@@ -82,7 +82,7 @@ def test_what_is_usable_makes_trajectories_and_nothing_else_is_lost(rows):
         (np.array(column, float) for column in zip(*rows, strict=True)) if rows else [np.zeros(0)] * 3
     )
     position = np.stack([x, np.zeros_like(x)], axis=-1)
-    kept, left_out = usable(time_s, track_id.astype(np.int64), position)
+    kept, left_out = find_usable(time_s, track_id.astype(np.int64), position)
     Trajectories(time_s[kept], track_id[kept], position[kept])
     pairs = {(t, track) for t, track, at in rows if np.isfinite(at)}
     assert kept.sum() == len(pairs)

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features.perception import Perception
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.batch import predictions_in_blocks
-from pedpred.online.replay import predictions_at, replayed
+from pedpred.online.replay import predictions_at, replay_scene
 from pedpred.scenes import Predictions, Scene
 from pedpred.simulation.sensor import SensorSettings
 from tests.worlds import walled_scene
@@ -17,9 +17,9 @@ from tests.worlds import walled_scene
 
 def both(scene: Scene, predictor: OnlinePredictor):
     about, sizes = predictor.description, predictor.protocol
-    request = window_request(scene, Perception(about.tracker, 0.2, SensorSettings()), sizes)
+    request = ask_about_windows(scene, Perception(about.tracker, 0.2, SensorSettings()), sizes)
     asked = request.asked
-    slow = predictions_at(replayed(scene, predictor), asked.track_id, asked.time_s, 10, sizes.dt_s)
+    slow = predictions_at(replay_scene(scene, predictor), asked.track_id, asked.time_s, 10, sizes.dt_s)
     which, parts = zip(*predictions_in_blocks(predictor, request, ""), strict=True)
     row = np.concatenate(which)
     np.testing.assert_array_equal(np.sort(row), np.arange(len(asked)))

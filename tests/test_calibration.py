@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.baselines.kalman import kalman_covariance
-from pedpred.evaluation import EvaluationSettings, Scores, summaries
+from pedpred.evaluation import EvaluationSettings, Scores, summarise_methods
 from pedpred.geometry import rotate, rotated_covariance
 from pedpred.metrics.calibration import (
     COARSE,
@@ -112,7 +112,7 @@ def test_one_mode_written_as_several_has_the_same_regions():
 def test_figures_of_calibration_appear_where_a_covariance_is_given():
     values = {"nll": np.array([0.5, 1.5])}
     scores = Scores(np.array([0, 1]), values, np.zeros((2, 1)), np.array([[0.3], [0.93]]), np.ones((2, 1)))
-    found = summaries({"m": scores}, "m", EvaluationSettings(bootstrap=10))["m"]
+    found = summarise_methods({"m": scores}, "m", EvaluationSettings(bootstrap=10))["m"]
     assert (found["nll"], found["per_step_nll"]) == (1.0, [1.0])
     assert [found[f"per_step_coverage_{p}"] for p in (50, 90, 95)] == [[0.5], [0.5], [1.0]]
 

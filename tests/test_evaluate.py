@@ -16,7 +16,7 @@ from pedpred.command.prediction import robot_for
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online.assessment import assess
-from pedpred.online.replay import replayed
+from pedpred.online.replay import replay_scene
 from pedpred.scenes import OccupancyMap
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.worlds import walled_scene
@@ -64,7 +64,7 @@ def test_a_scene_without_windows_says_the_true_cause(table, message, tmp_path, m
 
 
 def test_times_that_are_no_seconds_are_refused_before_a_replay(tmp_path, model, monkeypatch):
-    monkeypatch.setattr("pedpred.command.prediction.replayed", lambda *given: pytest.fail("replay"))
+    monkeypatch.setattr("pedpred.command.prediction.replay_scene", lambda *given: pytest.fail("replay"))
     (tmp_path / "walk.csv").write_text("time,id,x,y\n" + "".join(f"{400 * k},1,{k},0\n" for k in range(9)))
     with pytest.raises(SystemExit, match="looks like milliseconds"):
         main(
@@ -172,7 +172,7 @@ def table_of_forecasts(path, forecasts, every=1):
 
 def test_our_own_forecasts_in_a_table_are_measured_as_ours(hall, tmp_path, mixture):
     scene = read_any(hall)
-    table_of_forecasts(tmp_path / "theirs.csv", replayed(scene, robot_for(scene, mixture[0])))
+    table_of_forecasts(tmp_path / "theirs.csv", replay_scene(scene, robot_for(scene, mixture[0])))
     given = (hall, "--model", mixture[0], "--forecasts", tmp_path / "theirs.csv")
     figures = measured(*given, out=tmp_path / "e.json")["hall"]
     for metric in ("min_ade_m_k3", "min_fde_m_k6", "most_likely_ade_m"):
@@ -182,7 +182,7 @@ def test_our_own_forecasts_in_a_table_are_measured_as_ours(hall, tmp_path, mixtu
 
 def test_methods_are_compared_where_a_table_has_forecasts(hall, tmp_path, mixture, caplog):
     scene = read_any(hall)
-    table_of_forecasts(tmp_path / "rare.csv", replayed(scene, robot_for(scene, mixture[0])), every=5)
+    table_of_forecasts(tmp_path / "rare.csv", replay_scene(scene, robot_for(scene, mixture[0])), every=5)
     with caplog.at_level("INFO"):
         given = (hall, "--model", mixture[0], "--forecasts", tmp_path / "rare.csv")
         figures = measured(*given, out=tmp_path / "e.json")["hall"]

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from pedpred.baselines.registry import BASELINES, baseline
 from pedpred.baselines.together import present_at
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import EvaluationSettings, Scores, pooled, score, summaries
+from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, score, summarise_methods
 from pedpred.evaluation.compare import compare
-from pedpred.evaluation.scores import true_paths
+from pedpred.evaluation.scores import integrate_truth
 from pedpred.evaluation.summary import TrackBootstrap
 from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.metrics import METRICS, Metric
@@ -82,9 +82,9 @@ def test_summary_of_parts_pools_to_the_whole(seed):
         return Scores(rng.integers(0, 5, windows), {"moving_ade_m": moving_m}, *steps)
 
     a, b = part(30), part(20)
-    whole = pooled([a, b])
+    whole = pool_scores([a, b])
     assert len(np.unique(whole.track)) == len(np.unique(a.track)) + len(np.unique(b.track))
-    total = summaries({"m": whole}, "m", EvaluationSettings(bootstrap=10))["m"]
+    total = summarise_methods({"m": whole}, "m", EvaluationSettings(bootstrap=10))["m"]
     apart = np.concatenate([part.values["moving_ade_m"] for part in (a, b)])
     assert total["moving_ade_m"] == pytest.approx(np.nanmean(apart), abs=1e-5)
     assert total["moving_ade_m_minus_reference"] == 0
@@ -113,7 +113,7 @@ def test_baselines_are_exact_on_what_they_assume():
         walk = Trajectories(time_s, np.zeros(40), np.stack([x, 0 * x], axis=-1))
         scene = Scene("walk", walk, empty_map(), 0.4)
         request = request_about(scene, table_of(scene))
-        error = displacement(BASELINES[method]()(request).point, true_paths(request.asked, 0.3))
+        error = displacement(BASELINES[method]()(request).point, integrate_truth(request.asked, 0.3))
         # Differences give the velocity half an interval ago: with a bend of 0.2 m/s^2 that is 4 cm/s.
         assert error.max() < (0.13 if bend else 1e-6)
 
@@ -128,9 +128,9 @@ def test_zero_residual_is_kalman_constant_velocity():
 
 def test_a_perfect_forecast_scores_zero():
     request = walled_request()
-    truth = true_paths(request.asked, 0.3)
+    truth = integrate_truth(request.asked, 0.3)
     _, scores = compare(request, {"oracle": lambda asked: Predictions.single(truth, 0.3)}, SETTINGS)
-    assert summaries(scores, "oracle", SETTINGS)["oracle"]["ade_m"] == 0
+    assert summarise_methods(scores, "oracle", SETTINGS)["oracle"]["ade_m"] == 0
     assert np.isfinite(scores["oracle"].values["moving_ade_m"]).mean() > 0.9
 
 
@@ -145,7 +145,7 @@ def test_several_modes_and_a_new_metric_go_through_the_same_code(monkeypatch):
     methods = {"kalman": BASELINES["kalman_cv"](), "modes": lambda asked: drawn}
     monkeypatch.setitem(METRICS, "spread_m", Metric("spread", "m", "lower", last_spread))
     windows, scores = compare(request, methods, SETTINGS)
-    found = summaries(scores, "kalman", SETTINGS)
+    found = summarise_methods(scores, "kalman", SETTINGS)
     for key in METRICS.keys() - {"standing_ade_m"}:  # all people walk
         for name in (key, f"{key}_ci95"):
             assert np.isfinite(found["modes"][name]).all(), name
@@ -186,7 +186,7 @@ def test_figures_that_are_no_number_are_null():
     values = np.array([1.0, *[np.nan] * 9])
     scores = Scores(np.arange(10), {"ade_m": values}, np.zeros((10, 2)), *[np.zeros((10, 0))] * 2)
     for seed in range(9):
-        found = summaries({"m": scores}, "m", EvaluationSettings(bootstrap=1, seed=seed))
+        found = summarise_methods({"m": scores}, "m", EvaluationSettings(bootstrap=1, seed=seed))
         json.dumps(found, allow_nan=False)
 
 

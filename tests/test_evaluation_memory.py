@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from benchmarks.evaluate import hall
 from pedpred.command.prediction import robot_for
 from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.scores import Scores, in_order
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.scores import Scores, join_scores
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.features.surroundings import present_rows
 from pedpred.forecasting.chain import instant_blocks
-from pedpred.forecasting.regions import learned_in_parts
+from pedpred.forecasting.regions import learn_regions
 from pedpred.online.assessment import assess
 from pedpred.scenes import Predictions
 from tests.exported import TRACKER
@@ -93,7 +93,7 @@ def test_regions_learn_alike_from_parts(size, seed):
     cuts = range(0, 90, 3 * size)
     rows = [np.arange(cut, min(cut + 3 * size, 90)) for cut in cuts]
     parts = [(given_.select(r), who[r], time_s[r], here[r], np.ones(len(r), bool)) for r in rows]
-    joined = Predictions.join(list(learned_in_parts(parts)))
+    joined = Predictions.join(list(learn_regions(parts)))
     np.testing.assert_array_equal(joined.covariance, whole.covariance)
 
 
@@ -117,7 +117,9 @@ def test_who_is_present_does_not_depend_on_how_many_are_looked_at_together(most,
 
 def test_without_memory_only_its_steps_are_left_out(crowd):
     how = Perception(TRACKER, 0.2)
-    full, lean = (window_request(crowd, how, ForecastProtocol(), memory=memory) for memory in (True, False))
+    full, lean = (
+        ask_about_windows(crowd, how, ForecastProtocol(), memory=memory) for memory in (True, False)
+    )
     np.testing.assert_array_equal(full.rows, lean.rows)
     for name, values in lean.table.columns.items():
         np.testing.assert_array_equal(values, full.table.columns[name])
@@ -135,7 +137,7 @@ def test_scores_of_parts_are_put_in_order(row, cut):
             10 + rows, {"ade_m": values}, values[:, None], values[:, None], np.zeros((len(rows), 0))
         )
 
-    whole = in_order([scores(row[:cut]), scores(row[cut:])], row)
+    whole = join_scores([scores(row[:cut]), scores(row[cut:])], row)
     np.testing.assert_array_equal(whole.values["ade_m"], np.arange(12))
     np.testing.assert_array_equal(whole.track, 10 + np.arange(12))
     np.testing.assert_array_equal(whole.error_m[:, 0], np.arange(12))

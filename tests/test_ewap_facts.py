@@ -9,7 +9,7 @@ from PIL import Image
 
 from pedpred.baselines.registry import BASELINES
 from pedpred.errors import SourceError
-from pedpred.evaluation.scores import true_paths
+from pedpred.evaluation.scores import integrate_truth
 from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.geometry import Homography
 from pedpred.metrics.paths import displacement
@@ -133,7 +133,7 @@ def test_real_windows_and_the_errors_of_constant_velocity(real):
     windows = request.asked
     assert len(windows) == facts["windows"]
     assert len(np.unique(windows.track_id)) == facts["window_tracks"]
-    truth = true_paths(windows, 0.3)
+    truth = integrate_truth(windows, 0.3)
     error = {m: displacement(BASELINES[m]()(request).point, truth).mean() for m in ("cv", "kalman_cv")}
     assert error["cv"] == pytest.approx(facts["cv_ade"], rel=0.01)
     assert error["kalman_cv"] <= facts["kalman_ade"]

@@ -5,8 +5,8 @@ import pytest
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import EvaluationSettings, summaries
-from pedpred.evaluation.literature import literature_scores, request_about, stretches
+from pedpred.evaluation import EvaluationSettings, summarise_methods
+from pedpred.evaluation.literature import ask_about_stretches, find_stretches, score_stretches
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import KalmanSettings
 from tests.worlds import empty_map, recorded
@@ -26,7 +26,7 @@ def joined(*recordings):
 
 
 def requested(found):
-    return request_about(Scene("walk", walk([[0, 0], [1, 0]]), empty_map(), 0.4), found, SETTINGS)
+    return ask_about_stretches(Scene("walk", walk([[0, 0], [1, 0]]), empty_map(), 0.4), found, SETTINGS)
 
 
 def paths(found, method):
@@ -35,13 +35,13 @@ def paths(found, method):
 
 def measured(found):
     request, how = requested(found), EvaluationSettings(bootstrap=10)
-    scores = {key: literature_scores(request, found, make(), how) for key, make in PRESENT_MOTION.items()}
-    return summaries(scores, "kalman_cv", how)
+    scores = {key: score_stretches(request, found, make(), how) for key, make in PRESENT_MOTION.items()}
+    return summarise_methods(scores, "kalman_cv", how)
 
 
 def test_errors_by_hand():
     """Seen 0, 1 m; forecast 2, 3 m; true 2, 5 m: off by 0 and 2 m."""
-    found = stretches(walk([[0, 0], [1, 0], [2, 0], [5, 0]]), 2, 2, 0.4)
+    found = find_stretches(walk([[0, 0], [1, 0], [2, 0], [5, 0]]), 2, 2, 0.4)
     np.testing.assert_allclose(paths(found, "cv"), [[[2, 0], [3, 0]]])
     figures = measured(found)["cv"]
     assert (figures["ade_m"], figures["fde_m"], figures["windows"], figures["tracks"]) == (1.0, 2.0, 1, 1)
@@ -49,7 +49,7 @@ def test_errors_by_hand():
 
 def test_a_constant_acceleration_is_continued():
     """x = 0, 1, 4: the last velocity is 3 per step, the acceleration 2 per step^2; on to x = 4 + 3 + 1."""
-    found = stretches(walk([[0, 0], [1, 0], [4, 0], [9, 0]]), 3, 1, 0.4)
+    found = find_stretches(walk([[0, 0], [1, 0], [4, 0], [9, 0]]), 3, 1, 0.4)
     np.testing.assert_allclose(paths(found, "ca"), [[[8, 0]]])
 
 
@@ -57,16 +57,16 @@ def test_a_window_is_full_or_is_none():
     line = np.column_stack([np.arange(9.0), np.zeros(9)])
     gap = joined(walk(line[:4]), walk(line[4:], start_s=2.0))
     other = walk(line[:3], track=8)
-    found = stretches(joined(gap, other), 2, 1, 0.4)
+    found = find_stretches(joined(gap, other), 2, 1, 0.4)
     assert found.track.tolist() == [7] * 5 + [8]
     assert np.ptp(np.diff(np.concatenate([found.seen, found.truth], axis=1), axis=1)[..., 0]) == 0
-    assert len(stretches(walk(line[:2]), 2, 1, 0.4).track) == 0
+    assert len(find_stretches(walk(line[:2]), 2, 1, 0.4).track) == 0
     with pytest.raises(ValueRuleError, match="windows"):
-        measured(stretches(walk(line[:2]), 2, 1, 0.4))
+        measured(find_stretches(walk(line[:2]), 2, 1, 0.4))
 
 
 def test_on_a_straight_walk_everybody_is_right():
-    found = stretches(walk(np.outer(np.arange(30), [0.5, 0.2])), 8, 12, 0.4)
+    found = find_stretches(walk(np.outer(np.arange(30), [0.5, 0.2])), 8, 12, 0.4)
     assert len(found.track) == 11
     for method in PRESENT_MOTION:
         tolerance_m = 0.05 if method == "kalman_cv" else 1e-9  # the filter starts from standing people
@@ -75,7 +75,7 @@ def test_on_a_straight_walk_everybody_is_right():
 
 def test_forecasts_see_the_window_alone():
     path = np.random.default_rng(3).normal(0, 0.4, (40, 2)).cumsum(axis=0)
-    whole, part = stretches(walk(path), 8, 12, 0.4), stretches(walk(path[11:31]), 8, 12, 0.4)
+    whole, part = find_stretches(walk(path), 8, 12, 0.4), find_stretches(walk(path[11:31]), 8, 12, 0.4)
     for method in PRESENT_MOTION:
         np.testing.assert_allclose(paths(whole, method)[11], paths(part, method)[0], atol=1e-9)
 
@@ -89,7 +89,7 @@ def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_
         for k in range(len(path) - 19):
             going = path[k + 7] + np.outer(np.arange(1, 13), path[k + 7] - path[k + 6])
             errors.append(np.hypot(*(going - path[k + 8 : k + 20]).T))
-    found = stretches(trajectories, 8, 12, 0.4)
+    found = find_stretches(trajectories, 8, 12, 0.4)
     figures, tracked = (measured(found)[method] for method in ("cv", "kalman_cv"))
     assert figures["windows"] == len(errors)
     assert figures["ade_m"] == pytest.approx(np.mean(errors), abs=1e-5) == pytest.approx(ade_m, abs=5e-4)

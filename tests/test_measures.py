@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from pedpred.evaluation import EvaluationSettings, score, summaries
-from pedpred.evaluation.scores import metric_scene as scene_of_windows
+from pedpred.evaluation import EvaluationSettings, score, summarise_methods
+from pedpred.evaluation.scores import describe_scene as scene_of_windows
 from pedpred.evaluation.summary import TrackBootstrap
 from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.scenes import Predictions
@@ -31,7 +31,7 @@ def scores_of(error_m):
 def test_every_figure_by_hand():
     """Errors 1, 2 | 0, 2 | 4, 6: windows' means 1.5, 1, 5. A sample of two tracks of means 1.25 and 5."""
     scores = {"mine": scores_of([[1, 2], [0, 2], [4, 6]]), "usual": scores_of([[1, 1], [1, 1], [1, 1]])}
-    found = summaries(scores, "usual", EvaluationSettings(bootstrap=400, seed=0))["mine"]
+    found = summarise_methods(scores, "usual", EvaluationSettings(bootstrap=400, seed=0))["mine"]
     expected = {
         **{"ade_m": 2.5, "fde_m": 10 / 3, "moving_ade_m": 3.25, "standing_ade_m": 1.0},
         **{"ade_m_ci95": [1.25, 5.0], "fde_m_ci95": [2.0, 6.0], "ade_m_minus_reference": 1.5},

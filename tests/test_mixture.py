@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.geometry import rotate
@@ -119,7 +119,7 @@ def test_what_is_left_unread_changes_nothing(unread):
 
 def test_people_who_choose_alone_keep_their_weights(mixture):
     scene = walled_scene(np.random.default_rng(1), 0.3, tracks=20, detections=15)
-    request = window_request(scene, Perception(TRACKER, 0.2), ForecastProtocol())
+    request = ask_about_windows(scene, Perception(TRACKER, 0.2), ForecastProtocol())
     request = dataclasses.replace(request, rows=np.arange(len(request.table)))
     together, alone = (forecaster_of(*mixture[1:], together=choice)(request) for choice in (True, False))
     np.testing.assert_array_equal(together.point, alone.point)

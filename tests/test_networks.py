@@ -7,14 +7,14 @@ import pytest
 import torch
 
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.models.forecaster import NetworkForecaster
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.registry import ARCHITECTURES, load_network, parse_settings
 from pedpred.online import OnlinePredictor, OnlineSettings
-from pedpred.online.replay import replayed
+from pedpred.online.replay import replay_scene
 from pedpred.training import SequenceLearner, train
 from tests.exported import LSTM_ROWS, TRACKER, write_model, write_network
 from tests.test_learning import QUICK, toy_data
@@ -57,7 +57,7 @@ def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypat
 def test_modes_travel_from_the_network_to_the_robot(network, tmp_path):
     """Offline and online give the same modes, the most likely one first."""
     protocol, scene = MADE_WITH.protocol, walled_scene(np.random.default_rng(1), 0.3)
-    request = window_request(scene, Perception(TRACKER, 0.2), protocol)
+    request = ask_about_windows(scene, Perception(TRACKER, 0.2), protocol)
     table = request.table
     everybody = dataclasses.replace(request, rows=np.arange(len(table)))
     offline = NetworkForecaster(network, MADE_WITH.features, None)(everybody)
@@ -69,7 +69,7 @@ def test_modes_travel_from_the_network_to_the_robot(network, tmp_path):
     assert write_model(tmp_path, network, GridEncoder(60), MADE_WITH).memory == {"trace": (1, 6)}
     robot = OnlinePredictor.load(tmp_path, OnlineSettings.as_offline(protocol, scene.detection_dt_s))
     compared = 0
-    for forecast in replayed(scene, robot):
+    for forecast in replay_scene(scene, robot):
         now = np.flatnonzero(np.abs(table.time_s - forecast.time_s) < 1e-6)
         own = np.searchsorted(forecast.track_id, table.track_id[now])
         np.testing.assert_allclose(forecast.predictions.path[own], offline.path[now], atol=1e-4)

@@ -13,7 +13,7 @@ import torch
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.models.export import store_half
 from pedpred.online import OnlinePredictor, shipped
-from pedpred.online.caution import moving_shares, shortened
+from pedpred.online.caution import moving_shares, shorten_paths
 from pedpred.online.network import write_description
 from pedpred.scenes import OccupancyMap, Predictions
 from tests.conftest import ROOT
@@ -210,9 +210,9 @@ def test_people_who_have_just_appeared_are_forecast_to_walk_when_they_have_clear
 def test_shortened_paths_are_wider_by_what_they_lost():
     ahead = np.arange(1, 11)[:, None] * np.array([0.3, 0.0])
     predictions = Predictions.single(ahead[None], 0.3, np.tile(0.01 * np.eye(2), (1, 10, 1, 1)))
-    short = shortened(predictions, np.zeros((1, 2)), np.array([0.25]))
+    short = shorten_paths(predictions, np.zeros((1, 2)), np.array([0.25]))
     np.testing.assert_allclose(short.point[0], 0.25 * ahead)
     np.testing.assert_allclose(short.covariance[0, 0, :, 0, 0], 0.01 + (0.75 * ahead[:, 0]) ** 2)
     np.testing.assert_allclose(short.covariance[0, 0, :, 1, 1], 0.01)
-    same = shortened(predictions, np.zeros((1, 2)), np.ones(1))
+    same = shorten_paths(predictions, np.zeros((1, 2)), np.ones(1))
     np.testing.assert_allclose(same.path, predictions.path)

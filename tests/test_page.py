@@ -16,9 +16,9 @@ from pedpred.errors import ValueRuleError
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.charts import box_plot, whiskers
-from pedpred.report.gallery import Evaluated, gallery
+from pedpred.report.gallery import Evaluated, draw_gallery
 from pedpred.report.measures import results_of
-from pedpred.report.page.build import Contents, page
+from pedpred.report.page.build import Contents, render_page
 from pedpred.report.page.player import LEVELS, ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.snapshots import grid_image
@@ -82,7 +82,7 @@ def contents_of(scene, windows):
     ]
     literature = dict.fromkeys(REAL, few)
     side = places_section(evaluated, METHODS).blocks
-    galleries = [gallery(own, METHODS) for own in evaluated]
+    galleries = [draw_gallery(own, METHODS) for own in evaluated]
     return Contents(evaluated, galleries, shown, METHODS, PAPER, [], literature, PUBLISHED, LATENCY, side)
 
 
@@ -93,7 +93,7 @@ def contents(hall):
 
 @pytest.fixture(scope="module")
 def text(contents):
-    return page(contents)
+    return render_page(contents)
 
 
 # What the player gets
@@ -190,7 +190,7 @@ def test_the_committed_page_is_light():
 
 
 def test_a_page_is_the_same_twice_and_needs_nothing_else(hall, text):
-    assert text == page(contents_of(*hall))
+    assert text == render_page(contents_of(*hall))
     assert text.startswith("<!doctype html>")
     assert [a for a in Figures(text).addresses if not a.startswith(("data:", "#"))] == []
     assert not re.search(r"url\(|@import|\bfetch\(|XMLHttpRequest", text)

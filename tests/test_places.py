@@ -7,7 +7,7 @@ import pytest
 
 from pedpred.report.canvas import png_bytes
 from pedpred.report.gallery import Evaluated
-from pedpred.report.gather import document
+from pedpred.report.gather import study_page
 from pedpred.report.measures import results_of
 from pedpred.report.places import places_section, places_table, ratios_table, wins
 from pedpred.report.walls import RANKS, gains, gains_figure, wall_figure, wall_windows
@@ -135,7 +135,7 @@ def test_simulated_people_in_place_of_recordings_are_called_so_and_nothing_else(
     assert "With simulated people in place of recordings, the LSTM beats" in text
     for words in ("Real places", "real places", "never saw", "fine-tuned"):
         assert words not in text
-    page = document(evaluated, [], METHODS, PAPER)
+    page = study_page(evaluated, [], METHODS, PAPER)
     assert page.title == "Simulated people in place of recordings: no network was trained on them"
     assert page.markdown("real").count("drawn by hand") == 1
 

@@ -12,7 +12,7 @@ import yaml
 from pedpred.baselines.registry import BASELINES
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.compare import compare
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception, parse_tracker
 from pedpred.simulation.sensor import SensorSettings
@@ -70,7 +70,7 @@ def test_the_pipeline_and_a_script_agree(name):
 
     scene = SOURCES[place["source"]](folder, name, place["settings"])
     how = Perception(parse_tracker(tracker), 0.2, SensorSettings(**sensor))
-    request = window_request(scene, how, ForecastProtocol())
+    request = ask_about_windows(scene, how, ForecastProtocol())
     methods = {method: BASELINES[method]() for method in ("cv", "kalman_cv")}
     _, scores = compare(request, methods, EvaluationSettings())
     for column, method in enumerate(methods):

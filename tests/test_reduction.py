@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.forecasting.reduction import reduced
+from pedpred.forecasting.reduction import merge_modes
 from pedpred.geometry import rotate, rotated_covariance
 from pedpred.metrics.calibration import mixture_nll
 from pedpred.scenes import Predictions
@@ -41,7 +41,7 @@ def moments(given):
 @given(seed=SEEDS, most=st.integers(1, 12))
 def test_mean_and_covariance_of_the_positions_stay(seed, most):
     before = predictions(*modes(np.random.default_rng(seed)))
-    after = reduced(before, most)
+    after = merge_modes(before, most)
     assert after.modes == min(most, before.modes)
     for one, other in zip(moments(before), moments(after), strict=True):
         np.testing.assert_allclose(other, one, atol=1e-9)
@@ -49,16 +49,16 @@ def test_mean_and_covariance_of_the_positions_stay(seed, most):
 
 def test_few_modes_and_single_paths_stay_as_they_are():
     few = predictions(*modes(np.random.default_rng(0), count=12))
-    assert reduced(few, 6) is few
+    assert merge_modes(few, 6) is few
     bare = dataclasses.replace(few, covariance=None)
-    assert reduced(bare, 2) is bare
+    assert merge_modes(bare, 2) is bare
 
 
 def test_copies_of_a_mode_become_one_and_the_density_stays():
     rng = np.random.default_rng(1)
     path, weight, covariance = modes(rng)
     twice = [np.concatenate([values, values], axis=1) for values in (path, 0.5 * weight, covariance)]
-    before, after = predictions(path, weight, covariance), reduced(predictions(*twice), 6)
+    before, after = predictions(path, weight, covariance), merge_modes(predictions(*twice), 6)
     np.testing.assert_allclose(after.path, before.path, atol=1e-9)
     truth = path[:, 0] + rng.normal(0, 0.3, path[:, 0].shape)
     np.testing.assert_allclose(mixture_nll(after, truth), mixture_nll(before, truth), atol=1e-9)
@@ -73,7 +73,7 @@ def test_a_symmetric_forecast_stays_symmetric(seed, most):
     side = np.array([1.0, -1.0])
     path = np.concatenate([path, path * side], axis=1) + rng.normal(0, 1e-9, (1, 1, 1, 2))
     covariance = np.concatenate([covariance, covariance * np.outer(side, side)], axis=1)
-    after = reduced(predictions(path, np.tile(0.5 * weight, 2), covariance), most)
+    after = merge_modes(predictions(path, np.tile(0.5 * weight, 2), covariance), most)
     gap = np.linalg.norm(after.path[:, :, None] - (after.path * side)[:, None], axis=-1).max(axis=-1)
     assert gap.min(axis=2).max() < 1e-6
 
@@ -82,9 +82,9 @@ def test_a_symmetric_forecast_stays_symmetric(seed, most):
 @given(seed=SEEDS, turn=st.floats(-3.0, 3.0))
 def test_turned_modes_are_merged_alike(seed, turn):
     path, weight, covariance = modes(np.random.default_rng(seed))
-    here = reduced(predictions(path, weight, covariance), 3)
+    here = merge_modes(predictions(path, weight, covariance), 3)
     angle = np.full(path.shape[:-1], turn)
-    there = reduced(
+    there = merge_modes(
         predictions(rotate(path, angle), weight, rotated_covariance(covariance, angle[:, 0, 0])), 3
     )
     np.testing.assert_allclose(there.path, rotate(here.path, angle[:, :3]), atol=1e-7)

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.caution import NEWBORN, YOUNG_S
-from pedpred.online.replay import predictions_at, replayed
+from pedpred.online.replay import predictions_at, replay_scene
 from tests.exported import TRACKER, forecaster_of
 from tests.worlds import jittered, recorded, walled_scene
 
@@ -18,7 +18,7 @@ from tests.worlds import jittered, recorded, walled_scene
 def everything_asked(scene, kind):
     """A request for a forecast of every detection, window or not."""
     how = Perception(TRACKER if kind == "kalman" else None, 0.2)
-    request = window_request(scene, how, ForecastProtocol())
+    request = ask_about_windows(scene, how, ForecastProtocol())
     return dataclasses.replace(request, rows=np.arange(len(request.table)))
 
 
@@ -28,7 +28,7 @@ def assert_a_replay_agrees(scene, kind, model):
     request = everything_asked(scene, kind)
     offline = forecaster_of(network, encoder)(request)
     robot = OnlinePredictor.load(folder, OnlineSettings.as_offline(request.sizes, scene.detection_dt_s))
-    forecasts = replayed(scene, robot, kind == "truth")
+    forecasts = replay_scene(scene, robot, kind == "truth")
     online = predictions_at(forecasts, request.table.track_id, request.table.time_s, 10, request.sizes.dt_s)
     assert len(request.table) == len(scene.trajectories)
     np.testing.assert_allclose(online.weight, offline.weight, atol=1e-4)

@@ -20,17 +20,17 @@ from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.canvas import png_bytes
 from pedpred.report.curves import by_stage, training_figure
-from pedpred.report.document import Picture, Pictures, Section, joined
+from pedpred.report.document import Picture, Pictures, Section, join_pages
 from pedpred.report.error_plots import horizon_figure, horizon_table
-from pedpred.report.findings import Expectation, findings, summed_up
-from pedpred.report.gallery import Evaluated, gallery
-from pedpred.report.gather import document
+from pedpred.report.findings import Expectation, judge_expectations, sum_up
+from pedpred.report.gallery import Evaluated, draw_gallery
+from pedpred.report.gather import study_page
 from pedpred.report.instants import Instant, choose
 from pedpred.report.measures import read_metrics, results_of
 from pedpred.report.methods import Method
-from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turned
-from pedpred.report.reconstructions import evenly_chosen, reconstructed
-from pedpred.report.regions import ellipse, region
+from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turn_points
+from pedpred.report.reconstructions import choose_evenly, reconstruct
+from pedpred.report.regions import ellipse_outline, region_outlines
 from pedpred.report.sections import answer
 from pedpred.report.situation import draw_situation
 from pedpred.report.snapshots import angular_cell_edges, draw_angular_grid, grid_image
@@ -72,13 +72,13 @@ def result_of(metrics, name=None, train=()):
 
 
 def judged(metrics, train=()):
-    return [finding for _, finding in findings(result_of(metrics, train=train), PAPER, METHODS)]
+    return [finding for _, finding in judge_expectations(result_of(metrics, train=train), PAPER, METHODS)]
 
 
 def document_of(key, results, pictures=()):
     """A page with other pictures than those of the gallery."""
     kind = {"sim": "simulated", "real": "real"}[key]
-    return document(Evaluated(key, kind, results, {}, {}, {}, None), pictures, METHODS, PAPER).markdown(key)
+    return study_page(Evaluated(key, kind, results, {}, {}, {}, None), pictures, METHODS, PAPER).markdown(key)
 
 
 # Words
@@ -87,7 +87,7 @@ def document_of(key, results, pictures=()):
 def test_met_expectations_are_called_met():
     found = judged(metrics_of(MEETING))
     assert [finding.verdict for finding in found] == ["met"] * 4
-    assert "All 4 expectations" in summed_up([("here", finding) for finding in found])
+    assert "All 4 expectations" in sum_up([("here", finding) for finding in found])
 
 
 def test_an_expectation_of_an_unknown_kind_is_refused():
@@ -107,7 +107,7 @@ def test_an_expectation_of_an_unknown_kind_is_refused():
 def test_a_missed_expectation_is_named(changed, missed):
     found = judged(metrics_of(MEETING | changed))
     assert missed in [finding.claim for finding in found if finding.verdict == "missed"]
-    text = summed_up([("here", finding) for finding in found])
+    text = sum_up([("here", finding) for finding in found])
     assert "missed" in text
     assert missed in text
     assert "All" not in text
@@ -136,7 +136,7 @@ def test_what_was_not_evaluated_is_not_judged():
     metrics = metrics_of({"cv": 0.7, "kalman_cv": 0.6})
     found = [("here", finding) for finding in judged(metrics)]
     assert {finding.verdict for _, finding in found} == {"not measured"}
-    assert "could be checked" in summed_up(found)
+    assert "could be checked" in sum_up(found)
     assert "was not evaluated" in answer(result_of(metrics), METHODS)
 
 
@@ -180,7 +180,7 @@ def test_the_table_of_ellipses_has_three_steps_of_methods_with_covariances():
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
 def test_an_ellipse_is_drawn_where_its_share_ends(share):
     centre, covariance = np.array([3.0, -1.0]), np.array([[0.5, 0.2], [0.2, 0.3]])
-    outline = ellipse(centre, covariance, share)
+    outline = ellipse_outline(centre, covariance, share)
     np.testing.assert_allclose(squared_mahalanobis(outline - centre, covariance), radius2(share))
 
 
@@ -253,7 +253,7 @@ def test_the_page_on_real_people_names_all_folds_and_what_cannot_be_reproduced()
 
 
 def test_joined_pages_keep_their_links_and_lower_their_headings():
-    page = joined(["# One\n\n![a](sim/a.png)\n", "# Two\n\n## Part\n"])
+    page = join_pages(["# One\n\n![a](sim/a.png)\n", "# Two\n\n## Part\n"])
     headings = [row for row in page.split("\n") if row.startswith("#")]
     assert headings == ["# Report", "## One", "## Two", "### Part"]
     assert "![a](sim/a.png)" in page
@@ -366,17 +366,17 @@ def gaussians(apart_m, weight=(0.6, 0.4)):
 
 
 def test_the_region_of_equal_modes_is_that_of_one():
-    outline = np.concatenate(region(gaussians(0.0), 0, 0, 0.9))
+    outline = np.concatenate(region_outlines(gaussians(0.0), 0, 0, 0.9))
     np.testing.assert_allclose(np.linalg.norm(outline, axis=-1), np.sqrt(radius2(0.9)), rtol=0.02)
 
 
 def test_a_region_has_a_part_around_every_likely_mode():
-    assert len(region(gaussians(8.0), 0, 0, 0.9)) == 2
-    assert len(region(gaussians(8.0, (0.95, 0.05)), 0, 0, 0.9)) == 1
+    assert len(region_outlines(gaussians(8.0), 0, 0, 0.9)) == 2
+    assert len(region_outlines(gaussians(8.0, (0.95, 0.05)), 0, 0, 0.9)) == 1
 
 
 def test_the_edge_of_a_region_is_where_its_share_is_inside():
-    outline = np.concatenate(region(gaussians(2.5), 0, 0, 0.5))[::7]
+    outline = np.concatenate(region_outlines(gaussians(2.5), 0, 0, 0.5))[::7]
     inside = [share_inside(gaussians(2.5), point[None, None])[0, 0] for point in outline]
     np.testing.assert_allclose(inside, 0.5, atol=0.03)
 
@@ -401,7 +401,7 @@ def test_obstacles_and_people_turn_together(turns):
     occupied[5, 1] = occupied[0, 3] = True
     occupancy = OccupancyMap(occupied, np.array([2.0, -3.0]), 0.5)
     image, (left, right, bottom, top) = obstacle_image(occupancy, turns)
-    centres = turned(occupancy.center_of(np.argwhere(occupied)), turns)
+    centres = turn_points(occupancy.center_of(np.argwhere(occupied)), turns)
     columns, rows = np.floor((centres - [left, bottom]) / 0.5).astype(int).T
     assert image[rows, columns].all()
     assert image.sum() == 2
@@ -417,7 +417,7 @@ def test_the_plan_lies_like_the_picture(turns):
     matrix[:2, :2] = inverse.T @ right_down
     camera = Camera(Homography(matrix), np.zeros((480, 640, 3), np.uint8))
     step = camera.homography.to_world(np.array([[0.0, 0.0], [0.0, 50.0]]))
-    found = turned(np.diff(step, axis=0)[0], quarter_turns_of(camera))
+    found = turn_points(np.diff(step, axis=0)[0], quarter_turns_of(camera))
     np.testing.assert_allclose(found, (1.0, 0.0), atol=1e-9)
 
 
@@ -453,8 +453,12 @@ def galleries():
     network = GridAutoencoder(60, 8)
     seen = wall_scene(camera=Camera(Homography(matrix), picture))
     sets, curves = {"sim_test": [scene], "main": [scene] * 3}, curve_tables()
-    sections = gallery(Evaluated("sim", "simulated", [simulated], sets, windows, curves, network), METHODS)
-    sections += gallery(Evaluated("real", "real", [real], {"hall": [seen]}, windows, {}, network), METHODS)
+    sections = draw_gallery(
+        Evaluated("sim", "simulated", [simulated], sets, windows, curves, network), METHODS
+    )
+    sections += draw_gallery(
+        Evaluated("real", "real", [real], {"hall": [seen]}, windows, {}, network), METHODS
+    )
     return [picture for section in sections for picture in section.pictures]
 
 
@@ -474,14 +478,14 @@ def test_crops_are_chosen_at_even_ranks_of_occupied_share():
     shares = np.random.default_rng(0).permutation(101) + 71  # 72 cells are a fiftieth
     packed = np.packbits(np.arange(3600) < shares[:, None], axis=1, bitorder="little")
     scenes = {"hall": windows_with(np.zeros((101, 2)), np.zeros((101, 0, 2)), {}, packed_grid=packed)}
-    assert evenly_chosen(scenes, 4).sum(axis=(1, 2)).tolist() == [72, 105, 138, 171]
-    assert len(evenly_chosen(scenes, 999)) == 100
+    assert choose_evenly(scenes, 4).sum(axis=(1, 2)).tolist() == [72, 105, 138, 171]
+    assert len(choose_evenly(scenes, 999)) == 100
 
 
 def test_each_crop_is_reconstructed_by_itself():
     network = GridAutoencoder(60, 8)
     crops = np.random.default_rng(0).random((3, 60, 60)) < 0.2
-    (images, agreement), (alone, _) = reconstructed(network, crops), reconstructed(network, crops[2:])
+    (images, agreement), (alone, _) = reconstruct(network, crops), reconstruct(network, crops[2:])
     np.testing.assert_array_equal(images[2:], alone)
     occupied = images[0] > 0.5
     assert agreement[0] == pytest.approx((occupied & crops[0]).sum() / (occupied | crops[0]).sum())
@@ -501,7 +505,7 @@ def test_forecasts_of_an_unknown_scene_are_refused():
     windows = {"attic": planned(wall_scene("attic"))}
     results = [result_of(metrics_of(MEETING))]
     with pytest.raises(ValueRuleError, match="attic"):
-        gallery(
+        draw_gallery(
             Evaluated("sim", "simulated", results, {"sim_test": [wall_scene()]}, windows, {}, None), METHODS
         )
 

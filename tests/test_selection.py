@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.forecasting.selection import NEAR_M, REACH_M, ROUNDS, consistent
+from pedpred.forecasting.selection import NEAR_M, REACH_M, ROUNDS, choose_modes
 from pedpred.geometry import rotate
 from pedpred.metrics.paths import too_close
 from pedpred.scenes import Predictions
@@ -28,7 +28,7 @@ def crowd(rng, people=12, side_m=6.0):
 
 
 def together(predictions, here):
-    return consistent(predictions, here, np.zeros(len(here)))
+    return choose_modes(predictions, here, np.zeros(len(here)))
 
 
 def heading_on(path_weights):
@@ -134,7 +134,7 @@ def test_who_stands_apart_at_another_instant_or_has_one_mode_keeps_the_weights()
     before, here = crowd(np.random.default_rng(1))
     apart = dataclasses.replace(before, path=before.path + 50.0 * np.arange(12)[:, None, None, None])
     np.testing.assert_array_equal(together(apart, here + 50.0 * np.arange(12)[:, None]).weight, before.weight)
-    np.testing.assert_array_equal(consistent(before, here, np.arange(12.0)).weight, before.weight)
+    np.testing.assert_array_equal(choose_modes(before, here, np.arange(12.0)).weight, before.weight)
     single = Predictions.single(before.point, DT_S)
     assert together(single, here) is single
 
@@ -144,7 +144,7 @@ def test_instants_do_not_mix():
     (one, here), (other, there) = crowd(rng), crowd(rng)
     order = rng.permutation(24)
     joined, places = Predictions.join([one, other]).select(order), np.concatenate([here, there])[order]
-    both = consistent(joined, places, np.repeat([0.0, 0.3], 12)[order])
+    both = choose_modes(joined, places, np.repeat([0.0, 0.3], 12)[order])
     expected = np.concatenate([together(one, here).weight, together(other, there).weight])
     np.testing.assert_allclose(both.weight, expected[order], atol=1e-12)
 

@@ -12,7 +12,7 @@ from pedpred.command import main
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.online.assessment import assess
-from pedpred.online.replay import replayed
+from pedpred.online.replay import replay_scene
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from tests.conftest import ROOT
 
@@ -91,7 +91,7 @@ def law(*models):
         stream(model)
         stream(model, OnlineSettings(detection_noise_m=0.05))
         predictor = OnlinePredictor.load(model)
-        list(replayed(recording(), predictor))
+        list(replay_scene(recording(), predictor))
         assess(recording(), predictor, EvaluationSettings(bootstrap=2))
     assert specialisations() == known, specialisations() - known
 

@@ -9,9 +9,9 @@ import pytest
 from pedpred.baselines.registry import BASELINES
 from pedpred.baselines.together import present_at
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import EvaluationSettings, summaries
+from pedpred.evaluation import EvaluationSettings, summarise_methods
 from pedpred.evaluation.compare import compare
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception, parse_tracker
 from pedpred.online import OnlinePredictor
@@ -37,7 +37,7 @@ def walked(dt_s, seconds=30.0, people=4):
 
 
 def asked(scene, sizes=CAUSAL, how=KALMAN):
-    return window_request(scene, how, sizes, WALKING)
+    return ask_about_windows(scene, how, sizes, WALKING)
 
 
 def without(scene, gone):
@@ -72,7 +72,7 @@ def test_there_is_no_truth_across_a_gap(caplog):
     lost = int(crossing.sum()) - int(gone.sum())
     with caplog.at_level(logging.WARNING):
         _, scores = compare(request, {"cv": BASELINES["cv"]()}, SETTINGS)
-    figures = summaries(scores, "cv", SETTINGS)["cv"]
+    figures = summarise_methods(scores, "cv", SETTINGS)["cv"]
     assert figures["eligible"] - figures["windows"] == lost > 0
     assert f"{lost} of {figures['eligible']} windows are lost" in caplog.text
 

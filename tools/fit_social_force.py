@@ -18,8 +18,8 @@ from pedpred.baselines.social_force import InitialState, initial_state
 from pedpred.baselines.together import present_at
 from pedpred.config import config_errors, read_params, row
 from pedpred.errors import ShapeError
-from pedpred.evaluation.scores import true_paths
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.scores import integrate_truth
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.files import check_output
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from stages.features import perception_of
@@ -132,11 +132,11 @@ def fit_place(place: str, model: SocialForceSettings, trials: int) -> Fit:
     """
     params = read_params(Path())
     scene = recording(place)
-    request = window_request(scene, *perception_of(params, params.places[place]))
+    request = ask_about_windows(scene, *perception_of(params, params.places[place]))
     people, asked = present_at(request)
     start = initial_state(scene, *people, model.routing)
     dt_s = request.sizes.dt_s
-    return fit_forces(start, asked, true_paths(request.asked, dt_s), model, dt_s, trials)
+    return fit_forces(start, asked, integrate_truth(request.asked, dt_s), model, dt_s, trials)
 
 
 @config_errors()

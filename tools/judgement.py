@@ -13,7 +13,7 @@ from omegaconf import DictConfig
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.prediction import robot_for
 from pedpred.config import LOCK, plain, row
-from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
+from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.features.perception import sensed
 from pedpred.fields import parsed
 from pedpred.online.assessment import NETWORK, assess
@@ -126,7 +126,7 @@ class Judgement:
         sensor = SensorSettings(**row(self.params, "sensors", _ROBOT))
         rooms = [read_scene(path) for path in scene_folders(SIMULATED)]
         parts = [scores_in(room, folder, sensor, self.settings) for room in rooms]
-        return {method: pooled([part[method] for part in parts]) for method in parts[0]}
+        return {method: pool_scores([part[method] for part in parts]) for method in parts[0]}
 
     def verdicts(self, against: Path | None) -> Iterator[Verdict]:
         """All promises, as they are measured."""
@@ -137,7 +137,7 @@ class Judgement:
             scores = self.scores_at(self.folder, place)
             unseen = place not in self.trained_on()
             remark = "unseen" if unseen else "trained here"
-            figures = summaries(scores, STRONGEST, self.settings)
+            figures = summarise_methods(scores, STRONGEST, self.settings)
             yield from place_verdicts(place, figures, NETWORK, self.promises.get(place), remark)
             if unseen:  # regions are wide enough for places that did not train the network
                 yield from region_verdicts(place, figures[NETWORK], remark)
@@ -149,7 +149,7 @@ class Judgement:
     def sensed_rooms(self, against: Path | None) -> Iterator[Verdict]:
         """Test rooms through sensor and tracker."""
         scores = self.rooms(self.folder)
-        figures = summaries(scores, STRONGEST, self.settings)
+        figures = summarise_methods(scores, STRONGEST, self.settings)
         name = "rooms, sensed"
         yield from room_verdicts(name, figures[NETWORK], ROOMS)
         yield from region_verdicts(name, figures[NETWORK])
@@ -178,6 +178,6 @@ class Judgement:
 
     def compared(self, about: str, own: Scores, other: Scores) -> Verdict:
         """Whether the error is no larger than another model's; see `tools.verdicts.no_worse`."""
-        both = summaries({"own": own, "other": other}, "other", self.settings)
+        both = summarise_methods({"own": own, "other": other}, "other", self.settings)
         interval = both["own"]["ade_m_minus_reference_ci95"]
         return no_worse(about, both["own"]["ade_m"], both["other"]["ade_m"], interval)

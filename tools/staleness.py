@@ -118,7 +118,9 @@ def families(graph: nx.DiGraph) -> nx.DiGraph:
 def places(flow: nx.DiGraph) -> dict[str, tuple[float, float]]:
     """Where each family is drawn: a column before all that read it, beside what it is connected with."""
     columns = [sorted(column) for column in nx.topological_generations(flow.reverse())][::-1]
-    at = {name: (x, y - len(column) / 2) for x, column in enumerate(columns) for y, name in enumerate(column)}
+    at: dict[str, tuple[float, float]] = {
+        name: (x, y - len(column) / 2) for x, column in enumerate(columns) for y, name in enumerate(column)
+    }
     for _ in range(_SWEEPS):
         for x, column in enumerate(columns):
             wanted = {n: np.mean([at[m][1] for m in nx.all_neighbors(flow, n)] or [at[n][1]]) for n in column}

@@ -20,7 +20,7 @@ from pedpred.command.foreign import ForeignForecasts, by_name, read_forecasts
 from pedpred.command.prediction import read_tracker, robot_for
 from pedpred.command.tables import SHOWN, caution, table, verdict
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import EvaluationSettings, Scores, pooled, summaries
+from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.files import write_json
 from pedpred.forecasting import ForecastRequest
 from pedpred.metrics import METRICS
@@ -62,7 +62,7 @@ def evaluate(given: argparse.Namespace) -> None:
         scores[scene.name] = _assessed(scene, given, tracker, settings, foreign)
     if len(scores) > 1:
         _add_pool(scores)
-    figures = {name: summaries(own, STRONGEST, settings) for name, own in scores.items()}
+    figures = {name: summarise_methods(own, STRONGEST, settings) for name, own in scores.items()}
     for name, rows in figures.items():
         sys.stdout.write(table(name, rows, scores[name]))
     sys.stdout.write(verdict(list(scores.values())[-1], settings))
@@ -159,4 +159,4 @@ def _add_pool(scores: Assessed) -> None:
     while name in scores:
         name += " scenes"
     methods = next(iter(scores.values()))
-    scores[name] = {method: pooled([own[method] for own in scores.values()]) for method in methods}
+    scores[name] = {method: pool_scores([own[method] for own in scores.values()]) for method in methods}

@@ -16,7 +16,7 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.fields import parsed
 from pedpred.files import read_yaml, translate_errors
 from pedpred.online import OnlinePredictor, OnlineSettings
-from pedpred.online.replay import as_windows, replayed
+from pedpred.online.replay import as_windows, replay_scene
 from pedpred.ros import check_recordable, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import Forecast, Scene
@@ -77,4 +77,4 @@ def read_tracker(path: Path) -> KalmanSettings:
 def _with_progress(scene: Scene, predictor: OnlinePredictor) -> Iterator[Forecast]:
     """Yield the forecasts of a replay, with a progress bar."""
     frames = len(np.unique(scene.trajectories.time_s))
-    yield from tqdm(replayed(scene, predictor), total=frames, desc=f"replay {scene.name}", unit="frame")
+    yield from tqdm(replay_scene(scene, predictor), total=frames, desc=f"replay {scene.name}", unit="frame")

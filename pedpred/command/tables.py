@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.evaluation import EvaluationSettings, Scores, summaries
+from pedpred.evaluation import EvaluationSettings, Scores, summarise_methods
 from pedpred.metrics import METRICS
 from pedpred.scenes import Placement
 
@@ -65,7 +65,7 @@ def verdict(scores: Mapping[str, Scores], settings: EvaluationSettings) -> str:
     key = "ade_m"
     best = min(PRESENT_MOTION, key=lambda method: float(scores[method].values[key].mean()))
     others = [method for method in scores if method not in PRESENT_MOTION]
-    rows = summaries({method: scores[method] for method in (best, *others)}, best, settings)
+    rows = summarise_methods({method: scores[method] for method in (best, *others)}, best, settings)
     return "".join(_sentence(method, best, rows[method], rows[best][key]) for method in others)
 
 

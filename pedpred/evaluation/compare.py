@@ -13,12 +13,12 @@ from pedpred.evaluation.forecasts import EvaluationWindows, write_windows
 from pedpred.evaluation.scores import (
     MetricSettings,
     Scores,
-    metric_scene,
+    describe_scene,
+    integrate_truth,
     score,
-    true_paths,
     write_scores,
 )
-from pedpred.evaluation.windows import count_without_truth, window_request, windows_of
+from pedpred.evaluation.windows import ask_about_windows, count_without_truth, find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.forecasting import Forecaster, ForecastRequest
@@ -48,10 +48,10 @@ def compare(
         Windows with all predictions, and the scores of each method.
     """
     without_truth = count_without_truth(request.table, request.sizes, request.scene.name)
-    asked = replace(request, rows=windows_of(request.table, request.sizes))
+    asked = replace(request, rows=find_windows(request.table, request.sizes))
     predictions = {method: forecast(asked) for method, forecast in forecasters.items()}
-    windows, truth = asked.asked, true_paths(asked.asked, asked.sizes.dt_s)
-    scene = metric_scene(windows, request.scene.occupancy, settings)
+    windows, truth = asked.asked, integrate_truth(asked.asked, asked.sizes.dt_s)
+    scene = describe_scene(windows, request.scene.occupancy, settings)
     noncausal = request.sizes.noncausal
     scores = {
         method: replace(
@@ -100,7 +100,7 @@ class Trial:
         protocol: time step, horizon, ages.
         social_force: the model of walking there.
         settings: of the metrics.
-        memory: the forecaster reads the steps of a clock, see `window_request`.
+        memory: the forecaster reads the steps of a clock, see `ask_about_windows`.
         shown: grids that the forecaster reads, for pictures; None: it reads none.
     """
 
@@ -126,7 +126,7 @@ def evaluate_scene(folder: Path, trial: Trial, forecasts: Path, scores: Path) ->
     scene = read_scene(folder)
     if scene.unavailable is not None:
         return
-    request = window_request(scene, trial.how, trial.protocol, trial.social_force, trial.memory)
+    request = ask_about_windows(scene, trial.how, trial.protocol, trial.social_force, trial.memory)
     forecasters = {trial.method: trial.forecaster}
     windows, measured = compare(request, forecasters, trial.settings, trial.shown)
     write_windows(windows, forecasts / f"{scene.name}.parquet")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.evaluation.scores import MetricSettings, Scores, metric_scene, score
+from pedpred.evaluation.scores import MetricSettings, Scores, describe_scene, score
 from pedpred.features import FeatureTable, ForecastProtocol
 from pedpred.features.surroundings import last_differences
 from pedpred.fields import check_ranges
@@ -70,7 +70,7 @@ class Stretches:
             raise ValueRuleError("step_s", self.step_s, "it must be positive")
 
 
-def stretches(trajectories: Trajectories, observed: int, predicted: int, step_s: float) -> Stretches:
+def find_stretches(trajectories: Trajectories, observed: int, predicted: int, step_s: float) -> Stretches:
     """Find all full windows: no annotation between the first and the last one is missing."""
     order = np.lexsort((trajectories.time_s, trajectories.track_id))
     track, time_s = trajectories.track_id[order], trajectories.time_s[order]
@@ -84,7 +84,7 @@ def stretches(trajectories: Trajectories, observed: int, predicted: int, step_s:
     return Stretches(track[first], paths[:, :observed], paths[:, observed:], step_s)
 
 
-def request_about(scene: Scene, found: Stretches, tracker: KalmanSettings) -> ForecastRequest:
+def ask_about_stretches(scene: Scene, found: Stretches, tracker: KalmanSettings) -> ForecastRequest:
     """Ask for a forecast of each window by itself: every window is a track of its own.
 
     Args:
@@ -119,13 +119,13 @@ def request_about(scene: Scene, found: Stretches, tracker: KalmanSettings) -> Fo
     )
 
 
-def literature_scores(
+def score_stretches(
     request: ForecastRequest, found: Stretches, forecaster: Forecaster, settings: MetricSettings
 ) -> Scores:
     """Measure a forecaster in all windows of a place.
 
     Args:
-        request: about the windows; see `request_about`.
+        request: about the windows; see `ask_about_stretches`.
         found: the windows.
         forecaster: any of present motion.
         settings: thresholds of the metrics.
@@ -135,5 +135,5 @@ def literature_scores(
     """
     if not len(found.track):
         raise ValueRuleError("windows", 0, "there must be full windows to measure")
-    scene = metric_scene(request.table, request.scene.occupancy, settings)
+    scene = describe_scene(request.table, request.scene.occupancy, settings)
     return score(forecaster(request), found.truth, found.track, scene, _METRICS)

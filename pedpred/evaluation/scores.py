@@ -95,13 +95,13 @@ class Scores:
     noncausal: bool = False
 
 
-def true_paths(windows: FeatureTable, dt_s: float) -> np.ndarray:
+def integrate_truth(windows: FeatureTable, dt_s: float) -> np.ndarray:
     """Integrate the targets of evaluation windows to true paths, world frame, m. [W, P, 2]."""
     walked = np.cumsum(windows.future.astype(np.float64) * dt_s, axis=1)
     return windows.position[:, None] + rotate(walked, windows.heading_rad[:, None])
 
 
-def metric_scene(windows: FeatureTable, occupancy: OccupancyMap, settings: MetricSettings) -> MetricScene:
+def describe_scene(windows: FeatureTable, occupancy: OccupancyMap, settings: MetricSettings) -> MetricScene:
     """Collect what metrics know of a scene besides predictions and truth.
 
     Args:
@@ -149,7 +149,7 @@ def score(
     return Scores(track, values, displacement(predictions.point, truth), inside, nll)
 
 
-def in_order(parts: Sequence[Scores], row: np.ndarray) -> Scores:
+def join_scores(parts: Sequence[Scores], row: np.ndarray) -> Scores:
     """Put the scores of some windows at a time together.
 
     Args:
@@ -164,7 +164,7 @@ def in_order(parts: Sequence[Scores], row: np.ndarray) -> Scores:
     return Scores(track, values, error_m, inside, nll)
 
 
-def pooled(scores: Sequence[Scores]) -> Scores:
+def pool_scores(scores: Sequence[Scores]) -> Scores:
     """Pool several scenes; tracks of different scenes stay different."""
     track, offset = [], 0
     for part in scores:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.evaluation.scores import Resampling, Scores, pooled
+from pedpred.evaluation.scores import Resampling, Scores, pool_scores
 from pedpred.metrics.calibration import REGIONS, coverage
 
 _DIGITS = 5
@@ -61,7 +61,7 @@ class TrackBootstrap:
         return float(low), float(high)
 
 
-def figures(
+def summarise_test_set(
     test: str,
     scores: Mapping[str, Mapping[str, Scores]],
     reference: str,
@@ -76,13 +76,13 @@ def figures(
         settings: of the bootstrap.
     """
     methods = next(iter(scores.values()))
-    pools = {test: {m: pooled([s[m] for s in scores.values()]) for m in methods}}
+    pools = {test: {m: pool_scores([s[m] for s in scores.values()]) for m in methods}}
     if len(scores) > 1:
         pools |= {f"{test}_{name}": dict(own) for name, own in scores.items()}
-    return {entry: summaries(pool, reference, settings) for entry, pool in pools.items()}
+    return {entry: summarise_methods(pool, reference, settings) for entry, pool in pools.items()}
 
 
-def summaries(pool: Mapping[str, Scores], reference: str, settings: Resampling) -> Figures:
+def summarise_methods(pool: Mapping[str, Scores], reference: str, settings: Resampling) -> Figures:
     """Summarise all methods in the same windows.
 
     Args:

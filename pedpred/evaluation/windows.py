@@ -18,7 +18,7 @@ _LOG = logging.getLogger(__name__)
 _WORTH_SAYING = 0.01
 
 
-def window_request(
+def ask_about_windows(
     scene: Scene,
     how: Perception,
     sizes: ForecastProtocol,
@@ -38,12 +38,12 @@ def window_request(
     table = extract_at_detections(seen, tracks, sizes, scene.trajectories)
     clock = extract(seen, tracks, sizes, truth=scene.trajectories) if memory else None
     tracker = None if sizes.noncausal else how.kalman
-    rows = windows_of(table, sizes)
+    rows = find_windows(table, sizes)
     every_s, noise_m = seen.detection_dt_s, how.sensor.position_noise_m
     return ForecastRequest(scene, table, sizes, rows, tracker, every_s, social_force, clock, tracks, noise_m)
 
 
-def windows_of(table: FeatureTable, sizes: ForecastProtocol) -> np.ndarray:
+def find_windows(table: FeatureTable, sizes: ForecastProtocol) -> np.ndarray:
     """Find the evaluation windows in a table at detections.
 
     A window is a detection with at least `min_history` earlier ones of the same life and a true position at
@@ -66,7 +66,7 @@ def count_without_truth(table: FeatureTable, sizes: ForecastProtocol, place: str
     Raises:
         ValueRuleError: the table has no window at all.
     """
-    windows = windows_of(table, sizes)
+    windows = find_windows(table, sizes)
     last = np.append(table.step[1:] == 0, True)[: len(table)]  # of each life
     end_s = table.time_s[last][np.cumsum(last) - last]
     ahead_s = sizes.horizon_steps * sizes.dt_s

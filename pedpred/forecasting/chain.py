@@ -15,9 +15,9 @@ from itertools import pairwise
 import numpy as np
 
 from pedpred.features import ModelFeatures
-from pedpred.forecasting.regions import Instants, Regions, learned_in_parts
+from pedpred.forecasting.regions import Instants, Regions, learn_regions
 from pedpred.forecasting.request import ForecastRequest
-from pedpred.forecasting.selection import consistent
+from pedpred.forecasting.selection import choose_modes
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
@@ -65,7 +65,7 @@ def forecast_instant(
     Returns:
         What is learned afterwards, and the forecasts.
     """
-    chosen = consistent(alone, position, np.full(len(alone), time_s))
+    chosen = choose_modes(alone, position, np.full(len(alone), time_s))
     return regions.after(time_s, person, detection, seen, chosen)
 
 
@@ -97,7 +97,7 @@ def forecast_blocks(
     parts = _chosen(request, features, infer, chain, row, time_s, progress(blocks))
     scaled: Iterator[Predictions] = (part[0] for part in parts)
     if chain.learning:
-        scaled = learned_in_parts(parts, chain.noise_m, request.sizes.lost_after_s)
+        scaled = learn_regions(parts, chain.noise_m, request.sizes.lost_after_s)
     for (at, end), everybody in zip(blocks, scaled, strict=True):
         which = order[slice(*np.searchsorted(asked, [at, end], sorter=order))]
         if len(which):
@@ -127,6 +127,6 @@ def _chosen(
         own, now_s = row[at:end], time_s[at:end]
         here = tracks.position_at(own, now_s)
         alone = infer(own, request.inputs(features, own, now_s)).in_world(here, tracks.heading_rad[own])
-        chosen = consistent(alone, here, now_s) if chain.together else alone
+        chosen = choose_modes(alone, here, now_s) if chain.together else alone
         seen = (tracks.time_s[own] > now_s - TIME_TOLERANCE_S) & kept[own]
         yield chosen, tracks.life[own], now_s, tracks.detection[own], seen

@@ -104,7 +104,7 @@ class Taught(NamedTuple):
         return (self.by @ (cell[:, None] == np.arange(GROUPS * steps))).reshape(2, GROUPS, steps)
 
 
-def comparison(
+def compare_with_detections(
     due: Sequence[Waiting], known: Detections, learned: np.ndarray, noise_m: float, span_s: float
 ) -> tuple[Taught, np.ndarray]:
     """Compare forecasts with detections.
@@ -163,7 +163,7 @@ def _count(missed, path, covariance, weight, truth, variance, since, shares, poi
         missed[row] = (share_reached(modes, points, shares) > shares).sum()
 
 
-def widened(predictions: Predictions, wider: np.ndarray, tails: np.ndarray) -> Predictions:
+def widen_covariances(predictions: Predictions, wider: np.ndarray, tails: np.ndarray) -> Predictions:
     """With standard deviations times exp(a + b (2 t_k - 1)), see `regions`; each row's a and b. [W, P]."""
     assert predictions.covariance is not None
     before = np.cumsum(predictions.weight, axis=1) - 0.5 * predictions.weight

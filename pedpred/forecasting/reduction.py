@@ -22,7 +22,7 @@ _SAME = 1e-6  # cost per weight of modes that count as the same
 _AT_ONCE = 8  # determinants whose product is within the range of a float
 
 
-def reduced(predictions: Predictions, most: int = MOST_MODES) -> Predictions:
+def merge_modes(predictions: Predictions, most: int = MOST_MODES) -> Predictions:
     """Merge modes until there are at most `most`.
 
     Equally good merges are made at once, so that a forecast that is its own mirror image stays one; if too

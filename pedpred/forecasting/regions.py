@@ -28,7 +28,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from pedpred.forecasting.comparisons import GROUPS, Taught, Waiting, comparison, groups_of, widened
+from pedpred.forecasting.comparisons import (
+    GROUPS,
+    Taught,
+    Waiting,
+    compare_with_detections,
+    groups_of,
+    widen_covariances,
+)
 from pedpred.forecasting.detections import NEAR_S, Detections
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S
@@ -119,7 +126,7 @@ class Regions:
             return predictions
         each, group = np.arange(predictions.steps), groups_of(predictions)
         wider, tails = np.array([[np.interp(each, self.steps, own) for own in both] for both in self.learned])
-        return widened(predictions, wider[group], tails[group])
+        return widen_covariances(predictions, wider[group], tails[group])
 
     def _keeping(self, time_s: float, person: np.ndarray, rows: np.ndarray, given: Predictions) -> Regions:
         """With the forecasts of some people waiting for their time."""
@@ -149,7 +156,7 @@ class Regions:
         if not due:
             return self
         span_s = min(time_s - self.looked_s, _LONG_S)
-        new, lost = comparison(due, known, self.learned, self.noise_m, span_s)
+        new, lost = compare_with_detections(due, known, self.learned, self.noise_m, span_s)
         moved, taught = new.sums(len(self.steps)), self.taught.joined(new)
         if len(lost):
             gone = np.isin(taught.forecast, lost)
@@ -167,7 +174,7 @@ Instants = tuple[Predictions, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Predictions, world frame, and person, time_s, detection and seen of `Regions.after`, at whole instants."""
 
 
-def learned_in_parts(
+def learn_regions(
     parts: Iterable[Instants], noise_m: float = 0.0, lost_after_s: float = LOST_AFTER_S
 ) -> Iterator[Predictions]:
     """Yield forecasts with regions that learn from one instant to the next; each from earlier ones only.

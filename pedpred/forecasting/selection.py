@@ -36,7 +36,7 @@ _DIGITS = 4
 _ROOM = 8  # for so many conflicts of each mode at first
 
 
-def consistent(predictions: Predictions, position: np.ndarray, time_s: np.ndarray) -> Predictions:
+def choose_modes(predictions: Predictions, position: np.ndarray, time_s: np.ndarray) -> Predictions:
     """Choose the modes of everybody at an instant together.
 
     The chosen mode comes first: modes that were more likely share their weight with it evenly. Other weights

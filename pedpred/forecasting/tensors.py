@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pedpred.forecasting.reduction import reduced
+from pedpred.forecasting.reduction import merge_modes
 from pedpred.scenes import Predictions
 
 TENSORS = ("velocities", "path", "weight", "covariance")
@@ -59,4 +59,4 @@ def predictions_of(tensors: Mapping[str, np.ndarray], dt_s: float) -> Prediction
         None if covariance is None else covariance[rows, order],
         "agent",
     )
-    return reduced(sorted_modes)
+    return merge_modes(sorted_modes)

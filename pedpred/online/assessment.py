@@ -11,15 +11,15 @@ from tqdm import tqdm
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, score
-from pedpred.evaluation.scores import in_order, metric_scene, true_paths
-from pedpred.evaluation.windows import count_without_truth, window_request
+from pedpred.evaluation.scores import describe_scene, integrate_truth, join_scores
+from pedpred.evaluation.windows import ask_about_windows, count_without_truth
 from pedpred.features.perception import Perception, sensed
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.forecasting.chain import instant_blocks
 from pedpred.metrics import METRICS, Metric
 from pedpred.online.batch import predictions_in_blocks
 from pedpred.online.predictor import OnlinePredictor
-from pedpred.online.replay import predictions_at, replayed
+from pedpred.online.replay import predictions_at, replay_scene
 from pedpred.scenes import Forecast, Predictions, Scene
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -41,7 +41,7 @@ def assess(
 ) -> dict[str, Scores]:
     """Measure the network in a scene, beside the baselines that continue the present motion.
 
-    The windows are those of the pipeline (`windows_of`); the detections themselves, joined by a spline, are
+    The windows are those of the pipeline (`find_windows`); the detections themselves, joined by a spline, are
     the truth. All methods see the same tracker.
 
     Args:
@@ -63,7 +63,7 @@ def assess(
         raise ValueRuleError("others", taken, f"the names {ALWAYS} are taken")
     about, sizes, sensor = predictor.description, predictor.protocol, sensor or SensorSettings()
     how = Perception(about.tracker, about.standstill_mps, sensor)
-    request = window_request(scene, how, sizes, memory=False)
+    request = ask_about_windows(scene, how, sizes, memory=False)
     without_truth = count_without_truth(request.table, sizes, scene.name)
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.
     request = replace(request, tracker=None)
@@ -79,7 +79,10 @@ def assess(
     for which, forecast in blocks:  # whole instants, since some metrics compare the people of one
         part = replace(request, rows=request.rows[which])
         windows = part.asked
-        truth, known = true_paths(windows, sizes.dt_s), metric_scene(windows, scene.occupancy, settings)
+        truth, known = (
+            integrate_truth(windows, sizes.dt_s),
+            describe_scene(windows, scene.occupancy, settings),
+        )
         own = {name: method(part) for name, method in (methods | dict(others or {})).items()}
         for name, predictions in (own | {NETWORK: forecast}).items():
             among = predictions, truth, windows.track_id, known, metrics or METRICS, metrics is None
@@ -87,7 +90,7 @@ def assess(
         measured.append(which)
     row = np.concatenate(measured)
     return {
-        name: replace(in_order(parts, row), without_truth=without_truth) for name, parts in scores.items()
+        name: replace(join_scores(parts, row), without_truth=without_truth) for name, parts in scores.items()
     }
 
 
@@ -96,7 +99,7 @@ def _replayed(
 ) -> Iterator[tuple[np.ndarray, Predictions]]:
     """Forecasts of a network with memory, frame by frame; see `predictions_in_blocks`."""
     frames = len(np.unique(seen.trajectories.time_s))
-    replay = tqdm(replayed(seen, predictor), total=frames, desc=f"replay {seen.name}", unit="frame")
+    replay = tqdm(replay_scene(seen, predictor), total=frames, desc=f"replay {seen.name}", unit="frame")
     forecasts, sizes = iter(replay), request.sizes
     track_id, time_s = (getattr(request.table, name)[request.rows] for name in ("track_id", "time_s"))
     order = np.argsort(time_s, kind="stable")

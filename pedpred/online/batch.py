@@ -12,7 +12,7 @@ from tqdm import tqdm
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting import ForecastRequest
 from pedpred.forecasting.chain import Chain, forecast_blocks
-from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shortened
+from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -52,7 +52,7 @@ def predictions_in_blocks(
     for which, given in forecast_blocks(request, about.features, infer, chain, progress):
         row = request.rows[which]
         here = tracks.position_at(row, request.table.time_s[row])
-        yield which, shortened(given, here, share[which])
+        yield which, shorten_paths(given, here, share[which])
 
 
 def _moving_shares(predictor: OnlinePredictor, request: ForecastRequest) -> np.ndarray:

@@ -36,7 +36,7 @@ def moving_shares(
     return np.where(new & covariance.any(axis=-1), share, 1.0)
 
 
-def shortened(predictions: Predictions, position: np.ndarray, share: np.ndarray) -> Predictions:
+def shorten_paths(predictions: Predictions, position: np.ndarray, share: np.ndarray) -> Predictions:
     """Predictions whose paths go only a share [N] of their way from where people are, m [N, 2]."""
     if (share == 1.0).all():
         return predictions

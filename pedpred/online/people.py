@@ -100,7 +100,7 @@ class People:
         return People(**values, **named)
 
 
-def detected(
+def register_detections(
     people: People, frame: Frame, tracker: KalmanSettings, standstill_mps: float, lives: int
 ) -> People:
     """People after the detections of one instant.

@@ -13,11 +13,11 @@ from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surround
 from pedpred.forecasting.chain import forecast_instant
 from pedpred.forecasting.regions import Regions
 from pedpred.geometry import rotate
-from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shortened
+from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
 from pedpred.online.frame import Frame
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.past import earliest, kept_before, past_of, slots_for
-from pedpred.online.people import People, detected, next_ticks_s
+from pedpred.online.people import People, next_ticks_s, register_detections
 from pedpred.online.settings import OnlineSettings
 from pedpred.online.shipped import default_model
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
@@ -135,7 +135,9 @@ class OnlinePredictor:
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
-        people = detected(people, frame, self._about.tracker, self._about.standstill_mps, self._lives)
+        people = register_detections(
+            people, frame, self._about.tracker, self._about.standstill_mps, self._lives
+        )
         people, rows, observers, predictions, velocities = self._predicted(people, now)
         regions, forecast = self._forecast(people, regions, rows, observers, predictions, velocities, now)
         self._regions, self._lives = regions, self._lives + len(frame.track_id)
@@ -245,7 +247,7 @@ class OnlinePredictor:
             regions, there = forecast_instant(regions, there, position, time_s, lives, detection, seen)
         share = self._moving_shares(people, rows)
         if not (share == 1.0).all():
-            world, there = share[:, None, None] * world, shortened(there, position, share)
+            world, there = share[:, None, None] * world, shorten_paths(there, position, share)
         return regions, Forecast(time_s, observers.track_id, world, there).locked()
 
     def _moving_shares(self, people: People, rows: np.ndarray) -> np.ndarray:

@@ -14,7 +14,9 @@ from pedpred.scenes import Forecast, Predictions, Scene
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 
-def replayed(scene: Scene, predictor: OnlinePredictor, true_velocities: bool = False) -> Iterator[Forecast]:
+def replay_scene(
+    scene: Scene, predictor: OnlinePredictor, true_velocities: bool = False
+) -> Iterator[Forecast]:
     """Yield a forecast after every frame of a scene's detections.
 
     Args:

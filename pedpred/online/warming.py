@@ -10,12 +10,12 @@ import numpy as np
 
 from pedpred.compiled import cache_folder
 from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features.perception import Perception
 from pedpred.models.features import FEATURES
 from pedpred.online.assessment import assess
 from pedpred.online.predictor import OnlinePredictor
-from pedpred.online.replay import replayed
+from pedpred.online.replay import replay_scene
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 
 _LOG = logging.getLogger(__name__)
@@ -39,11 +39,11 @@ def warm_up(model: Path | str | None = None) -> None:
     """
     begun_s = time.monotonic()
     predictor, scene = OnlinePredictor.load(model), _meeting()
-    for _ in replayed(scene, predictor, true_velocities=False):
+    for _ in replay_scene(scene, predictor, true_velocities=False):
         pass
     assess(scene, predictor, EvaluationSettings(bootstrap=1))
     how = Perception(predictor.description.tracker, predictor.description.standstill_mps)
-    request = window_request(scene, how, predictor.protocol, memory=False)
+    request = ask_about_windows(scene, how, predictor.protocol, memory=False)
     for features in FEATURES.values():  # of models of other kinds, too
         request.inputs(features(), request.rows, request.table.time_s[request.rows])
     try:

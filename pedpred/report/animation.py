@@ -18,7 +18,7 @@ from pedpred.fields import check_ranges
 from pedpred.files import atomic_write
 from pedpred.report.canvas import FAINT, INK, OBSTACLE
 from pedpred.report.methods import Method, Methods
-from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
+from pedpred.report.plan import obstacle_image, quarter_turns_of, turn_points
 from pedpred.scenes import Scene, Trajectories
 
 _PERSON_RADIUS_M = 0.2
@@ -136,7 +136,7 @@ class _Sheet:
 
     def pixels(self, points: np.ndarray) -> list[tuple[float, float]]:
         """World points (m, [n, 2]) as (column, row)."""
-        at = (turned(points, self.turns) - self.corner) * [self.scale, -self.scale]
+        at = (turn_points(points, self.turns) - self.corner) * [self.scale, -self.scale]
         return [(float(x), float(y)) for x, y in at]
 
     def write(self, draw: ImageDraw.ImageDraw, column: float, text: str) -> None:

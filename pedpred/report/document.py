@@ -146,7 +146,7 @@ def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: 
     return "\n".join("| " + " | ".join(cells) + " |" for cells in [header, rule, *rows])
 
 
-def joined(pages: Sequence[str]) -> str:
+def join_pages(pages: Sequence[str]) -> str:
     """Join Markdown pages below one heading; links stay as they are."""
     lowered = ["\n".join(f"#{row}" if row.startswith("#") else row for row in p.split("\n")) for p in pages]
     return "\n\n".join(["# Report", *(text.strip() for text in lowered)]) + "\n"

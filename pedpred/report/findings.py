@@ -87,13 +87,13 @@ class Finding:
     verdict: Verdict  # the decision
 
 
-def findings(result: Result, paper: Paper, methods: Methods) -> list[tuple[str, Finding]]:
+def judge_expectations(result: Result, paper: Paper, methods: Methods) -> list[tuple[str, Finding]]:
     """Judge all expectations of the test set's study; each comes with the name of the test set."""
     expected = paper.expectations.get(result.study, ()) if paper.about(result) else ()
-    return [(result.name, judged(expectation, result.figures, methods)) for expectation in expected]
+    return [(result.name, judge(expectation, result.figures, methods)) for expectation in expected]
 
 
-def judged(expected: Expectation, figures: Figures, methods: Methods) -> Finding:
+def judge(expected: Expectation, figures: Figures, methods: Methods) -> Finding:
     """Judge an expectation by the figures of a test set."""
     first, second = methods[expected.first], methods[expected.second]
     words = {"ratio_at_most": "at most", "ratio_at_least": "at least"}
@@ -131,7 +131,7 @@ def noise(own: Mapping[str, Any]) -> str:
     return ", but the interval of the difference includes 0" if in_the_noise(own) else ""
 
 
-def summed_up(found: Sequence[tuple[str, Finding]]) -> str:
+def sum_up(found: Sequence[tuple[str, Finding]]) -> str:
     """Sum up all expectations; each comes with the test set that it is about."""
     judgements = [(name, f) for name, f in found if f.verdict != "not measured"]
     missed = [(name, f) for name, f in judgements if f.verdict == "missed"]

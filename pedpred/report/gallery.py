@@ -62,7 +62,7 @@ class Evaluated:
         return next(scene for scenes in self.scenes.values() for scene in scenes if scene.name == name)
 
 
-def gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
+def draw_gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     """Draw all pictures of the page on a study.
 
     Raises:

@@ -83,7 +83,7 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
     return Evaluated(study, kind, results, scenes, windows, curves, autoencoder, missing)
 
 
-def document(evaluated: Evaluated, pictures: Sequence[Section], methods: Methods, paper: Paper) -> Section:
+def study_page(evaluated: Evaluated, pictures: Sequence[Section], methods: Methods, paper: Paper) -> Section:
     """The page on a study: answers, metrics, expectations and pictures."""
     results = evaluated.results
     blocks: list[Block] = [*warnings(results, evaluated.missing, evaluated.stand_ins)]

@@ -51,7 +51,7 @@ class Instant:
         return f"Scene {self.scene}, t = {self.time_s:.1f} s"
 
 
-def moving(windows: EvaluationWindows) -> np.ndarray:
+def is_moving(windows: EvaluationWindows) -> np.ndarray:
     """Which windows are of moving people. [W] bool."""
     return np.linalg.norm(windows.velocity, axis=-1) > MOVING_MPS
 
@@ -59,7 +59,7 @@ def moving(windows: EvaluationWindows) -> np.ndarray:
 def walkers_by_instant(windows: EvaluationWindows) -> list[np.ndarray]:
     """The windows of moving people, one array of rows per instant, by time."""
     clock_ms = np.round(windows.time_s * 1000.0).astype(np.int64)
-    walkers = np.flatnonzero(moving(windows))
+    walkers = np.flatnonzero(is_moving(windows))
     walkers = walkers[np.argsort(clock_ms[walkers], kind="stable")]
     groups = np.split(walkers, np.flatnonzero(np.diff(clock_ms[walkers])) + 1)
     return [rows for rows in groups if len(rows)]
@@ -130,7 +130,7 @@ def before_obstacle(
         windows, occupancy = scenes[name], places[name].occupancy
         ahead_m = depth_m(windows.predictions[reference.key].point, occupancy).max(axis=1, initial=0.0)
         safe = ~occupancy.is_occupied(windows.truth).any(axis=1) & ~occupancy.is_occupied(windows.position)
-        ahead_m = np.where(safe & moving(windows), ahead_m, 0.0)
+        ahead_m = np.where(safe & is_moving(windows), ahead_m, 0.0)
         row = int(np.argmax(ahead_m)) if len(windows) else 0
         if len(windows) and ahead_m[row] > deepest:
             deepest, best = ahead_m[row], Instant.of(name, windows, row)

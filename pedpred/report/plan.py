@@ -21,7 +21,7 @@ _BLACK = ListedColormap([(0.0, 0.0, 0.0, 0.0), to_rgba(OBSTACLE)])
 _OBSTACLES: dict[str, Any] = {"cmap": _BLACK, "vmin": 0, "vmax": 1, "origin": "lower"}
 
 
-def turned(points: np.ndarray, quarter_turns: int) -> np.ndarray:
+def turn_points(points: np.ndarray, quarter_turns: int) -> np.ndarray:
     """World points (m, [..., 2]) in the plan, which lies turned counter-clockwise."""
     return rotate(points, np.array(quarter_turns * np.pi / 2))
 
@@ -41,7 +41,7 @@ def obstacle_image(
 ) -> tuple[np.ndarray, tuple[float, float, float, float]]:
     """The map as an image whose row 0 is at the bottom, and its extent (left, right, bottom, top), m."""
     image = np.rot90(occupancy.occupied.T, -quarter_turns)
-    corners = turned(np.array([occupancy.origin, occupancy.origin + occupancy.extent_m]), quarter_turns)
+    corners = turn_points(np.array([occupancy.origin, occupancy.origin + occupancy.extent_m]), quarter_turns)
     (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
     return image, (float(left), float(right), float(bottom), float(top))
 
@@ -99,7 +99,7 @@ def arrangement_figure(scene: Scene, shown_s: float) -> Figure:
     figure = blank(width, 0.35 + width * (top - bottom) / (right - left))
     axes = figure.subplots()
     draw_ground(axes, scene.occupancy, turns)
-    draw_tracks(axes, [turned(path, turns) for path in first_paths(scene.trajectories, shown_s)])
+    draw_tracks(axes, [turn_points(path, turns) for path in first_paths(scene.trajectories, shown_s)])
     return figure
 
 

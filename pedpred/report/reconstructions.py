@@ -30,10 +30,10 @@ def reconstructions_section(
     autoencoder: GridAutoencoder, windows: Mapping[str, EvaluationWindows]
 ) -> list[Section]:
     """Draw obstacle grids of places unknown to the auto-encoder; nothing where none has an obstacle."""
-    crops = evenly_chosen(windows, MEASURED)
+    crops = choose_evenly(windows, MEASURED)
     if not len(crops):
         return []
-    images, agreement = reconstructed(autoencoder, crops)
+    images, agreement = reconstruct(autoencoder, crops)
     few = np.unique(np.linspace(0, len(crops) - 1, SHOWN).round().astype(int))
     caption = (
         f"Obstacle grids of test places, {len(few)} at evenly spaced ranks of occupied share, and their "
@@ -45,7 +45,7 @@ def reconstructions_section(
     return [Section("Reconstructions of the auto-encoder", [Pictures([picture])])]
 
 
-def evenly_chosen(scenes: Mapping[str, EvaluationWindows], count: int) -> np.ndarray:
+def choose_evenly(scenes: Mapping[str, EvaluationWindows], count: int) -> np.ndarray:
     """Choose crops with enough obstacles at evenly spaced ranks of occupied share: [<= count, G, G] bool."""
     windows = [scenes[name] for name in sorted(scenes)]
     rows = [(own, row) for own in windows for row in range(len(own))]
@@ -59,7 +59,7 @@ def evenly_chosen(scenes: Mapping[str, EvaluationWindows], count: int) -> np.nda
 
 
 @torch.no_grad()
-def reconstructed(network: GridAutoencoder, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def reconstruct(network: GridAutoencoder, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Reconstruct crops, [S, G, G] bool, one at a time: batches round differently.
 
     Returns:

@@ -13,7 +13,7 @@ _SPREADS = 3.5
 """Standard deviations around each mode in which its region is searched."""
 
 
-def region(own: Predictions, row: int, step: int, share: float) -> list[np.ndarray]:
+def region_outlines(own: Predictions, row: int, step: int, share: float) -> list[np.ndarray]:
     """Closed outlines of the smallest region that holds a share of a forecast position, m. [corners, 2] each.
 
     An ellipse of a single Gaussian; of several modes, a contour of their density.
@@ -21,7 +21,7 @@ def region(own: Predictions, row: int, step: int, share: float) -> list[np.ndarr
     assert own.covariance is not None
     centre, covariance, weight = own.path[row, :, step], own.covariance[row, :, step], own.weight[row]
     if own.modes == 1:
-        return [ellipse(centre[0], covariance[0], share)]
+        return [ellipse_outline(centre[0], covariance[0], share)]
     reach = _SPREADS * np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     x, y = np.linspace((centre - reach).min(axis=0), (centre + reach).max(axis=0), _CELLS).T
     points = np.stack(np.meshgrid(x, y), axis=-1)
@@ -32,7 +32,7 @@ def region(own: Predictions, row: int, step: int, share: float) -> list[np.ndarr
     return list(Figure().subplots().contour(x, y, density, [level]).allsegs[0])
 
 
-def ellipse(centre: np.ndarray, covariance: np.ndarray, share: float) -> np.ndarray:
+def ellipse_outline(centre: np.ndarray, covariance: np.ndarray, share: float) -> np.ndarray:
     """Closed outline of the region that holds a share of a plane Gaussian: [corners, 2] m.
 
     Centre [2] in m and covariance [2, 2] in m^2 are in the same frame.

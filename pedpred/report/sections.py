@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
-from pedpred.report.findings import Paper, findings, in_the_noise, percent_better, summed_up
+from pedpred.report.findings import Paper, in_the_noise, judge_expectations, percent_better, sum_up
 from pedpred.report.measures import Figures, Result
 from pedpred.report.methods import Methods
 from pedpred.report.tables import (
@@ -95,8 +95,8 @@ def answer_section(result: Result, methods: Methods) -> Section:
 
 def expectations_section(results: Sequence[Result], methods: Methods, paper: Paper) -> Section:
     """What was expected, and what was found."""
-    found = [finding for result in results for finding in findings(result, paper, methods)]
-    return Section("Expected and found", [Text(summed_up(found)), findings_table(found)], folded=True)
+    found = [finding for result in results for finding in judge_expectations(result, paper, methods)]
+    return Section("Expected and found", [Text(sum_up(found)), findings_table(found)], folded=True)
 
 
 def parts_sections(results: Sequence[Result], methods: Methods) -> list[Section]:

@@ -17,7 +17,7 @@ from pedpred.metrics.calibration import shown_steps
 from pedpred.report.canvas import INK
 from pedpred.report.instants import Instant
 from pedpred.report.methods import Method
-from pedpred.report.regions import region
+from pedpred.report.regions import region_outlines
 from pedpred.scenes import Scene, Trajectories
 
 ARROW_S = 0.75
@@ -74,7 +74,7 @@ def _draw_modes(axes: Axes, windows: EvaluationWindows, row: int, method: Method
             axes.plot(*place(path).T, color=colour, linewidth=width, alpha=alpha, zorder=3)
     style: dict[str, Any] = {"facecolor": to_rgba(colour, 0.1), "edgecolor": to_rgba(colour, 0.5)}
     for step in shown_steps(own.steps)[1:] if own.covariance is not None else ():
-        for outline in region(own, row, step, REGION):
+        for outline in region_outlines(own, row, step, REGION):
             axes.fill(*place(outline).T, linewidth=0.6, zorder=2, **style)
 
 

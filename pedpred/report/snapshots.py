@@ -15,7 +15,7 @@ from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.report.canvas import FAINT, INK, OBSTACLE, blank, styled
 from pedpred.report.instants import Instant
 from pedpred.report.methods import Method, Methods
-from pedpred.report.plan import draw_ground, extent_around, obstacle_image, quarter_turns_of, turned
+from pedpred.report.plan import draw_ground, extent_around, obstacle_image, quarter_turns_of, turn_points
 from pedpred.report.situation import draw_situation, legend_handles
 from pedpred.scenes import Scene
 
@@ -82,7 +82,7 @@ def snapshot_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, 
     layout = figure.add_gridspec(2, len(widths), width_ratios=widths)
     if camera is not None:
         view, image = figure.add_subplot(layout[:, 0]), camera.homography.to_image
-        view.imshow(pale(camera.picture), cmap="gray", vmin=0, vmax=255)
+        view.imshow(lighten(camera.picture), cmap="gray", vmin=0, vmax=255)
         draw_situation(view, scene, windows, instant, shown, lambda points: image(points)[..., ::-1])
         view.set(xticks=[], yticks=[], xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
         view.spines[:].set_visible(False)
@@ -97,7 +97,7 @@ def snapshot_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, 
     return figure
 
 
-def pale(picture: np.ndarray) -> np.ndarray:
+def lighten(picture: np.ndarray) -> np.ndarray:
     """Turn a colour picture into light grey in a few steps (small files): [rows, columns] uint8."""
     grey = picture.astype(np.float64) @ [0.299, 0.587, 0.114]
     return (255 - _PALE * (255 - np.round(grey / 12) * 12)).astype(np.uint8)
@@ -110,5 +110,5 @@ def _draw_plan(
     paths = [windows.truth, *(windows.predictions[method.key].point for method in shown)]
     people = np.concatenate([windows.position[rows, None], *(path[rows] for path in paths)], axis=1)
     _, whole = obstacle_image(scene.occupancy, turns)
-    draw_ground(axes, scene.occupancy, turns, extent_around(turned(people, turns), _MARGIN_M, whole))
-    draw_situation(axes, scene, windows, instant, shown, lambda points: turned(points, turns))
+    draw_ground(axes, scene.occupancy, turns, extent_around(turn_points(people, turns), _MARGIN_M, whole))
+    draw_situation(axes, scene, windows, instant, shown, lambda points: turn_points(points, turns))

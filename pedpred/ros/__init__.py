@@ -5,7 +5,7 @@ Positions are in the world frame, called `map` (its parent `world` coincides wit
 
 from pedpred.ros.bags import is_bag, read_bag
 from pedpred.ros.frames import Transform
-from pedpred.ros.people import ADAPTERS, TrackNumbers, usable
+from pedpred.ros.people import ADAPTERS, TrackNumbers, find_usable
 from pedpred.ros.recordings import check_recordable, read_recording, write_recording
 from pedpred.ros.scene_messages import map_of_grid, seconds
 
@@ -14,11 +14,11 @@ __all__ = [
     "TrackNumbers",
     "Transform",
     "check_recordable",
+    "find_usable",
     "is_bag",
     "map_of_grid",
     "read_bag",
     "read_recording",
     "seconds",
-    "usable",
     "write_recording",
 ]

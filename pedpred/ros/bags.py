@@ -17,9 +17,9 @@ from pedpred.files import read_yaml, translate_errors
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.mcap_reader import McapReader
 from pedpred.ros.message_types import MAP, TYPES, known_types
-from pedpred.ros.people import ADAPTERS, TrackNumbers, usable
+from pedpred.ros.people import ADAPTERS, TrackNumbers, find_usable
 from pedpred.ros.scene_messages import map_of_grid, seconds
-from pedpred.ros.unpacking import bound, check_tables
+from pedpred.ros.unpacking import bound_unpacking, check_tables
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 
 _log = logging.getLogger(__name__)
@@ -70,7 +70,7 @@ def read_bag(path: Path, topic: str | None = None, transform: Transform | None =
         times, tracks, *places = zip(*rows, strict=True) if rows else [()] * 4
         time_s, track_id = np.array(times, dtype=np.float64), np.array(tracks, dtype=np.int64)
         position = np.array(places, dtype=np.float64).reshape(2, -1).T
-        kept, left_out = usable(time_s, track_id, position)
+        kept, left_out = find_usable(time_s, track_id, position)
         if left_out:
             _log.warning("%s: %s", path, left_out)
         trajectories = Trajectories(time_s[kept], track_id[kept], position[kept])
@@ -90,7 +90,7 @@ def _opened(path: Path) -> Iterator[Any]:
             check_tables(data_base)
     with AnyReader([path], default_typestore=known_types()) as bag:
         for reader in bag.readers:
-            bound(reader)
+            bound_unpacking(reader)
         yield bag
 
 

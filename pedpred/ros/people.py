@@ -46,7 +46,7 @@ class TrackNumbers:
         return self._given.setdefault(text, -1 - len(self._given))
 
 
-def usable(time_s: np.ndarray, track_id: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, str]:
+def find_usable(time_s: np.ndarray, track_id: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, str]:
     """Which detections have a place, and of several of one track in one instant are the first.
 
     Args:

@@ -21,7 +21,7 @@ from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.markers import Colour, markers_message
 from pedpred.ros.mcap_reader import McapReader
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition, known_types, serialize
-from pedpred.ros.people import usable
+from pedpred.ros.people import find_usable
 from pedpred.ros.planning import (
     GRID_TYPE,
     PREDICTIONS,
@@ -100,7 +100,7 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
         nobody = {name: np.zeros(0) for name in about.get("columns", _NOBODY).split(",")}
         table = pd.DataFrame(rows or nobody)
         time_s, track_id = table["time_s"].to_numpy(), table["track_id"].to_numpy()
-        kept, left_out = usable(time_s, track_id, table[["x_m", "y_m"]].to_numpy())
+        kept, left_out = find_usable(time_s, track_id, table[["x_m", "y_m"]].to_numpy())
         if left_out:
             _log.warning("%s: %s", path, left_out)
         trajectories = tracks_of(table[kept], path)

@@ -68,7 +68,7 @@ def check_tables(path: Path) -> None:
             raise ValueRuleError("table", computed[0], "a bag has plain tables, nothing that is computed")
 
 
-def bound(reader: Any) -> None:
+def bound_unpacking(reader: Any) -> None:
     """Let an open reader of rosbags unpack within the bound; by itself it takes whatever a bag asks for."""
     if isinstance(reader, rosbag1.Reader):
         ours = {decompressors[name]: partial(unpack, compression=name) for name in ("lz4", "bz2")}

@@ -11,8 +11,8 @@ from pathlib import Path
 from pedpred.baselines.registry import BASELINES
 from pedpred.command.prediction import robot_for
 from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.scores import true_paths
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.scores import integrate_truth
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.files import write_json
@@ -39,9 +39,9 @@ def as_on_a_robot(scene: Scene) -> dict[str, float]:
 def by_its_own_forces(scene: Scene) -> float:
     """Mean error of the social force model in its own simulation, m."""
     sizes = ForecastProtocol()
-    request = window_request(scene, Perception(None, 0.2), sizes, SETTINGS)
+    request = ask_about_windows(scene, Perception(None, 0.2), sizes, SETTINGS)
     paths = BASELINES["social_force"]()(request).point
-    truth = true_paths(request.asked, sizes.dt_s)
+    truth = integrate_truth(request.asked, sizes.dt_s)
     return round(float(displacement(paths, truth).mean()), 5)
 
 

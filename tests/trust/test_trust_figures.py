@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
-from pedpred.evaluation import EvaluationSettings, summaries
-from pedpred.evaluation.literature import literature_scores, request_about, stretches
+from pedpred.evaluation import EvaluationSettings, summarise_methods
+from pedpred.evaluation.literature import ask_about_stretches, find_stretches, score_stretches
 from pedpred.tracking import KalmanSettings
 from tests.trust.figures import COMMITTED, TOLERANCE, measured, published
 from tests.worlds import recorded
@@ -29,11 +29,11 @@ def test_real_errors_are_the_published_ones(place, ewap_folder):
     options, literature = PARAMS["places"][place], PARAMS["literature"]
     scene = recorded(ewap_folder, place)
     steps = (literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
-    found, tuned = stretches(scene.trajectories, *steps), PARAMS["trackers"][options["tracker"]]
+    found, tuned = find_stretches(scene.trajectories, *steps), PARAMS["trackers"][options["tracker"]]
     tracker = KalmanSettings(**{name: value for name, value in tuned.items() if name != "kind"})
-    request, how = request_about(scene, found, tracker), EvaluationSettings(bootstrap=1)
-    scores = {m: literature_scores(request, found, make(), how) for m, make in PRESENT_MOTION.items()}
-    figures = summaries(scores, STRONGEST, how)
+    request, how = ask_about_stretches(scene, found, tracker), EvaluationSettings(bootstrap=1)
+    scores = {m: score_stretches(request, found, make(), how) for m, make in PRESENT_MOTION.items()}
+    figures = summarise_methods(scores, STRONGEST, how)
     for method, own in figures.items():
         for name in ("ade_m", "fde_m"):
             assert own[name] == pytest.approx(published(place)[method][name], abs=2e-5)

@@ -15,7 +15,7 @@ from dvc.repo import Repo
 from omegaconf import OmegaConf
 
 from pedpred.config import SETS
-from pedpred.evaluation.windows import window_request
+from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.models.lstm.autoencoder import GridAutoencoder
@@ -147,7 +147,7 @@ def test_no_forecast_moves_when_the_future_does():
 
     def forecast(trajectories):
         seen = replace(scene, trajectories=trajectories)
-        request = window_request(seen, Perception(KalmanSettings(0.1, 0.1), 0.2), sizes)
+        request = ask_about_windows(seen, Perception(KalmanSettings(0.1, 0.1), 0.2), sizes)
         asked = replace(request, rows=np.arange(len(request.table)))
         return asked.table.time_s, forecaster_of(network, encoder.encoder)(asked).point
 

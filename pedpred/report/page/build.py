@@ -51,7 +51,7 @@ class Contents:
     places: Sequence[Block] = ()  # the real places side by side
 
 
-def page(contents: Contents) -> str:
+def render_page(contents: Contents) -> str:
     """Write the whole page as HTML that needs nothing else; the same contents give the same text."""
     environment = Environment(
         loader=PackageLoader("pedpred.report", "page"),

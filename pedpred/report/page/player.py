@@ -24,7 +24,7 @@ from pedpred.fields import check_ranges
 from pedpred.models.lstm.features.grids import angular_grids, occupancy_crops
 from pedpred.report.animation import LONGEST_GAP, busiest_start
 from pedpred.report.methods import Methods
-from pedpred.report.plan import obstacle_image, quarter_turns_of, turned
+from pedpred.report.plan import obstacle_image, quarter_turns_of, turn_points
 from pedpred.scenes import OccupancyMap, Predictions, Scene
 
 TAIL_S = 2.0
@@ -64,7 +64,7 @@ class Replay:
     """The player's data."""
 
     header: dict[str, Any]  # names, sizes and units
-    data: str  # everything else, see `packed`
+    data: str  # everything else, see `pack`
 
 
 def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, methods: Methods) -> Replay:
@@ -108,10 +108,10 @@ def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, m
         "modes": several,
         "drawn": methods.main.key,
     }
-    return Replay(header, packed(data))
+    return Replay(header, pack(data))
 
 
-def packed(data: dict[str, Any]) -> str:
+def pack(data: dict[str, Any]) -> str:
     """Compress lists of numbers and their names; the same ones give the same text."""
     text = json.dumps(data, separators=(",", ":")).encode()
     return base64.b64encode(gzip.compress(text, mtime=0)).decode()
@@ -158,7 +158,9 @@ class _Stretch:
 
     def motion(self) -> dict[str, list[Any]]:
         """Velocity and heading of every row, differences as in `_Tracks.numbers`."""
-        velocity = np.rint(1000.0 * turned(self.windows.world_velocity[self.kept], self.turns)).astype(int)
+        velocity = np.rint(1000.0 * turn_points(self.windows.world_velocity[self.kept], self.turns)).astype(
+            int
+        )
         values = {"vx": velocity[:, 0], "vy": velocity[:, 1], "heading": self.heading}
         return {name: np.diff(own, prepend=0).tolist() for name, own in values.items()}
 
@@ -224,4 +226,4 @@ class _Stretch:
 
     def _place(self, points: np.ndarray) -> np.ndarray:
         """World points (m, [..., 2]) in the plan, mm."""
-        return 1000.0 * (turned(points, self.turns) - self.corner)
+        return 1000.0 * (turn_points(points, self.turns) - self.corner)
