@@ -9,7 +9,7 @@ from pedpred.config import read_params
 from tests.conftest import ROOT
 from tools.branches import SHARED, branches, needed, stage_names
 
-TRAININGS = ("pretrain", "train", "finetune")
+LONG = ("pretrain", "train", "finetune", "evaluate")
 pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
 
 
@@ -37,5 +37,5 @@ def test_branches_need_in_common_only_what_ran_before(graph, stages):
         assert set(one) & set(other) <= set(needed(graph, SHARED))
 
 
-def test_every_training_is_in_one_of_them(graph, stages):
-    assert {name for name in graph if name.startswith(TRAININGS)} <= set().union(*stages.values())
+def test_every_training_and_evaluation_is_in_one_of_them(graph, stages):
+    assert {name for name in graph if name.startswith(LONG)} <= set().union(*stages.values())

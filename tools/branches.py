@@ -2,7 +2,7 @@
 
 `make reproduce` starts with it. `dvc repro` runs one stage after the other, and a training uses one core. The
 LSTMs and each of the networks without memory need nothing of each other, so one `dvc repro` per branch trains
-them at once. Each names its own stages only: DVC refuses a stage, even an unchanged one, while another
+and evaluates them at once. Each names its own stages only: DVC refuses a stage, even an unchanged one, while another
 command looks at it. What fails is reported by the `dvc repro` that follows, which runs it again.
 """
 
@@ -24,11 +24,17 @@ SHARED = ("ingest", "simulate", "situations_simulated", "situations_real")
 
 
 def branches(params: DictConfig) -> dict[str, list[str]]:
-    """The last stages of each branch: of the LSTMs, and of each network without memory."""
-    return {"lstms": ["finetune", "validate_simulation"]} | {
-        name: [f"train_robot@{name}", *(f"finetune_situations@{name}-{fold}" for fold in params.folds.real)]
+    """The last stages of each branch: of the LSTMs and simple methods, and of each network without memory."""
+    lstms = ["evaluate_main", "evaluate_fold", "evaluate_baseline", "validate_simulation"]
+    others = {
+        name: [
+            f"train_robot@{name}",
+            f"evaluate_main_situations@{name}",
+            *(f"evaluate_fold_situations@{name}-{fold}" for fold in params.folds.real),
+        ]
         for name in params.methods.memoryless
     }
+    return {"lstms": lstms} | others
 
 
 def stage_names(folder: Path) -> nx.DiGraph:

@@ -13,7 +13,7 @@ from pedpred.report.measures import Figures, Result
 from pedpred.report.methods import Methods
 
 Verdict = Literal["met", "missed", "not measured"]
-_KINDS = ("below", "gains", "ratio_at_most", "ratio_at_least")
+_KINDS = ("below", "gains", "ratio_at_least")
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Expectation:
     """A statement about the ADE of two methods, given by their keys.
 
     Kind `below`: the first is below the second; `gains`: the same, reported as a relative gain;
-    `ratio_at_most` and `ratio_at_least`: first / second compared with the bound.
+    `ratio_at_least`: first / second is not below the bound.
     """
 
     kind: str
@@ -96,22 +96,17 @@ def judge_expectations(result: Result, paper: Paper, methods: Methods) -> list[t
 def judge(expected: Expectation, figures: Figures, methods: Methods) -> Finding:
     """Judge an expectation by the figures of a test set."""
     first, second = methods[expected.first], methods[expected.second]
-    words = {"ratio_at_most": "at most", "ratio_at_least": "at least"}
     claim = f"{first.label} below {second.label}"
-    if expected.kind in words:
-        claim = f"{first.label} / {second.label} {words[expected.kind]} {expected.bound:.2f}"
-    if not {first.key, second.key} <= figures.keys():
+    if expected.kind == "ratio_at_least":
+        claim = f"{first.label} / {second.label} at least {expected.bound:.2f}"
+    if not {first.key, second.key} <= figures.keys() or not figures[second.key]["ade_m"]:
         return Finding(claim, NOTHING, "not measured")
     one, two = figures[first.key]["ade_m"], figures[second.key]["ade_m"]
     measured, holds = f"{one:.3f} m {'<' if one < two else '≥'} {two:.3f} m", one < two
     if expected.kind == "gains":
         measured = percent_better(1.0 - one / two) + noise(figures[first.key])
-    elif expected.kind in words:
-        ratio, bound = one / two, expected.bound
-        measured, holds = (
-            f"{ratio:.3f}",
-            ratio <= bound if expected.kind == "ratio_at_most" else ratio >= bound,
-        )
+    elif expected.kind == "ratio_at_least":
+        measured, holds = f"{one / two:.3f}", one / two >= expected.bound
     return Finding(claim, measured, "met" if holds else "missed")
 
 

@@ -93,18 +93,22 @@ def test_a_network_is_tested_where_it_has_never_been(study, fold):
 
 
 @pytest.mark.parametrize("fold", FOLDS["real"])
-def test_fine_tuning_reads_the_sets_of_its_fold_alone(fold, monkeypatch):
+@pytest.mark.parametrize(("phase", "group"), [("finetune", "networks"), ("adaptation", "memoryless")])
+def test_fine_tuning_reads_the_real_sets_of_its_fold_alone(phase, group, fold, monkeypatch):
     def record(*given, **named):
-        read.update(re.findall(r"data/features/(\w+/\w+)", repr((given, named))))
+        read.update(re.findall(r"data/(?:features|situations)/(\w+/\w+)", repr((given, named))))
         raise InterruptedError
 
     read = set()
     monkeypatch.setattr(train, "load_rows", record)
     monkeypatch.setattr(train, "has_rows", lambda folder: True)
-    given = {"phase": "finetune", "name": next(iter(PARAMS["methods"]["networks"])), "fold": fold}
+    monkeypatch.setattr(train, "read_situations_manifest", lambda folder: (None, ["a shard"]))
+    given = {"phase": phase, "name": next(iter(PARAMS["methods"][group])), "fold": fold}
     with pytest.raises(InterruptedError):
         train.main.__wrapped__(OmegaConf.create(PARAMS | given))
-    assert read == set(FOLDS["real"][fold]["train"])
+    trained = set(FOLDS["real"][fold]["train"])
+    assert {key for key in read if key.startswith("real/")} == {key for key in trained if "real/" in key}
+    assert read - trained <= {f"simulated/{key}" for key in PARAMS["situations"]["simulated"]}
 
 
 @of_dvc
