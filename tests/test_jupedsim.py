@@ -125,7 +125,7 @@ TRACKS = [
     (("2\t4", "1\t4"), 5, "id 1 and frame 4 again, first in line 4"),
     (("# id", "# framerate: 25, id"), None, "frame rate 16 and 25 Hz"),
     (("16", "0"), None, "frame rate 0 Hz, expected one from 0.001"),
-    (("y/m", "x/cm"), None, "comments say both cm and m"),
+    (("y/m", "x/cm"), None, "lengths are said to be cm and m"),
     ((TEXT[TEXT.index("1\t0") :], ""), None, "no detections, the file is empty"),
     (("1\t4", "3\t4"), None, "no pedestrian was detected twice"),
 ]

@@ -2,8 +2,8 @@
 
 `make reproduce` starts with it. `dvc repro` runs one stage after the other, and a training uses one core. The
 LSTMs and each of the networks without memory need nothing of each other, so one `dvc repro` per branch trains
-and evaluates them at once. Each names its own stages only: DVC refuses a stage, even an unchanged one, while another
-command looks at it. What fails is reported by the `dvc repro` that follows, which runs it again.
+and evaluates them at once. Each names its own stages only: DVC refuses a stage, even an unchanged one, while
+another command looks at it. What fails is reported by the `dvc repro` that follows, which runs it again.
 """
 
 from __future__ import annotations

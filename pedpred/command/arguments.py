@@ -19,10 +19,12 @@ from pedpred.evaluation import EvaluationSettings
 from pedpred.files import check_output
 from pedpred.online.network import read_description
 from pedpred.online.warming import warm_up
+from pedpred.storage.tables import UNITS
 
 _SCENE = (
     "a scene folder, an MCAP recording, a ROS bag, a table (.csv, .tsv, .txt) with time, id, x, y, a text "
-    "with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or an .ndjson file of TrajNet++"
+    "with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or frame, id, x, y as for SGAN, or an "
+    ".ndjson file of TrajNet++"
 )
 _TRACKER = "a YAML file with acceleration_noise, position_noise_m and initial_speed_mps, as in conf/trackers"
 
@@ -137,6 +139,8 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.add_argument("--columns", help=named)
     counted = "of frame numbers, in a file that does not say it, Hz"
     command.add_argument("--rate", "--frame-rate", type=float, help=counted)
+    long = "of lengths in a table or text (default: what the file says, else m)"
+    command.add_argument("--unit", choices=list(UNITS), help=long)
     replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml), which replaces the map"
     command.add_argument("--map", type=_path, help=replaced)
     end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"

@@ -74,7 +74,7 @@ def read_given(given: argparse.Namespace) -> Scene:
     """
     columns = None if given.columns is None else tuple(given.columns.split(","))
     transform = None if given.transform is None else Transform(*given.transform)
-    scene = read_any(given.scene, given.topic, TableOptions(columns, given.rate), transform)
+    scene = read_any(given.scene, given.topic, TableOptions(columns, given.rate, given.unit), transform)
     if ground := _ground_given(given):
         scene = replace(scene, occupancy=ground)
     if given.no_map:
@@ -121,7 +121,10 @@ def read_any(
 
     Raises:
         StorageError, SourceError: the file is missing, damaged or of another format.
+        ValueRuleError: a unit is given for what has metres.
     """
+    if options is not None and options.unit is not None and (path.is_dir() or path.suffix not in FORMATS):
+        raise ValueRuleError("--unit", options.unit, f"{path} has metres; it is for tables and texts")
     if is_bag(path) or (path.suffix == ".mcap" and topic is not None):
         return read_bag(path, topic, transform)
     if path.suffix not in FORMATS and not path.is_dir():

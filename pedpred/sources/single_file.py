@@ -8,6 +8,7 @@ from pathlib import Path
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.sources.jupedsim import read_tracks
+from pedpred.sources.plausibility import check_speeds
 from pedpred.sources.trajnet import read_ndjson
 from pedpred.storage.tables import IN_SECONDS, TableOptions, has_header, read_table
 
@@ -24,14 +25,17 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
         options: what the file does not say itself.
 
     Raises:
-        SourceError: the file cannot be understood, nobody is detected twice, or its times are no seconds.
+        SourceError: the file cannot be understood, nobody is detected twice, its times are no seconds, or
+            people would move at impossible speeds.
     """
-    trajectories = FORMATS[path.suffix](path, options or TableOptions())
+    options = options or TableOptions()
+    trajectories = FORMATS[path.suffix](path, options)
     try:
         dt_s = trajectories.usual_interval_s()
     except ValueRuleError as cause:
         raise SourceError(path, None, str(cause), "A track needs several detections") from cause
     check_clock(path, dt_s)
+    check_speeds(path, trajectories, sure=options.unit is not None)
     return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
 
 
@@ -48,10 +52,10 @@ def check_clock(path: Path, dt_s: float) -> None:
 
 
 def _read_text(path: Path, options: TableOptions) -> Trajectories:
-    """Read a table if it has a header or is given one, else the text of a laboratory: id, frame, x, y."""
+    """Read a table if it has a header or is given one, else lines of id, frame, x, y or frame, id, x, y."""
     if options.columns is not None or has_header(path):
         return read_table(path, options)
-    return read_tracks(path, options.rate_hz)
+    return read_tracks(path, options.rate_hz, options.unit, any_order=True)
 
 
 FORMATS: dict[str, Callable[[Path, TableOptions], Trajectories]] = {

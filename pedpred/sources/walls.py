@@ -21,10 +21,8 @@ import numpy as np
 from pedpred.errors import SourceError, ValueRuleError, brief
 from pedpred.files import read_bytes, translate_errors
 from pedpred.scenes import OccupancyMap
+from pedpred.storage.tables import UNITS
 from pedpred.storage.text import numbers
-
-UNITS = {"m": 1.0, "cm": 0.01}
-"""Units of length by their names in files, m."""
 
 _LARGEST_BYTES = 2**22
 _MOST_CELLS = 2**24

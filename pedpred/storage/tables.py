@@ -1,13 +1,17 @@
 """Tables of tracks as text: a line per detection, columns named by a header or by the caller.
 
 Separators are commas, semicolons, tabs or blanks; lines that begin with `#` are comments, unless they are the
-header. Columns with other names than those of `NAMES` and of `Trajectories` are not used.
+header. Columns with other names than those of `NAMES` and of `Trajectories` are not used. Lengths are metres
+unless the titles of x and y, such as `x [cm]` or `y_mm`, or the caller say otherwise. Ids may be words, which
+are numbered.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+import logging
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -15,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import SourceError, ValueRuleError
+from pedpred.fields import check_choice
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.scenes.scene import LATEST_S
@@ -31,10 +36,17 @@ NAMES = {
 }
 """What the columns may be called; upper and lower case are the same."""
 
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+"""Units of length by their names in files, m."""
+
 IN_SECONDS = "Times are seconds; call the column time_ms, or frame and give --rate"
 
 _KNOWN = {alias: name for name, aliases in NAMES.items() for alias in aliases}
 _KNOWN |= {name: name for name in TRACK_COLUMNS}
+_LENGTHS = ("x_m", "y_m")
+_WITH_UNIT = re.compile(r"(.*?)\s*[ _/\[(]\s*(cm|mm|m)[\])]?")
+_SHOWN_NAMES = 3
+_log = logging.getLogger(__name__)
 _CLOCKS = ("time_s", "time_ms", "frame")
 _SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
@@ -49,16 +61,20 @@ class TableOptions:
     Attributes:
         columns: their names in order, in place of a header; None: the header has them.
         rate_hz: of frame numbers; None: the file says it, or has times.
+        unit: of lengths, a key of `UNITS`; None: the file says it, or they are metres.
     """
 
     columns: tuple[str, ...] | None = None
     rate_hz: float | None = None
+    unit: str | None = None
 
     def __post_init__(self) -> None:
         if self.columns is not None:
             _wanted(self.columns)
         if self.rate_hz is not None and not _SLOWEST_HZ <= self.rate_hz <= _FASTEST_HZ:
             raise ValueRuleError("rate_hz", self.rate_hz, "it must be a number from 0.001 to 1000000 Hz")
+        if self.unit is not None:
+            check_choice("unit", self.unit, list(UNITS))
 
 
 def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
@@ -79,7 +95,11 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
         raise SourceError(
             path, None, cause.rule, "Rename columns, or name all in order: --columns"
         ) from cause
+    (id_title,) = (title for title, name in wanted.items() if name == "track_id")
+    rows = _with_numbered_ids(path, rows, header.index(id_title), [header.index(title) for title in wanted])
     columns = read_numbers(path, rows, header, wanted)
+    for name in _LENGTHS:
+        columns[name] *= UNITS[_unit(path, wanted, options.unit)]
     with translate_errors(lambda problem: SourceError(path, None, problem)):
         _set_time(path, columns, options.rate_hz)
         check_unique(path, columns, "track_id", "time_s")
@@ -149,6 +169,15 @@ def _names_tracks(titles: Sequence[str]) -> bool:
         return False
 
 
+def _name_of(title: str) -> str | None:
+    """The name of a column by its title; those of lengths may say a unit."""
+    if name := _KNOWN.get(title.lower()):
+        return name
+    match = _WITH_UNIT.fullmatch(title.lower())
+    name = _KNOWN.get(match[1]) if match else None
+    return name if name in _LENGTHS else None
+
+
 def _wanted(titles: Sequence[str]) -> dict[str, str]:
     """Title -> name of the columns that hold tracks.
 
@@ -157,7 +186,7 @@ def _wanted(titles: Sequence[str]) -> dict[str, str]:
     """
     named: dict[str, str] = {}
     for title in titles:
-        if name := _KNOWN.get(title.lower()):
+        if name := _name_of(title):
             if name in named:
                 raise ValueRuleError("columns", titles, f"columns {named[name]} and {title} are both {name}")
             named[name] = title
@@ -170,6 +199,47 @@ def _wanted(titles: Sequence[str]) -> dict[str, str]:
             separators = "commas, semicolons, tabs or blanks between them"
             raise ValueRuleError("columns", titles, f"{rule}. Found were {found}; expected {separators}")
     return {title: name for name, title in named.items() if name == clock or name not in _CLOCKS}
+
+
+def _unit(path: Path, wanted: Mapping[str, str], given: str | None) -> str:
+    """The unit of lengths that the titles or the caller say; metres if nobody does.
+
+    Raises:
+        SourceError: they differ.
+    """
+    titles = [title for title, name in wanted.items() if name in _LENGTHS]
+    said = {match[2] for title in titles if (match := _WITH_UNIT.fullmatch(title.lower()))}
+    units = said | ({given} if given else set())
+    if len(units) > 1:
+        found = " and ".join(sorted(units))
+        raise SourceError(path, None, f"lengths are said to be {found}", "Correct titles or --unit")
+    return units.pop() if units else "m"
+
+
+def _with_numbered_ids(path: Path, rows: Iterator[Row], at: int, used: Sequence[int]) -> Iterator[Row]:
+    """Replace ids that are words by numbers in the order of their appearance, if the first one is a word.
+
+    Rows are left out in which only the time is given: they are about something else.
+    """
+    numbers: dict[str, str] = {}
+    words = None
+    for line, fields in rows:
+        if at >= len(fields):
+            yield line, fields
+            continue
+        name = fields[at].strip()
+        if not name and sum(bool(fields[column].strip()) for column in used if column < len(fields)) <= 1:
+            continue
+        if words is None:
+            words = bool(name) and not _is_number(name)
+        if words and name:
+            fields = [*fields[:at], numbers.setdefault(name, str(len(numbers))), *fields[at + 1 :]]
+        yield line, fields
+    if numbers:
+        shown = ", ".join(f"{name} is {number}" for name, number in list(numbers.items())[:_SHOWN_NAMES])
+        _log.info(
+            "%s: ids are words, and numbered: %s%s", path, shown, ", ..." * (len(numbers) > _SHOWN_NAMES)
+        )
 
 
 def _set_time(path: Path, columns: dict[str, np.ndarray], rate_hz: float | None) -> None:

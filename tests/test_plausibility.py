@@ -1,0 +1,162 @@
+"""Files that do not say what their columns and lengths are, read by how people move."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.scenes import Trajectories
+from pedpred.sources.plausibility import check_speeds, ids_come_first
+from pedpred.sources.single_file import read_file
+from pedpred.storage.tables import UNITS, TableOptions
+
+RATE_HZ = 25.0
+
+
+def crowd(seed, people, steps, every=1, noise_m=0.01, apart_m=3.0):
+    """Rows (id, frame, x, y) of people who walk their own ways, in order of frames."""
+    rng = np.random.default_rng(seed)
+    heading, speed = rng.uniform(-np.pi, np.pi, people), rng.uniform(0.6, 1.6, people)
+    velocity = speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    start = rng.uniform(-apart_m, apart_m, (people, 2)) * np.sqrt(people)
+    born = rng.integers(0, steps // 2 + 1, people)
+    rows = []
+    for k in range(steps):
+        for one in np.flatnonzero((born <= k) & (k < born + max(steps // 2, 3))):
+            at = start[one] + velocity[one] * (k - born[one]) * every / RATE_HZ
+            rows.append([one + 1, k * every, *(at + rng.normal(0, noise_m, 2))])
+    return np.array(rows)
+
+
+def write(path, rows, order=(0, 1, 2, 3), head="", scale=1.0):
+    scaled = rows * [1, 1, scale, scale]
+    lines = [
+        " ".join(f"{value:.6g}" if k > 1 else f"{value:.1f}" for k, value in enumerate(row))
+        for row in scaled[:, order]
+    ]
+    path.write_text(head + "\n".join(lines) + "\n")
+    return path
+
+
+def positions(scene):
+    people = scene.trajectories
+    return people.position[np.lexsort((people.time_s, people.track_id))]
+
+
+@given(st.integers(0, 10_000), st.integers(3, 30), st.integers(8, 40), st.sampled_from([1, 5, 10]))
+@settings(max_examples=40, deadline=None)
+def test_the_order_of_id_and_frame_is_found_in_any_order_of_lines(seed, people, steps, every):
+    rows = crowd(seed, people, steps, every)
+    rows = np.random.default_rng(seed).permutation(rows)
+    track, frame, position = rows[:, 0].astype(int), rows[:, 1].astype(int), rows[:, 2:]
+    assert ids_come_first(track, frame, position) is True
+    assert ids_come_first(frame, track, position) is False
+    assert ids_come_first(track, frame, 100.0 * position) is True, "in any unit"
+
+
+@pytest.mark.parametrize("people", [1, 2, 12])
+def test_both_orders_of_a_file_are_the_same_scene(tmp_path, people):
+    rows = crowd(3, people, 40, 10)
+    options = TableOptions(rate_hz=RATE_HZ)
+    first = read_file(write(tmp_path / "id_first.txt", rows), options)
+    second = read_file(write(tmp_path / "frame_first.txt", rows, (1, 0, 2, 3)), options)
+    np.testing.assert_array_equal(first.trajectories.track_id.max(), people)
+    np.testing.assert_array_equal(positions(first), positions(second))
+    assert first.detection_dt_s == second.detection_dt_s == pytest.approx(0.4)
+
+
+def test_where_the_order_stays_open_it_is_asked_for(tmp_path):
+    """Two people side by side, seen twice: it could also be the other way round."""
+    path = tmp_path / "pair.txt"
+    path.write_text("1 1 0 0 1.7\n1 2 0.5 0 1.7\n2 1 0 0.5 1.7\n2 2 0.5 0.5 1.7\n")
+    with pytest.raises(SourceError, match="--columns id,frame,x,y,z, or --columns frame,id,x,y,z"):
+        read_file(path, TableOptions(rate_hz=2.0))
+    for columns in ("id,frame,x,y,z", "frame,id,x,y,z"):
+        assert len(read_file(path, TableOptions(tuple(columns.split(",")), 2.0)).trajectories) == 4
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize(
+    "words", ["# x/{} y/{}", "# id frame x [{}] y [{}]", "# all lengths in {}", "# x_{} y_{}"]
+)
+def test_a_comment_says_the_unit_of_a_text(tmp_path, unit, words):
+    rows = crowd(1, 5, 30)
+    head = f"# framerate: {RATE_HZ}\n{words.format(unit, unit)}\n"
+    scene = read_file(write(tmp_path / "hall.txt", rows, head=head, scale=1 / UNITS[unit]))
+    metres = read_file(write(tmp_path / "metres.txt", rows), TableOptions(rate_hz=RATE_HZ))
+    np.testing.assert_allclose(positions(scene), positions(metres), rtol=1e-4, atol=1e-3)
+    other = next(name for name in UNITS if name != unit)
+    with pytest.raises(SourceError, match="lengths are said to be"):
+        read_file(tmp_path / "hall.txt", TableOptions(unit=other))
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("titles", ["x [{}],y [{}]", "x_{},y_{}", "x/{},y/{}", "X ({}),Y ({})"])
+def test_titles_say_the_unit_of_a_table(tmp_path, unit, titles):
+    path = tmp_path / "hall.csv"
+    length = 1 / UNITS[unit]
+    path.write_text(f"time,id,{titles.format(unit, unit)}\n0,1,0,0\n0.5,1,{0.5 * length},{length}\n")
+    np.testing.assert_allclose(read_file(path).trajectories.position[1], [0.5, 1.0])
+
+
+@pytest.mark.parametrize(("unit", "other"), [("cm", "m"), ("mm", "m"), ("mm", "cm")])
+def test_lengths_in_another_unit_are_doubted_and_read_when_it_is_said(tmp_path, unit, other):
+    rows = crowd(2, 6, 60)
+    path = write(tmp_path / "hall.txt", rows, scale=UNITS[other] / UNITS[unit])
+    if other == "m":
+        with pytest.raises(SourceError, match=f"--unit {unit} if lengths are {unit}"):
+            read_file(path, TableOptions(rate_hz=RATE_HZ))
+    scene = read_file(path, TableOptions(rate_hz=RATE_HZ, unit=unit))
+    wanted = UNITS[other] * rows[np.lexsort((rows[:, 1], rows[:, 0]))][:, 2:]
+    np.testing.assert_allclose(positions(scene), wanted, rtol=1e-4, atol=1e-4)
+
+
+def test_a_unit_that_is_said_is_believed(tmp_path, caplog):
+    rows = crowd(2, 6, 60)
+    path = write(tmp_path / "cars.txt", rows, scale=12.0)
+    assert len(read_file(path, TableOptions(rate_hz=RATE_HZ, unit="m")).trajectories) == len(rows)
+    assert "nobody walks so fast" in caplog.text
+    with pytest.raises(ValueRuleError, match="unit = 'km'"):
+        TableOptions(unit="km")
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.02, 0.05])
+@pytest.mark.parametrize("rate_hz", [2.0, 10.0, 50.0, 200.0])
+def test_noise_at_any_rate_is_no_speed(tmp_path, noise_m, rate_hz):
+    rng, time_s = np.random.default_rng(0), np.arange(0, 8, 1 / rate_hz)
+    walk = np.stack([1.3 * time_s, 0 * time_s], axis=-1) + rng.normal(0, noise_m, (len(time_s), 2))
+    check_speeds(tmp_path, Trajectories(time_s, np.ones(len(time_s), int), walk))
+
+
+def test_people_who_stand_are_people_and_nobody_is_none(tmp_path, caplog):
+    time_s = np.arange(40) / 4
+    check_speeds(tmp_path, Trajectories(time_s, np.ones(40, int), np.zeros((40, 2))))
+    assert "nobody moves faster" in caplog.text
+    check_speeds(tmp_path, Trajectories(np.zeros(0), np.zeros(0, int), np.zeros((0, 2))))
+
+
+def test_ids_that_are_words_are_numbered_in_the_order_of_appearance(tmp_path, caplog):
+    caplog.set_level("INFO")
+    path = tmp_path / "helmets.csv"
+    path.write_text("time,id,x,y\n0,Helmet_2,0,0\n0,12,5,5\n0.5,Helmet_2,0.5,0\n0.5,12,5,5.5\n")
+    people = read_file(path).trajectories
+    np.testing.assert_array_equal(np.sort(people.track_id), [0, 0, 1, 1])
+    assert "Helmet_2 is 0, 12 is 1" in caplog.text
+
+
+def test_a_word_among_numbers_is_an_error(tmp_path):
+    path = tmp_path / "hall.csv"
+    path.write_text("time,id,x,y\n0,1,0,0\n0.5,x1,0.5,0\n")
+    with pytest.raises(SourceError, match=r"line 3.*id = 'x1'"):
+        read_file(path)
+
+
+def test_rows_about_something_else_are_passed_over(tmp_path):
+    """SUMO writes people and vehicles into one table."""
+    path = tmp_path / "fcd.csv"
+    path.write_text("time;id;x;y;vehicle\n0;ped0;0;0;\n0;;;;car\n1;ped0;1;0;\n1;;;;car\n")
+    assert len(read_file(path).trajectories) == 2
+    path.write_text("time;id;x;y;vehicle\n0;ped0;0;0;\n0;;3;;car\n1;ped0;1;0;\n")
+    with pytest.raises(SourceError, match="line 3"):
+        read_file(path)
