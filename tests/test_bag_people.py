@@ -37,7 +37,7 @@ def store():
 
 def bag(store, path, *instants, frame="map", kind=PEOPLE, grid=True):
     """Write a bag; an instant is (time, {name: (x, y)}) or (time, [(name, (x, y)), ...])."""
-    messages = [("/costmap", "nav_msgs/msg/OccupancyGrid", store.grid())] if grid else []
+    messages = [("/map", "nav_msgs/msg/OccupancyGrid", store.grid())] if grid else []
     for time_s, people in instants:
         header = store.header(time_s, frame)
         here = people.items() if isinstance(people, dict) else people

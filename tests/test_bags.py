@@ -116,7 +116,7 @@ def ros2():
 
 
 def stream(store, kind, frame="map"):
-    yield "/costmap", "nav_msgs/msg/OccupancyGrid", store.grid()
+    yield "/map", "nav_msgs/msg/OccupancyGrid", store.grid()
     for time_s in (0.0, 0.5, 1.0):
         yield "/tracks", kind, store.people(kind, time_s, frame)
 
@@ -161,8 +161,8 @@ def test_a_bag_becomes_a_scene_folder_with_another_map(ros2, tmp_path):
 
 def test_a_bag_that_makes_no_scene_says_why(ros2, tmp_path):
     kind = "hunav_msgs/msg/Agents"
-    ros2.write(tmp_path / "empty", [("/costmap", "nav_msgs/msg/OccupancyGrid", ros2.grid())])
-    with pytest.raises(SourceError, match=r"no topic carries people.*costmap"):
+    ros2.write(tmp_path / "empty", [("/map", "nav_msgs/msg/OccupancyGrid", ros2.grid())])
+    with pytest.raises(SourceError, match=r"no topic carries people.*map"):
         read_bag(tmp_path / "empty")
     ros2.write(tmp_path / "two", [*stream(ros2, kind), ("/more", kind, ros2.people(kind, 0.5))])
     with pytest.raises(SourceError, match=r"several topics.*/more"):

@@ -73,8 +73,12 @@ def read_given(given: argparse.Namespace) -> Scene:
         ValueRuleError: open ends are given without a geometry file.
     """
     columns = None if given.columns is None else tuple(given.columns.split(","))
+    replaced = given.map is not None or given.no_map
+    ground = "" if replaced else given.map_topic
     transform = None if given.transform is None else Transform(*given.transform)
-    scene = read_any(given.scene, given.topic, TableOptions(columns, given.rate, given.unit), transform)
+    scene = read_any(
+        given.scene, given.topic, TableOptions(columns, given.rate, given.unit), transform, ground
+    )
     if ground := _ground_given(given):
         scene = replace(scene, occupancy=ground)
     if given.no_map:
@@ -110,6 +114,7 @@ def read_any(
     topic: str | None = None,
     options: TableOptions | None = None,
     transform: Transform | None = None,
+    map_topic: str | None = None,
 ) -> Scene:
     """Read a scene folder, a file of tracks (on free ground), a recording or a ROS bag.
 
@@ -118,6 +123,7 @@ def read_any(
         topic: of a bag's people; an .mcap file is read as a bag if one is given.
         options: what a table or text does not say itself.
         transform: of the people's frame, where it is not the map's.
+        map_topic: of a bag's map, see `read_bag`.
 
     Raises:
         StorageError, SourceError: the file is missing, damaged or of another format.
@@ -126,7 +132,7 @@ def read_any(
     if options is not None and options.unit is not None and (path.is_dir() or path.suffix not in FORMATS):
         raise ValueRuleError("--unit", options.unit, f"{path} has metres; it is for tables and texts")
     if is_bag(path) or (path.suffix == ".mcap" and topic is not None):
-        return read_bag(path, topic, transform)
+        return read_bag(path, topic, transform, map_topic)
     if path.suffix not in FORMATS and not path.is_dir():
         return read_recording(path, transform)
     scene = read_scene(path) if path.is_dir() else read_file(path, options)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -25,6 +26,9 @@ from pedpred.scenes import OccupancyMap, Scene, Trajectories
 _log = logging.getLogger(__name__)
 _GRID = TYPES[MAP]
 _REMEDY = f"A bag may hold {', '.join(sorted(ADAPTERS))} for people and {_GRID} for the map"
+_MAP_REMEDY = "Choose one: --map-topic"
+_NO_MAP = re.compile(r"costmap|^/predicted_occupancy/")
+"""Topics of grids that are no map: costs for planners, and where people are going to be."""
 _MCAP_REMEDY = "Record it with `ros2 bag record`, or repair it with the `mcap` command line tool"
 
 
@@ -33,7 +37,9 @@ def is_bag(path: Path) -> bool:
     return path.suffix in (".bag", ".db3") or (path / "metadata.yaml").exists()
 
 
-def read_bag(path: Path, topic: str | None = None, transform: Transform | None = None) -> Scene:
+def read_bag(
+    path: Path, topic: str | None = None, transform: Transform | None = None, map_topic: str | None = None
+) -> Scene:
     """Read the people and the map of a bag. Times are the messages' stamps.
 
     Detections without a place, and second ones of a track in one instant, are left out with a warning.
@@ -42,21 +48,24 @@ def read_bag(path: Path, topic: str | None = None, transform: Transform | None =
         path: a .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
         topic: of the people; optional where only one topic carries people.
         transform: of the people's frame, where it is not the map's.
+        map_topic: of the map; None: the topic that is called map, or the only one that is neither a costmap
+            nor predicted occupancy; "": the bag's maps are left out.
 
     Returns:
-        The scene, named after the file. The last map counts; without one the ground is free.
+        The scene, named after the file. The last message of the map's topic counts; without one the ground
+        is free.
 
     Raises:
-        SourceError: the file is no bag, no topic or several topics carry people, people and map are in
-            different frames, or the messages make no scene.
+        SourceError: the file is no bag, no topic or several topics carry people, several carry a map, people
+            and map are in different frames, or the messages make no scene.
     """
     problem = partial(SourceError, path, None)
     with translate_errors(partial(problem, remedy=_REMEDY)), _opened(path) as bag:
         connections = bag.connections
-        source = _people_topic(path, connections, topic)
-        maps = [connection for connection in connections if connection.msgtype == _GRID]
+        sources = _people_topic(path, connections, topic)
+        maps = _map_topic(path, connections, map_topic)
         last, frames, rows, numbers = None, set(), [], TrackNumbers()
-        for connection, _, raw in bag.messages(connections=[source, *maps]):
+        for connection, _, raw in bag.messages(connections=[*sources, *maps]):
             if connection.msgtype == _GRID:
                 last = raw
                 continue
@@ -112,11 +121,32 @@ def _mcap_files(path: Path) -> list[Path]:
     return [path / Path(name).name for name in bag["relative_file_paths"]]
 
 
-def _people_topic(path: Path, connections: Sequence[Any], topic: str | None) -> Any:
-    """The connection that people are taken from."""
+def _people_topic(path: Path, connections: Sequence[Any], topic: str | None) -> list[Any]:
+    """The connections that people are taken from: all publishers of one topic."""
     carriers = [c for c in connections if c.msgtype in ADAPTERS and topic in (None, c.topic)]
-    if len(carriers) == 1:
-        return carriers[0]
+    if len({(c.topic, c.msgtype) for c in carriers}) == 1:
+        return carriers
     found = {c.topic: c.msgtype for c in (carriers or connections)}
-    lack = "several topics carry people: choose one" if carriers else "no topic carries people"
+    lack = "several topics carry people: choose one (--topic)" if carriers else "no topic carries people"
     raise SourceError(path, None, f"{lack}, among {brief(found)}", _REMEDY)
+
+
+def _map_topic(path: Path, connections: Sequence[Any], topic: str | None) -> list[Any]:
+    """The connections that the map is taken from; none without a map."""
+    grids = [c for c in connections if c.msgtype == _GRID]
+    names = sorted({c.topic for c in grids})
+    if topic is None:
+        maps = [name for name in names if name.rpartition("/")[2] == "map"]
+        others = [name for name in names if not _NO_MAP.search(name)]
+        chosen = maps or others
+        if len(chosen) > 1:
+            raise SourceError(path, None, f"several topics carry a map: {brief(chosen)}", _MAP_REMEDY)
+        if names and not chosen:
+            _log.warning(
+                "%s: no map, the ground is free: %s are no maps. %s", path, brief(names), _MAP_REMEDY
+            )
+    else:
+        chosen = [topic] if topic else []
+        if set(chosen) - set(names):
+            raise SourceError(path, None, f"{topic} carries no map, among {brief(names)}", _MAP_REMEDY)
+    return [c for c in grids if c.topic in chosen]

@@ -1,0 +1,82 @@
+"""Which of a bag's grids is the map, and all publishers of a topic."""
+
+import numpy as np
+import pytest
+from rosbags import rosbag1
+from rosbags.typesys import Stores
+
+from pedpred.command import main
+from pedpred.errors import SourceError
+from pedpred.ros import read_bag
+from pedpred.storage.scenes import read_scene, write_map
+from tests.test_bags import Store, check
+from tests.worlds import walled_scene
+
+GRID, PEOPLE = "nav_msgs/msg/OccupancyGrid", "people_msgs/msg/People"
+
+
+@pytest.fixture(scope="module")
+def ros2():
+    return Store(Stores.ROS2_HUMBLE)
+
+
+def inflated(store, frame="map"):
+    grid = store.grid(frame)
+    grid.data[:] = 99
+    return grid
+
+
+def bag(store, path, *topics, people="map"):
+    """People, a map first on the first topic, and other grids later on the others."""
+    grids = [
+        (topic, GRID, store.grid() if not n else inflated(store, "odom")) for n, topic in enumerate(topics)
+    ]
+    seen = [("/people", PEOPLE, store.people(PEOPLE, time_s, people)) for time_s in (0.0, 0.5, 1.0)]
+    store.write(path, [*grids[:1], *seen, *grids[1:]])
+    return path
+
+
+@pytest.mark.parametrize("name", ["/map", "/robot/map", "/floor_plan"])
+def test_costmaps_and_predicted_occupancy_are_no_maps(ros2, tmp_path, name):
+    others = ("/local_costmap/costmap", "/global_costmap/costmap", "/predicted_occupancy/step_1")
+    check(read_bag(bag(ros2, tmp_path / "hall", name, *others)))
+
+
+def test_a_bag_with_costmaps_alone_has_no_map_and_says_so(ros2, tmp_path, caplog):
+    path = bag(ros2, tmp_path / "hall", "/global_costmap/costmap")
+    assert not read_bag(path).occupancy.occupied.any()
+    assert "/global_costmap/costmap" in caplog.text
+    assert "--map-topic" in caplog.text
+    check(read_bag(path, map_topic="/global_costmap/costmap"))
+
+
+def test_several_maps_are_asked_about(ros2, tmp_path):
+    path = bag(ros2, tmp_path / "hall", "/lidar", "/plan")
+    with pytest.raises(SourceError, match=r"'/lidar', '/plan'.*--map-topic"):
+        read_bag(path)
+    check(read_bag(path, map_topic="/lidar"))
+    with pytest.raises(SourceError, match="/nothing carries no map"):
+        read_bag(path, map_topic="/nothing")
+
+
+def test_another_map_spares_the_bags_own(ros2, tmp_path):
+    """Also one that could not be read: in another frame, or one of several."""
+    path = bag(ros2, tmp_path / "hall", "/lidar", "/plan", people="odom")
+    world = walled_scene(np.random.default_rng(0))
+    write_map(world.occupancy, tmp_path)
+    main(["convert", str(path), "-o", str(tmp_path / "scene"), "--map", str(tmp_path / "map.yaml")])
+    found = read_scene(tmp_path / "scene").occupancy
+    np.testing.assert_array_equal(found.occupied, world.occupancy.occupied)
+
+
+def test_all_publishers_of_a_topic_are_read(tmp_path):
+    """A node that was started again has a connection of its own in a bag of ROS 1."""
+    store = Store(Stores.ROS1_NOETIC)
+    with rosbag1.Writer(tmp_path / "hall.bag") as writer:
+        for count, time_s in enumerate((0.0, 0.5, 1.0)):
+            caller = f"/node_{count}"
+            one = writer.add_connection("/people", PEOPLE, typestore=store.types, callerid=caller)
+            writer.write(one, count, store.types.serialize_ros1(store.people(PEOPLE, time_s), PEOPLE))
+    scene = read_bag(tmp_path / "hall.bag")
+    np.testing.assert_array_equal(np.unique(scene.trajectories.time_s), [0.0, 0.5, 1.0])
+    assert len(scene.trajectories) == 6
