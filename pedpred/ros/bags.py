@@ -40,7 +40,9 @@ def is_bag(path: Path) -> bool:
 def read_bag(
     path: Path, topic: str | None = None, transform: Transform | None = None, map_topic: str | None = None
 ) -> Scene:
-    """Read the people and the map of a bag. Times are the messages' stamps.
+    """Read the people and the map of a bag.
+
+    Times are the messages' stamps, or the bag's own where all stamps are zero.
 
     Detections without a place, and second ones of a track in one instant, are left out with a warning.
 
@@ -65,19 +67,22 @@ def read_bag(
         sources = _people_topic(path, connections, topic)
         maps = _map_topic(path, connections, map_topic)
         last, frames, rows, numbers = None, set(), [], TrackNumbers()
-        for connection, _, raw in bag.messages(connections=[*sources, *maps]):
+        for connection, received_ns, raw in bag.messages(connections=[*sources, *maps]):
             if connection.msgtype == _GRID:
                 last = raw
                 continue
             message = bag.deserialize(raw, connection.msgtype)
             frames.add(message.header.frame_id)
-            now = seconds(message.header.stamp)
+            now = seconds(message.header.stamp), received_ns / 1e9
             for name, place in ADAPTERS[connection.msgtype](message):
-                rows.append((now, numbers.number(name), place.x, place.y))
+                rows.append((*now, numbers.number(name), place.x, place.y))
         grid = None if last is None else bag.deserialize(last, _GRID)
         check_frames(frames, grid and grid.header.frame_id, transform)
-        times, tracks, *places = zip(*rows, strict=True) if rows else [()] * 4
-        time_s, track_id = np.array(times, dtype=np.float64), np.array(tracks, dtype=np.int64)
+        stamps, received, tracks, *places = zip(*rows, strict=True) if rows else [()] * 5
+        if unstamped := not any(stamps) and any(received):
+            _log.warning("%s: all stamps are zero, so times are those at which the bag was written", path)
+        time_s = np.array(received if unstamped else stamps, dtype=np.float64)
+        track_id = np.array(tracks, dtype=np.int64)
         position = np.array(places, dtype=np.float64).reshape(2, -1).T
         kept, left_out = find_usable(time_s, track_id, position)
         if left_out:
