@@ -12,8 +12,9 @@ import yaml
 from PIL import Image
 
 from pedpred.command import main
+from pedpred.command.conversion import read_any
 from pedpred.command.maps import map_at
-from pedpred.errors import StorageError
+from pedpred.errors import SourceError, StorageError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.storage.scenes import read_scene, write_scene
@@ -195,3 +196,12 @@ def test_the_walk_through_in_the_documentation_runs(model, tmp_path, monkeypatch
         assert figures["hall"][method]["ade_m"] == figures["crossing"][method]["ade_m"]
     assert figures["hall"]["network"]["ade_m"] != figures["crossing"]["network"]["ade_m"]
     assert Path("build/hall.mcap").stat().st_size > 0
+
+
+def test_a_type_that_is_not_read_is_named_beside_those_that_are(tmp_path):
+    (tmp_path / "hall.sqlite").write_bytes(b"SQLite format 3\0")
+    with pytest.raises(SourceError, match=r"files of type \.sqlite are not read.*\.csv.*\.mcap"):
+        read_any(tmp_path / "hall.sqlite")
+    (tmp_path / "room.wkt").write_text("POLYGON ((0 0, 1 0, 1 1, 0 0))")
+    with pytest.raises(StorageError, match=r"files of type \.wkt are not read.*map\.yaml.*\.xml"):
+        map_at(tmp_path / "room.wkt")

@@ -6,12 +6,15 @@ import argparse
 import logging
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from mcap.writer import MCAP0_MAGIC
 
 from pedpred.command.maps import map_at
-from pedpred.errors import ValueRuleError
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.files import translate_errors
 from pedpred.ros import Transform, is_bag, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
@@ -134,6 +137,7 @@ def read_any(
     if is_bag(path) or (path.suffix == ".mcap" and topic is not None):
         return read_bag(path, topic, transform, map_topic)
     if path.suffix not in FORMATS and not path.is_dir():
+        _check_suffix(path)
         return read_recording(path, transform)
     scene = read_scene(path) if path.is_dir() else read_file(path, options)
     if transform is None:
@@ -141,3 +145,19 @@ def read_any(
     people = transform.moved(scene.trajectories)
     ground = scene.occupancy if path.is_dir() else OccupancyMap.free_around(people.position)
     return replace(scene, trajectories=people, occupancy=ground)
+
+
+def _check_suffix(path: Path) -> None:
+    """Check that a file without a known suffix begins as MCAP files do.
+
+    Raises:
+        SourceError: it does not; the suffixes that are read are named.
+    """
+    if path.suffix == ".mcap" or not path.is_file():
+        return
+    with translate_errors(partial(SourceError, path, None)), path.open("rb") as file:
+        if file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC:
+            return
+    known = ", ".join([*FORMATS, ".mcap", ".bag", ".db3"])
+    problem = f"files of type {path.suffix or 'unknown'} are not read"
+    raise SourceError(path, None, problem, f"Convert it to one of {known}, or to a scene folder")

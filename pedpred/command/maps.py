@@ -11,6 +11,7 @@ from pedpred.scenes import OccupancyMap
 from pedpred.storage.scenes import read_map, read_map_file
 
 _YAML = (".yaml", ".yml")
+_PICTURES = (".pgm", ".ppm", ".png", ".bmp", ".jpg", ".jpeg")
 _REMEDY = "Correct the file"
 
 
@@ -25,6 +26,11 @@ def map_at(path: Path) -> OccupancyMap:
     """
     if path.is_dir():
         return read_map(path)
+    if path.suffix not in (*_YAML, *_PICTURES):
+        known = f"a folder with map.yaml, a file {', '.join((*_YAML, *_PICTURES))}, or a geometry .xml"
+        raise StorageError(
+            path, "map", f"files of type {path.suffix or 'unknown'} are not read", f"Give {known}"
+        )
     about = path if path.suffix in _YAML else _describing(path)
     return read_map_file(about, _REMEDY)
 
