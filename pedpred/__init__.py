@@ -5,6 +5,7 @@ The names below are imported on first use, so that `import pedpred` itself loads
 
 import os
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -26,7 +27,12 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name from the package that defines it."""
+    """Import a public name from the package that defines it; `__version__` is that of the installation."""
+    if name == "__version__":
+        try:
+            return version("pedpred")
+        except PackageNotFoundError:  # a copy that was never installed
+            return "unknown"
     if name not in _HOMES:
         raise AttributeError(f"module 'pedpred' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)

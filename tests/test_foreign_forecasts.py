@@ -2,6 +2,7 @@
 
 import json
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.command import trajnet
-from pedpred.command.foreign import COLUMNS, read_forecasts
+from pedpred.command.foreign import COLUMNS, read_forecasts, write_forecasts
 from pedpred.errors import SourceError
+from pedpred.scenes import Predictions
+from tests.forecasts import windows_with
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +77,19 @@ def test_the_number_of_scenes_is_bounded(tmp_path, monkeypatch):
     assert len(read_forecasts(predicted(3, 2.5, tmp_path / "them.ndjson"), None).time_s) == 3
     with pytest.raises(SourceError, match="line 4: more than 3 scenes"):
         read_forecasts(predicted(4, 2.5, tmp_path / "them.ndjson"), None)
+
+
+@pytest.mark.parametrize("modes", [1, 3])
+def test_forecasts_that_are_written_as_a_table_are_read_again(tmp_path, modes):
+    rng, steps = np.random.default_rng(0), 4
+    path = rng.uniform(-50, 50, (5, modes, steps, 2))
+    weight = np.sort(rng.dirichlet(np.ones(modes), 5))[:, ::-1]
+    forecasts = Predictions(path[:, 0], path, weight, 0.3)
+    given = {"track_id": np.array([7, 7, 8, 9, 9]), "time_s": np.array([0.4, 0.8, 0.4, 0.0, 1.7e9])}
+    windows = windows_with(np.zeros((5, 2)), np.zeros((5, steps, 2)), {}, **given)
+    write_forecasts(replace(windows, predictions={"mine": forecasts}), "mine", tmp_path / "mine.csv")
+    found = read_forecasts(tmp_path / "mine.csv", 0.3)
+    np.testing.assert_array_equal(found.track_id, given["track_id"])
+    np.testing.assert_allclose(found.time_s, given["time_s"])
+    np.testing.assert_allclose(found.path, path, atol=1e-4)
+    np.testing.assert_allclose(found.weight, weight, atol=1e-3)

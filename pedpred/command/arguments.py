@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pedpred
 from pedpred import command as package
 from pedpred.command.conversion import convert, info, layout_of, refuse_overwriting
 from pedpred.command.evaluation import evaluate
@@ -32,12 +33,15 @@ _TRACKER = "a YAML file with acceleration_noise, position_noise_m and initial_sp
 def parser() -> argparse.ArgumentParser:
     """Make the arguments of all subcommands."""
     top = argparse.ArgumentParser(prog="pedpred", description=package.__doc__)
+    top.add_argument("--version", action="version", version=f"pedpred {pedpred.__version__}")
     commands = top.add_subparsers(required=True, metavar="COMMAND")
     _add(commands, info, scenes="+").set_defaults(action=_each(info))
     command = _add(commands, convert)
     _output(command, "an MCAP file (.mcap) or a new scene folder")
     command = _add(commands, predict)
-    _output(command, "an MCAP file (default: NAME_forecasts.mcap in the current folder)", required=False)
+    _output(
+        command, "an MCAP file, or .csv (default: NAME_forecasts.mcap in the current folder)", required=False
+    )
     _model(command, _TRACKER)
     grid = "also write the predicted occupancy of every step, in cells of this size, m"
     command.add_argument("--grid", type=_number(float, 0.01, 10.0), metavar="M", help=grid)
@@ -71,7 +75,7 @@ def check(given: argparse.Namespace) -> None:
         given.output = Path(f"{given.scene.stem}_forecasts.mcap")
     if output := getattr(given, "output", None):
         recording = output.suffix == ".mcap"
-        _check_output(output, inputs, folder=not recording)
+        _check_output(output, inputs, folder=not (recording or given.action is predict))
         if recording:
             _check_output(layout_of(output), inputs)
         refuse_overwriting(output, given.force)

@@ -1,4 +1,4 @@
-"""Forecasts that somebody else made, read from a table or from predictions in the form of TrajNet++."""
+"""Tables of forecasts: ours are written; those that others made are read, also as TrajNet++ has them."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pedpred.command.trajnet import trajnet_columns
 from pedpred.errors import SourceError, ValueRuleError
+from pedpred.evaluation.forecasts import EvaluationWindows
+from pedpred.files import atomic_write
 from pedpred.forecasting import ForecastRequest
 from pedpred.ros import Transform
 from pedpred.scenes import Predictions
@@ -202,3 +205,20 @@ def _table_columns(path: Path) -> dict[str, np.ndarray]:
         raise SourceError(path, 1, problem, f"The header is {','.join(COLUMNS)}")
     rows = ((line, next(csv.reader([text]))) for line, text in lines)
     return read_numbers(path, rows, titles, {name: name for name in COLUMNS} | {"track": "track_id"})
+
+
+def write_forecasts(windows: EvaluationWindows, method: str, path: Path) -> None:
+    """Write the forecasts of a method as a table with the columns `COLUMNS`; steps count from 1."""
+    own = windows.predictions[method]
+    row, mode, step = (axis.ravel() for axis in np.indices(own.path.shape[:3]))
+    columns = {
+        "track": windows.track_id[row],
+        "time": windows.time_s[row],
+        "mode": mode,
+        "weight": own.weight[row, mode],
+        "step": step + 1,
+        "x": own.path[row, mode, step, 0],
+        "y": own.path[row, mode, step, 1],
+    }
+    with atomic_write(path) as new:
+        pd.DataFrame(columns).to_csv(new, index=False, float_format="%.4f")

@@ -12,6 +12,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pedpred.command.conversion import layout_of, read_given
+from pedpred.command.foreign import write_forecasts
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.fields import parsed
 from pedpred.files import read_yaml, translate_errors
@@ -28,14 +29,19 @@ _COLOUR = (0.84, 0.37, 0.0)
 
 
 def predict(given: argparse.Namespace) -> None:
-    """Replay a scene frame by frame and write it with the forecasts as MCAP."""
-    if given.output.suffix != ".mcap":
-        raise ValueRuleError("output", str(given.output), "the name of a recording ends in .mcap")
+    """Replay a scene frame by frame and write it with the forecasts as MCAP, or the forecasts as a table."""
+    if given.output.suffix not in (".mcap", ".csv"):
+        rule = "the name of a recording ends in .mcap, that of a table of forecasts in .csv"
+        raise ValueRuleError("output", str(given.output), rule)
     tracker = None if given.tracker is None else read_tracker(Path(given.tracker))
     scene = read_given(given)
     predictor = robot_for(scene, given.model, tracker, given.detection_noise_m)
     check_recordable(scene, predictor.protocol.horizon_steps, given.grid)
     windows = as_windows(scene, _with_progress(scene, predictor), _METHOD, predictor.protocol)
+    if given.output.suffix == ".csv":
+        write_forecasts(windows, _METHOD, given.output)
+        _log.info("%s: forecasts in %s", scene.name, given.output)
+        return
     write_recording(scene, given.output, windows, {_METHOD: _COLOUR}, _METHOD, given.grid)
     write_layout(scene.occupancy, set(), layout_of(given.output))
     _log.info("%s: recorded with forecasts in %s", scene.name, given.output)
