@@ -40,8 +40,9 @@ def in_parallel(
         WorkerError: a worker process was killed.
     """
     with backend(os.environ.get("PEDPRED_BACKEND")):
-        few = len(tasks) == 1  # in this process: a worker takes seconds to start
-        workers = Parallel(n_jobs=1 if few else _jobs(), return_as="generator")
+        jobs = _jobs()
+        alone = len(tasks) == 1  # then it runs in this process: a worker takes seconds to start
+        workers = Parallel(n_jobs=1 if alone else jobs, return_as="generator")
         done = workers(delayed(job)(*task) for task in tasks)
         try:
             return list(tqdm(done, total=len(tasks), desc=title, unit=unit))
