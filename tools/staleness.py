@@ -135,14 +135,14 @@ def picture(graph: nx.DiGraph) -> Figure:
     flow = families(graph)
     at, figure = places(flow), blank(13.0, 4.6)
     axes = figure.subplots()
-    for one, other in flow.edges:
+    for one, other in sorted(flow.edges):
         axes.annotate(
             "",
             at[other],
             at[one],
             arrowprops={"arrowstyle": "-|>", "color": FAINT, "shrinkA": 30, "shrinkB": 30},
         )
-    for name, where in at.items():
+    for name, where in sorted(at.items()):
         box = {"boxstyle": "round", "facecolor": "white", "edgecolor": INK}
         axes.annotate(name.replace("_", "\n"), where, ha="center", va="center", bbox=box)
     low, high = np.min(list(at.values()), axis=0) - 0.5, np.max(list(at.values()), axis=0) + 0.5
