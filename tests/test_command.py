@@ -14,10 +14,11 @@ from PIL import Image
 from pedpred.command import main
 from pedpred.command.conversion import read_any
 from pedpred.command.maps import map_at
-from pedpred.errors import SourceError, StorageError
+from pedpred.errors import SourceError, StorageError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings, shipped
-from pedpred.storage.scenes import read_scene, write_scene
+from pedpred.storage.scenes import read_scene, write_map, write_scene
+from pedpred.storage.tables import TableOptions
 from tests.conftest import ROOT
 from tests.scenes import assert_same
 from tests.test_recording import decoded
@@ -205,3 +206,27 @@ def test_a_type_that_is_not_read_is_named_beside_those_that_are(tmp_path):
     (tmp_path / "room.wkt").write_text("POLYGON ((0 0, 1 0, 1 1, 0 0))")
     with pytest.raises(StorageError, match=r"files of type \.wkt are not read.*map\.yaml.*\.xml"):
         map_at(tmp_path / "room.wkt")
+
+
+def test_a_picture_of_any_suffix_is_a_map_where_a_file_describes_it(tmp_path):
+    world = walled_scene(np.random.default_rng(0)).occupancy
+    write_map(world, tmp_path)
+    about = (tmp_path / "map.yaml").read_text()
+    for name in ("map.PGM", "map.image"):
+        (tmp_path / "map.pgm").rename(tmp_path / name)
+        (tmp_path / "map.yaml").write_text(about.replace("map.pgm", name))
+        np.testing.assert_array_equal(map_at(tmp_path / name).occupied, world.occupied)
+        (tmp_path / name).rename(tmp_path / "map.pgm")
+
+
+@pytest.mark.parametrize("name", ["walk.ndjson", "walk.mcap", "scene"])
+def test_a_unit_for_what_has_metres_is_refused(tmp_path, name):
+    with pytest.raises(ValueRuleError, match=r"--unit = 'mm'.*has metres"):
+        read_any(tmp_path / name, options=TableOptions(unit="mm"))
+
+
+def test_a_table_of_forecasts_has_no_occupancy(tmp_path):
+    given = ["predict", str(ROOT / "examples/crossing"), "-o", str(tmp_path / "f.csv"), "--grid", "0.5"]
+    with pytest.raises(SystemExit, match="--grid"):
+        main(given)
+    assert not list(tmp_path.iterdir())

@@ -75,7 +75,7 @@ def check(given: argparse.Namespace) -> None:
         given.output = Path(f"{given.scene.stem}_forecasts.mcap")
     if output := getattr(given, "output", None):
         recording = output.suffix == ".mcap"
-        _check_output(output, inputs, folder=not (recording or given.action is predict))
+        _check_output(output, inputs, folder=given.action is convert and not recording)
         if recording:
             _check_output(layout_of(output), inputs)
         refuse_overwriting(output, given.force)

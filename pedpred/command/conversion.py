@@ -132,7 +132,7 @@ def read_any(
         StorageError, SourceError: the file is missing, damaged or of another format.
         ValueRuleError: a unit is given for what has metres.
     """
-    if options is not None and options.unit is not None and (path.is_dir() or path.suffix not in FORMATS):
+    if options is not None and options.unit is not None and path.suffix not in (".csv", ".tsv", ".txt"):
         raise ValueRuleError("--unit", options.unit, f"{path} has metres; it is for tables and texts")
     if is_bag(path) or (path.suffix == ".mcap" and topic is not None):
         return read_bag(path, topic, transform, map_topic)

@@ -26,11 +26,6 @@ def map_at(path: Path) -> OccupancyMap:
     """
     if path.is_dir():
         return read_map(path)
-    if path.suffix not in (*_YAML, *_PICTURES):
-        known = f"a folder with map.yaml, a file {', '.join((*_YAML, *_PICTURES))}, or a geometry .xml"
-        raise StorageError(
-            path, "map", f"files of type {path.suffix or 'unknown'} are not read", f"Give {known}"
-        )
     about = path if path.suffix in _YAML else _describing(path)
     return read_map_file(about, _REMEDY)
 
@@ -41,6 +36,10 @@ def _describing(picture: Path) -> Path:
         wording = partial(StorageError, about, "map", remedy=_REMEDY)
         if about.exists() and read_yaml(about, wording).get("image") == picture.name:
             return about
+    if picture.suffix.lower() not in _PICTURES:
+        known = f"a folder with map.yaml, a file {', '.join((*_YAML, *_PICTURES))}, or a geometry .xml"
+        problem = f"files of type {picture.suffix or 'unknown'} are not read"
+        raise StorageError(picture, "map", problem, f"Give {known}")
     problem = f"neither {picture.stem}.yaml nor map.yaml beside it describes this picture"
     remedy = f"Write one: image: {picture.name}, resolution: 0.05, origin: [0, 0, 0], negate: 0, "
     raise StorageError(picture, "map", problem, f"{remedy}occupied_thresh: 0.65, free_thresh: 0.2")

@@ -33,12 +33,16 @@ def predict(given: argparse.Namespace) -> None:
     if given.output.suffix not in (".mcap", ".csv"):
         rule = "the name of a recording ends in .mcap, that of a table of forecasts in .csv"
         raise ValueRuleError("output", str(given.output), rule)
+    is_table = given.output.suffix == ".csv"
+    if is_table and given.grid is not None:
+        raise ValueRuleError("--grid", given.grid, "a table has no occupancy: the output must end in .mcap")
     tracker = None if given.tracker is None else read_tracker(Path(given.tracker))
     scene = read_given(given)
     predictor = robot_for(scene, given.model, tracker, given.detection_noise_m)
-    check_recordable(scene, predictor.protocol.horizon_steps, given.grid)
+    if not is_table:
+        check_recordable(scene, predictor.protocol.horizon_steps, given.grid)
     windows = as_windows(scene, _with_progress(scene, predictor), _METHOD, predictor.protocol)
-    if given.output.suffix == ".csv":
+    if is_table:
         write_forecasts(windows, _METHOD, given.output)
         _log.info("%s: forecasts in %s", scene.name, given.output)
         return
