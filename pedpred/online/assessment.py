@@ -79,10 +79,8 @@ def assess(
     for which, forecast in blocks:  # whole instants, since some metrics compare the people of one
         part = replace(request, rows=request.rows[which])
         windows = part.asked
-        truth, known = (
-            integrate_truth(windows, sizes.dt_s),
-            describe_scene(windows, scene.occupancy, settings),
-        )
+        truth = integrate_truth(windows, sizes.dt_s)
+        known = describe_scene(windows, scene.occupancy, settings)
         own = {name: method(part) for name, method in (methods | dict(others or {})).items()}
         for name, predictions in (own | {NETWORK: forecast}).items():
             among = predictions, truth, windows.track_id, known, metrics or METRICS, metrics is None

@@ -10,10 +10,10 @@ from typing import Any
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
 
-ROLES = ("baseline", "oracle", "bound", "ablation", "network", "other")
-"""baseline: simple and causal. oracle: knows the future goal. bound: what could be reached at best.
-ablation: the network `of` without one of its parts. network: a learned method; the last one listed is what
-reports are about. other: in tables and plots only, as is a method without a row."""
+ROLES = ("baseline", "oracle", "ablation", "network", "other")
+"""baseline: simple and causal. oracle: knows the future goal. ablation: the network `of` without one of its
+parts. network: a learned method; the last one listed is what reports are about. other: in tables and plots
+only, as is a method without a row."""
 
 
 @dataclass(frozen=True)
