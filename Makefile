@@ -56,7 +56,7 @@ smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
 	@.ci/smoke
 
 test: setup ## run the tests
-	python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder
+	python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
 
 trust: setup ## damaged files, killed stages, a million frames: what is promised, tried at length (two to three hours)
 	python -m tests.trust.campaign

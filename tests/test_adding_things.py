@@ -58,10 +58,10 @@ for stage, *arguments in json.loads(sys.argv[1]):
 ROBOT = """
 from pathlib import Path
 from pedpred.online import OnlinePredictor
-from pedpred.online.replay import replayed
+from pedpred.online.replay import replay_scene
 from pedpred.storage.scenes import read_scene
 scene = read_scene(Path("data/scenes/real/toy"))
-*_, last = replayed(scene, OnlinePredictor.load(Path("models/online/toy")))
+*_, last = replay_scene(scene, OnlinePredictor.load(Path("models/online/toy")))
 print([last.predictions.modes, last.predictions.weight[:, 1].tolist()])
 """
 

@@ -23,7 +23,7 @@ def killed_by_the_system():
 def test_a_killed_worker_is_said_in_words(monkeypatch):
     monkeypatch.setenv("PEDPRED_JOBS", "2")
     with pytest.raises(WorkerError, match=r"simulate main: a worker process was killed.*PEDPRED_JOBS=1"):
-        in_parallel(killed_by_the_system, [()], "simulate main", "room")
+        in_parallel(killed_by_the_system, [(), ()], "simulate main", "room")
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES])
