@@ -45,21 +45,28 @@ STREAMS: dict[str, Instants] = {f"{rate:g} Hz": regular(rate) for rate in (10, 1
 
 def errors_m(instants: Instants, people: int = 30) -> tuple[float, float]:
     """Mean error of the forecasts after `WARM_S`, and that of straight lines through all detections, m."""
-    rng, robot, seen, found, best = np.random.default_rng(0), OnlinePredictor.load(), [], [], []
+    rng, robot, found, best = np.random.default_rng(0), OnlinePredictor.load(), [], []
     start = np.stack([np.zeros(people), 60.0 * np.arange(people)], axis=1)
-    velocity, times = np.array([SPEED_MPS, 0.0]), np.sort(instants())
-    for k, now in enumerate(times):
-        seen.append(start + now * velocity + rng.normal(0, NOISE_M, (people, 2)))
-        forecast = robot.update(float(now), np.arange(people), seen[-1])
+    velocity, sums = np.array([SPEED_MPS, 0.0]), [np.float64(0)] * 5
+    for now in np.sort(instants()):
+        seen = start + now * velocity + rng.normal(0, NOISE_M, (people, 2))
+        sums = [total + part for total, part in zip(sums, (1, now, now * now, seen, now * seen), strict=True)]
+        forecast = robot.update(float(now), np.arange(people), seen)
         if now <= WARM_S:
             continue
         truth = start[:, None] + velocity * (now + _AHEAD_S)[:, None]
         found.append(np.linalg.norm(forecast.position - truth, axis=-1).mean())
-        known = np.stack([np.ones(k + 1), times[: k + 1] - now], axis=1)
-        line = np.linalg.lstsq(known, np.stack(seen).reshape(k + 1, -1), rcond=None)[0]
-        ahead = (np.stack([np.ones(10), _AHEAD_S], axis=1) @ line).reshape(10, people, 2).swapaxes(0, 1)
-        best.append(np.linalg.norm(ahead - truth, axis=-1).mean())
+        best.append(np.linalg.norm(_line_ahead(now, *sums) - truth, axis=-1).mean())
     return float(np.mean(found)), float(np.mean(best))
+
+
+def _line_ahead(now: float, n: float, t: float, t2: float, x: np.ndarray, tx: np.ndarray) -> np.ndarray:
+    """The line of least squares through n detections, `_AHEAD_S` after now, m. [people, steps, 2]
+
+    Sums over the detections: times t, their squares t2, positions x and products tx [people, 2].
+    """
+    slope = (n * tx - t * x) / (n * t2 - t * t)
+    return ((x - t * slope) / n)[:, None] + slope[:, None] * (now + _AHEAD_S)[:, None]
 
 
 def main() -> None:

@@ -37,23 +37,28 @@ OTHERS += ["~report.methods.mixture", "~report.methods.mixture_small"]
 OTHERS += [f"+report.methods.toy={{label: {SHOWN['label']}, colour: '{SHOWN['colour']}', role: network}}"]
 EXPORT = f"networks: models/folds/toy, network: toy, tracker: {PLACE['tracker']}"
 OTHERS += [f"+online.exports.toy={{{EXPORT}}}"]
+TOY = {"name": "toy"}
 RUNS = [
-    ["fetch", "+name=toy"],
-    ["ingest", "+name=toy"],
-    ["features", "+kind=real", "+name=toy"],
-    ["train", "+phase=corridor", "+data=real/toy", "+name=toy", "+out=models/main/toy", *SMALL],
-    ["train", "+phase=finetune", "+fold=toy", "+name=toy", *SMALL],
-    *(["evaluate_baseline", f"+name={name}"] for name in ("cv", "kalman_cv", "again")),
-    ["evaluate", "+name=toy", "+networks=folds/toy"],
-    ["gather", "+name=real"],
-    ["report"],
-    ["export", "+name=toy"],
+    ("fetch", TOY),
+    ("ingest", TOY),
+    ("features", TOY | {"kind": "real"}),
+    ("train", TOY | {"phase": "corridor", "data": "real/toy", "out": "models/main/toy"}),
+    ("train", TOY | {"phase": "finetune", "fold": "toy"}),
+    *(("evaluate_baseline", {"name": name}) for name in ("cv", "kalman_cv", "again")),
+    ("evaluate", TOY | {"networks": "folds/toy"}),
+    ("gather", {"name": "real"}),
+    ("report", {}),
+    ("export", TOY),
 ]
 STAGES = """
 import importlib, json, sys
-for stage, *arguments in json.loads(sys.argv[1]):
-    sys.argv = [stage, "scale=smoke", *arguments]
-    importlib.import_module(f"stages.{stage}").main()
+from pathlib import Path
+from omegaconf import OmegaConf
+from pedpred.config import composed
+overrides, runs = json.loads(sys.argv[1])
+common = OmegaConf.create(composed(Path("conf"), overrides))
+for stage, arguments in runs:
+    importlib.import_module(f"stages.{stage}").main.__wrapped__(OmegaConf.merge(common, arguments))
 """
 ROBOT = """
 from pathlib import Path
@@ -174,7 +179,7 @@ def reproduced(project):
     write_autoencoder(folder / "models/autoencoder")
     (folder / "data/features/simulated").mkdir(parents=True)
     (folder / "data/features/simulated/main").symlink_to("../real/toy")  # an export reads their sizes
-    run(folder, sys.executable, "-c", STAGES, json.dumps([[*own, *OTHERS] for own in RUNS]))
+    run(folder, sys.executable, "-c", STAGES, json.dumps([["scale=smoke", *SMALL, *OTHERS], RUNS]))
     return folder
 
 

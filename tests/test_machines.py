@@ -199,6 +199,7 @@ def archived(tmp_path_factory):
     folder = tmp_path_factory.mktemp("archived") / "pedpred"
     run(ROOT, ".ci/copy", str(folder))
     shutil.rmtree(folder / ".git")
+    (folder / "dvc.lock").unlink()
     (folder / "build").mkdir()
     (folder / "build/scratch").write_text("ignored")
     return folder
