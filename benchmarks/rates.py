@@ -61,7 +61,7 @@ def errors_m(instants: Instants, people: int = 30) -> tuple[float, float]:
 
 
 def _line_ahead(now: float, n: float, t: float, t2: float, x: np.ndarray, tx: np.ndarray) -> np.ndarray:
-    """The line of least squares through n detections, `_AHEAD_S` after now, m. [people, steps, 2]
+    """The line of least squares through n detections, `_AHEAD_S` after now, m. [people, steps, 2].
 
     Sums over the detections: times t, their squares t2, positions x and products tx [people, 2].
     """

@@ -1,4 +1,4 @@
-"""Repair the files that a killed `dvc repro` left half written, and shorten dvc.lock: `python -m tools.mend_lock`.
+"""Repair what a killed `dvc repro` left half written, and shorten dvc.lock: `python -m tools.mend_lock`.
 
 `make reproduce` starts with it. DVC writes dvc.lock in place: after a kill during that write the file ends
 within a stage's entry. The copy that every stage makes when it starts then takes its place; stages that have
