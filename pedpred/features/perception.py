@@ -21,7 +21,7 @@ from pedpred.fields import (
 )
 from pedpred.scenes import Scene
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
-from pedpred.tracking import KalmanSettings, Tracks, follow, resampled
+from pedpred.tracking import KalmanBank, KalmanSettings, Tracks, follow, resampled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,12 +43,13 @@ class Perception:
     """How people are perceived.
 
     Attributes:
-        kalman: parameters of the tracker; None takes the true states of a simulation.
+        kalman: parameters of the tracker, or of filters among which it chooses; None takes the true states of
+            a simulation.
         standstill_mps: below this speed the heading is held, m/s.
         sensor: faults between people and tracker.
     """
 
-    kalman: KalmanSettings | None
+    kalman: KalmanSettings | KalmanBank | None
     standstill_mps: float
     sensor: SensorSettings = field(default_factory=SensorSettings)
 

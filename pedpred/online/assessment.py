@@ -62,7 +62,7 @@ def assess(
     if taken := sorted(set(others or {}).intersection(ALWAYS)):
         raise ValueRuleError("others", taken, f"the names {ALWAYS} are taken")
     about, sizes, sensor = predictor.description, predictor.protocol, sensor or SensorSettings()
-    how = Perception(about.tracker, about.standstill_mps, sensor)
+    how = Perception(predictor.filters, about.standstill_mps, sensor)
     request = ask_about_windows(scene, how, sizes, memory=False)
     without_truth = count_without_truth(request.table, sizes, scene.name)
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.

@@ -11,10 +11,12 @@ import numpy as np
 from pedpred.features import Pedestrians
 from pedpred.online.frame import Frame
 from pedpred.online.past import Arrays, first_seen, seen_again
-from pedpred.tracking import Belief, KalmanSettings, born, updated
+from pedpred.tracking import Belief, KalmanBank, born, updated
+from pedpred.tracking.noise import evidence, weigh
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, jumped
 
-_NAMED = ("memory", "past")
+_STATE = {"position": 2, "velocity": 2, "covariance": 3}
+_NAMED = ("memory", "past", "filters")
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ class People:
         ticks: steps of the network. [N]
         memory: the network's state after them, name -> [N, ...] float32
         past: recent detections, see `pedpred.online.past`.
+        filters: beliefs of all filters at `seen_s`: position, velocity, covariance. [N, H, 2 or 3] each
     """
 
     track_id: np.ndarray
@@ -50,19 +53,21 @@ class People:
     ticks: np.ndarray
     memory: Arrays
     past: Arrays
+    filters: Arrays
 
     def __len__(self) -> int:
         return len(self.track_id)
 
     @classmethod
-    def nobody(cls, memory: Mapping[str, tuple[int, ...]], slots: int) -> People:
+    def nobody(cls, memory: Mapping[str, tuple[int, ...]], slots: int, filters: int = 1) -> People:
         """Nobody yet; memory: name -> shape per person; slots: detections that their past holds."""
         none, pairs, whole = np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.int64)
         empty = {name: np.zeros((0, *shape), np.float32) for name, shape in memory.items()}
+        states = {name: np.zeros((0, filters, size)) for name, size in _STATE.items()}
         return cls(
             track_id=whole, life=whole, born_s=none, seen_s=none, detection=pairs, position=pairs,
             velocity=pairs, covariance=np.zeros((0, 3)), heading_rad=none, walked=np.zeros(0, bool),
-            ticks=whole, memory=empty, past=first_seen(0, slots),
+            ticks=whole, memory=empty, past=first_seen(0, slots), filters=states,
         )  # fmt: skip
 
     def select(self, rows: np.ndarray) -> People:
@@ -101,16 +106,17 @@ class People:
 
 
 def register_detections(
-    people: People, frame: Frame, tracker: KalmanSettings, standstill_mps: float, lives: int
-) -> People:
-    """People after the detections of one instant.
+    people: People, frame: Frame, bank: KalmanBank, weights: np.ndarray, standstill_mps: float, lives: int
+) -> tuple[People, np.ndarray]:
+    """People after the detections of one instant, and the weights of the filters, see `tracking.noise`.
 
     An unknown id is added; one that jumps (`pedpred.tracking.tracks.jumped`) is somebody else from now on.
 
     Args:
         people: before, at an earlier instant.
         frame: the detections; where it has velocities, nothing is filtered.
-        tracker: noise of the filter.
+        bank: parameters of the filters.
+        weights: log weights of the filters before. [H]
         standstill_mps: below this speed the heading is held.
         lives: number of the next new life.
     """
@@ -122,32 +128,43 @@ def register_detections(
         people = people.select(np.delete(np.arange(len(people)), at[known][elsewhere]))
         at, known = _found(people, track_id)
     rows = at[known] if known.sum() < len(people) else slice(None)
-    seen = position[known]
-    before = Belief(people.position[rows], people.velocity[rows], people.covariance[rows])
-    q, r = tracker.acceleration_noise, tracker.position_noise_m
-    again = updated(before, time_s - people.seen_s[rows], seen, q, r)
-    if velocity is not None:
-        again = Belief(seen, velocity[known], np.zeros_like(before.covariance))
-    heading, walked = _heading(again.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
+    seen, dt_s = position[known], time_s - people.seen_s[rows]
+    before = [Belief(*(people.filters[name][rows, h] for name in _STATE)) for h in range(len(bank.filters))]
+    if velocity is None:
+        noises = [(own.acceleration_noise, own.position_noise_m) for own in bank.filters]
+        again = [updated(belief, dt_s, seen, *own) for belief, own in zip(before, noises, strict=True)]
+        weights = weigh(weights, evidence(before, dt_s, seen, bank.filters, standstill_mps))
+    else:
+        again = [Belief(seen, velocity[known], np.zeros_like(belief.covariance)) for belief in before]
+    used = int(weights.argmax())
+    here = again[used]
+    heading, walked = _heading(here.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
     moved = {
-        "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, **vars(again)
+        "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, **vars(here)
     }  # fmt: skip
     mine = {name: values[rows] for name, values in people.past.items()}
     after = seen_again(mine, people.seen_s[rows], people.detection[rows], time_s, seen)
-    past = {name: _written(values, rows, after[name]) for name, values in people.past.items()}
     changed: dict[str, Any] = {
         name: _written(getattr(people, name), rows, values) for name, values in moved.items()
     }
-    followed = replace(people, **changed, past=past)
+    for field, now in (("past", after), ("filters", _side_by_side(again))):
+        held = getattr(people, field)
+        changed[field] = {name: _written(values, rows, now[name]) for name, values in held.items()}
+    followed = replace(people, **changed)
     if known.all():
-        return followed
+        return followed, weights
     new = ~known
-    first = born(position[new], r, tracker.initial_speed_mps)
+    first = [born(position[new], own.position_noise_m, own.initial_speed_mps) for own in bank.filters]
     if velocity is not None:
-        first = Belief(position[new], velocity[new], np.zeros_like(first.covariance))
+        first = [Belief(position[new], velocity[new], np.zeros_like(own.covariance)) for own in first]
     life = lives + np.arange(new.sum())
-    newborn = _newborn(people, time_s, track_id[new], life, position[new], first, standstill_mps)
-    return followed.together(newborn)
+    newborn = _newborn(people, time_s, track_id[new], life, first, used, standstill_mps)
+    return followed.together(newborn), weights
+
+
+def _side_by_side(beliefs: list[Belief]) -> Arrays:
+    """Beliefs of several filters as `People` keeps them."""
+    return {name: np.stack([getattr(belief, name) for belief in beliefs], axis=1) for name in _STATE}
 
 
 def _found(people: People, track_id: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -170,19 +187,20 @@ def _newborn(
     time_s: float,
     track_id: np.ndarray,
     life: np.ndarray,
-    position: np.ndarray,
-    belief: Belief,
+    beliefs: list[Belief],
+    used: int,
     standstill_mps: float,
 ) -> People:
-    """People who are detected for the first time, at some positions [N, 2]."""
-    count = len(track_id)
+    """People who are detected for the first time, as each filter believes, and which one is used."""
+    count, belief = len(track_id), beliefs[used]
     now = np.full(count, time_s)
     heading, walked = _heading(belief.velocity, np.zeros(count), np.zeros(count, bool), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
     past = first_seen(count, people.past["trail_s"].shape[1])
     return People(
-        track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=position, **vars(belief),
-        heading_rad=heading, walked=walked, ticks=np.zeros(count, np.int64), memory=memory, past=past,
+        track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=belief.position,
+        **vars(belief), heading_rad=heading, walked=walked, ticks=np.zeros(count, np.int64), memory=memory,
+        past=past, filters=_side_by_side(beliefs),
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from pedpred.online.people import People, next_ticks_s, register_detections
 from pedpred.online.settings import OnlineSettings
 from pedpred.online.shipped import default_model
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
+from pedpred.tracking import KalmanBank
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LOG = logging.getLogger(__name__)
@@ -43,6 +44,8 @@ class OnlinePredictor:
         self._network = ExportedNetwork(folder, self._about)
         self._settings = settings or OnlineSettings()
         self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
+        own, learns = self._about.tracker, self._settings.learn_noise and self._settings.tracker is None
+        self._bank = KalmanBank.around(own) if learns else KalmanBank((own,))
         self._map = _NO_MAP
         self.reset()
 
@@ -63,6 +66,11 @@ class OnlinePredictor:
         return self._about
 
     @property
+    def filters(self) -> KalmanBank:
+        """The filters among which the tracker chooses."""
+        return self._bank
+
+    @property
     def network(self) -> ExportedNetwork:
         """The network of the model folder."""
         return self._network
@@ -78,16 +86,17 @@ class OnlinePredictor:
         return self._about.protocol
 
     def reset(self) -> None:
-        """Forget everybody, and what was learned of the regions; the map stays."""
+        """Forget everybody, and what was learned of the regions and the noise; the map stays."""
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
         self._regions = Regions.unlearned(self.protocol.horizon_steps, self._settings.detection_noise_m)
+        self._weights = self._bank.unlearned()
         none, answer = np.zeros(0, int), self._network.nobody()
         nobody = self._people.at(none, 0.0), answer.predictions, answer.velocities
         self._last = self._forecast(self._people, self._regions, none, *nobody, 0.0)[1]
 
     def _nobody(self) -> People:
         past_s = self._about.features.past_s(self.protocol.dt_s)
-        return People.nobody(self._about.memory, slots_for(past_s))
+        return People.nobody(self._about.memory, slots_for(past_s), len(self._bank.filters))
 
     def set_map(self, occupancy: OccupancyMap) -> None:
         """Use these static obstacles from now on; without a map everything is free.
@@ -135,12 +144,12 @@ class OnlinePredictor:
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
-        people = register_detections(
-            people, frame, self._about.tracker, self._about.standstill_mps, self._lives
+        people, weights = register_detections(
+            people, frame, self._bank, self._weights, self._about.standstill_mps, self._lives
         )
         people, rows, observers, predictions, velocities = self._predicted(people, now)
         regions, forecast = self._forecast(people, regions, rows, observers, predictions, velocities, now)
-        self._regions, self._lives = regions, self._lives + len(frame.track_id)
+        self._regions, self._weights, self._lives = regions, weights, self._lives + len(frame.track_id)
         self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
         return forecast
 

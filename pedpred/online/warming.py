@@ -42,7 +42,7 @@ def warm_up(model: Path | str | None = None) -> None:
     for _ in replay_scene(scene, predictor, true_velocities=False):
         pass
     assess(scene, predictor, EvaluationSettings(bootstrap=1))
-    how = Perception(predictor.description.tracker, predictor.description.standstill_mps)
+    how = Perception(predictor.filters, predictor.description.standstill_mps)
     request = ask_about_windows(scene, how, predictor.protocol, memory=False)
     for features in FEATURES.values():  # of models of other kinds, too
         request.inputs(features(), request.rows, request.table.time_s[request.rows])

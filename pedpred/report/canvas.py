@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 from PIL import Image
 
 from pedpred.files import atomic_write
@@ -65,8 +67,8 @@ def _lay_out(figure: Figure) -> None:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for axes in figure.axes:
-        bounds = axes.get_position(original=True).bounds
-        axes.set_position([round(float(part), _PLACE_DIGITS) for part in bounds], which="original")
+        bounds = np.round(axes.get_position(original=True).bounds, _PLACE_DIGITS)
+        axes.set_position(Bbox.from_bounds(*bounds.tolist()), which="original")
 
 
 @styled

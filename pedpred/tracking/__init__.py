@@ -1,12 +1,14 @@
 """Causal tracking: from detected positions to pose and velocity of every pedestrian."""
 
-from pedpred.tracking.kalman import Belief, born, predicted, updated
+from pedpred.tracking.kalman import Belief, KalmanSettings, born, predicted, updated
+from pedpred.tracking.noise import KalmanBank
 from pedpred.tracking.resampling import resampled
-from pedpred.tracking.tracks import KalmanSettings, Tracks, follow, settled
+from pedpred.tracking.tracks import Tracks, follow, settled
 from pedpred.tracking.tuning import log_likelihood, tune_kalman
 
 __all__ = [
     "Belief",
+    "KalmanBank",
     "KalmanSettings",
     "Tracks",
     "born",

@@ -11,7 +11,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pedpred.errors import ValueRuleError
 from pedpred.tracking.spacing import SPACING_S
+
+
+@dataclass(frozen=True)
+class KalmanSettings:
+    """Tracker parameters of one source.
+
+    Attributes:
+        acceleration_noise: spectral density q of the white-noise acceleration, m^2/s^3.
+        position_noise_m: standard deviation r of a detection, m.
+        initial_speed_mps: standard deviation of a velocity component at the start of a track, m/s.
+    """
+
+    acceleration_noise: float
+    position_noise_m: float
+    initial_speed_mps: float = 1.0
+
+    def __post_init__(self) -> None:
+        for field in ("acceleration_noise", "position_noise_m", "initial_speed_mps"):
+            if not 0 < getattr(self, field) < np.inf:
+                raise ValueRuleError(field, getattr(self, field), "it must be positive")
 
 
 @dataclass(frozen=True)

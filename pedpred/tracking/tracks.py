@@ -8,7 +8,8 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
-from pedpred.tracking.kalman import Belief, born, predicted, updated
+from pedpred.tracking.kalman import Belief, KalmanSettings, born, predicted, updated
+from pedpred.tracking.noise import KalmanBank, choose_filters, evidence, pick
 from pedpred.tracking.spacing import TIME_TOLERANCE_S, spaced
 
 LOST_AFTER_S = 2.0
@@ -19,26 +20,6 @@ FASTEST_MPS, JUMP_M = 10.0, 1.0
 
 _CONVERGED = 200
 """Detections after which the covariance of the filter no longer changes."""
-
-
-@dataclass(frozen=True)
-class KalmanSettings:
-    """Tracker parameters of one source.
-
-    Attributes:
-        acceleration_noise: spectral density q of the white-noise acceleration, m^2/s^3.
-        position_noise_m: standard deviation r of a detection, m.
-        initial_speed_mps: standard deviation of a velocity component at the start of a track, m/s.
-    """
-
-    acceleration_noise: float
-    position_noise_m: float
-    initial_speed_mps: float = 1.0
-
-    def __post_init__(self) -> None:
-        for field in ("acceleration_noise", "position_noise_m", "initial_speed_mps"):
-            if not 0 < getattr(self, field) < np.inf:
-                raise ValueRuleError(field, getattr(self, field), "it must be positive")
 
 
 @dataclass(frozen=True)
@@ -153,7 +134,7 @@ def jumped(before: np.ndarray, after: np.ndarray, gap_s: np.ndarray) -> np.ndarr
 def follow(
     trajectories: Trajectories,
     kind: str,
-    kalman: KalmanSettings | None,
+    kalman: KalmanSettings | KalmanBank | None,
     standstill_mps: float,
     lost_after_s: float = LOST_AFTER_S,
 ) -> Tracks:
@@ -162,7 +143,7 @@ def follow(
     Args:
         trajectories: detections.
         kind: "kalman" filters the positions; "truth" takes the true states of a simulation.
-        kalman: the filter's parameters, for kind "kalman".
+        kalman: the filter's parameters, for kind "kalman"; of several filters the likeliest so far is used.
         standstill_mps: below this speed the heading is held, m/s.
         lost_after_s: an id that reappears after a longer gap starts a new life, s; one that jumps does, too.
 
@@ -177,7 +158,8 @@ def follow(
     first = np.flatnonzero(born_here)
     age = np.arange(len(track_id)) - np.repeat(first, np.diff(first, append=len(track_id)))
     if kind == "kalman" and kalman is not None:
-        state = _filtered(time_s, detection, age, kalman)
+        bank = kalman if isinstance(kalman, KalmanBank) else KalmanBank((kalman,))
+        state = _filtered_by(bank, time_s, detection, age, standstill_mps)
     elif kind == "truth" and trajectories.velocity is not None:
         state = Belief(detection, trajectories.velocity[order], np.zeros((len(detection), 3)))
     else:
@@ -194,6 +176,21 @@ def follow(
         state.covariance,
         _held_heading(state.velocity, age, standstill_mps),
     )
+
+
+def _filtered_by(
+    bank: KalmanBank, time_s: np.ndarray, detection: np.ndarray, age: np.ndarray, standstill_mps: float
+) -> Belief:
+    """Filter all lives with each filter of a bank; the states of the one that is used each time. [M]."""
+    states = [_filtered(time_s, detection, age, settings) for settings in bank.filters]
+    if len(states) == 1:
+        return states[0]
+    rows = np.flatnonzero(age > 0)
+    before = [Belief(*(values[rows - 1] for values in vars(state).values())) for state in states]
+    found = np.zeros((len(states), len(age)))
+    dt_s = time_s[rows] - time_s[rows - 1]
+    found[:, rows] = evidence(before, dt_s, detection[rows], bank.filters, standstill_mps)
+    return pick(states, choose_filters(bank, time_s, found))
 
 
 def _filtered(time_s: np.ndarray, detection: np.ndarray, age: np.ndarray, settings: KalmanSettings) -> Belief:

@@ -7,7 +7,8 @@ from scipy.optimize import minimize
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
-from pedpred.tracking.tracks import KalmanSettings, follow
+from pedpred.tracking.kalman import KalmanSettings
+from pedpred.tracking.tracks import follow
 
 _START = KalmanSettings(acceleration_noise=0.1, position_noise_m=0.1, initial_speed_mps=1.0)
 

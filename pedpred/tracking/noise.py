@@ -1,0 +1,133 @@
+"""Noise of a stream's detections, learned while it runs: several filters side by side, the likeliest is used.
+
+Detectors differ: motion capture and annotated splines are exact to millimetres, cameras to centimetres. A
+filter that expects more noise than there is lags behind every turn, start and stop; one that expects less
+takes noise for motion. So each person is followed by one filter per level of noise, and all people of a
+stream together tell which level fits (multiple-model estimation with a model that does not change: Magill
+1965; Bar-Shalom, Li & Kirubarajan 2001, section 11.6.2). Only people who move count: furniture that is
+detected as people stands without any noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.errors import ValueRuleError
+from pedpred.tracking.kalman import Belief, KalmanSettings, predicted
+from pedpred.tracking.spacing import SPACING_S, TIME_TOLERANCE_S
+
+LEVELS = ((0.03, 0.10), (0.0152, 0.0335), (0.05, 0.02))
+"""Spectral density of the acceleration, m^2/s^3, and deviation of a detection, m, beside those of a model."""
+
+_GAIT_S = 0.2
+"""A filter that lags less than this at a stream's rate follows the sway of every step; it is not used, s."""
+_PRIOR = -5.0
+"""Log weight of each level at the beginning; that of a model's own noise is 0."""
+_LEAST = -50.0
+"""Log weights fall no lower than this below the largest, so that a stream whose noise changes is followed."""
+_FARTHEST = 4.0
+"""Misses of more standard deviations count as this many: they are no noise of a detector."""
+
+
+@dataclass(frozen=True)
+class KalmanBank:
+    """Filters that run side by side.
+
+    Attributes:
+        filters: parameters of each; the first one is used until the detections tell otherwise.
+    """
+
+    filters: tuple[KalmanSettings, ...]
+
+    def __post_init__(self) -> None:
+        if not self.filters:
+            raise ValueRuleError("filters", self.filters, "there must be one at least")
+
+    @classmethod
+    def around(cls, own: KalmanSettings) -> KalmanBank:
+        """The levels of noise that streams have, beside a model's own, which comes first."""
+        levels = (KalmanSettings(q, r, own.initial_speed_mps) for q, r in LEVELS)
+        return cls((own, *levels))
+
+    def unlearned(self) -> np.ndarray:
+        """Log weights of the filters before any detection. [H]."""
+        weights = np.full(len(self.filters), _PRIOR)
+        weights[0] = 0.0
+        return weights
+
+
+def evidence(
+    before: Sequence[Belief],
+    dt_s: np.ndarray,
+    detection: np.ndarray,
+    filters: Sequence[KalmanSettings],
+    standstill_mps: float,
+) -> np.ndarray:
+    """Log density of the next detections under each filter; 0 for people who stand. [H, N].
+
+    Of the innovation n with variance S per axis, log p = -log(2 pi S) - |n|^2 / (2 S). Detections that follow
+    each other faster than `SPACING_S` count for the share of it that has passed. A filter whose lag
+    (r^2 dt / q)^(1/4) is too small (`_GAIT_S`) is given less than the first one.
+
+    Args:
+        before: after the detections before, of each filter.
+        dt_s: time since then, s. [N]
+        detection: m. [N, 2]
+        filters: parameters of each.
+        standstill_mps: below this speed of the first filter somebody stands.
+    """
+    if len(filters) == 1:
+        return np.zeros((1, len(dt_s)))
+    counted = np.minimum(1.0, dt_s / SPACING_S) * (np.hypot(*before[0].velocity.T) >= standstill_mps)
+    found: list[np.ndarray] = []
+    for belief, own in zip(before, filters, strict=True):
+        ahead = predicted(belief, dt_s, own.acceleration_noise)
+        variance = ahead.covariance[:, 0] + own.position_noise_m**2
+        miss2 = ((detection - ahead.position) ** 2).sum(axis=1) / variance
+        density = counted * (-np.log(2 * np.pi * variance) - np.minimum(miss2, _FARTHEST**2) / 2)
+        lag_s = (own.position_noise_m**2 * np.maximum(dt_s, SPACING_S) / own.acceleration_noise) ** 0.25
+        found.append(np.where(lag_s < _GAIT_S, found[0] - counted, density) if found else density)
+    return np.stack(found)
+
+
+def weigh(weights: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Log weights after one instant, 0 for the likeliest filter. [H].
+
+    Args:
+        weights: before. [H]
+        found: evidence of everybody who was detected. [H, N]
+    """
+    after = weights + np.cumsum(found, axis=1)[:, -1] if found.shape[1] else weights
+    return np.maximum(after - after.max(), _LEAST)
+
+
+def choose_filters(bank: KalmanBank, time_s: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Which filter is used at each detection: the likeliest for all detections of the stream so far. [M].
+
+    Args:
+        bank: the filters.
+        time_s: of the detections, in any order, s. [M]
+        found: evidence of each, see `evidence`. [H, M]
+    """
+    order = np.argsort(time_s, kind="stable")
+    begins = np.flatnonzero(np.diff(time_s[order], prepend=-np.inf) > TIME_TOLERANCE_S)
+    weights, used = bank.unlearned(), np.zeros(len(time_s), int)
+    for rows in np.split(order, begins[1:]) if len(order) else ():
+        weights = weigh(weights, found[:, rows])
+        used[rows] = weights.argmax()
+    return used
+
+
+def pick(beliefs: Sequence[Belief], used: np.ndarray) -> Belief:
+    """The belief of the filter that is used for each person. [N].
+
+    Args:
+        beliefs: of each filter.
+        used: number of the filter. [N]
+    """
+    rows = np.arange(len(used))
+    parts = ("position", "velocity", "covariance")
+    return Belief(*(np.stack([getattr(b, part) for b in beliefs])[used, rows] for part in parts))
