@@ -10,7 +10,16 @@ from hypothesis import strategies as st
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
-from pedpred.tracking import KalmanSettings, born, follow, log_likelihood, resampled, tune_kalman, updated
+from pedpred.tracking import (
+    KalmanSettings,
+    born,
+    corrected,
+    follow,
+    log_likelihood,
+    predicted,
+    resampled,
+    tune_kalman,
+)
 from pedpred.tracking.tuning import LEAST
 from tests.worlds import walled_scene, wandering
 
@@ -19,7 +28,9 @@ SETTINGS = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
 
 def test_one_step_equals_the_textbook_matrices():
     q, r, dt = 0.3, 0.1, 0.4
-    belief = updated(born(np.array([[1.0, 2.0]]), r, 1.0), np.array([dt]), np.array([[1.5, 1.8]]), q, r)
+    after_s = np.array([dt])
+    ahead = predicted(born(np.array([[1.0, 2.0]]), r, 1.0), after_s, q)
+    belief = corrected(ahead, after_s, np.array([[1.5, 1.8]]), r)
     mean, covariance = np.array([[1.0, 2.0], [0.0, 0.0]]), np.diag([r**2, 1.0])
     step = np.array([[1, dt], [0, 1]])
     noise = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])

@@ -11,7 +11,8 @@ import numpy as np
 from pedpred.features import Pedestrians
 from pedpred.online.frame import Frame
 from pedpred.online.past import Arrays, first_seen, seen_again
-from pedpred.tracking import Belief, KalmanBank, born, updated
+from pedpred.tracking import Belief, KalmanBank, born, corrected, predicted
+from pedpred.tracking.kalman import side_by_side
 from pedpred.tracking.noise import evidence, weigh
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, jumped
 
@@ -129,25 +130,32 @@ def register_detections(
         at, known = _found(people, track_id)
     rows = at[known] if known.sum() < len(people) else slice(None)
     seen, dt_s = position[known], time_s - people.seen_s[rows]
-    before = [Belief(*(people.filters[name][rows, h] for name in _STATE)) for h in range(len(bank.filters))]
+    count, filters = len(seen), len(bank.filters)
     if velocity is None:
-        noises = [(own.acceleration_noise, own.position_noise_m) for own in bank.filters]
-        again = [updated(belief, dt_s, seen, *own) for belief, own in zip(before, noises, strict=True)]
-        weights = weigh(weights, evidence(before, dt_s, seen, bank.filters, standstill_mps))
+        before = Belief(*(people.filters[name][rows].reshape(-1, size) for name, size in _STATE.items()))
+        since_s, q = np.repeat(dt_s, filters), np.tile(bank.acceleration_noise, count)
+        ahead = predicted(before, since_s, q)
+        where, r = np.repeat(seen, filters, axis=0), np.tile(bank.position_noise_m, count)
+        after = vars(corrected(ahead, since_s, where, r))
+        again = {name: values.reshape(count, filters, _STATE[name]) for name, values in after.items()}
+        if filters > 1:
+            weights = weigh(weights, evidence(bank, ahead, dt_s, seen, standstill_mps))
     else:
-        again = [Belief(seen, velocity[known], np.zeros_like(belief.covariance)) for belief in before]
+        again = side_by_side([Belief(seen, velocity[known], np.zeros((count, 3)))] * filters)
     used = int(weights.argmax())
-    here = again[used]
-    heading, walked = _heading(here.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
+    here = {name: np.ascontiguousarray(values[:, used]) for name, values in again.items()}
+    heading, walked = _heading(
+        here["velocity"], people.heading_rad[rows], people.walked[rows], standstill_mps
+    )
     moved = {
-        "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, **vars(here)
+        "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, **here
     }  # fmt: skip
     mine = {name: values[rows] for name, values in people.past.items()}
-    after = seen_again(mine, people.seen_s[rows], people.detection[rows], time_s, seen)
+    past = seen_again(mine, people.seen_s[rows], people.detection[rows], time_s, seen)
     changed: dict[str, Any] = {
         name: _written(getattr(people, name), rows, values) for name, values in moved.items()
     }
-    for field, now in (("past", after), ("filters", _side_by_side(again))):
+    for field, now in (("past", past), ("filters", again)):
         held = getattr(people, field)
         changed[field] = {name: _written(values, rows, now[name]) for name, values in held.items()}
     followed = replace(people, **changed)
@@ -160,11 +168,6 @@ def register_detections(
     life = lives + np.arange(new.sum())
     newborn = _newborn(people, time_s, track_id[new], life, first, used, standstill_mps)
     return followed.together(newborn), weights
-
-
-def _side_by_side(beliefs: list[Belief]) -> Arrays:
-    """Beliefs of several filters as `People` keeps them."""
-    return {name: np.stack([getattr(belief, name) for belief in beliefs], axis=1) for name in _STATE}
 
 
 def _found(people: People, track_id: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -200,7 +203,7 @@ def _newborn(
     return People(
         track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=belief.position,
         **vars(belief), heading_rad=heading, walked=walked, ticks=np.zeros(count, np.int64), memory=memory,
-        past=past, filters=_side_by_side(beliefs),
+        past=past, filters=side_by_side(beliefs),
     )  # fmt: skip
 
 

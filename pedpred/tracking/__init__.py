@@ -1,6 +1,6 @@
 """Causal tracking: from detected positions to pose and velocity of every pedestrian."""
 
-from pedpred.tracking.kalman import Belief, KalmanSettings, born, predicted, updated
+from pedpred.tracking.kalman import Belief, KalmanSettings, born, corrected, predicted
 from pedpred.tracking.noise import KalmanBank
 from pedpred.tracking.resampling import resampled
 from pedpred.tracking.tracks import Tracks, follow, settled
@@ -12,11 +12,11 @@ __all__ = [
     "KalmanSettings",
     "Tracks",
     "born",
+    "corrected",
     "follow",
     "log_likelihood",
     "predicted",
     "resampled",
     "settled",
     "tune_kalman",
-    "updated",
 ]

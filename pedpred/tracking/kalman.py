@@ -7,6 +7,7 @@ Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications to Tracking and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +51,11 @@ class Belief:
     covariance: np.ndarray
 
 
+def side_by_side(beliefs: Sequence[Belief]) -> dict[str, np.ndarray]:
+    """Beliefs of H filters about N pedestrians, part by part. [N, H, 2 or 3] each."""
+    return {name: np.stack([getattr(b, name) for b in beliefs], axis=1) for name in vars(beliefs[0])}
+
+
 def born(position: np.ndarray, position_noise_m: float, initial_speed_mps: float) -> Belief:
     """Belief after the first detection: zero mean velocity with the prior standard deviation.
 
@@ -62,13 +68,13 @@ def born(position: np.ndarray, position_noise_m: float, initial_speed_mps: float
     return Belief(position, np.zeros_like(position), covariance)
 
 
-def predicted(belief: Belief, dt_s: np.ndarray, acceleration_noise: float) -> Belief:
+def predicted(belief: Belief, dt_s: np.ndarray, acceleration_noise: float | np.ndarray) -> Belief:
     """Belief `dt_s` [N] later without further detections.
 
     Args:
         belief: after the last detections.
         dt_s: time since then, s. [N]
-        acceleration_noise: spectral density q, m^2/s^3.
+        acceleration_noise: spectral density q, m^2/s^3; of all or of each [N].
     """
     p_pp, p_pv, p_vv = belief.covariance.T
     q = acceleration_noise
@@ -80,26 +86,27 @@ def predicted(belief: Belief, dt_s: np.ndarray, acceleration_noise: float) -> Be
     return Belief(ahead, belief.velocity, covariance)
 
 
-def updated(
-    belief: Belief,
-    dt_s: np.ndarray,
-    detection: np.ndarray,
-    acceleration_noise: float,
-    position_noise_m: float,
+def corrected(
+    ahead: Belief, dt_s: np.ndarray, detection: np.ndarray, position_noise_m: float | np.ndarray
 ) -> Belief:
-    """Correct the belief `predicted` at the next detections (world frame, m, [N, 2]) by them.
+    """Belief after the next detections.
 
-    `position_noise_m` is the standard deviation r of a detection, m. The errors of a detector last longer
-    than a few milliseconds, and bursts of frames must not count as many independent ones: a detection that
-    follows the one before sooner than `SPACING_S` has the variance r^2 SPACING_S / dt.
+    The errors of a detector last longer than a few milliseconds, and bursts of frames must not count as many
+    independent ones: a detection that follows the one before sooner than `SPACING_S` has the variance
+    r^2 SPACING_S / dt.
+
+    Args:
+        ahead: `predicted` at the detections.
+        dt_s: time since the detections before, s. [N]
+        detection: world frame, m. [N, 2]
+        position_noise_m: standard deviation r of a detection, m; of all or of each [N].
     """
-    before = predicted(belief, dt_s, acceleration_noise)
-    p_pp, p_pv, p_vv = before.covariance.T
+    p_pp, p_pv, p_vv = ahead.covariance.T
     innovation_variance = p_pp + position_noise_m**2 * np.maximum(1.0, SPACING_S / dt_s)
     gain_p, gain_v = p_pp / innovation_variance, p_pv / innovation_variance
-    innovation = detection - before.position
-    covariance = np.empty_like(before.covariance)
+    innovation = detection - ahead.position
+    covariance = np.empty_like(ahead.covariance)
     covariance[:, 0], covariance[:, 1] = (1 - gain_p) * p_pp, (1 - gain_p) * p_pv
     covariance[:, 2] = p_vv - gain_v * p_pv
-    position = before.position + gain_p[:, None] * innovation
-    return Belief(position, before.velocity + gain_v[:, None] * innovation, covariance)
+    position = ahead.position + gain_p[:, None] * innovation
+    return Belief(position, ahead.velocity + gain_v[:, None] * innovation, covariance)

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.tracking.kalman import Belief, KalmanSettings, predicted
+from pedpred.tracking.kalman import Belief, KalmanSettings
 from pedpred.tracking.spacing import SPACING_S, TIME_TOLERANCE_S
 
 LEVELS = ((0.03, 0.10), (0.0152, 0.0335), (0.05, 0.02))
@@ -52,6 +53,26 @@ class KalmanBank:
         levels = (KalmanSettings(q, r, own.initial_speed_mps) for q, r in LEVELS)
         return cls((own, *levels))
 
+    @cached_property
+    def acceleration_noise(self) -> np.ndarray:
+        """Spectral density q of each filter, m^2/s^3. [H]."""
+        return np.array([own.acceleration_noise for own in self.filters])
+
+    @cached_property
+    def position_noise_m(self) -> np.ndarray:
+        """Standard deviation r of a detection for each filter, m. [H]."""
+        return np.array([own.position_noise_m for own in self.filters])
+
+    @cached_property
+    def shortest_s(self) -> np.ndarray:
+        """Detections closer in time than this make a filter lag less than `_GAIT_S`, s; 0: never. [H].
+
+        The lag of a settled filter is about (r^2 dt / q)^(1/4).
+        """
+        least_s = _GAIT_S**4 * self.acceleration_noise / self.position_noise_m**2
+        least_s[0] = 0.0
+        return least_s
+
     def unlearned(self) -> np.ndarray:
         """Log weights of the filters before any detection. [H]."""
         weights = np.full(len(self.filters), _PRIOR)
@@ -60,37 +81,30 @@ class KalmanBank:
 
 
 def evidence(
-    before: Sequence[Belief],
-    dt_s: np.ndarray,
-    detection: np.ndarray,
-    filters: Sequence[KalmanSettings],
-    standstill_mps: float,
+    bank: KalmanBank, ahead: Belief, dt_s: np.ndarray, detection: np.ndarray, standstill_mps: float
 ) -> np.ndarray:
-    """Log density of the next detections under each filter; 0 for people who stand. [H, N].
+    """Log density of the next detections under each filter; 0 for people who stand. [N, H].
 
     Of the innovation n with variance S per axis, log p = -log(2 pi S) - |n|^2 / (2 S). Detections that follow
-    each other faster than `SPACING_S` count for the share of it that has passed. A filter whose lag
-    (r^2 dt / q)^(1/4) is too small (`_GAIT_S`) is given less than the first one.
+    each other faster than `SPACING_S` count for the share of it that has passed. A filter that lags too
+    little at this rate gets less than the first one.
 
     Args:
-        before: after the detections before, of each filter.
-        dt_s: time since then, s. [N]
+        bank: the filters.
+        ahead: beliefs `predicted` at the detections, person by person, of each filter. N x H
+        dt_s: time since the detection before, s. [N]
         detection: m. [N, 2]
-        filters: parameters of each.
         standstill_mps: below this speed of the first filter somebody stands.
     """
-    if len(filters) == 1:
-        return np.zeros((1, len(dt_s)))
-    counted = np.minimum(1.0, dt_s / SPACING_S) * (np.hypot(*before[0].velocity.T) >= standstill_mps)
-    found: list[np.ndarray] = []
-    for belief, own in zip(before, filters, strict=True):
-        ahead = predicted(belief, dt_s, own.acceleration_noise)
-        variance = ahead.covariance[:, 0] + own.position_noise_m**2
-        miss2 = ((detection - ahead.position) ** 2).sum(axis=1) / variance
-        density = counted * (-np.log(2 * np.pi * variance) - np.minimum(miss2, _FARTHEST**2) / 2)
-        lag_s = (own.position_noise_m**2 * np.maximum(dt_s, SPACING_S) / own.acceleration_noise) ** 0.25
-        found.append(np.where(lag_s < _GAIT_S, found[0] - counted, density) if found else density)
-    return np.stack(found)
+    people, filters = len(dt_s), len(bank.filters)
+    position, velocity = (part.reshape(people, filters, 2) for part in (ahead.position, ahead.velocity))
+    moves = np.hypot(velocity[:, 0, 0], velocity[:, 0, 1]) >= standstill_mps
+    counted = (np.minimum(1.0, dt_s / SPACING_S) * moves)[:, None]
+    variance = ahead.covariance[:, 0].reshape(people, filters) + bank.position_noise_m**2
+    miss2 = ((detection[:, None] - position) ** 2).sum(axis=-1) / variance
+    density = counted * (-np.log(2 * np.pi * variance) - np.minimum(miss2, _FARTHEST**2) / 2)
+    hasty = np.maximum(dt_s, SPACING_S)[:, None] < bank.shortest_s
+    return np.where(hasty, density[:, :1] - counted, density)
 
 
 def weigh(weights: np.ndarray, found: np.ndarray) -> np.ndarray:
@@ -98,9 +112,11 @@ def weigh(weights: np.ndarray, found: np.ndarray) -> np.ndarray:
 
     Args:
         weights: before. [H]
-        found: evidence of everybody who was detected. [H, N]
+        found: evidence of everybody who was detected. [N, H]
     """
-    after = weights + np.cumsum(found, axis=1)[:, -1] if found.shape[1] else weights
+    if not len(found):
+        return weights
+    after = weights + np.cumsum(found, axis=0)[-1]
     return np.maximum(after - after.max(), _LEAST)
 
 
@@ -110,13 +126,13 @@ def choose_filters(bank: KalmanBank, time_s: np.ndarray, found: np.ndarray) -> n
     Args:
         bank: the filters.
         time_s: of the detections, in any order, s. [M]
-        found: evidence of each, see `evidence`. [H, M]
+        found: evidence of each, see `evidence`. [M, H]
     """
     order = np.argsort(time_s, kind="stable")
     begins = np.flatnonzero(np.diff(time_s[order], prepend=-np.inf) > TIME_TOLERANCE_S)
     weights, used = bank.unlearned(), np.zeros(len(time_s), int)
     for rows in np.split(order, begins[1:]) if len(order) else ():
-        weights = weigh(weights, found[:, rows])
+        weights = weigh(weights, found[rows])
         used[rows] = weights.argmax()
     return used
 

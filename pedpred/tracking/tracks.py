@@ -8,7 +8,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
-from pedpred.tracking.kalman import Belief, KalmanSettings, born, predicted, updated
+from pedpred.tracking.kalman import Belief, KalmanSettings, born, corrected, predicted, side_by_side
 from pedpred.tracking.noise import KalmanBank, choose_filters, evidence, pick
 from pedpred.tracking.spacing import TIME_TOLERANCE_S, spaced
 
@@ -186,10 +186,14 @@ def _filtered_by(
     if len(states) == 1:
         return states[0]
     rows = np.flatnonzero(age > 0)
-    before = [Belief(*(values[rows - 1] for values in vars(state).values())) for state in states]
-    found = np.zeros((len(states), len(age)))
     dt_s = time_s[rows] - time_s[rows - 1]
-    found[:, rows] = evidence(before, dt_s, detection[rows], bank.filters, standstill_mps)
+    each = [
+        predicted(Belief(*(part[rows - 1] for part in vars(state).values())), dt_s, own.acceleration_noise)
+        for state, own in zip(states, bank.filters, strict=True)
+    ]
+    ahead = Belief(*(values.reshape(-1, values.shape[-1]) for values in side_by_side(each).values()))
+    found = np.zeros((len(age), len(states)))
+    found[rows] = evidence(bank, ahead, dt_s, detection[rows], standstill_mps)
     return pick(states, choose_filters(bank, time_s, found))
 
 
@@ -203,9 +207,8 @@ def _filtered(time_s: np.ndarray, detection: np.ndarray, age: np.ndarray, settin
         else:
             before = Belief(*(values[rows - 1] for values in vars(state).values()))
             dt_s = time_s[rows] - time_s[rows - 1]
-            belief = updated(
-                before, dt_s, detection[rows], settings.acceleration_noise, settings.position_noise_m
-            )
+            ahead = predicted(before, dt_s, settings.acceleration_noise)
+            belief = corrected(ahead, dt_s, detection[rows], settings.position_noise_m)
         for name, values in vars(state).items():
             values[rows] = getattr(belief, name)
     return state
@@ -221,7 +224,8 @@ def settled(interval_s: float, settings: KalmanSettings) -> Belief:
     here, dt_s = np.zeros((1, 2)), np.array([interval_s])
     belief = born(here, settings.position_noise_m, settings.initial_speed_mps)
     for _ in range(_CONVERGED):
-        belief = updated(belief, dt_s, here, settings.acceleration_noise, settings.position_noise_m)
+        ahead = predicted(belief, dt_s, settings.acceleration_noise)
+        belief = corrected(ahead, dt_s, here, settings.position_noise_m)
     return belief
 
 
