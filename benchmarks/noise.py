@@ -2,7 +2,7 @@
 
 White noise is added to the detections of each recording; the truth stays. Beside the network stand constant
 velocity and the Kalman filter with the same tracker, and the network's error over the better of both. Without
-files: the places in data/scenes/real. The network may have been trained on them: compare the rows of one place.
+files: the places in data/scenes/real. The network may have been trained on them: compare rows of one place.
 """
 
 from __future__ import annotations
