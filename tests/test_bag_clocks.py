@@ -10,7 +10,7 @@ from pedpred.errors import SourceError, ValueRuleError
 from pedpred.ros import read_bag
 from pedpred.ros.clocks import find_false, find_passes, in_a_row
 from pedpred.ros.identity import check_identity
-from tests.test_bag_frames import from_robot, messages, transform, write
+from tests.test_bag_frames import from_robot, messages, robot, transform, write
 from tests.test_bag_people import bag
 from tests.test_bags import Store
 
@@ -71,9 +71,7 @@ def test_transforms_of_the_first_time_do_not_move_people_of_the_second(store, tm
     for k, (time_s, *_, message) in enumerate(again):
         for person, x in zip(message.people, (1.0, 2.0), strict=True):
             person.position.x, person.position.y = x + still[0], 0.0
-        pose = transform(
-            store, "odom", "base_link", messages.__globals__["robot"](np.float64(0.0)), time_s - 10
-        )
+        pose = transform(store, "odom", "base_link", robot(np.float64(0.0)), time_s - 10)
         again[k] = again[k], (time_s, "/tf", "tf2_msgs/msg/TFMessage", pose)
     found = [*first, *(one for pair in again for one in pair)]
     people = read_bag(write(store, tmp_path / "hall", found)).trajectories

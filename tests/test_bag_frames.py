@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from rosbags import rosbag1, rosbag2
-from rosbags.typesys import Stores
+from rosbags.typesys import Stores, get_types_from_msg
 from scipy.spatial.transform import Rotation
 
 from pedpred.command import main
@@ -121,10 +121,7 @@ def test_people_come_into_the_frame_of_the_map(store, tmp_path):
 
 def test_bags_of_ros_1_have_transforms_too(tmp_path):
     store = Store(Stores.ROS1_NOETIC)
-    if TF not in store.types.types:
-        from rosbags.typesys import get_types_from_msg
-
-        store.types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
+    store.types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
     check(read_bag(write(store, tmp_path / "hall.bag", messages(store))))
 
 

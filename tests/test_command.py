@@ -106,9 +106,10 @@ def test_a_map_that_cannot_be_read_says_why(files, asked, message, tmp_path):
 
 
 def test_an_mcap_bag_with_one_topic_of_people_needs_no_topic(capsys):
-    main(["info", "examples/corner/people.mcap"])
+    bag = str(ROOT / "examples/corner/people.mcap")
+    main(["info", bag])
     without = capsys.readouterr().out
-    main(["info", "examples/corner/people.mcap", "--topic", "/tracked_people"])
+    main(["info", bag, "--topic", "/tracked_people"])
     assert capsys.readouterr().out == without
 
 

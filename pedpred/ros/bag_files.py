@@ -63,7 +63,9 @@ def unpacked_files(path: Path) -> Iterator[list[BagFile]]:
     """
     names = _files_of(path) if path.is_dir() else [path]
     with tempfile.TemporaryDirectory(prefix="pedpred-bag-") as scratch:
-        files = [BagFile(name, name) for name in names]
+        files = [BagFile(name, name) for name in names if name.stat().st_size or len(names) == 1]
+        if len(files) < len(names):
+            _log.warning("%s: %d files are empty", path, len(names) - len(files))
         for number, file in enumerate(files):
             if file.begins().startswith(_ZSTD_MAGIC):
                 files[number] = BagFile(file.name, Path(scratch) / str(number))
@@ -99,10 +101,16 @@ def _files_of(folder: Path) -> list[Path]:
     named = bag.get("relative_file_paths") if isinstance(bag, dict) else None
     if not isinstance(named, list) or not named or not all(isinstance(name, str) for name in named):
         raise wording("no relative_file_paths in rosbag2_bagfile_information")
-    files = [folder / Path(name).name for name in named]
+    files = [_as_stored(folder / Path(name).name) for name in named]
     if missing := [file.name for file in files if not file.is_file()]:
         raise wording(f"it names files that are missing: {brief(missing)}")
     return files
+
+
+def _as_stored(file: Path) -> Path:
+    """A file under the name that it has: before or after it was compressed, if the other one is missing."""
+    other = file.with_suffix("") if file.suffix == ".zstd" else file.with_name(f"{file.name}.zstd")
+    return other if other.is_file() and not file.is_file() else file
 
 
 def _stored_in(folder: Path) -> list[Path]:

@@ -112,9 +112,9 @@ class People:
             for number in range(int(self._passes.max(initial=0)) + 1) if frame != target else ():
                 own = self._passes == number
                 rows = [row for row in np.flatnonzero(own) if self._instants[row].frame == frame]
-                if not rows:
-                    continue
                 counts = [len(found[row]) for row in rows]
+                if not sum(counts):
+                    continue
                 time_s = self._stamp_s[rows].repeat(counts)
                 places = np.concatenate([found[row] for row in rows])
                 moved = tree.placed(places, time_s, frame, target, self._heard(own))
@@ -122,7 +122,7 @@ class People:
                 if lost.any():
                     text = f"{lost.sum()} of {len(lost)} detections, for which no /tf leads from {frame!r} to"
                     self._warn(f"left out: {text} {target!r}, the first at {time_s[lost][0]} s")
-                if len(lost) and lost.all():
+                if lost.all():
                     rule = f"/tf must lead from {frame!r} to {target!r} at that time: record both together"
                     raise ValueRuleError("transform", f"none at {time_s[0]} s", rule)
                 for row, part in zip(rows, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
@@ -182,7 +182,7 @@ def _target(frame: str, grid: str | None, tree: FrameTree, transform: Transform 
         return str(grid)
     if grid is None:
         return MAP_FRAME if MAP_FRAME in above else above[-1]
-    if tree.moves(frame) or frame.rpartition("/")[2] in _ROBOTS:
+    if tree.moves(frame) or above[-1].rpartition("/")[2] in _ROBOTS:
         found = f"people in {frame!r}, which /tf brings to {above[-1]!r}, map in {grid!r}"
         rule = f"nothing says how these lie: {_ROBOT_REMEDY}, or leave the bag's maps out (--map-topic '')"
         raise ValueRuleError("frame_id", found, rule)

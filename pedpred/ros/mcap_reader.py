@@ -101,7 +101,8 @@ def records(file: BagFile) -> Iterator[McapRecord]:
             end = _last_whole_record(raw, len(MCAP0_MAGIC)) if cut else size
             rest = raw[end : end + _LARGEST_REST_BYTES]
         if cut:
-            warnings.warn(f"{file.name} is cut: read up to byte {end} of {size}", stacklevel=2)
+            more = ", and what is whole of the chunk there," if rest[:1] == bytes([Opcode.CHUNK]) else ""
+            warnings.warn(f"{file.name} is cut: read up to byte {end}{more} of {size}", stacklevel=2)
         with mmap.mmap(stream.fileno(), end, access=mmap.ACCESS_READ) as raw:
             yield from _unchunked(raw, cut)
         if rest:
