@@ -15,7 +15,7 @@ from mcap.writer import MCAP0_MAGIC
 from pedpred.command.maps import map_at
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import translate_errors
-from pedpred.ros import Transform, is_bag, read_bag, read_recording, write_recording
+from pedpred.ros import Transform, is_bag, is_recording, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
 from pedpred.sources.single_file import FORMATS, read_file
@@ -123,7 +123,7 @@ def read_any(
 
     Args:
         path: its name determines the format.
-        topic: of a bag's people; an .mcap file is read as a bag if one is given.
+        topic: of a bag's people; a recording of this project is read as a bag if one is given.
         options: what a table or text does not say itself.
         transform: of the people's frame, where it is not the map's.
         map_topic: of a bag's map, see `read_bag`.
@@ -134,7 +134,8 @@ def read_any(
     """
     if options is not None and options.unit is not None and path.suffix not in (".csv", ".tsv", ".txt"):
         raise ValueRuleError("--unit", options.unit, f"{path} has metres; it is for tables and texts")
-    if is_bag(path) or (path.suffix == ".mcap" and topic is not None):
+    named = topic is not None or map_topic
+    if is_bag(path) or (path.suffix == ".mcap" and path.is_file() and (named or not is_recording(path))):
         return read_bag(path, topic, transform, map_topic)
     if path.suffix not in FORMATS and not path.is_dir():
         _check_suffix(path)

@@ -3,10 +3,11 @@
 Positions are in the world frame, called `map` (its parent `world` coincides with it); times are the scene's.
 """
 
-from pedpred.ros.bags import is_bag, read_bag
+from pedpred.ros.bag_files import is_bag
+from pedpred.ros.bags import read_bag
 from pedpred.ros.frames import Transform
 from pedpred.ros.people import ADAPTERS, TrackNumbers, find_usable
-from pedpred.ros.recordings import check_recordable, read_recording, write_recording
+from pedpred.ros.recordings import check_recordable, is_recording, read_recording, write_recording
 from pedpred.ros.scene_messages import map_of_grid, seconds
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "check_recordable",
     "find_usable",
     "is_bag",
+    "is_recording",
     "map_of_grid",
     "read_bag",
     "read_recording",

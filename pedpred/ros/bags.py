@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from rosbags.highlevel import AnyReader
-
 from pedpred.errors import SourceError, brief
-from pedpred.files import read_yaml, translate_errors
-from pedpred.ros.frames import Transform, check_frames
-from pedpred.ros.mcap_reader import McapReader
-from pedpred.ros.message_types import MAP, TYPES, known_types
-from pedpred.ros.people import ADAPTERS, TrackNumbers, find_usable
-from pedpred.ros.scene_messages import map_of_grid, seconds
-from pedpred.ros.unpacking import bound_unpacking, check_tables
-from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.files import translate_errors
+from pedpred.ros.decoding import CDR, ROS1
+from pedpred.ros.detections import Instant, People
+from pedpred.ros.frame_tree import FrameTree, frame_name
+from pedpred.ros.frames import Transform
+from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES
+from pedpred.ros.people import ADAPTERS
+from pedpred.ros.scene_messages import map_of_grid
+from pedpred.ros.storages import opened
+from pedpred.scenes import OccupancyMap, Scene
 
 _log = logging.getLogger(__name__)
 _GRID = TYPES[MAP]
@@ -29,12 +27,9 @@ _REMEDY = f"A bag may hold {', '.join(sorted(ADAPTERS))} for people and {_GRID} 
 _MAP_REMEDY = "Choose one: --map-topic"
 _NO_MAP = re.compile(r"costmap|^/predicted_occupancy/")
 """Topics of grids that are no map: costs for planners, and where people are going to be."""
-_MCAP_REMEDY = "Record it with `ros2 bag record`, or repair it with the `mcap` command line tool"
-
-
-def is_bag(path: Path) -> bool:
-    """Whether the name is that of a bag; an .mcap file may be a bag or a recording of `write_recording`."""
-    return path.suffix in (".bag", ".db3") or (path / "metadata.yaml").exists()
+_TRANSFORMS = (TRANSFORMS, "tf/msg/tfMessage")
+_FOLLOWED = (".zstd", ".zst", ".active")
+"""Suffixes that follow that of a bag."""
 
 
 def read_bag(
@@ -42,14 +37,19 @@ def read_bag(
 ) -> Scene:
     """Read the people and the map of a bag.
 
-    Times are the messages' stamps, or the bag's own where all stamps are zero.
+    Times are the messages' stamps, or the bag's own where all stamps are zero. Where stamps go back by more
+    than `LOST_AFTER_S`, as in a recording that was played twice, the rest follows later with other ids.
+    People in a frame that /tf moves are brought into the map's frame or, without a map, into `map` or the
+    topmost frame. Velocities in messages are not read: the tracker estimates them.
 
-    Detections without a place, and second ones of a track in one instant, are left out with a warning.
+    Detections without a place, without a transform at their time, with a false stamp, and second ones of a
+    track in one instant, are left out with a warning. A bag that is cut, or was not closed, is read up to the
+    cut, with a warning.
 
     Args:
         path: a .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
         topic: of the people; optional where only one topic carries people.
-        transform: of the people's frame, where it is not the map's.
+        transform: of the people's frame, where it is not the map's; if it moves, of the topmost.
         map_topic: of the map; None: the topic that is called map, or the only one that is neither a costmap
             nor predicted occupancy; "": the bag's maps are left out.
 
@@ -59,86 +59,57 @@ def read_bag(
 
     Raises:
         SourceError: the file is no bag, no topic or several topics carry people, several carry a map, people
-            and map are in different frames, or the messages make no scene.
+            and map are in different frames, ids do not say who is who, or the messages make no scene.
     """
     problem = partial(SourceError, path, None)
-    with translate_errors(partial(problem, remedy=_REMEDY)), _opened(path) as bag:
+    with translate_errors(partial(problem, remedy=_REMEDY)), opened(path) as bag:
         connections = bag.connections
         sources = _people_topic(path, connections, topic)
         maps = _map_topic(path, connections, map_topic)
-        last, frames, rows, numbers = None, set(), [], TrackNumbers()
+        grid, instants = None, []
         for connection, received_ns, raw in bag.messages(connections=[*sources, *maps]):
             if connection.msgtype == _GRID:
-                last = raw
-                continue
-            message = bag.deserialize(raw, connection.msgtype)
-            frames.add(message.header.frame_id)
-            now = seconds(message.header.stamp), received_ns / 1e9
-            for name, place in ADAPTERS[connection.msgtype](message):
-                rows.append((*now, numbers.number(name), place.x, place.y))
-        grid = None if last is None else bag.deserialize(last, _GRID)
-        check_frames(frames, grid and grid.header.frame_id, transform)
-        stamps, received, tracks, *places = zip(*rows, strict=True) if rows else [()] * 5
-        if unstamped := not any(stamps) and any(received):
-            _log.warning("%s: all stamps are zero, so times are those at which the bag was written", path)
-        time_s = np.array(received if unstamped else stamps, dtype=np.float64)
-        track_id = np.array(tracks, dtype=np.int64)
-        position = np.array(places, dtype=np.float64).reshape(2, -1).T
-        kept, left_out = find_usable(time_s, track_id, position)
-        if left_out:
-            _log.warning("%s: %s", path, left_out)
-        trajectories = Trajectories(time_s[kept], track_id[kept], position[kept])
-        trajectories = trajectories if transform is None else transform.moved(trajectories)
-        occupancy = OccupancyMap.free_around(trajectories.position) if grid is None else map_of_grid(grid)
-        return Scene(path.stem, trajectories, occupancy, trajectories.usual_interval_s())
+                grid = connection, raw
+            else:
+                instants.append(
+                    Instant.of(bag.decode(raw, connection), connection.msgtype, received_ns / 1e9)
+                )
+        ground = None if grid is None else bag.decode(grid[1], grid[0])
+        people = People(instants, partial(_log.warning, "%s: %s", path))
+        frame = None if ground is None else frame_name(ground.header.frame_id)
+        position = people.in_one_frame(frame, transform, partial(_transforms, bag))
+        trajectories = people.trajectories(position)
+        occupancy = OccupancyMap.free_around(trajectories.position) if ground is None else map_of_grid(ground)
+        name = Path(path.stem) if path.suffix in _FOLLOWED else path
+        return Scene(name.stem, trajectories, occupancy, trajectories.usual_interval_s())
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """A reader of the bag; bags that do not define their types get `known_types`."""
-    if files := _mcap_files(path):
-        yield McapReader(files)
-        return
-    for data_base in path.glob("*.db3") if path.is_dir() else [path]:
-        if data_base.suffix == ".db3":
-            check_tables(data_base)
-    with AnyReader([path], default_typestore=known_types()) as bag:
-        for reader in bag.readers:
-            bound_unpacking(reader)
-        yield bag
-
-
-def _mcap_files(path: Path) -> list[Path]:
-    """The MCAP files of a bag: the file itself, or those that a folder's metadata.yaml lists; else none.
-
-    Raises:
-        SourceError: metadata.yaml is damaged, or messages or files are compressed one by one.
-    """
-    if not path.is_dir():
-        return [path] if path.suffix == ".mcap" else []
-    about = read_yaml(path / "metadata.yaml", partial(SourceError, path, None, remedy=_MCAP_REMEDY))
-    bag = about["rosbag2_bagfile_information"]
-    if bag["storage_identifier"] != "mcap":
-        return []
-    if mode := bag.get("compression_mode"):
-        problem = f"its messages or files are compressed one by one ({brief(mode)})"
-        raise SourceError(path, None, problem, _MCAP_REMEDY)
-    return [path / Path(name).name for name in bag["relative_file_paths"]]
+def _transforms(bag: Any) -> FrameTree:
+    """All transforms of a bag."""
+    tree = FrameTree()
+    topics = [one for one in bag.connections if one.msgtype in _TRANSFORMS]
+    for connection, received_ns, raw in bag.messages(connections=topics) if topics else ():
+        message = bag.decode(raw, connection)
+        tree.add(message, received_ns / 1e9, fixed="static" in connection.topic)
+    return tree
 
 
 def _people_topic(path: Path, connections: Sequence[Any], topic: str | None) -> list[Any]:
     """The connections that people are taken from: all publishers of one topic."""
-    carriers = [c for c in connections if c.msgtype in ADAPTERS and topic in (None, c.topic)]
+    read = [c for c in connections if c.encoding in (CDR, ROS1)]
+    carriers = [c for c in read if c.msgtype in ADAPTERS and topic in (None, c.topic)]
     if len({(c.topic, c.msgtype) for c in carriers}) == 1:
         return carriers
-    found = {c.topic: c.msgtype for c in (carriers or connections)}
+    found = {
+        c.topic: c.msgtype if c in read else f"{c.msgtype} in {c.encoding}" for c in carriers or connections
+    }
     lack = "several topics carry people: choose one (--topic)" if carriers else "no topic carries people"
     raise SourceError(path, None, f"{lack}, among {brief(found)}", _REMEDY)
 
 
 def _map_topic(path: Path, connections: Sequence[Any], topic: str | None) -> list[Any]:
     """The connections that the map is taken from; none without a map."""
-    grids = [c for c in connections if c.msgtype == _GRID]
+    grids = [c for c in connections if c.msgtype == _GRID and c.encoding in (CDR, ROS1)]
     names = sorted({c.topic for c in grids})
     if topic is None:
         maps = [name for name in names if name.rpartition("/")[2] == "map"]

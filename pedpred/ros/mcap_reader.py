@@ -9,38 +9,33 @@ import mmap
 import struct
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from contextlib import suppress
+from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 from mcap.exceptions import EndOfFile
+from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from zstandard import frame_content_size
 
 from pedpred.errors import SourceError
-from pedpred.ros.message_types import known_types
+from pedpred.ros.bag_files import BagFile
+from pedpred.ros.decoding import CDR, ROS1, Connection, Decoder
 from pedpred.ros.unpacking import check_unpacked, unpack
 
 _RECORD_HEAD = struct.Struct("<BQ")
 """Kind of a record and the length of its content."""
-_LARGEST_RECORD_BYTES = 2**30
-_IDL_PART = "=" * 80 + "\n"
+_CHUNK_HEAD, _DATA_LENGTH_BYTES = struct.Struct("<28xL"), 8
+"""What precedes the name of a chunk's compression, and what follows it."""
+_LARGEST_RECORD_BYTES, _LARGEST_REST_BYTES = 2**30, 2**28
 _REMEDY = "Give the name of an MCAP file"
 
 
-@dataclass(frozen=True)
-class Connection:
-    """A topic and the type of its messages."""
-
-    topic: str
-    msgtype: str
-
-
 class McapReader:
-    """MCAP files of one bag, with the interface of rosbags' own readers.
+    """MCAP files of one bag. Readers of other storages have the same interface.
 
     rosbags itself decodes the messages, but reads the files with whatever memory a damaged one asks for.
 
@@ -48,16 +43,16 @@ class McapReader:
         metadata: the metadata records that `messages` has passed so far, by name.
     """
 
-    def __init__(self, files: Sequence[Path]):
+    def __init__(self, files: Sequence[BagFile]):
         self.metadata: dict[str, dict[str, str]] = {}
-        self._files = files
-        self._schemas: dict[str, Schema] = {}
-        self._types = get_typestore(Stores.EMPTY)
+        self._files, self._decoder = files, Decoder()
 
-    @property
+    @cached_property
     def connections(self) -> list[Connection]:
-        """Every topic with CDR messages, once; reads the files."""
-        return list(dict.fromkeys(connection for file in self._files for connection, *_ in self._walk(file)))
+        """Every topic, once; reads the files."""
+        return list(
+            dict.fromkeys(one for file in self._files for one, _, raw in self._walk(file) if raw is None)
+        )
 
     def messages(self, connections: Sequence[Connection] = ()) -> Iterator[tuple[Connection, int, bytes]]:
         """Topic, time (ns) and bytes of the messages of some connections (default: all), in file order."""
@@ -66,61 +61,52 @@ class McapReader:
                 if raw is not None and (connection in connections or not connections):
                     yield connection, time_ns, raw
 
-    def deserialize(self, raw: bytes, msgtype: str) -> Any:
-        """Decode a message by the definition in the file, or by `known_types` where it has none."""
-        if msgtype not in self._types.fielddefs:
-            self._register(self._schemas[msgtype])
-        return self._types.deserialize_cdr(raw, msgtype)
+    def decode(self, raw: bytes, connection: Connection) -> Any:
+        """The message; see `Decoder.decode`."""
+        return self._decoder.decode(raw, connection)
 
-    def _walk(self, file: Path) -> Iterator[tuple[Connection, int, bytes | None]]:
-        """Every channel (without bytes) and every message of a file, if they are CDR."""
-        schemas: dict[int, Schema] = {}
+    def _walk(self, file: BagFile) -> Iterator[tuple[Connection, int, bytes | None]]:
+        """Every channel (without bytes) and every message of a file."""
+        schemas: dict[int, Schema] = {0: Schema(0, b"", "", "")}
         channels: dict[int, Connection] = {}
         for record in records(file):
             if isinstance(record, Schema):
                 schemas[record.id] = record
             elif isinstance(record, Metadata):
                 self.metadata[record.name] = record.metadata
-            elif isinstance(record, Channel) and record.message_encoding == "cdr":
-                schema = schemas[record.schema_id]
-                self._schemas.setdefault(schema.name, schema)
-                channels[record.id] = Connection(record.topic, schema.name)
+            elif isinstance(record, Channel):
+                schema, encoding = schemas[record.schema_id], record.message_encoding
+                channels[record.id] = Connection.of(record.topic, schema.name, encoding)
+                if encoding in (CDR, ROS1):
+                    self._decoder.define(channels[record.id].msgtype, schema.encoding, schema.data.decode())
                 yield channels[record.id], 0, None
             elif isinstance(record, Message) and record.channel_id in channels:
                 yield channels[record.channel_id], record.log_time, record.data
 
-    def _register(self, schema: Schema) -> None:
-        text = schema.data.decode()
-        if not text:
-            self._types.register(known_types().fielddefs)
-        elif schema.encoding == "ros2msg":
-            self._types.register(get_types_from_msg(text, schema.name))
-        else:
-            for part in text.split(_IDL_PART):
-                self._types.register(
-                    get_types_from_idl(part.partition("\n")[2] if _IDL_PART in text else part)
-                )
 
-
-def records(path: Path) -> Iterator[McapRecord]:
+def records(file: BagFile) -> Iterator[McapRecord]:
     """Read all records, those in chunks too; of a file that is cut those before the cut, with a warning.
 
     Raises:
         SourceError: it is no MCAP file.
         Exception: it is damaged; see `pedpred.files.translate_errors`.
     """
-    with path.open("rb") as file:
-        begin = file.read(len(MCAP0_MAGIC))
+    with file.content.open("rb") as stream:
+        begin = stream.read(len(MCAP0_MAGIC))
         if begin != MCAP0_MAGIC:
-            raise SourceError(path, None, f"no MCAP file, it begins with {begin!r}", _REMEDY)
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
+            raise SourceError(file.name, None, f"no MCAP file, it begins with {begin!r}", _REMEDY)
+        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as raw:
             size = len(raw)
             cut = size == len(MCAP0_MAGIC) or raw[-len(MCAP0_MAGIC) :] != MCAP0_MAGIC
-            end = _last_whole_record(raw) if cut else size
+            end = _last_whole_record(raw, len(MCAP0_MAGIC)) if cut else size
+            rest = raw[end : end + _LARGEST_REST_BYTES]
         if cut:
-            warnings.warn(f"{path} is cut: read up to byte {end} of {size}", stacklevel=2)
-        with mmap.mmap(file.fileno(), end, access=mmap.ACCESS_READ) as raw:
+            more = ", and what is whole of the chunk there," if rest[:1] == bytes([Opcode.CHUNK]) else ""
+            warnings.warn(f"{file.name} is cut: read up to byte {end}{more} of {size}", stacklevel=2)
+        with mmap.mmap(stream.fileno(), end, access=mmap.ACCESS_READ) as raw:
             yield from _unchunked(raw, cut)
+        if rest:
+            yield from _cut_chunk(rest)
 
 
 def _unchunked(raw: Any, cut: bool) -> Iterator[McapRecord]:
@@ -146,9 +132,22 @@ def _unpack(chunk: Chunk) -> list[McapRecord]:
     return breakup_chunk(chunk, validate_crc=True)
 
 
-def _last_whole_record(raw: mmap.mmap) -> int:
-    """The end of the last complete record, bytes."""
-    end = len(MCAP0_MAGIC)
+def _cut_chunk(raw: bytes) -> list[McapRecord]:
+    """The complete records in a chunk that is cut; nothing of other records, nothing that is damaged."""
+    with suppress(Exception):  # there are whole records before, and that the file is cut has been said
+        begin = _RECORD_HEAD.size + _CHUNK_HEAD.size
+        (length,) = _CHUNK_HEAD.unpack_from(raw, _RECORD_HEAD.size)
+        compression, data = raw[begin : begin + length].decode(), raw[begin + length + _DATA_LENGTH_BYTES :]
+        plain = unpack(data, compression) if compression else data
+        if raw[0] == Opcode.CHUNK:
+            whole = plain[: _last_whole_record(plain, 0)]
+            return breakup_chunk(Chunk("", whole, 0, 0, 0, len(whole)))
+    return []
+
+
+def _last_whole_record(raw: mmap.mmap | bytes, begin: int) -> int:
+    """The end of the last complete record after some bytes."""
+    end = begin
     while end + _RECORD_HEAD.size <= len(raw):
         _, length = _RECORD_HEAD.unpack_from(raw, end)
         if end + _RECORD_HEAD.size + length > len(raw):

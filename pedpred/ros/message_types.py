@@ -10,33 +10,44 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from pedpred.ros.definitions import EDITIONS
+
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 MAP, PEOPLE, MARKERS, FRAMES = "/map", "/people", "/markers", "/tf_static"
 
 TYPES = {
     MAP: "nav_msgs/msg/OccupancyGrid",
     PEOPLE: "people_msgs/msg/People",
     MARKERS: "visualization_msgs/msg/MarkerArray",
-    FRAMES: "tf2_msgs/msg/TFMessage",
+    FRAMES: TRANSFORMS,
 }
 """The message type of each topic."""
-
-_PEOPLE_MSGS = {
-    "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity\n"
-    "float64 reliability\nstring[] tagnames\nstring[] tags\n",
-    "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people\n",
-}
-"""Not among the types of a ROS 2 distribution."""
 
 _EMPTY = {"string": "", "bool": False}
 
 
 @cache
 def known_types() -> Any:
-    """The `rosbags` type store with the messages of ROS 2 Humble and of people_msgs."""
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, fields in _PEOPLE_MSGS.items():
-        store.register(get_types_from_msg(fields, name))
-    return store
+    """The `rosbags` type store with the messages of ROS 2 Humble and of the packages of `EDITIONS`."""
+    return known_editions(ros1=False)[0]
+
+
+@cache
+def known_editions(ros1: bool) -> tuple[Any, ...]:
+    """A type store for each edition of the packages that hold people, the latest first.
+
+    Args:
+        ros1: whether the other types are those of ROS 1 Noetic instead of ROS 2 Humble.
+    """
+    stores = []
+    for edition in EDITIONS:
+        store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+        for name, fields in edition.items():
+            store.register(get_types_from_msg(fields, name))
+        if ros1:
+            store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+        stores.append(store)
+    return tuple(stores)
 
 
 def definition(kind: str) -> str:

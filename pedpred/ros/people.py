@@ -26,7 +26,9 @@ ADAPTERS: dict[str, Adapter] = {
         (t.track_id, t.pose.pose.position) for t in m.tracks
     ),
     "hunav_msgs/msg/Agents": lambda m: ((a.id, a.position.position) for a in m.agents),
-    "vision_msgs/msg/Detection3DArray": lambda m: ((d.id, d.bbox.center.position) for d in m.detections),
+    "vision_msgs/msg/Detection3DArray": lambda m: (
+        (getattr(d, "id", getattr(d, "tracking_id", "")), d.bbox.center.position) for d in m.detections
+    ),
     "geometry_msgs/msg/PoseArray": _poses,
 }
 """The supported message types. All have a header with stamp and frame."""

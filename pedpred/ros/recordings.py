@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings
 
 import numpy as np
 import pandas as pd
+from mcap.records import Channel, Message, Metadata
 from mcap.well_known import SchemaEncoding
 from mcap.writer import Writer
 from tqdm import tqdm
@@ -17,9 +20,11 @@ from tqdm import tqdm
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.files import atomic_write, translate_errors
+from pedpred.ros.bag_files import BagFile
+from pedpred.ros.decoding import CDR
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.markers import Colour, markers_message
-from pedpred.ros.mcap_reader import McapReader
+from pedpred.ros.mcap_reader import McapReader, records
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition, known_types, serialize
 from pedpred.ros.people import find_usable
 from pedpred.ros.planning import (
@@ -73,10 +78,12 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
     """
     problem = partial(SourceError, path, None, remedy=_REMEDY)
     rows: list[dict[str, Any]] = []
-    bag, last, topics, frames = McapReader([path]), b"", set(), set()
+    bag, last, topics, frames = McapReader([BagFile(path, path)]), b"", set(), set()
     with translate_errors(lambda cause: problem(f"damaged, {cause}")):
         for connection, _, raw in bag.messages():
             topic, kind = connection.topic, connection.msgtype
+            if connection.encoding != CDR:
+                continue
             topics.add(topic)
             if topic not in (MAP, PEOPLE):
                 continue
@@ -109,6 +116,17 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
         dt_s = float(about.get("detection_dt_s") or trajectories.usual_interval_s())
         name, unavailable = about.get("name", path.stem), about.get("unavailable")
         return Scene(name, trajectories, occupancy, dt_s, unavailable=unavailable)
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file is a recording of `write_recording`, or none of MCAP; others are bags."""
+    with suppress(Exception), catch_warnings(action="ignore"):
+        for record in records(BagFile(path, path)):
+            if isinstance(record, Channel | Message):
+                return False
+            if isinstance(record, Metadata) and record.name == _SCENE_RECORD:
+                return True
+    return True
 
 
 def check_recordable(scene: Scene, steps: int = 1, cell_m: float | None = None) -> None:

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import torch
+import zstandard
 from mcap.writer import CompressionType
 from omegaconf import OmegaConf
 from PIL import Image
+from rosbags.typesys import Stores
 
 from pedpred import config
 from pedpred.command.foreign import COLUMNS, read_forecasts
@@ -39,7 +41,12 @@ from pedpred.storage.situations import (
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.forecasts import windows_with
 from tests.scenes import write_as_table
-from tests.test_bags import repacked
+from tests.test_bag_definitions import Filled
+from tests.test_bag_definitions import mcap as write_mcap
+from tests.test_bag_frames import from_camera
+from tests.test_bag_frames import messages as moving_messages
+from tests.test_bag_frames import write as write_moving
+from tests.test_bags import Store, repacked
 from tests.test_fetch import write_archive
 from tests.test_sources import write_sequence
 
@@ -208,6 +215,23 @@ def make_open_recording(folder: Path) -> None:
     write_recording(place(), folder / "closed.mcap")
     how: dict[str, Any] = {"use_chunking": False, "enable_crcs": False, "compression": CompressionType.NONE}
     repacked(folder / "closed.mcap", folder / "place.mcap", **how)
+
+
+def make_compressed(path: Path) -> None:
+    """An MCAP file that is compressed as a whole."""
+    write_recording(place(), path.with_name("plain.mcap"))
+    path.write_bytes(zstandard.compress(path.with_name("plain.mcap").read_bytes()))
+
+
+def make_moving(folder: Path) -> None:
+    """People in the frame of a robot that moves."""
+    store = Store(Stores.ROS2_HUMBLE)
+    write_moving(store, folder, moving_messages(store, "camera", from_camera))
+
+
+def make_ros1(path: Path) -> None:
+    """Messages of ROS 1, with definitions, neither in chunks nor with checksums."""
+    write_mcap(Filled(0, ros1=True), path, "people_msgs/msg/People", "ros1", "ros1msg", b"defined")
 
 
 def make_archive(folder: Path) -> None:

@@ -99,6 +99,11 @@ READERS = {
         ("hall/metadata.yaml", "hall/hall.mcap"),
         at("hall", read_bag),
     ),
+    "compressed bag": Reader(
+        at("hall.mcap.zstd", examples.make_compressed), ("hall.mcap.zstd",), at("hall.mcap.zstd", read_bag)
+    ),
+    "bag with transforms": Reader(at("hall", examples.make_moving), ("hall/hall.db3",), at("hall", read_bag)),
+    "ROS 1 in MCAP": Reader(at("hall.mcap", examples.make_ros1), ("hall.mcap",), at("hall.mcap", read_bag)),
     "MCAP bag": Reader(examples.make_recording, ("place.mcap",), at("place.mcap", read_bag)),
     "open MCAP bag": Reader(examples.make_open_recording, ("place.mcap",), at("place.mcap", read_bag)),
     "archive": Reader(examples.make_archive, ("mirror.tar", "mirror.tgz"), examples.read_archive),

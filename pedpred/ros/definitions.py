@@ -1,0 +1,92 @@
+"""Definitions of messages that are not among the types of a ROS distribution, for bags that bring none.
+
+Each entry is an edition of a package: bags do not say which one they were written with. The first one that
+fits a message to its last byte is taken.
+"""
+
+from __future__ import annotations
+
+_STAMPED = "std_msgs/Header header\n"
+
+_PEOPLE = {
+    "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity\n"
+    "float64 reliability\nstring[] tagnames\nstring[] tags\n",
+    "people_msgs/msg/People": f"{_STAMPED}people_msgs/Person[] people\n",
+}
+
+_MATCHED = "uint64 track_id\nbool is_occluded\nbool is_matched\nuint64 detection_id\n"
+_ESTIMATED = "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist\n"
+
+
+def _spencer(age: str, detections: str = "") -> dict[str, str]:
+    return {
+        "spencer_tracking_msgs/msg/TrackedPerson": f"{_MATCHED}{detections}{age} age\n{_ESTIMATED}",
+        "spencer_tracking_msgs/msg/TrackedPersons": _STAMPED
+        + "spencer_tracking_msgs/TrackedPerson[] tracks\n",
+    }
+
+
+_BOX = "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n"
+
+
+def _vision(hypothesis: dict[str, str], detection: str) -> dict[str, str]:
+    return {
+        "vision_msgs/msg/BoundingBox3D": _BOX,
+        **hypothesis,
+        "vision_msgs/msg/Detection3D": f"{_STAMPED}vision_msgs/ObjectHypothesisWithPose[] results\n"
+        f"vision_msgs/BoundingBox3D bbox\n{detection}",
+        "vision_msgs/msg/Detection3DArray": f"{_STAMPED}vision_msgs/Detection3D[] detections\n",
+    }
+
+
+_HYPOTHESIS = "vision_msgs/msg/ObjectHypothesisWithPose"
+_LIKELY = "float64 score\ngeometry_msgs/PoseWithCovariance pose\n"
+_NESTED = {
+    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
+    _HYPOTHESIS: "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n",
+}
+_CLOUD = "sensor_msgs/PointCloud2 source_cloud\n"
+
+
+def _hunav(before: str, after: str, more: dict[str, str]) -> dict[str, str]:
+    body = "geometry_msgs/Pose position\nfloat32 yaw\ngeometry_msgs/Twist velocity\n"
+    sizes = "".join(
+        f"float32 {name}\n" for name in ("desired_velocity", "radius", "linear_vel", "angular_vel")
+    )
+    goals = "geometry_msgs/Pose[] goals\nbool cyclic_goals\nfloat32 goal_radius\n"
+    obstacles = "geometry_msgs/Point[] closest_obs\n"
+    return {
+        **more,
+        "hunav_msgs/msg/Agent": f"int32 id\nuint8 type\nuint8 skin\n{before}int8 group_id\n{body}{sizes}"
+        f"{after}{goals}{obstacles}",
+        "hunav_msgs/msg/Agents": f"{_STAMPED}hunav_msgs/Agent[] agents\n",
+    }
+
+
+_FACTORS = ("vel", "dist", *(f"{kind}_force_factor" for kind in ("social", "goal", "obstacle", "other")))
+_BEHAVIOUR = "uint8 type\nuint8 state\nuint8 configuration\nfloat32 duration\nbool once\n"
+
+EDITIONS: tuple[dict[str, str], ...] = (
+    {
+        **_PEOPLE,
+        **_spencer("builtin_interfaces/Duration"),
+        **_vision(_NESTED, "string id\n"),
+        **_hunav(
+            "string name\n",
+            "hunav_msgs/AgentBehavior behavior\n",
+            {"hunav_msgs/msg/AgentBehavior": _BEHAVIOUR + "".join(f"float32 {name}\n" for name in _FACTORS)},
+        ),
+    },
+    {
+        **_PEOPLE,
+        **_spencer("builtin_interfaces/Duration", "uint64[] detection_ids\n"),
+        **_vision({_HYPOTHESIS: f"string id\n{_LIKELY}"}, f"{_CLOUD}bool is_tracking\nstring tracking_id\n"),
+        **_hunav("uint8 behavior\nstring name\nuint8 behavior_state\n", "", {}),
+    },
+    {
+        **_PEOPLE,
+        **_spencer("builtin_interfaces/Duration"),
+        **_vision({_HYPOTHESIS: f"int64 id\n{_LIKELY}"}, _CLOUD),
+    },
+)
+"""Type -> definition of each edition, the latest first."""

@@ -1,0 +1,138 @@
+"""Coordinate frames that move: the transforms of a bag (/tf, /tf_static), and places in other frames."""
+
+from __future__ import annotations
+
+from array import array
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from pedpred.ros.scene_messages import seconds
+from pedpred.scenes import rule_of
+
+MAP_FRAME = "map"
+HELD_S, LONGEST_GAP_S = 0.02, 1.0
+"""Of a frame that moves, s: a pose holds so long before the first and after the last sample; longer gaps
+are not interpolated. Where it does not move, the first and the last pose hold for the longer time."""
+_SAME_M, _SAME_RAD = 0.001, 0.001
+_NO_UNIT = 0.1  # a quaternion has the norm 1
+_COLUMNS = 9  # received (s), stamp (s), translation (m), quaternion (x, y, z, w)
+
+
+def frame_name(name: str) -> str:
+    """A frame's name without the leading slash of early ROS."""
+    return name.lstrip("/")
+
+
+class FrameTree:
+    """Poses of frames in their parents, over time."""
+
+    def __init__(self) -> None:
+        self._samples: dict[str, dict[str, array[float]]] = {}
+        self._fixed: set[tuple[str, str]] = set()
+
+    def add(self, message: Any, received_s: float, fixed: bool) -> None:
+        """Take a tf2_msgs/TFMessage; those of /tf_static are fixed. Impossible poses are left out."""
+        for one in message.transforms:
+            child, parent = frame_name(one.child_frame_id), frame_name(one.header.frame_id)
+            at, turn = one.transform.translation, one.transform.rotation
+            pose = np.array([at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w])
+            sound = rule_of("position", pose)[1].all() and abs(np.linalg.norm(pose[3:]) - 1.0) < _NO_UNIT
+            if child == parent or not sound:
+                continue
+            if fixed:
+                self._fixed.add((child, parent))
+            samples = self._samples.setdefault(child, {}).setdefault(parent, array("d"))
+            samples.extend((received_s, seconds(one.header.stamp), *pose))
+
+    def chain(self, frame: str) -> list[str]:
+        """A frame, its parent and so on, up to the topmost one."""
+        found = [frame]
+        while (parents := self._samples.get(found[-1])) and len(found) <= len(self._samples):
+            parent = max(parents, key=lambda name: len(parents[name]))
+            if parent in found:
+                break
+            found.append(parent)
+        return found
+
+    def moves(self, frame: str) -> bool:
+        """Whether a frame, or one above it, is seen at different poses in its parent."""
+        chain = self.chain(frame)
+        return any(_moves(*self._known(edge)[1:]).any() for edge in pairwise(chain))
+
+    def placed(
+        self, place: np.ndarray, time_s: np.ndarray, frame: str, target: str, heard_s: tuple[float, float]
+    ) -> np.ndarray:
+        """Places in one frame, as seen in another one below the same topmost one.
+
+        Args:
+            place: m. [N, 3]
+            time_s: when each was there, by the clock of the stamps, s. [N]
+            frame: that of the places.
+            target: the other frame.
+            heard_s: which transforms count: those that the bag received from when to when, s.
+
+        Returns:
+            m; NaN where a transform is missing at that time. [N, 3]
+        """
+        up, down = self.chain(frame), self.chain(target)
+        while len(up) > 1 and len(down) > 1 and up[-2:] == down[-2:]:
+            up, down = up[:-1], down[:-1]
+        found = place.astype(np.float64)
+        for edge in pairwise(up):
+            turn, offset = self._poses(edge, time_s, heard_s)
+            found = turn.apply(found) + offset
+        for edge in reversed(list(pairwise(down))):
+            turn, offset = self._poses(edge, time_s, heard_s)
+            found = turn.inv().apply(found - offset)
+        return found
+
+    def _poses(
+        self, edge: tuple[str, str], time_s: np.ndarray, heard_s: tuple[float, float]
+    ) -> tuple[Rotation, np.ndarray]:
+        """Pose of a frame in its parent at some times: turn [N], and offset, NaN where unknown, m. [N, 3]."""
+        if edge in self._fixed:
+            turn, offset = (part[-1:] for part in self._known(edge)[1:])
+            last = np.zeros(len(time_s), np.int64)
+            return turn[last], offset[last]
+        known_s, turn, offset = self._known(edge, heard_s)
+        if not len(known_s):
+            return Rotation.identity(len(time_s)), np.full((len(time_s), 3), np.nan)
+        moved = _moves(turn, offset)
+        rows = np.r_[0, np.arange(len(known_s)), len(known_s) - 1]  # the first and the last one hold a little
+        held_s = [HELD_S if len(moved) and moved[end] else LONGEST_GAP_S for end in (0, -1)]
+        known_s, turn, offset = (
+            known_s[rows] + np.r_[-held_s[0], 0 * known_s, held_s[1]],
+            turn[rows],
+            offset[rows],
+        )
+        at_s = np.clip(time_s, known_s[0], known_s[-1])
+        after = np.clip(np.searchsorted(known_s, at_s), 1, len(known_s) - 1)
+        part = ((at_s - known_s[after - 1]) / (known_s[after] - known_s[after - 1]))[:, None]
+        between = (1.0 - part) * offset[after - 1] + part * offset[after]
+        unknown = (_moves(turn, offset) & (np.diff(known_s) > LONGEST_GAP_S))[after - 1]
+        between[unknown | (time_s < known_s[0]) | (time_s > known_s[-1])] = np.nan
+        return Slerp(known_s, turn)(at_s), between
+
+    def _known(
+        self, edge: tuple[str, str], heard_s: tuple[float, float] = (-np.inf, np.inf)
+    ) -> tuple[np.ndarray, Rotation, np.ndarray]:
+        """Times, turns and offsets of an edge in order of time; of two at one time the last one."""
+        child, parent = edge
+        samples = np.asarray(self._samples[child][parent]).reshape(-1, _COLUMNS)
+        stamped = 1 if samples[:, 1].any() else 0
+        samples = samples[(heard_s[0] <= samples[:, 0]) & (samples[:, 0] <= heard_s[1])][::-1]
+        known_s, rows = np.unique(samples[:, stamped], return_index=True)
+        quaternions = samples[rows, 5:]
+        turn = Rotation.from_quat(quaternions) if len(rows) else Rotation.identity(0)
+        return known_s, turn, samples[rows, 2:5]
+
+
+def _moves(turn: Rotation, offset: np.ndarray) -> np.ndarray:
+    """Between which poses a frame moves. [S - 1] bool."""
+    if len(offset) < 2:
+        return np.zeros(0, bool)
+    far = np.linalg.norm(np.diff(offset, axis=0), axis=1) > _SAME_M
+    return np.asarray(far | ((turn[1:] * turn[:-1].inv()).magnitude() > _SAME_RAD))

@@ -1,0 +1,83 @@
+"""Whether the ids in messages of people say who is who."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from pedpred.errors import ValueRuleError
+from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
+
+_REMEDY = "record the topic of a tracker, whose ids stay with people, such as people_msgs/People with names"
+_LONGEST_S, _SAVED_M, _MOST_PEOPLE = 1.0, 0.5, 500
+
+
+def check_identity(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Sequence[np.ndarray]) -> None:
+    """Check that ids stay with people.
+
+    Args:
+        ids: of the people in each message.
+        time_s: of the messages. [K]
+        position: of the people in each message, m. [n, 2] each
+
+    Raises:
+        ValueRuleError: nobody has an id, most messages give one to several people, or ids are places in a
+            list, so that people become each other when one of them leaves.
+    """
+    named = [each for each in ids if each]
+    if named and not any(name for each in named for name in each):
+        raise ValueRuleError("id", "", f"it must say who is who: {_REMEDY}")
+    several = [each for each in named if len(each) > 1]
+    shared = [each for each in several if len(set(each)) < len(each)]
+    if 2 * len(shared) > len(several):
+        raise ValueRuleError("id", list(shared[0]), f"people must have different ones: {_REMEDY}")
+    if any(all(_counted(each, first) for each in named) for first in (0, 1)):
+        _check_places(ids, time_s, position)
+
+
+def _counted(ids: Sequence[str], first: int) -> bool:
+    """Whether ids number a list."""
+    return list(ids) == [str(number + first) for number in range(len(ids))]
+
+
+def _check_places(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Sequence[np.ndarray]) -> None:
+    """Check that nobody jumps to where another one was, and above all not when one comes or leaves."""
+    there = [row for row, each in enumerate(ids) if each]
+    velocity = None
+    for before, after in pairwise(there):
+        old, new, gap_s = position[before], position[after], time_s[after] - time_s[before]
+        known, velocity = velocity, None
+        if not 0 < gap_s <= _LONGEST_S or max(len(old), len(new)) > _MOST_PEOPLE:
+            continue
+        expected = old if known is None else old + gap_s * known
+        if not _keeps_order(expected, new, known is not None, FASTEST_MPS * gap_s + JUMP_M):
+            found = f"{len(old)} people, then {len(new)} at {time_s[after]:g} s"
+            rule = f"ids must stay with people, and here they are places in a list: {_REMEDY}"
+            raise ValueRuleError("id", found, rule)
+        if len(old) == len(new):
+            velocity = (new - old) / gap_s
+
+
+def _keeps_order(expected: np.ndarray, new: np.ndarray, moving: bool, farthest_m: float) -> bool:
+    """Whether people are about where they are expected, rather than where others are.
+
+    Args:
+        expected: where those of the last message should be now, m. [n, 2]
+        new: where those of this one are, m. [k, 2]
+        moving: whether `expected` includes how they move.
+        farthest_m: nobody moves farther.
+    """
+    both = min(len(expected), len(new))
+    moves = np.linalg.norm(new[:both] - expected[:both], axis=1)
+    changed = moving and len(expected) != len(new) and moves.sum() > _SAVED_M
+    if not changed and not (moves > farthest_m).any():
+        return True
+    apart = cdist(expected, new)
+    if not np.isfinite(apart).all():
+        return True
+    best = apart[linear_sum_assignment(apart)]
+    return bool(moves.sum() - best.sum() <= _SAVED_M or not (changed or best.max() <= farthest_m))

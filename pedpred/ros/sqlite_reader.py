@@ -1,0 +1,123 @@
+"""Data bases of ROS 2 (.db3) read row by row within bounds, also damaged files and files that are cut."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import struct
+import tempfile
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from pedpred.errors import SourceError
+from pedpred.ros.bag_files import BagFile
+from pedpred.ros.decoding import Connection, Decoder
+from pedpred.ros.unpacking import LARGEST_CHUNK_BYTES, check_tables
+
+SQLITE_MAGIC = b"SQLite format 3\0"
+_LARGEST_DEFINITION = 2**20
+_HEADER_BYTES, _PAGE_AT, _PAGE_BYTES = 100, 16, struct.Struct(">H")
+
+
+class SqliteReader:
+    """The data bases of one bag; see `pedpred.ros.mcap_reader.McapReader` for the interface."""
+
+    def __init__(self, files: Sequence[BagFile]):
+        self._files, self._decoder = files, Decoder()
+
+    @cached_property
+    def connections(self) -> list[Connection]:
+        """Every topic, once."""
+        found: dict[Connection, None] = {}
+        for file in self._files:
+            with _opened(file) as base:
+                found |= dict.fromkeys(_topics(base).values())
+                self._define(base)
+        return list(found)
+
+    def messages(self, connections: Sequence[Connection] = ()) -> Iterator[tuple[Connection, int, bytes]]:
+        """Topic, time (ns) and bytes of messages of some connections (default: all), as they were written."""
+        for file in self._files:
+            with _opened(file) as base:
+                yield from _rows(base, file, connections)
+
+    def decode(self, raw: bytes, connection: Connection) -> Any:
+        """The message; see `Decoder.decode`."""
+        return self._decoder.decode(raw, connection)
+
+    def _define(self, base: sqlite3.Connection) -> None:
+        """Note the definitions in a data base; earlier versions have none, and a cut may have taken them."""
+        columns = "topic_type, encoding, encoded_message_definition"
+        with suppress(sqlite3.DatabaseError):
+            for kind, encoding, text in base.execute(f"SELECT {columns} FROM message_definitions"):  # noqa: S608
+                self._decoder.define(str(kind), str(encoding), str(text)[:_LARGEST_DEFINITION])
+
+
+def _rows(
+    base: sqlite3.Connection, file: BagFile, connections: Sequence[Connection]
+) -> Iterator[tuple[Connection, int, bytes]]:
+    """The messages of a data base, in the order of writing; of a damaged one those before the damage."""
+    topics = {
+        number: topic for number, topic in _topics(base).items() if topic in connections or not connections
+    }
+    listed = ",".join(str(int(number)) for number in topics)
+    query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({listed}) ORDER BY rowid"  # noqa: S608
+    count = 0
+    try:
+        for number, time_ns, raw in base.execute(query):
+            yield topics[number], int(time_ns), bytes(raw)
+            count += 1
+    except sqlite3.DatabaseError as cause:
+        if not count:
+            raise
+        warnings.warn(
+            f"{file.name} is cut or damaged ({cause}): read up to message {count} of these topics",
+            stacklevel=2,
+        )
+
+
+@contextmanager
+def _opened(file: BagFile) -> Iterator[sqlite3.Connection]:
+    """Open a data base for reading, also one that is shorter than it says.
+
+    What a killed recorder has left in a write-ahead log beside it (`-wal`) is read too.
+    """
+    log = file.name.with_name(f"{file.name.name}-wal")
+    logged = file.content == file.name and log.is_file() and log.stat().st_size > 0
+    with _whole_pages(file.content) as content:
+        how = "mode=ro" if logged else "immutable=1"
+        with closing(sqlite3.connect(f"{content.absolute().as_uri()}?{how}", uri=True)) as base:
+            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_CHUNK_BYTES)
+            try:
+                base.execute("PRAGMA writable_schema=ON")  # else SQLite refuses a file that is cut
+                check_tables(base)
+                yield base
+            except sqlite3.DatabaseError as cause:
+                remedy = f"Repair it: sqlite3 {file.name} .recover | sqlite3 repaired.db3"
+                raise SourceError(file.name, None, f"damaged, {cause}", remedy) from cause
+
+
+@contextmanager
+def _whole_pages(path: Path) -> Iterator[Path]:
+    """A data base without the page in which it is cut, whose missing bytes SQLite would take for zeros."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        (page,) = _PAGE_BYTES.unpack_from(file.read(_HEADER_BYTES).ljust(_HEADER_BYTES, b"\0"), _PAGE_AT)
+        page = 2**16 if page == 1 else page
+        if not page or not size % page:
+            yield path
+            return
+        with tempfile.NamedTemporaryFile(prefix="pedpred-bag-") as copy:
+            file.seek(0)
+            shutil.copyfileobj(file, copy)
+            copy.truncate(size - size % page)
+            yield Path(copy.name)
+
+
+def _topics(base: sqlite3.Connection) -> dict[int, Connection]:
+    found = base.execute("SELECT id, name, type, serialization_format FROM topics")
+    return {number: Connection.of(str(name), str(kind), str(form)) for number, name, kind, form in found}

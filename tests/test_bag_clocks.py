@@ -1,0 +1,182 @@
+"""Stamps that go back or jump, and ids that do not say who is who."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.typesys import Stores
+
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.ros import read_bag
+from pedpred.ros.clocks import find_false, find_passes, in_a_row
+from pedpred.ros.identity import check_identity
+from tests.test_bag_frames import from_robot, messages, robot, transform, write
+from tests.test_bag_people import bag
+from tests.test_bags import Store
+
+POSES = "geometry_msgs/msg/PoseArray"
+
+
+@pytest.fixture(scope="module")
+def store():
+    return Store(Stores.ROS2_HUMBLE)
+
+
+def walk(start_s, count=40, first_m=0.0):
+    return [(start_s + k / 10, {"3": (first_m + k / 10, 1.0), "8": (9.0, k / 10)}) for k in range(count)]
+
+
+def test_a_recording_that_was_played_twice_has_twice_as_many_people(store, tmp_path, caplog):
+    """The second time later and with other ids, in their own order, and nobody in between."""
+    path = bag(store, tmp_path / "hall", *walk(100.0), *walk(100.0, 20, first_m=5.0))
+    people = read_bag(path).trajectories
+    assert "time goes back 1 times, first to 100.0 s" in caplog.text
+    assert len(people) == 2 * 40 + 2 * 20
+    tracks = [people.track_id == track for track in np.unique(people.track_id)]
+    assert sorted(map(np.sum, tracks)) == [20, 20, 40, 40]
+    for own in tracks:
+        assert np.allclose(np.linalg.norm(np.diff(people.position[own], axis=0), axis=1), 0.1)
+        assert np.allclose(np.diff(people.time_s[own]), 0.1, atol=1e-6)
+    assert (people.track_id[people.time_s < 104] > 0).all()
+    assert (people.track_id[people.time_s > 104] < 0).all()
+
+
+def test_messages_that_come_late_are_sorted(store, tmp_path):
+    steps = walk(100.0)
+    steps[5], steps[6], steps[20], steps[28] = steps[6], steps[5], steps[28], steps[20]
+    people = read_bag(bag(store, tmp_path / "hall", *steps)).trajectories
+    np.testing.assert_allclose(people.position[people.track_id == 3, 0], np.arange(40) / 10)
+
+
+def test_a_false_stamp_costs_its_message_alone(store, tmp_path, caplog):
+    steps = walk(100.0)
+    steps[7], steps[20] = (0.0, steps[7][1]), (900.0, steps[20][1])
+    people = read_bag(bag(store, tmp_path / "hall", *steps)).trajectories
+    assert np.unique(people.track_id).tolist() == [3, 8]
+    assert len(people) == 2 * 38
+    assert "2 messages left out, whose stamps jump away and back, the first at 0.0 s" in caplog.text
+
+
+def test_two_clocks_on_one_topic_are_refused(store, tmp_path):
+    both = [one for pair in zip(walk(100.0), walk(5000.0), strict=True) for one in pair]
+    with pytest.raises(SourceError, match=r"times back in 80 messages.*different clocks"):
+        read_bag(bag(store, tmp_path / "hall", *both))
+
+
+def test_transforms_of_the_first_time_do_not_move_people_of_the_second(store, tmp_path):
+    """A simulation that was reset: the same stamps, and the robot stands still."""
+    first = messages(store, localised=False)
+    again = [(time_s + 10, topic, kind, m) for time_s, topic, kind, m in messages(store, tf_s=np.zeros(0))]
+    still = from_robot(np.zeros(3), 0.0)
+    for k, (time_s, *_, message) in enumerate(again):
+        for person, x in zip(message.people, (1.0, 2.0), strict=True):
+            person.position.x, person.position.y = x + still[0], 0.0
+        pose = transform(store, "odom", "base_link", robot(np.float64(0.0)), time_s - 10)
+        again[k] = again[k], (time_s, "/tf", "tf2_msgs/msg/TFMessage", pose)
+    found = [*first, *(one for pair in again for one in pair)]
+    people = read_bag(write(store, tmp_path / "hall", found)).trajectories
+    later = people.track_id < 0
+    assert later.sum() == 100
+    assert np.ptp(people.position[later & (people.track_id == -1)], axis=0).max() < 1e-9
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.lists(st.integers(20, 60), min_size=1, max_size=4),
+    st.floats(0, 1e6),
+    st.floats(0.01, 0.5),
+)
+def test_passes_follow_each_other_and_keep_their_own_times(counts, start_s, step_s):
+    stamp_s = np.concatenate([start_s + step_s * np.arange(int(3 / step_s) + count) for count in counts])
+    assert not find_false(stamp_s).any()
+    passes = find_passes(stamp_s)
+    time_s = in_a_row(stamp_s, passes)
+    assert passes.max() == len(counts) - 1
+    assert (np.diff(time_s) > 0).all()
+    for number in range(len(counts)):
+        own = passes == number
+        np.testing.assert_allclose(np.diff(time_s[own]), np.diff(stamp_s[own]), atol=1e-6)
+    np.testing.assert_array_equal(time_s[passes == 0], stamp_s[passes == 0])
+
+
+# Who is who
+
+
+def poses(store, path, *counts):
+    """Some people abreast who walk along x; of fewer the first ones are gone."""
+    found, kind = [], POSES
+    for k, there in enumerate(counts):
+        header = store.header(k / 10, "map")
+        here = [store.pose(k / 10, 1.5 * who) for who in there]
+        found.append(("/poses", kind, store.make(kind, header=header, poses=here)))
+    store.write(path, found)
+    return path
+
+
+def test_places_in_a_list_are_ids_as_long_as_nobody_leaves(store, tmp_path):
+    everybody = [range(4)] * 20
+    assert len(read_bag(poses(store, tmp_path / "all", *everybody)).trajectories) == 80
+    more = [
+        *everybody,
+        *[range(5)] * 5,
+        *[range(3)] * 5,
+    ]  # who comes is the last one, and the last ones leave
+    assert len(read_bag(poses(store, tmp_path / "more", *more)).trajectories) == 80 + 25 + 15
+    with pytest.raises(SourceError, match=r"4 people, then 3 at 2 s.*places in a list.*topic of a tracker"):
+        read_bag(poses(store, tmp_path / "gone", *everybody, *[range(1, 4)] * 5))
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_names_that_count_a_list_are_no_better(first, store, tmp_path):
+    steps = [(k / 10, {str(n + first): (k / 10, 2.0 * n) for n in range(3)}) for k in range(10)]
+    steps += [(k / 10, {str(n + first): (k / 10, 2.0 * n + 2.0) for n in range(2)}) for k in range(10, 20)]
+    with pytest.raises(SourceError, match="places in a list"):
+        read_bag(bag(store, tmp_path / "hall", *steps))
+
+
+@pytest.mark.parametrize(
+    ("ids", "message"),
+    [
+        (["", ""], "id = ''.*who is who"),
+        (["0", "0"], "people must have different ones"),
+        (["a", "a", "b"], "different"),
+    ],
+)
+def test_ids_that_say_nothing_are_refused(ids, message, store, tmp_path):
+    steps = [(k / 10, [(name, (k / 10, 3.0 * n)) for n, name in enumerate(ids)]) for k in range(10)]
+    with pytest.raises(SourceError, match=rf"{message}.*topic of a tracker"):
+        read_bag(bag(store, tmp_path / "hall", *steps))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32), st.integers(2, 6), st.floats(0.05, 0.4))
+def test_ids_of_a_tracker_are_never_taken_for_places_in_a_list(seed, people, step_s):
+    """Also if they begin at 0 or 1, people come and go, and others stand 0.6 m apart."""
+    rng = np.random.default_rng(seed)
+    start, velocity = (
+        0.6 * rng.permutation(people)[:, None] * [[0.0, 1.0]],
+        rng.uniform(-1.5, 1.5, (people, 2)),
+    )
+    there = np.arange(people)
+    ids, time_s, places = [], step_s * np.arange(30), []
+    for k, now in enumerate(time_s):
+        there = np.setdiff1d(there, rng.integers(0, people, 1)) if k % 10 == 9 else there
+        ids.append([str(who) for who in there])
+        places.append(start[there] + now * velocity[there] + rng.normal(0, 0.02, (len(there), 2)))
+    check_identity(ids, time_s, places)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32), st.integers(3, 8), st.floats(0.05, 0.4))
+def test_whoever_leaves_a_list_is_noticed(seed, people, step_s):
+    """People at least 1 m apart; anybody but the last one leaves."""
+    rng = np.random.default_rng(seed)
+    start, leaves = rng.permutation(people)[:, None] * [[0.0, 1.2]], rng.integers(0, people - 1)
+    velocity = np.array([1.2, 0.0]) + rng.uniform(-0.2, 0.2, (people, 2))
+    places, stay = [], np.delete(np.arange(people), leaves)
+    for k in range(20):
+        there = np.arange(people) if k < 10 else stay
+        places.append(start[there] + k * step_s * velocity[there])
+    ids = [[str(n) for n in range(len(each))] for each in places]
+    with pytest.raises(ValueRuleError, match="places in a list"):
+        check_identity(ids, step_s * np.arange(20), places)

@@ -1,0 +1,169 @@
+"""People in frames that move: brought into the map's frame with the transforms of the bag."""
+
+import numpy as np
+import pytest
+from rosbags import rosbag1, rosbag2
+from rosbags.typesys import Stores, get_types_from_msg
+from scipy.spatial.transform import Rotation
+
+from pedpred.command import main
+from pedpred.errors import SourceError
+from pedpred.ros import Transform, read_bag
+from pedpred.storage.scenes import read_scene
+from tests.test_bags import Store
+
+GRID, PEOPLE, TF = "nav_msgs/msg/OccupancyGrid", "people_msgs/msg/People", "tf2_msgs/msg/TFMessage"
+STANDING, WALKING = np.array([3.0, 2.0, 0.0]), np.array([6.0, -1.0, 0.0])
+SPEED = np.array([-1.0, 0.4, 0.0])
+
+
+@pytest.fixture(scope="module")
+def store():
+    return Store(Stores.ROS2_HUMBLE)
+
+
+def robot(time_s):
+    """Pose of base_link in odom: it drives and turns."""
+    offset = np.stack([0.8 * time_s, 0.3 * np.sin(time_s), 0 * time_s], -1)
+    return Rotation.from_euler("z", 0.4 * time_s), offset
+
+
+CAMERA = Rotation.from_euler("xyz", [-np.pi / 2, 0.0, -np.pi / 2]), np.array([0.2, 0.1, 1.1])
+"""Pose of an optical frame, which looks along its z axis, in base_link."""
+ODOM = Rotation.from_euler("z", 0.7), np.array([-4.0, 1.5, 0.0])
+"""Pose of odom in map."""
+
+
+def transform(store, parent, child, pose, time_s):
+    turn, offset = pose
+    x, y, z, w = map(float, turn.as_quat())
+    rotation = store.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+    x, y, z = map(float, offset)
+    translation = store.make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+    made = store.make("geometry_msgs/msg/Transform", translation=translation, rotation=rotation)
+    header = store.header(time_s, parent)
+    one = store.make(
+        "geometry_msgs/msg/TransformStamped", header=header, child_frame_id=child, transform=made
+    )
+    return store.make(TF, transforms=[one])
+
+
+def people(store, time_s, frame, seen):
+    header, several = store.header(time_s, frame), []
+    for who, at in (("1", STANDING), ("2", WALKING + time_s * SPEED)):
+        x, y, z = map(float, seen(at, time_s))
+        pose = store.pose(x, y)
+        pose.position.z = z
+        several.append(store._one("people_msgs/msg/Person", who, pose, header))
+    return store.make(PEOPLE, header=header, people=several)
+
+
+def from_robot(at, time_s):
+    turn, offset = robot(time_s)
+    return turn.inv().apply(at - offset)
+
+
+def from_camera(at, time_s):
+    turn, offset = CAMERA
+    return turn.inv().apply(from_robot(at, time_s) - offset)
+
+
+def messages(store, frame="base_link", seen=from_robot, tf_s=None, localised=False, grid=None):
+    """People at 10 Hz for 5 s, and transforms at 20 Hz between them."""
+    tf_s = np.arange(0, 5.2, 0.05) - 0.02 if tf_s is None else tf_s
+    found = [(0.0, "/map", GRID, store.grid(grid))] if grid else []
+    if frame == "camera":
+        found.append((0.0, "/tf_static", TF, transform(store, "base_link", "camera", CAMERA, 0.0)))
+    for time_s in tf_s + 10.0:
+        found.append((time_s, "/tf", TF, transform(store, "odom", "base_link", robot(time_s), time_s)))
+        if localised:
+            found.append((time_s, "/tf", TF, transform(store, "map", "odom", ODOM, time_s)))
+    for time_s in 10.0 + np.arange(50) / 10:
+        found.append((time_s, "/people", PEOPLE, people(store, time_s, frame, seen)))
+    return sorted(found, key=lambda one: one[0])
+
+
+def write(store, path, found):
+    writer = rosbag1.Writer(path) if store.ros1 else rosbag2.Writer(path, version=9)
+    serialise = store.types.serialize_ros1 if store.ros1 else store.types.serialize_cdr
+    with writer:
+        known = {}
+        for time_s, topic, kind, message in found:
+            if topic not in known:
+                known[topic] = writer.add_connection(topic, kind, typestore=store.types)
+            writer.write(known[topic], round(time_s * 1e9), serialise(message, kind))
+    return path
+
+
+def check(scene, pose=None, atol=1e-3):
+    """Where everybody is in odom, or in the frame in which odom has a pose."""
+    turn, offset = pose or (Rotation.identity(), np.zeros(3))
+    found = scene.trajectories
+    time_s = found.time_s[found.track_id == 2]
+    assert len(time_s) > 1
+    for who, at in ((1, STANDING + 0 * time_s[:, None]), (2, WALKING + time_s[:, None] * SPEED)):
+        expected = (turn.apply(at) + offset)[:, :2]
+        np.testing.assert_allclose(found.position[found.track_id == who], expected, atol=atol)
+
+
+@pytest.mark.parametrize(
+    ("frame", "seen"), [("base_link", from_robot), ("camera", from_camera), ("/base_link", from_robot)]
+)
+def test_who_stands_before_a_moving_robot_stands(frame, seen, store, tmp_path):
+    check(read_bag(write(store, tmp_path / "hall", messages(store, frame, seen))))
+
+
+def test_people_come_into_the_frame_of_the_map(store, tmp_path):
+    check(read_bag(write(store, tmp_path / "hall", messages(store, localised=True, grid="map"))), ODOM)
+    check(read_bag(write(store, tmp_path / "bare", messages(store, localised=True))), ODOM)
+    check(read_bag(write(store, tmp_path / "odom", messages(store, localised=True, grid="odom"))))
+
+
+def test_bags_of_ros_1_have_transforms_too(tmp_path):
+    store = Store(Stores.ROS1_NOETIC)
+    store.types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
+    check(read_bag(write(store, tmp_path / "hall.bag", messages(store))))
+
+
+def test_people_in_a_fixed_frame_stay_where_they_are(store, tmp_path):
+    found = messages(store, "map", lambda at, _: at, localised=True, grid="map")
+    check(read_bag(write(store, tmp_path / "hall", found)), atol=1e-9)
+
+
+def test_a_frame_that_nothing_leads_to_is_named_with_what_to_record(store, tmp_path):
+    path = write(store, tmp_path / "hall", messages(store, grid="map"))
+    with pytest.raises(
+        SourceError, match=r"'base_link', which /tf brings to 'odom', map in 'map'.*record /tf"
+    ) as told:
+        read_bag(path)
+    assert "transform" not in str(told.value)
+    check(read_bag(path, map_topic=""))
+    main(["convert", str(path), "-o", str(tmp_path / "scene"), "--map-topic", ""])
+    check(read_scene(tmp_path / "scene"))
+
+
+def test_a_given_transform_is_that_of_the_frame_that_stands(store, tmp_path):
+    """A fixed pose of a robot's frame would be wrong; where /tf reaches the map there is nothing to give."""
+    given, pose = Transform(-4.0, 1.5, 0.7), ODOM
+    check(read_bag(write(store, tmp_path / "hall", messages(store, grid="map")), transform=given), pose)
+    with pytest.raises(SourceError, match=r"'base_link' moves.*leave --transform out"):
+        read_bag(write(store, tmp_path / "all", messages(store, localised=True, grid="map")), transform=given)
+
+
+def test_detections_without_a_transform_at_their_time_are_left_out(store, tmp_path, caplog):
+    """Before the first one, after the last one, and where they stop for more than a second."""
+    tf_s = np.r_[np.arange(1.0, 2.01, 0.05), np.arange(3.5, 4.51, 0.05)]
+    scene = read_bag(write(store, tmp_path / "hall", messages(store, tf_s=tf_s)))
+    check(scene)
+    here = np.unique(scene.trajectories.time_s) - 10.0
+    assert here.min() == pytest.approx(1.0)
+    assert here.max() == pytest.approx(4.5)
+    assert not ((here > 2.05) & (here < 3.45)).any()
+    assert f"{100 - 2 * len(here)} of 100 detections" in caplog.text
+    with pytest.raises(SourceError, match=r"transform = .none at 10\.0 s.*record both together"):
+        read_bag(write(store, tmp_path / "late", messages(store, tf_s=tf_s + 100.0)))
+
+
+def test_a_robots_frame_without_transforms_is_warned_about(store, tmp_path, caplog):
+    read_bag(write(store, tmp_path / "hall", messages(store, tf_s=np.zeros(0))))
+    assert "people are in 'base_link', and nothing says how that moves" in caplog.text

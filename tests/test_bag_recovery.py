@@ -1,0 +1,238 @@
+"""Bags that were cut, killed, re-indexed or compressed, in every storage: read as far as they go."""
+
+import shutil
+import sqlite3
+import struct
+import warnings
+from contextlib import closing
+
+import numpy as np
+import pytest
+import zstandard
+from mcap.writer import CompressionType, Writer
+from rosbags import rosbag1, rosbag2
+from rosbags.typesys import Stores
+
+from pedpred.command.conversion import read_any
+from pedpred.errors import SourceError
+from pedpred.ros import is_bag, read_bag
+from tests.test_bags import Store
+
+PEOPLE = "people_msgs/msg/People"
+MCAP, SQLITE = rosbag2.StoragePlugin.MCAP, rosbag2.StoragePlugin.SQLITE3
+COUNT = 60
+_INDEX_POS = struct.Struct("<Q")
+
+
+def people(store, count=COUNT):
+    """One person who walks along x, 0.1 m in each tenth of a second."""
+    for step in range(count):
+        header = store.header(step / 10, "map")
+        one = store._one("people_msgs/msg/Person", 3, store.pose(step / 10, 0.0), header)
+        yield "/people", PEOPLE, store.make(PEOPLE, header=header, people=[one])
+
+
+def write(kind, folder, count=COUNT):
+    """Write a bag; its one file."""
+    if kind in ("none", "bz2", "lz4"):
+        store, path = Store(Stores.ROS1_NOETIC), folder / "hall.bag"
+        writer = rosbag1.Writer(path)
+        writer.chunk_threshold = 2000
+        if kind != "none":
+            writer.set_compression(rosbag1.Writer.CompressionFormat[kind.upper()])
+        store.fill(writer, people(store, count))
+        return path
+    store = Store(Stores.ROS2_HUMBLE)
+    store.write(folder / "hall", people(store, count), {"mcap": MCAP, "db3": SQLITE}[kind])
+    return folder / "hall" / f"hall.{kind}"
+
+
+def walked(scene):
+    """How many detections there are; they are the first ones."""
+    found = scene.trajectories
+    np.testing.assert_allclose(found.time_s, np.arange(len(found)) / 10, atol=1e-6)
+    np.testing.assert_allclose(found.position[:, 0], np.arange(len(found)) / 10, atol=1e-6)
+    return len(found)
+
+
+@pytest.mark.parametrize("kind", ["none", "bz2", "lz4", "db3", "mcap"])
+def test_a_bag_that_is_cut_anywhere_is_read_up_to_there(kind, tmp_path):
+    """Or refused, where nothing is left; it never says less than a shorter one, and always that it is cut."""
+    total = 400 if kind == "db3" else COUNT
+    path = write(kind, tmp_path, total)
+    raw, found = path.read_bytes(), []
+    for share in np.linspace(0.05, 0.999, 12):
+        path.write_bytes(raw[: int(share * len(raw))])
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            try:
+                found.append(walked(read_bag(path)))
+                assert kind == "db3" or "read up to byte" in str(said[0].message)
+                assert found[-1] == total or "is cut" in str(said[0].message)
+            except SourceError as error:
+                assert error.path == path  # noqa: PT017
+                found.append(0)
+    assert np.diff(found).min() >= 0
+    assert len(set(found)) > 3
+    assert found[-1] > 0.9 * total
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_a_chunk_that_is_cut_is_read_up_to_the_cut(compression, tmp_path):
+    """Recorders fill chunks of some hundred kB, in which people alone are there for minutes."""
+    store, path, noise = Store(Stores.ROS2_HUMBLE), tmp_path / "hall.mcap", np.random.default_rng(0)
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=2**22, compression=compression)
+        writer.start("ros2")
+        text = store.types.generate_msgdef(PEOPLE, ros_version=2)[0].encode()
+        kind = writer.register_schema(PEOPLE, "ros2msg", text)
+        channels = [writer.register_channel(topic, "cdr", kind) for topic in ("/people", "/noise")]
+        for count, (_, _, message) in enumerate(people(store, 1000)):
+            writer.add_message(channels[0], count, bytes(store.types.serialize_cdr(message, PEOPLE)), count)
+            writer.add_message(channels[1], count, noise.bytes(500), count)
+        writer.finish()
+    raw = path.read_bytes()
+    path.write_bytes(raw[: int(0.6 * len(raw))])
+    with pytest.warns(UserWarning, match="is cut: read up to byte .* what is whole of the chunk"):
+        assert 450 < walked(read_bag(path, "/people")) < 650
+
+
+def unclosed(path, chunk_known):
+    """What a killed `rosbag record` leaves: no index, and the length of the last chunk not written."""
+    raw = path.read_bytes()
+    (index,) = _INDEX_POS.unpack_from(raw, raw.index(b"index_pos=") + len(b"index_pos="))
+    raw = bytearray(raw[:index])
+    _INDEX_POS.pack_into(raw, raw.index(b"index_pos=") + 10, 0)
+    if not chunk_known:
+        last = raw.rindex(b"compression=")
+        (head,) = (at for at in range(last - 40, last) if _header_at(raw, at, last))
+        (length,) = struct.unpack_from("<L", raw, head)
+        struct.pack_into("<L", raw, head + 4 + length, 0)
+        size = raw.index(b"size=", head) + 5
+        struct.pack_into("<L", raw, size, 0)
+    active = path.with_name("killed.bag.active")
+    active.write_bytes(raw)
+    return active
+
+
+def _header_at(raw, at, inside):
+    """Whether a record's header begins there that holds a place."""
+    (length,) = struct.unpack_from("<L", raw, at)
+    (field,) = struct.unpack_from("<L", raw, at + 4)
+    return at + 8 <= inside < at + 4 + length < len(raw) and length < 100 and field < 40
+
+
+@pytest.mark.parametrize("chunk_known", [True, False])
+@pytest.mark.parametrize("kind", ["none", "bz2", "lz4"])
+def test_a_bag_of_a_killed_recorder_is_read_without_an_index(kind, chunk_known, tmp_path):
+    path = unclosed(write(kind, tmp_path), chunk_known)
+    assert is_bag(path)
+    with pytest.warns(UserWarning, match=r"was not closed: read up to byte \d+ of \d+"):
+        scene = read_bag(path)
+    assert walked(scene) == COUNT
+    assert scene.name == "killed"
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+@pytest.mark.parametrize("about", [None, "", "reindexed"])
+def test_a_folder_is_read_whatever_metadata_yaml_says_of_the_storage(kind, about, tmp_path, caplog):
+    folder = write(kind, tmp_path).parent
+    metadata = folder / "metadata.yaml"
+    if about is None:
+        metadata.unlink()
+    else:
+        text = metadata.read_text().replace("storage_identifier: sqlite3", "storage_identifier: mcap")
+        metadata.write_text(about and text.replace("storage_identifier: mcap", "storage_identifier: ''"))
+    assert is_bag(folder)
+    assert walked(read_any(folder)) == COUNT
+    assert bool(about) or "no metadata.yaml" in caplog.text
+
+
+def test_files_without_metadata_yaml_follow_in_the_order_of_their_numbers(tmp_path, caplog):
+    whole = write("db3", tmp_path, 11)
+    folder = tmp_path / "split"
+    folder.mkdir()
+    for step in range(11):
+        part = shutil.copy(whole, folder / f"split_{step}.db3")
+        with closing(sqlite3.connect(part)) as base:
+            base.execute("DELETE FROM messages WHERE rowid != ?", (step + 1,))
+            base.commit()
+    assert walked(read_bag(folder)) == 11
+    (folder / "split_11.db3").touch()  # the recorder was killed before it wrote there
+    assert walked(read_bag(folder)) == 11
+    assert "1 files are empty" in caplog.text
+
+
+def test_a_folder_says_what_is_missing(tmp_path):
+    path = write("mcap", tmp_path)
+    path.rename(path.with_name("other.mcap"))
+    with pytest.raises(SourceError, match=r"metadata\.yaml: it names files that are missing.*Remove it"):
+        read_bag(path.parent)
+    (path.parent / "metadata.yaml").unlink()
+    assert walked(read_bag(path.parent)) == COUNT
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_a_file_that_is_compressed_as_a_whole_is_unpacked(kind, tmp_path):
+    path = write(kind, tmp_path)
+    packed, metadata = path.with_name(f"{path.name}.zstd"), path.parent / "metadata.yaml"
+    raw = zstandard.compress(path.read_bytes())
+    packed.write_bytes(raw)
+    path.unlink()
+    text = (
+        metadata.read_text()
+        .replace(path.name, packed.name)
+        .replace("compression_mode: ''", "compression_mode: file")
+    )
+    metadata.write_text(text.replace("compression_format: ''", "compression_format: zstd"))
+    assert walked(read_bag(path.parent)) == COUNT
+    assert is_bag(packed)
+    assert walked(read_any(packed)) == COUNT
+    metadata.write_text(metadata.read_text().replace(packed.name, path.name))  # as some versions write
+    assert walked(read_bag(path.parent)) == COUNT
+    metadata.unlink()
+    assert walked(read_any(path.parent)) == COUNT
+    packed.write_bytes(raw[: len(raw) // 2])
+    with pytest.raises(SourceError, match=str(path.parent)), warnings.catch_warnings(action="ignore"):
+        read_bag(packed)
+
+
+def test_a_file_that_would_fill_the_disk_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "hall.mcap.zstd"
+    path.write_bytes(zstandard.compress(bytes(2**20)))
+    monkeypatch.setattr("pedpred.ros.bag_files._LARGEST_BYTES", 1000)
+    with pytest.raises(SourceError, match=r"hall\.mcap\.zstd.*when unpacked"):
+        read_bag(path)
+
+
+def test_messages_that_are_compressed_one_by_one_are_unpacked(tmp_path):
+    """Also where no metadata.yaml says so."""
+    store = Store(Stores.ROS2_HUMBLE)
+    writer = rosbag2.Writer(tmp_path / "hall", version=9, storage_plugin=SQLITE)
+    writer.set_compression(rosbag2.CompressionMode.MESSAGE, rosbag2.CompressionFormat.ZSTD)
+    store.fill(writer, people(store))
+    assert walked(read_bag(tmp_path / "hall")) == COUNT
+    assert walked(read_bag(tmp_path / "hall" / "hall.db3")) == COUNT
+
+
+def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
+    """As with rosbag2's preset `resilient`."""
+    whole, path = write("db3", tmp_path), tmp_path / "killed.db3"
+    with closing(sqlite3.connect(whole)) as base:
+        base.execute("PRAGMA journal_mode=WAL")
+        rows = base.execute("SELECT * FROM messages ORDER BY rowid").fetchall()
+        base.execute("DELETE FROM messages WHERE rowid > 20")
+        base.commit()
+        base.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        base.executemany("INSERT INTO messages VALUES (?, ?, ?, ?)", rows[20:])
+        base.commit()
+        shutil.copy(whole, path)
+        shutil.copy(f"{whole}-wal", f"{path}-wal")
+    assert walked(read_bag(path)) == COUNT
+
+
+@pytest.mark.parametrize("raw", [b"", b"#ROSBAG V1.2\nold", b"nothing of this kind"])
+def test_a_file_that_is_no_bag_is_told_so(raw, tmp_path):
+    (tmp_path / "hall.bag").write_bytes(raw)
+    with pytest.raises(SourceError, match=r"hall\.bag.*begin with.*`rosbag fix`"):
+        read_bag(tmp_path / "hall.bag")
