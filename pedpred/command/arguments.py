@@ -24,8 +24,8 @@ from pedpred.storage.tables import UNITS
 
 _SCENE = (
     "a scene folder, an MCAP recording, a ROS bag, a table (.csv, .tsv, .txt) with time, id, x, y, a text "
-    "with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or frame, id, x, y as for SGAN, or an "
-    ".ndjson file of TrajNet++"
+    "with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or frame, id, x, y as for SGAN, or a file "
+    "of TrajNet++, JuPedSim, Vadere, Viswalk, SUMO (FCD), SDD, ATC, THÖR or inD"
 )
 _TRACKER = "a YAML file with acceleration_noise, position_noise_m and initial_speed_mps, as in conf/trackers"
 
@@ -147,6 +147,8 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.add_argument("--rate", "--frame-rate", type=float, help=counted)
     long = "of lengths in a table or text (default: what the file says, else m)"
     command.add_argument("--unit", choices=list(UNITS), help=long)
+    side = "side of a pixel where people were annotated in pictures (Stanford Drone Dataset), m"
+    command.add_argument("--scale", type=_number(float, 1e-6, 10.0), metavar="METRES_PER_PIXEL", help=side)
     replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml), which replaces the map"
     command.add_argument("--map", type=_path, help=replaced)
     end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"

@@ -52,6 +52,7 @@ _SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
 _LONG_AGO_S = 1e8  # Unix times are later
 _SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
+_LARGEST_PIXEL_M = 10.0
 
 
 @dataclass(frozen=True)
@@ -62,11 +63,13 @@ class TableOptions:
         columns: their names in order, in place of a header; None: the header has them.
         rate_hz: of frame numbers; None: the file says it, or has times.
         unit: of lengths, a key of `UNITS`; None: the file says it, or they are metres.
+        pixel_m: side of a pixel, m, where people were annotated in a picture.
     """
 
     columns: tuple[str, ...] | None = None
     rate_hz: float | None = None
     unit: str | None = None
+    pixel_m: float | None = None
 
     def __post_init__(self) -> None:
         if self.columns is not None:
@@ -75,6 +78,10 @@ class TableOptions:
             raise ValueRuleError("rate_hz", self.rate_hz, "it must be a number from 0.001 to 1000000 Hz")
         if self.unit is not None:
             check_choice("unit", self.unit, list(UNITS))
+        if self.pixel_m is not None and not 0.0 < self.pixel_m <= _LARGEST_PIXEL_M:
+            raise ValueRuleError(
+                "pixel_m", self.pixel_m, f"it must be positive, at most {_LARGEST_PIXEL_M} m"
+            )
 
 
 def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
@@ -89,6 +96,23 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
     """
     options = options or TableOptions()
     header, rows = _opened(path, options)
+    return tracks_in_rows(path, header, rows, options)
+
+
+def tracks_in_rows(
+    path: Path, header: Sequence[str], rows: Iterator[Row], options: TableOptions
+) -> Trajectories:
+    """Read the detections in rows of text, from whatever file.
+
+    Args:
+        path: the file, for errors.
+        header: titles of the columns, as a table has them.
+        rows: the lines after the header.
+        options: what they do not say themselves.
+
+    Raises:
+        SourceError: columns are missing, or a value is wrong; it names the line.
+    """
     try:
         wanted = _wanted(header)
     except ValueRuleError as cause:

@@ -36,7 +36,9 @@ from pedpred.storage.situations import (
     write_situations,
     write_situations_manifest,
 )
+from pedpred.storage.tables import TableOptions
 from tests.exported import NETWORK, WIDTHS, write_network
+from tests.field_formats import BINARY, PIXEL_M, WRITERS
 from tests.forecasts import windows_with
 from tests.scenes import write_as_table
 from tests.test_bags import repacked
@@ -97,6 +99,26 @@ def make_tables(folder: Path) -> None:
 
 def read_tables(folder: Path) -> object:
     return [read_file(folder / name) for name in TABLES]
+
+
+FIELD_TEXTS = (
+    *("fcd.xml", "annotations.txt", "00_tracks.csv", "00_tracksMeta.csv", "00_recordingMeta.csv"),
+    *("Exp_1_run_1.tsv", "THOR-Magni_120522_SC1A_R1.csv", "postvis.traj", "hall_001.pp", "atc-20121031.csv"),
+)
+
+
+def make_field_texts(folder: Path) -> None:
+    """The same people in every format of the field that is text."""
+    for name, write in WRITERS.items():
+        if name not in BINARY:
+            write(folder)
+
+
+def read_field_texts(folder: Path) -> object:
+    names = [name for name in FIELD_TEXTS if "Meta" not in name]
+    return [
+        read_file(folder / name, TableOptions(pixel_m=PIXEL_M) if "annot" in name else None) for name in names
+    ]
 
 
 FORECASTS = ("theirs.csv", "theirs.ndjson")
