@@ -128,9 +128,7 @@ def test_a_layout_beside_a_recording_is_not_overwritten_unasked(tmp_path, comman
     assert not (tmp_path / "out.mcap").exists()
 
 
-@pytest.mark.parametrize(
-    ("command", "name"), [("convert", "x.csv"), ("predict", "x"), ("predict", "x.parquet")]
-)
+@pytest.mark.parametrize(("command", "name"), [("convert", "x.csv"), ("predict", "x"), ("predict", "x.xlsx")])
 def test_the_name_of_an_output_says_what_it_is(tmp_path, command, name):
     path = write_table(tmp_path / "walk.csv", [(k / 2, *rest) for k, *rest in ROWS])
     with pytest.raises(SystemExit, match=r"ends in \.mcap"):

@@ -40,7 +40,9 @@ def parser() -> argparse.ArgumentParser:
     _output(command, "an MCAP file (.mcap) or a new scene folder")
     command = _add(commands, predict)
     _output(
-        command, "an MCAP file, or .csv (default: NAME_forecasts.mcap in the current folder)", required=False
+        command,
+        "an MCAP file, or .csv, .parquet (default: NAME_forecasts.mcap in the current folder)",
+        required=False,
     )
     _model(command, _TRACKER)
     grid = "also write the predicted occupancy of every step, in cells of this size, m"
@@ -176,8 +178,10 @@ def _model(command: argparse.ArgumentParser, tracker: str) -> None:
 def _conditions(command: argparse.ArgumentParser) -> None:
     command.add_argument("--no-map", action="store_true", help="without obstacles")
     command.add_argument("--alone", action="store_true", help="everybody alone, without the other people")
-    theirs = "measure somebody else's forecasts too: a table with track, time, mode, weight, step, x, y, or "
-    theirs += "the .ndjson predictions of TrajNet++; may be repeated"
+    theirs = (
+        "measure somebody else's forecasts too: a table (.csv, .parquet) with track, time, mode, weight, "
+    )
+    theirs += "step, x, y, or the .ndjson predictions of TrajNet++; may be repeated"
     command.add_argument("--forecasts", type=_path, action="append", default=[], metavar="FILE", help=theirs)
     step = "time between two steps of such a table, s (default: that of the model)"
     command.add_argument("--step-s", type=_number(float, 0.01, 10.0), help=step)

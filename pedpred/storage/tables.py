@@ -73,7 +73,7 @@ class TableOptions:
 
     def __post_init__(self) -> None:
         if self.columns is not None:
-            _wanted(self.columns)
+            titles_of_tracks(self.columns)
         if self.rate_hz is not None and not _SLOWEST_HZ <= self.rate_hz <= _FASTEST_HZ:
             raise ValueRuleError("rate_hz", self.rate_hz, "it must be a number from 0.001 to 1000000 Hz")
         if self.unit is not None:
@@ -114,7 +114,7 @@ def tracks_in_rows(
         SourceError: columns are missing, or a value is wrong; it names the line.
     """
     try:
-        wanted = _wanted(header)
+        wanted = titles_of_tracks(header)
     except ValueRuleError as cause:
         raise SourceError(
             path, None, cause.rule, "Rename columns, or name all in order: --columns"
@@ -164,7 +164,9 @@ def _holds_numbers(fields: Sequence[str], columns: Sequence[str] | None) -> bool
     if columns is None:
         return all(map(_is_number, fields))
     return any(
-        _is_number(field) for title, field in zip(columns, fields, strict=False) if title in _wanted(columns)
+        _is_number(field)
+        for title, field in zip(columns, fields, strict=False)
+        if title in titles_of_tracks(columns)
     )
 
 
@@ -188,7 +190,7 @@ def _is_number(field: str) -> bool:
 
 def _names_tracks(titles: Sequence[str]) -> bool:
     try:
-        return bool(_wanted(titles))
+        return bool(titles_of_tracks(titles))
     except ValueRuleError:
         return False
 
@@ -202,7 +204,7 @@ def _name_of(title: str) -> str | None:
     return name if name in _LENGTHS else None
 
 
-def _wanted(titles: Sequence[str]) -> dict[str, str]:
+def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
     """Title -> name of the columns that hold tracks.
 
     Raises:

@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import torch
 from mcap.writer import CompressionType
 from omegaconf import OmegaConf
 from PIL import Image
 
 from pedpred import config
-from pedpred.command.foreign import COLUMNS, read_forecasts
+from pedpred.command.forecast_tables import COLUMNS
+from pedpred.command.foreign import read_forecasts
 from pedpred.evaluation.forecasts import write_windows
 from pedpred.features import FeatureTable, ForecastProtocol
 from pedpred.geometry import Homography
@@ -121,7 +123,7 @@ def read_field_texts(folder: Path) -> object:
     ]
 
 
-FORECASTS = ("theirs.csv", "theirs.ndjson")
+FORECASTS = ("theirs.csv", "theirs.ndjson", "theirs.parquet")
 
 
 def make_foreign(folder: Path) -> None:
@@ -130,6 +132,7 @@ def make_foreign(folder: Path) -> None:
         (who, 0.4 * 5, mode, 0.5, k, 0.5 * k, mode) for who in (1, 2) for mode in (0, 1) for k in (1, 2, 3)
     ]
     (folder / FORECASTS[0]).write_text("\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows]))
+    pd.DataFrame(rows, columns=list(COLUMNS)).to_parquet(folder / FORECASTS[2])
     lines: list[Any] = [{"scene": {"id": who, "p": who, "s": 0, "e": 200, "fps": 2.5}} for who in (1, 2)]
     for who, _, mode, _, k, x, y in rows:
         own = {"prediction_number": mode, "scene_id": who}
