@@ -28,9 +28,9 @@ REASONS = {
     "pyyaml": "map.yaml, parameters",
     "rosbags": "ROS messages and bags of ROS 1 and ROS 2, without ROS",
     "scipy": "interpolation, optimisation of the tracker and of the forces",
+    "shapely": "geometries as well-known text",
     "tqdm": "progress bars",
     "zstandard": "MCAP chunks compressed with zstd",
-    "shapely": "geometries as well-known text, such as those in JuPedSim's databases",
     "dvc": "the pipeline: what is stale, cache, experiments",
     "hydra-core": "composing conf/",
     "jinja2": "the page's template",
@@ -49,12 +49,10 @@ REASONS = {
 
 
 def declared() -> dict[str, list[Requirement]]:
-    """Return the direct dependencies in pyproject.toml that users install, by extra."""
+    """Return the direct dependencies in pyproject.toml that users install: light, train, docs."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    groups = {"light": project["dependencies"]} | {
-        name: extras[name] for name in ("formats", "train", "docs")
-    }
+    groups = {"light": project["dependencies"], "train": extras["train"], "docs": extras["docs"]}
     return {group: [Requirement(text) for text in texts] for group, texts in groups.items()}
 
 
@@ -109,8 +107,7 @@ def table() -> str:
     lines += ["", "| install | packages, all counted | MB |", "| --- | --: | --: |"]
     for title, parts in {
         "light": ["light"],
-        "light with formats": ["light", "formats"],
-        "full": ["light", "formats", "train"],
+        "full": ["light", "train"],
         "full with docs": list(groups),
     }.items():
         packages = closure(need for part in parts for need in groups[part]).values()

@@ -1,7 +1,6 @@
 """Formats that the field has: written after their specifications and read to the value."""
 
 import sqlite3
-import sys
 
 import numpy as np
 import pytest
@@ -257,9 +256,3 @@ def test_a_text_of_any_name_is_a_table_or_a_text(tmp_path):
         read_file(lines(tmp_path / "walk", *rows), TableOptions(rate_hz=5.0)).trajectories.position,
         PEOPLE.position,
     )
-
-
-def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "shapely", None)
-    with pytest.raises(SourceError, match=r"shapely.*pip install shapely"):
-        read_file(write_jupedsim(tmp_path))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
@@ -15,7 +16,7 @@ from pedpred.sources.walls import Walls
 
 _MOST_CHARACTERS, _DEEPEST = 2**22, 8
 _FARTHEST_M = 1e8
-_REMEDY = "It needs POLYGON, MULTIPOLYGON or a GEOMETRYCOLLECTION of them; --no-map goes without"
+_REMEDY = "It needs POLYGON, MULTIPOLYGON or a GEOMETRYCOLLECTION of them"
 
 
 def walls_of_wkt(path: Path, texts: Sequence[str]) -> Walls:
@@ -28,12 +29,6 @@ def walls_of_wkt(path: Path, texts: Sequence[str]) -> Walls:
     Raises:
         SourceError: one is damaged, has no area or more than polygons.
     """
-    try:
-        import shapely
-    except ImportError as cause:
-        raise SourceError(
-            path, None, "its geometry needs the package shapely", "Install it: pip install shapely"
-        ) from cause
     for text in texts:
         _check_nesting(path, text)
     with translate_errors(partial(SourceError, path, None, remedy=_REMEDY)):
