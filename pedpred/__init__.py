@@ -9,19 +9,21 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pedpred.command.data_frames import predict
     from pedpred.online import OnlinePredictor, OnlineSettings
     from pedpred.online.warming import warm_up
     from pedpred.scenes import Forecast, OccupancyMap
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # else onnxruntime reports to its makers, with an id
 
-__all__ = ["Forecast", "OccupancyMap", "OnlinePredictor", "OnlineSettings", "warm_up"]
+__all__ = ["Forecast", "OccupancyMap", "OnlinePredictor", "OnlineSettings", "predict", "warm_up"]
 
 _HOMES = {
     "Forecast": "pedpred.scenes",
     "OccupancyMap": "pedpred.scenes",
     "OnlinePredictor": "pedpred.online",
     "OnlineSettings": "pedpred.online",
+    "predict": "pedpred.command.data_frames",
     "warm_up": "pedpred.online.warming",
 }
 

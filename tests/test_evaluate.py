@@ -11,7 +11,7 @@ import yaml
 from pedpred.command import main
 from pedpred.command.conversion import read_any
 from pedpred.command.evaluation import Apart
-from pedpred.command.foreign import COLUMNS
+from pedpred.command.forecast_tables import COLUMNS
 from pedpred.command.prediction import robot_for
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings

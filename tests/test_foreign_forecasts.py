@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.command import trajnet
-from pedpred.command.foreign import COLUMNS, read_forecasts, write_forecasts
+from pedpred.command.forecast_tables import COLUMNS, write_forecasts
+from pedpred.command.foreign import read_forecasts
 from pedpred.errors import SourceError
 from pedpred.scenes import Predictions
 from tests.forecasts import windows_with

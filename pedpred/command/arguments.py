@@ -24,8 +24,8 @@ from pedpred.storage.tables import UNITS
 
 _SCENE = (
     "a scene folder, an MCAP recording, a ROS bag, a table (.csv, .tsv, .txt) with time, id, x, y, a text "
-    "with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or frame, id, x, y as for SGAN, or an "
-    ".ndjson file of TrajNet++"
+    "with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or frame, id, x, y as for SGAN, or a file "
+    "of TrajNet++, JuPedSim, Vadere, Viswalk, SUMO (FCD), SDD, ATC, THÖR or inD"
 )
 _TRACKER = "a YAML file with acceleration_noise, position_noise_m and initial_speed_mps, as in conf/trackers"
 
@@ -40,7 +40,9 @@ def parser() -> argparse.ArgumentParser:
     _output(command, "an MCAP file (.mcap) or a new scene folder")
     command = _add(commands, predict)
     _output(
-        command, "an MCAP file, or .csv (default: NAME_forecasts.mcap in the current folder)", required=False
+        command,
+        "an MCAP file, or .csv, .parquet (default: NAME_forecasts.mcap in the current folder)",
+        required=False,
     )
     _model(command, _TRACKER)
     grid = "also write the predicted occupancy of every step, in cells of this size, m"
@@ -147,6 +149,8 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.add_argument("--rate", "--frame-rate", type=float, help=counted)
     long = "of lengths in a table or text (default: what the file says, else m)"
     command.add_argument("--unit", choices=list(UNITS), help=long)
+    side = "side of a pixel where people were annotated in pictures (Stanford Drone Dataset), m"
+    command.add_argument("--scale", type=_number(float, 1e-6, 10.0), metavar="METRES_PER_PIXEL", help=side)
     replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml), which replaces the map"
     command.add_argument("--map", type=_path, help=replaced)
     end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"
@@ -174,8 +178,10 @@ def _model(command: argparse.ArgumentParser, tracker: str) -> None:
 def _conditions(command: argparse.ArgumentParser) -> None:
     command.add_argument("--no-map", action="store_true", help="without obstacles")
     command.add_argument("--alone", action="store_true", help="everybody alone, without the other people")
-    theirs = "measure somebody else's forecasts too: a table with track, time, mode, weight, step, x, y, or "
-    theirs += "the .ndjson predictions of TrajNet++; may be repeated"
+    theirs = (
+        "measure somebody else's forecasts too: a table (.csv, .parquet) with track, time, mode, weight, "
+    )
+    theirs += "step, x, y, or the .ndjson predictions of TrajNet++; may be repeated"
     command.add_argument("--forecasts", type=_path, action="append", default=[], metavar="FILE", help=theirs)
     step = "time between two steps of such a table, s (default: that of the model)"
     command.add_argument("--step-s", type=_number(float, 0.01, 10.0), help=step)

@@ -6,25 +6,24 @@ import argparse
 import logging
 import sys
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from mcap.writer import MCAP0_MAGIC
 
 from pedpred.command.maps import map_at
-from pedpred.errors import SourceError, ValueRuleError
-from pedpred.files import translate_errors
+from pedpred.errors import ValueRuleError
 from pedpred.ros import Transform, is_bag, is_recording, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
-from pedpred.sources.single_file import FORMATS, read_file
+from pedpred.sources.beginnings import Beginning
+from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
 from pedpred.sources.walls import occupancy_of, read_walls
 from pedpred.storage.scenes import read_scene, write_scene
 from pedpred.storage.tables import TableOptions
 
-_CELL_M, _WALL_M, _OPEN_END_M = 0.05, 3.0, 6.0
-"""Of maps made from geometry files, m: side of a cell, thickness of walls, corridors beyond open ends."""
+_OPEN_END_M = 6.0
+"""Length of corridors beyond open ends of geometries, m."""
 
 _log = logging.getLogger(__name__)
 _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id", "person_id")
@@ -40,6 +39,7 @@ def info(given: argparse.Namespace) -> None:
     width, height = occupancy.extent_m
     lines = {
         "name": scene.name,
+        "read as": _kind(given),
         "detections": f"{len(trajectories)} of {tracks} tracks, {instants} instants",
         "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
@@ -59,7 +59,7 @@ def convert(given: argparse.Namespace) -> None:
         )
     refuse_overwriting(given.output, given.force)
     scene = read_given(given)
-    if given.scene.suffix in FORMATS:  # without a name of its own
+    if given.scene.is_file() and not _is_named(given.scene):
         scene = replace(scene, name=given.output.stem)
     _log.info("%s: %s", scene.name, placement(scene.trajectories.position, scene.occupancy))
     if given.output.suffix == ".mcap":
@@ -75,13 +75,10 @@ def read_given(given: argparse.Namespace) -> Scene:
     Raises:
         ValueRuleError: open ends are given without a geometry file.
     """
-    columns = None if given.columns is None else tuple(given.columns.split(","))
     replaced = given.map is not None or given.no_map
     ground = "" if replaced else given.map_topic
     transform = None if given.transform is None else Transform(*given.transform)
-    scene = read_any(
-        given.scene, given.topic, TableOptions(columns, given.rate, given.unit), transform, ground
-    )
+    scene = read_any(given.scene, given.topic, _options(given), transform, ground)
     if ground := _ground_given(given):
         scene = replace(scene, occupancy=ground)
     if given.no_map:
@@ -90,11 +87,39 @@ def read_given(given: argparse.Namespace) -> Scene:
     return scene
 
 
+def _options(given: argparse.Namespace) -> TableOptions:
+    columns = None if given.columns is None else tuple(given.columns.split(","))
+    return TableOptions(columns, given.rate, given.unit, given.scale)
+
+
+def _kind(given: argparse.Namespace) -> str:
+    """What the scene was taken for."""
+    if given.scene.is_dir() and not is_bag(given.scene):
+        return "scene folder"
+    if not _is_named(given.scene):
+        return format_of(given.scene, _options(given)).name
+    return "ROS bag" if _is_foreign(given.scene) or given.topic is not None else "recording of pedpred"
+
+
+def _is_named(path: Path) -> bool:
+    """Whether a file is a recording or a bag, which have names of their own."""
+    return (
+        is_bag(path)
+        or path.suffix == ".mcap"
+        or (path.is_file() and Beginning.of(path).raw.startswith(MCAP0_MAGIC))
+    )
+
+
+def _is_foreign(path: Path) -> bool:
+    """Whether a path is a bag, not a recording of `write_recording` or a scene folder."""
+    return is_bag(path) or (path.is_file() and not is_recording(path))
+
+
 def _ground_given(given: argparse.Namespace) -> OccupancyMap | None:
     """The map that replaces that of the scene."""
     if given.map is not None and given.map.suffix == ".xml":
         edges = [[end[:2], end[2:]] for end in given.open_end]
-        return occupancy_of(read_walls(given.map), _CELL_M, _WALL_M, edges, _OPEN_END_M)
+        return occupancy_of(read_walls(given.map), CELL_M, WALL_M, edges, _OPEN_END_M)
     if given.open_end:
         raise ValueRuleError("--open-end", given.open_end[0], "it needs a geometry file: --map walls.xml")
     return None if given.map is None else map_at(given.map)
@@ -119,46 +144,38 @@ def read_any(
     transform: Transform | None = None,
     map_topic: str | None = None,
 ) -> Scene:
-    """Read a scene folder, a file of tracks (on free ground), a recording or a ROS bag.
+    """Read a scene folder, a file of tracks, a recording or a ROS bag.
 
     Args:
-        path: its name determines the format.
+        path: what a file begins with determines the format, the name that of bags.
         topic: of a bag's people; a recording of this project is read as a bag if one is given.
-        options: what a table or text does not say itself.
+        options: what a file of tracks does not say itself.
         transform: of the people's frame, where it is not the map's.
         map_topic: of a bag's map, see `read_bag`.
 
     Raises:
         StorageError, SourceError: the file is missing, damaged or of another format.
-        ValueRuleError: a unit is given for what has metres.
+        ValueRuleError: an option has no meaning for the format.
     """
-    if options is not None and options.unit is not None and path.suffix not in (".csv", ".tsv", ".txt"):
+    options = options or TableOptions()
+    if not path.is_dir() and not _is_named(path):
+        scene = read_file(path, options)
+    elif options.unit is not None:
         raise ValueRuleError("--unit", options.unit, f"{path} has metres; it is for tables and texts")
-    named = topic is not None or map_topic
-    if is_bag(path) or (path.suffix == ".mcap" and path.is_file() and (named or not is_recording(path))):
+    elif options.pixel_m is not None:
+        raise ValueRuleError("--scale", options.pixel_m, f"{path} has metres; it is for pixels")
+    elif _is_foreign(path) or (path.is_file() and (topic is not None or map_topic is not None)):
         return read_bag(path, topic, transform, map_topic)
-    if path.suffix not in FORMATS and not path.is_dir():
-        _check_suffix(path)
+    elif path.is_dir():
+        scene = read_scene(path)
+    else:
         return read_recording(path, transform)
-    scene = read_scene(path) if path.is_dir() else read_file(path, options)
     if transform is None:
         return scene
     people = transform.moved(scene.trajectories)
-    ground = scene.occupancy if path.is_dir() else OccupancyMap.free_around(people.position)
-    return replace(scene, trajectories=people, occupancy=ground)
-
-
-def _check_suffix(path: Path) -> None:
-    """Check that a file without a known suffix begins as MCAP files do.
-
-    Raises:
-        SourceError: it does not; the suffixes that are read are named.
-    """
-    if path.suffix == ".mcap" or not path.is_file():
-        return
-    with translate_errors(partial(SourceError, path, None)), path.open("rb") as file:
-        if file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC:
-            return
-    known = ", ".join([*FORMATS, ".mcap", ".bag", ".db3"])
-    problem = f"files of type {path.suffix or 'unknown'} are not read"
-    raise SourceError(path, None, problem, f"Convert it to one of {known}, or to a scene folder")
+    is_free = not scene.occupancy.occupied.any() and not path.is_dir()
+    return replace(
+        scene,
+        trajectories=people,
+        occupancy=OccupancyMap.free_around(people.position) if is_free else scene.occupancy,
+    )

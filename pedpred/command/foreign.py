@@ -1,8 +1,7 @@
-"""Tables of forecasts: ours are written; those that others made are read, also as TrajNet++ has them."""
+"""Forecasts that others made, from tables or TrajNet++, as a forecaster of the windows they answer."""
 
 from __future__ import annotations
 
-import csv
 import logging
 from collections import Counter
 from collections.abc import Collection, Sequence
@@ -10,19 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
+from pedpred.command.forecast_tables import read_forecast_table
 from pedpred.command.trajnet import trajnet_columns
 from pedpred.errors import SourceError, ValueRuleError
-from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.files import atomic_write
 from pedpred.forecasting import ForecastRequest
 from pedpred.ros import Transform
 from pedpred.scenes import Predictions
-from pedpred.storage.text import read_numbers, text_lines
-
-COLUMNS = ("track", "time", "mode", "weight", "step", "x", "y")
-"""A row per step of each mode: whose forecast, made when (s), and where the person will be (world, m)."""
 
 _SAME_S = 0.005
 _LOG = logging.getLogger(__name__)
@@ -132,7 +125,7 @@ def _span(track_id: np.ndarray, time_s: np.ndarray) -> str:
 
 
 def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
-    """Read a table with the columns `COLUMNS` and a header, or .ndjson predictions of TrajNet++.
+    """Read a table of `pedpred.command.forecast_tables`, or .ndjson predictions of TrajNet++.
 
     Args:
         path: the file.
@@ -144,7 +137,7 @@ def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
     if path.suffix == ".ndjson":
         columns, step_s = trajnet_columns(path)
     else:
-        columns = _table_columns(path)
+        columns = read_forecast_table(path)
     if not len(columns["line"]):
         raise SourceError(path, None, "no forecasts")
     names = ("track_id", "time", "mode", "step")
@@ -194,31 +187,3 @@ def _forecasts(
         weight[rows, likely],
         step_s,
     )
-
-
-def _table_columns(path: Path) -> dict[str, np.ndarray]:
-    lines = text_lines(path)
-    _, header = next(lines, (1, ""))
-    titles = [title.strip() for title in next(csv.reader([header]), [])]
-    if missing := [name for name in COLUMNS if name not in titles]:
-        problem = f"no column {missing[0]}; found were {', '.join(titles)[:200]}"
-        raise SourceError(path, 1, problem, f"The header is {','.join(COLUMNS)}")
-    rows = ((line, next(csv.reader([text]))) for line, text in lines)
-    return read_numbers(path, rows, titles, {name: name for name in COLUMNS} | {"track": "track_id"})
-
-
-def write_forecasts(windows: EvaluationWindows, method: str, path: Path) -> None:
-    """Write the forecasts of a method as a table with the columns `COLUMNS`; steps count from 1."""
-    own = windows.predictions[method]
-    row, mode, step = (axis.ravel() for axis in np.indices(own.path.shape[:3]))
-    columns = {
-        "track": windows.track_id[row],
-        "time": windows.time_s[row],
-        "mode": mode,
-        "weight": own.weight[row, mode],
-        "step": step + 1,
-        "x": own.path[row, mode, step, 0],
-        "y": own.path[row, mode, step, 1],
-    }
-    with atomic_write(path) as new:
-        pd.DataFrame(columns).to_csv(new, index=False, float_format="%.4f")

@@ -12,7 +12,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pedpred.command.conversion import layout_of, read_given
-from pedpred.command.foreign import write_forecasts
+from pedpred.command.forecast_tables import SUFFIXES, write_forecasts
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.fields import parsed
 from pedpred.files import read_yaml, translate_errors
@@ -30,10 +30,10 @@ _COLOUR = (0.84, 0.37, 0.0)
 
 def predict(given: argparse.Namespace) -> None:
     """Replay a scene frame by frame and write it with the forecasts as MCAP, or the forecasts as a table."""
-    if given.output.suffix not in (".mcap", ".csv"):
-        rule = "the name of a recording ends in .mcap, that of a table of forecasts in .csv"
+    if given.output.suffix not in (".mcap", *SUFFIXES):
+        rule = "the name of a recording ends in .mcap, that of a table of forecasts in .csv or .parquet"
         raise ValueRuleError("output", str(given.output), rule)
-    is_table = given.output.suffix == ".csv"
+    is_table = given.output.suffix in SUFFIXES
     if is_table and given.grid is not None:
         raise ValueRuleError("--grid", given.grid, "a table has no occupancy: the output must end in .mcap")
     tracker = None if given.tracker is None else read_tracker(Path(given.tracker))

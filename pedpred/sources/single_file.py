@@ -1,42 +1,113 @@
-"""Recordings in a single file of tracks: tables, laboratory texts and TrajNet++; the map is unknown."""
+"""Recordings in a single file; what a file begins with says which format it has."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from pedpred.errors import SourceError, ValueRuleError
+from pedpred.files import translate_errors
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.sources import (
+    atc,
+    drones,
+    jupedsim_database,
+    motion_capture,
+    stanford,
+    sumo,
+    trajnet,
+    vadere,
+    viswalk,
+)
+from pedpred.sources.beginnings import Beginning
 from pedpred.sources.jupedsim import read_tracks
 from pedpred.sources.plausibility import check_speeds
-from pedpred.sources.trajnet import read_ndjson
+from pedpred.sources.walls import Walls, occupancy_of
 from pedpred.storage.tables import IN_SECONDS, TableOptions, has_header, read_table
+
+CELL_M, WALL_M = 0.05, 3.0
+"""Of maps made from geometries, m: side of a cell, thickness of walls."""
 
 _LONGEST_S = 5.0
 """Longest usual time between two detections of a pedestrian that can be seconds."""
 _TOO_LONG = {5e6: "nanoseconds", 5e3: "microseconds", _LONGEST_S: "milliseconds or frame numbers"}
 
 
+@dataclass(frozen=True)
+class Format:
+    """How recordings of one kind are recognised and read.
+
+    Attributes:
+        name: as people know it.
+        fits: whether a file that begins like this has the format.
+        read: the detections.
+        walls: the geometry inside the file; None: it has none.
+        any_unit: whether lengths may be other than metres, so that `--unit` has a meaning.
+        pixels: whether positions are pixels, which need their size.
+    """
+
+    name: str
+    fits: Callable[[Beginning], bool]
+    read: Callable[[Path, TableOptions], Trajectories]
+    walls: Callable[[Path], Walls | None] = lambda path: None
+    any_unit: bool = False
+    pixels: bool = False
+
+
 def read_file(path: Path, options: TableOptions | None = None) -> Scene:
-    """Read the tracks in a file, on free ground; the scene is named after the file.
+    """Read the tracks in a file; the scene is named after the file, on free ground unless it has a geometry.
 
     Args:
-        path: its suffix is one of `FORMATS`.
+        path: a file in one of `FORMATS`.
         options: what the file does not say itself.
 
     Raises:
         SourceError: the file cannot be understood, nobody is detected twice, its times are no seconds, or
             people would move at impossible speeds.
+        ValueRuleError: an option has no meaning for this format.
     """
     options = options or TableOptions()
-    trajectories = FORMATS[path.suffix](path, options)
+    kind = format_of(path, options)
+    if options.unit is not None and not kind.any_unit:
+        raise ValueRuleError("--unit", options.unit, f"{path} is {kind.name}, whose unit is known")
+    if options.pixel_m is not None and not kind.pixels:
+        raise ValueRuleError(
+            "--scale", options.pixel_m, f"{path} is {kind.name}, whose positions are no pixels"
+        )
+    trajectories = kind.read(path, options)
     try:
         dt_s = trajectories.usual_interval_s()
     except ValueRuleError as cause:
         raise SourceError(path, None, str(cause), "A track needs several detections") from cause
     check_clock(path, dt_s)
     check_speeds(path, trajectories, sure=options.unit is not None)
-    return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
+    walls = kind.walls(path)
+    if walls is None:
+        return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
+    with translate_errors(partial(SourceError, path, None)):
+        return Scene(path.stem, trajectories, occupancy_of(walls, CELL_M, WALL_M), dt_s)
+
+
+def format_of(path: Path, options: TableOptions | None = None) -> Format:
+    """Find out which format a file has.
+
+    Args:
+        path: the file.
+        options: a text whose columns are named is a table, whatever it looks like.
+
+    Raises:
+        SourceError: it is missing, or of a kind that is not read; it is named.
+    """
+    begins = Beginning.of(path)
+    if begins.lines and options is not None and options.columns is not None:
+        return _TABLE
+    if found := next((kind for kind in FORMATS if kind.fits(begins)), None):
+        return found
+    if problem := begins.foreign():
+        raise problem
+    return _TEXT if path.suffix not in (".csv", ".tsv") and not has_header(path) else _TABLE
 
 
 def check_clock(path: Path, dt_s: float) -> None:
@@ -52,16 +123,22 @@ def check_clock(path: Path, dt_s: float) -> None:
 
 
 def _read_text(path: Path, options: TableOptions) -> Trajectories:
-    """Read a table if it has a header or is given one, else lines of id, frame, x, y or frame, id, x, y."""
-    if options.columns is not None or has_header(path):
-        return read_table(path, options)
     return read_tracks(path, options.rate_hz, options.unit, any_order=True)
 
 
-FORMATS: dict[str, Callable[[Path, TableOptions], Trajectories]] = {
-    ".csv": read_table,
-    ".tsv": read_table,
-    ".txt": _read_text,
-    ".ndjson": read_ndjson,
-}
-"""Readers by the file's suffix."""
+_TEXT = Format("text with id frame x y or frame id x y", lambda begins: False, _read_text, any_unit=True)
+_TABLE = Format("table", lambda begins: False, read_table, any_unit=True)
+"""What other texts are, with and without a header."""
+
+FORMATS = (
+    Format("JuPedSim database", jupedsim_database.fits, jupedsim_database.read, jupedsim_database.read_walls),
+    Format("SUMO FCD", sumo.fits, sumo.read),
+    Format("Stanford Drone Dataset", stanford.fits, stanford.read, pixels=True),
+    Format("drone recording (inD, rounD, uniD)", drones.fits, drones.read),
+    Format("motion capture (THÖR, THÖR-MAGNI, QTM)", motion_capture.fits, motion_capture.read),
+    Format("Vadere", vadere.fits, vadere.read),
+    Format("PTV Viswalk", viswalk.fits, viswalk.read, any_unit=True),
+    Format("ATC shopping centre", atc.fits, atc.read),
+    Format("TrajNet++", trajnet.fits, trajnet.read_ndjson),
+)
+"""The first one that fits is used; where none does, a file is a text or a table."""

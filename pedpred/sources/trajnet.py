@@ -17,10 +17,17 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.plain import parse_json
 from pedpred.scenes import Trajectories
+from pedpred.sources.beginnings import Beginning
 from pedpred.storage.tables import TableOptions
 from pedpred.storage.text import Row, check_unique, read_numbers, text_lines
 
 _FIELDS = {"f": "frame", "p": "track_id", "x": "x_m", "y": "y_m"}
+
+
+def fits(begins: Beginning) -> bool:
+    """Whether the name or the first line is that of such a file."""
+    first = begins.line().lstrip()
+    return begins.path.suffix == ".ndjson" or first.startswith(('{"scene"', '{"track"'))
 
 
 def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories:

@@ -52,6 +52,7 @@ _SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
 _LONG_AGO_S = 1e8  # Unix times are later
 _SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
+_LARGEST_PIXEL_M = 10.0
 
 
 @dataclass(frozen=True)
@@ -62,19 +63,25 @@ class TableOptions:
         columns: their names in order, in place of a header; None: the header has them.
         rate_hz: of frame numbers; None: the file says it, or has times.
         unit: of lengths, a key of `UNITS`; None: the file says it, or they are metres.
+        pixel_m: side of a pixel, m, where people were annotated in a picture.
     """
 
     columns: tuple[str, ...] | None = None
     rate_hz: float | None = None
     unit: str | None = None
+    pixel_m: float | None = None
 
     def __post_init__(self) -> None:
         if self.columns is not None:
-            _wanted(self.columns)
+            titles_of_tracks(self.columns)
         if self.rate_hz is not None and not _SLOWEST_HZ <= self.rate_hz <= _FASTEST_HZ:
             raise ValueRuleError("rate_hz", self.rate_hz, "it must be a number from 0.001 to 1000000 Hz")
         if self.unit is not None:
             check_choice("unit", self.unit, list(UNITS))
+        if self.pixel_m is not None and not 0.0 < self.pixel_m <= _LARGEST_PIXEL_M:
+            raise ValueRuleError(
+                "pixel_m", self.pixel_m, f"it must be positive, at most {_LARGEST_PIXEL_M} m"
+            )
 
 
 def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
@@ -89,8 +96,25 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
     """
     options = options or TableOptions()
     header, rows = _opened(path, options)
+    return tracks_in_rows(path, header, rows, options)
+
+
+def tracks_in_rows(
+    path: Path, header: Sequence[str], rows: Iterator[Row], options: TableOptions
+) -> Trajectories:
+    """Read the detections in rows of text, from whatever file.
+
+    Args:
+        path: the file, for errors.
+        header: titles of the columns, as a table has them.
+        rows: the lines after the header.
+        options: what they do not say themselves.
+
+    Raises:
+        SourceError: columns are missing, or a value is wrong; it names the line.
+    """
     try:
-        wanted = _wanted(header)
+        wanted = titles_of_tracks(header)
     except ValueRuleError as cause:
         raise SourceError(
             path, None, cause.rule, "Rename columns, or name all in order: --columns"
@@ -140,7 +164,9 @@ def _holds_numbers(fields: Sequence[str], columns: Sequence[str] | None) -> bool
     if columns is None:
         return all(map(_is_number, fields))
     return any(
-        _is_number(field) for title, field in zip(columns, fields, strict=False) if title in _wanted(columns)
+        _is_number(field)
+        for title, field in zip(columns, fields, strict=False)
+        if title in titles_of_tracks(columns)
     )
 
 
@@ -164,7 +190,7 @@ def _is_number(field: str) -> bool:
 
 def _names_tracks(titles: Sequence[str]) -> bool:
     try:
-        return bool(_wanted(titles))
+        return bool(titles_of_tracks(titles))
     except ValueRuleError:
         return False
 
@@ -178,7 +204,7 @@ def _name_of(title: str) -> str | None:
     return name if name in _LENGTHS else None
 
 
-def _wanted(titles: Sequence[str]) -> dict[str, str]:
+def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
     """Title -> name of the columns that hold tracks.
 
     Raises:

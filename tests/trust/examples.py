@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import torch
 import zstandard
 from mcap.writer import CompressionType
@@ -15,7 +16,8 @@ from PIL import Image
 from rosbags.typesys import Stores
 
 from pedpred import config
-from pedpred.command.foreign import COLUMNS, read_forecasts
+from pedpred.command.forecast_tables import COLUMNS
+from pedpred.command.foreign import read_forecasts
 from pedpred.evaluation.forecasts import write_windows
 from pedpred.features import FeatureTable, ForecastProtocol
 from pedpred.geometry import Homography
@@ -38,7 +40,9 @@ from pedpred.storage.situations import (
     write_situations,
     write_situations_manifest,
 )
+from pedpred.storage.tables import TableOptions
 from tests.exported import NETWORK, WIDTHS, write_network
+from tests.field_formats import BINARY, PIXEL_M, WRITERS
 from tests.forecasts import windows_with
 from tests.scenes import write_as_table
 from tests.test_bag_definitions import Filled
@@ -106,7 +110,27 @@ def read_tables(folder: Path) -> object:
     return [read_file(folder / name) for name in TABLES]
 
 
-FORECASTS = ("theirs.csv", "theirs.ndjson")
+FIELD_TEXTS = (
+    *("fcd.xml", "annotations.txt", "00_tracks.csv", "00_tracksMeta.csv", "00_recordingMeta.csv"),
+    *("Exp_1_run_1.tsv", "THOR-Magni_120522_SC1A_R1.csv", "postvis.traj", "hall_001.pp", "atc-20121031.csv"),
+)
+
+
+def make_field_texts(folder: Path) -> None:
+    """The same people in every format of the field that is text."""
+    for name, write in WRITERS.items():
+        if name not in BINARY:
+            write(folder)
+
+
+def read_field_texts(folder: Path) -> object:
+    names = [name for name in FIELD_TEXTS if "Meta" not in name]
+    return [
+        read_file(folder / name, TableOptions(pixel_m=PIXEL_M) if "annot" in name else None) for name in names
+    ]
+
+
+FORECASTS = ("theirs.csv", "theirs.ndjson", "theirs.parquet")
 
 
 def make_foreign(folder: Path) -> None:
@@ -115,6 +139,7 @@ def make_foreign(folder: Path) -> None:
         (who, 0.4 * 5, mode, 0.5, k, 0.5 * k, mode) for who in (1, 2) for mode in (0, 1) for k in (1, 2, 3)
     ]
     (folder / FORECASTS[0]).write_text("\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows]))
+    pd.DataFrame(rows, columns=list(COLUMNS)).to_parquet(folder / FORECASTS[2])
     lines: list[Any] = [{"scene": {"id": who, "p": who, "s": 0, "e": 200, "fps": 2.5}} for who in (1, 2)]
     for who, _, mode, _, k, x, y in rows:
         own = {"prediction_number": mode, "scene_id": who}

@@ -20,8 +20,10 @@ from pedpred.models.registry import load_network
 from pedpred.report import measures
 from pedpred.ros import read_bag, read_recording
 from pedpred.sources import SOURCES
+from pedpred.sources.single_file import read_file
 from pedpred.storage.scenes import read_map, read_scene
 from pedpred.storage.shards import read_embeddings, write_embeddings
+from tests import field_formats
 from tests.exported import export
 from tests.test_bags import Store, stream
 from tests.test_jupedsim import SETTINGS as LABORATORY
@@ -71,6 +73,10 @@ READERS = {
     "scene": Reader(examples.make_scene, ("scene.json", "tracks.parquet", "reference.png"), read_scene),
     "scene_folder": Reader(examples.make_table, ("tracks.csv", "scene.json"), source("scene_folder", {})),
     "tables": Reader(examples.make_tables, examples.TABLES, examples.read_tables),
+    "JuPedSim database": Reader(
+        field_formats.write_jupedsim, ("simulation.sqlite",), at("simulation.sqlite", read_file)
+    ),
+    "field formats": Reader(examples.make_field_texts, examples.FIELD_TEXTS, examples.read_field_texts),
     "features": Reader(examples.make_features, ("manifest.json", "place.parquet"), examples.read_features),
     "situations": Reader(
         examples.make_situations, ("manifest.json", "place.parquet"), examples.read_all_situations

@@ -1,0 +1,94 @@
+"""What a file begins with: by this, and not by its name, the formats of single files are told apart."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+
+from pedpred.errors import SourceError
+from pedpred.files import translate_errors
+
+_LOOKED_AT_BYTES = 2**16
+_OTHERS = {
+    b"\x1f\x8b": ("a gzip archive", "Unpack it"),
+    b"PK\x03\x04": ("a zip archive or a spreadsheet", "Unpack it, or save the table as CSV"),
+    b"BZh": ("a bzip2 archive", "Unpack it"),
+    b"\xfd7zXZ\x00": ("an xz archive", "Unpack it"),
+    b"\x28\xb5\x2f\xfd": ("a Zstandard archive", "Unpack it"),
+    b"#ROSBAG V": ("a bag of ROS 1", "Give it a name that ends in .bag"),
+    b"PAR1": ("a Parquet file", "Save the table as CSV, or as tracks.parquet of a scene folder"),
+    b"\x93NUMPY": ("an array of NumPy", "Save it as CSV with the columns time,id,x,y"),
+    b"\x80\x04": (
+        "a pickle of Python",
+        "Save it as CSV with the columns time,id,x,y; pickles are not opened",
+    ),
+    b"\x80\x03": (
+        "a pickle of Python",
+        "Save it as CSV with the columns time,id,x,y; pickles are not opened",
+    ),
+    b"\x89HDF\r\n\x1a\n": ("HDF5", "Save its table as CSV with the columns time,id,x,y"),
+    b"MATLAB": ("a file of MATLAB", "Save it as CSV with the columns time,id,x,y"),
+    b"\xff\xfe": ("text in UTF-16", "Save it as UTF-8"),
+    b"\xfe\xff": ("text in UTF-16", "Save it as UTF-8"),
+    b"%PDF": ("a PDF document", "Name the table of tracks"),
+    b"\x89PNG": ("a picture", "Name the table of tracks; pictures are for --map"),
+    b"P5": ("a picture", "Name the table of tracks; pictures are for --map"),
+    b"\xff\xd8\xff": ("a picture", "Name the table of tracks; pictures are for --map"),
+}
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """The first bytes of a file.
+
+    Attributes:
+        path: of the file.
+        raw: its first 64 KiB.
+    """
+
+    path: Path
+    raw: bytes
+
+    @classmethod
+    def of(cls, path: Path) -> Beginning:
+        """Read it.
+
+        Raises:
+            SourceError: the file is missing or cannot be opened.
+        """
+        if not path.exists():
+            raise SourceError(path, None, "the file is missing")
+        with translate_errors(partial(SourceError, path, None)), path.open("rb") as file:
+            return cls(path, file.read(_LOOKED_AT_BYTES))
+
+    @cached_property
+    def lines(self) -> Sequence[str]:
+        """The lines that are not blank, without the last one if the file goes on; none of binary files."""
+        if b"\0" in self.raw:
+            return ()
+        lines = self.raw.decode("utf-8-sig", errors="replace").splitlines()
+        whole = lines[:-1] if len(self.raw) == _LOOKED_AT_BYTES else lines
+        return [line for line in whole if line.strip()]
+
+    def line(self, comment: str = "#") -> str:
+        """The first line that is no comment; empty where there is none."""
+        return next((line for line in self.lines if not line.startswith(comment)), "")
+
+    def foreign(self) -> SourceError | None:
+        """The error that names what a file is, if it can be no table; else None."""
+        for magic, (what, remedy) in _OTHERS.items():
+            if self.raw.startswith(magic):
+                return SourceError(self.path, None, f"this is {what}, which is not read", remedy)
+        if self.line().lstrip().startswith("<"):
+            found = re.search(r"<([A-Za-z][\w.-]*)", "\n".join(self.lines))
+            problem = f"this is XML whose outermost element is <{found[1][:80] if found else ''}>"
+            return SourceError(
+                self.path, None, problem, "Of XML, FCD of SUMO is read; geometries are for --map"
+            )
+        if b"\0" not in self.raw:
+            return None
+        problem = f"neither text nor a known recording; it begins with the bytes {self.raw[:8].hex(' ')}"
+        return SourceError(self.path, None, problem, "Convert it to a table with the columns time,id,x,y")

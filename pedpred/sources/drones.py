@@ -1,0 +1,85 @@
+"""Drone recordings of the levelXdata family (inD, rounD, uniD): `NN_tracks.csv` and the two files beside it.
+
+`NN_tracksMeta.csv` says which tracks are pedestrians, `NN_recordingMeta.csv` the rate; positions are metres.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.errors import SourceError
+from pedpred.files import translate_errors
+from pedpred.scenes import Trajectories
+from pedpred.sources.beginnings import Beginning
+from pedpred.storage.tables import TableOptions
+from pedpred.storage.text import Row, check_unique, check_width, number, read_numbers, text_lines
+
+_WANTED = {"trackId": "track_id", "frame": "frame", "xCenter": "x_m", "yCenter": "y_m"}
+_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
+
+
+def fits(begins: Beginning) -> bool:
+    """Whether the header is that of such tracks."""
+    titles = begins.line().strip().split(",")
+    return "trackLifetime" in titles and set(_WANTED) <= set(titles)
+
+
+def read(path: Path, options: TableOptions) -> Trajectories:
+    """Read the pedestrians.
+
+    Args:
+        path: NN_tracks.csv.
+        options: `rate_hz` replaces that of the recording.
+
+    Raises:
+        SourceError: a file is missing or wrong, or nobody is a pedestrian.
+    """
+    meta = path.with_name(path.name.replace("tracks", "tracksMeta"))
+    titles, rows = _opened(meta, ("trackId", "class"))
+    who, kind = (titles.index(title) for title in ("trackId", "class"))
+    pedestrians = {fields[who] for _, fields in rows if fields[kind].strip().lower() == "pedestrian"}
+    rate_hz = options.rate_hz or _rate_hz(path.with_name(path.name.replace("tracks", "recordingMeta")))
+    titles, rows = _opened(path, tuple(_WANTED))
+    at = titles.index("trackId")
+    columns = read_numbers(path, (row for row in rows if row[1][at] in pedestrians), titles, _WANTED)
+    if not len(columns["line"]):
+        raise SourceError(path, None, f"nobody is a pedestrian, as {meta.name} says")
+    check_unique(path, columns, "track_id", "frame")
+    with translate_errors(partial(SourceError, path, None)):
+        position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
+        return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
+
+
+def _rate_hz(path: Path) -> float:
+    titles, rows = _opened(path, ("frameRate",))
+    line, fields = next(rows, (1, [""] * len(titles)))
+    rate_hz = number(path, line, "frameRate", fields[titles.index("frameRate")])
+    if not _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
+        raise SourceError(path, line, f"frameRate = {rate_hz:g} is no rate")
+    return rate_hz
+
+
+def _opened(path: Path, needed: Sequence[str]) -> tuple[Sequence[str], Iterator[Row]]:
+    """Titles and rows of one of the files.
+
+    Raises:
+        SourceError: it is missing, or a column is.
+    """
+    if not path.exists():
+        raise SourceError(path, None, "the file is missing", "The three files of a recording lie together")
+    rows = ((line, next(csv.reader([text]), [])) for line, text in text_lines(path))
+    _, titles = next(rows, (1, []))
+    if missing := [title for title in needed if title not in titles]:
+        raise SourceError(path, 1, f"no column {missing[0]}; found were {', '.join(titles)[:200]}")
+    return titles, _checked(path, titles, rows)
+
+
+def _checked(path: Path, titles: Sequence[str], rows: Iterator[Row]) -> Iterator[Row]:
+    for line, fields in rows:
+        check_width(path, line, fields, titles)
+        yield line, fields

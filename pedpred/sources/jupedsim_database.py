@@ -1,0 +1,160 @@
+"""Databases of JuPedSim (SQLite): tables `trajectory_data`, `metadata` with `fps`, and `geometry` as WKT.
+
+Version 1 has one geometry; in version 2 it may change with time, and people may walk in each of them.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from functools import partial
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+
+from pedpred.errors import SourceError, brief
+from pedpred.files import translate_errors
+from pedpred.scenes import Trajectories
+from pedpred.sources.beginnings import Beginning
+from pedpred.sources.walls import Walls
+from pedpred.sources.wkt import walls_of_wkt
+from pedpred.storage.tables import TableOptions
+from pedpred.storage.text import MOST_NUMBERS
+
+MAGIC = b"SQLite format 3\0"
+_COLUMNS = {"frame": "integer", "id": "integer", "pos_x": "real", "pos_y": "real"}
+_BLOCK_ROWS, _MOST_GEOMETRIES = 2**14, 1000
+_LONGEST_VALUE_BYTES, _MOST_STEPS, _STEPS_AT_ONCE = 2**24, 500, 10**6
+_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
+
+
+def fits(begins: Beginning) -> bool:
+    """Whether a file is a database of SQLite."""
+    return begins.raw.startswith(MAGIC)
+
+
+def read(path: Path, options: TableOptions) -> Trajectories:
+    """Read the detections.
+
+    Args:
+        path: the file.
+        options: its `rate_hz` is used where the file has no `fps`.
+
+    Raises:
+        SourceError: the file is damaged, of another program, or its values are wrong.
+    """
+    with _opened(path) as database:
+        _check_columns(path, database, "trajectory_data", list(_COLUMNS))
+        rows = database.execute("SELECT frame, id, pos_x, pos_y FROM trajectory_data")
+        parts, count = [], 0
+        while block := rows.fetchmany(_BLOCK_ROWS):
+            parts.append(_numbers(path, block, count))
+            count += len(block)
+            if count > MOST_NUMBERS // len(_COLUMNS):
+                raise SourceError(
+                    path, None, f"more than {MOST_NUMBERS // len(_COLUMNS)} rows", "Divide the file"
+                )
+        if not parts:
+            raise SourceError(path, None, "no detections, trajectory_data is empty")
+        rate_hz = _rate_hz(path, database, options)
+        (frame, track_id), position = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        return Trajectories(frame / rate_hz, track_id, position.T)
+
+
+def read_walls(path: Path) -> Walls | None:
+    """Read the ground where people walk; None where the file has none.
+
+    Raises:
+        SourceError: the geometry cannot be understood.
+    """
+    with _opened(path) as database:
+        if "geometry" not in _tables(database):
+            return None
+        _check_columns(path, database, "geometry", ["wkt"])
+        rows = database.execute("SELECT wkt FROM geometry").fetchmany(_MOST_GEOMETRIES)
+        if any(not isinstance(text, str) for (text,) in rows):
+            raise SourceError(path, None, "a geometry that is no text")
+        return walls_of_wkt(path, [text for (text,) in rows]) if rows else None
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open a database of a stranger: read only, with bounds, and nothing in it is run.
+
+    Raises:
+        SourceError: it is damaged or still being written, or a query takes too long.
+    """
+    for journal in (path.with_name(f"{path.name}-wal"), path.with_name(f"{path.name}-journal")):
+        if journal.exists() and journal.stat().st_size:
+            problem = f"{journal.name} beside it says that it is still being written"
+            raise SourceError(path, None, problem, "Let the simulation end, or open it once with sqlite3")
+    steps = iter(range(_MOST_STEPS))
+    address = f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1"
+    with (
+        translate_errors(partial(SourceError, path, None)),
+        closing(sqlite3.connect(address, uri=True)) as database,
+    ):
+        database.execute("PRAGMA trusted_schema = OFF")
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_VALUE_BYTES)
+        database.set_progress_handler(lambda: int(next(steps, None) is None), _STEPS_AT_ONCE)
+        yield database
+
+
+def _tables(database: sqlite3.Connection) -> list[str]:
+    """Names of the plain tables; views and virtual tables could run queries of their own."""
+    rows = database.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table' LIMIT 1000")
+    return [name for name, sql in rows if not str(sql).lstrip().upper().startswith("CREATE VIRTUAL")]
+
+
+def _check_columns(path: Path, database: sqlite3.Connection, table: str, columns: list[str]) -> None:
+    tables = _tables(database)
+    if table not in tables:
+        problem = f"a database of SQLite without a table {table}; it has {', '.join(map(str, tables))[:200]}"
+        bag = "topics" in tables and "messages" in tables
+        remedy = "A bag of ROS 2: give it a name that ends in .db3" if bag else "JuPedSim writes it"
+        raise SourceError(path, None, problem, remedy)
+    # A plain column can be computed by an expression only if `table_xinfo` says that it is hidden.
+    found = {name: hidden for _, name, *_, hidden in database.execute(f"PRAGMA table_xinfo({table})")}
+    for column in columns:
+        if found.get(column) != 0:
+            problem = f"table {table} has no column {column}; it has {', '.join(found)[:200]}"
+            raise SourceError(path, None, problem, "JuPedSim writes it")
+
+
+def _numbers(path: Path, block: list[tuple[object, ...]], before: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frames and ids [2, M] int64, positions [2, M] float64."""
+    for row, values in enumerate(block):
+        for name, value in zip(_COLUMNS, values, strict=True):
+            whole = _COLUMNS[name] == "integer"
+            if type(value) is not int and (whole or type(value) is not float):
+                what = "a whole number" if whole else "a number"
+                problem = f"row {before + row + 1} of trajectory_data: {name} = {brief(value)} is not {what}"
+                raise SourceError(path, None, problem)
+    frame, track_id, x, y = zip(*block, strict=True)
+    return np.array([frame, track_id], dtype=np.int64), np.array([x, y], dtype=np.float64)
+
+
+def _rate_hz(path: Path, database: sqlite3.Connection, options: TableOptions) -> float:
+    """The rate that the file or the caller says.
+
+    Raises:
+        SourceError: none or both do, and they differ, or it is no rate.
+    """
+    said = options.rate_hz
+    if "metadata" in _tables(database):
+        _check_columns(path, database, "metadata", ["key", "value"])
+        found = database.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
+        if found is not None:
+            said = float(found[0])
+            if options.rate_hz not in (None, said):
+                problem = f"fps = {said:g}, but --rate says {options.rate_hz:g}"
+                raise SourceError(path, None, problem, "Leave --rate out")
+    if said is None:
+        raise SourceError(
+            path, None, "no fps in the table metadata", "Say how many frames a second has: --rate"
+        )
+    if not _SLOWEST_HZ <= said <= _FASTEST_HZ:
+        raise SourceError(path, None, f"fps = {said:g} is no rate")
+    return said

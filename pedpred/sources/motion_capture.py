@@ -1,0 +1,201 @@
+"""Motion capture: exports of QTM (.tsv), such as those of THOR, and tables of THOR-MAGNI (.csv).
+
+A line is a frame; columns are markers in mm, called `Helmet_1 - 3 X`, or centroids of bodies, called
+`Helmet_1 Centroid_X`. Where there are helmets, these are the people; otherwise every body is one. The place
+of a body is its centroid, where the file has it, else its marker that is seen in most frames. Markers that
+are not seen are blank or zero.
+"""
+
+from __future__ import annotations
+
+import csv
+import logging
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.errors import SourceError
+from pedpred.files import translate_errors
+from pedpred.scenes import Trajectories
+from pedpred.sources.beginnings import Beginning
+from pedpred.storage.tables import TableOptions
+from pedpred.storage.text import MOST_NUMBERS, Row, check_width, number, text_lines
+
+_log = logging.getLogger(__name__)
+_QTM, _MAGNI = "NO_OF_FRAMES", "FILE_ID"
+_TITLE = re.compile(r"(?P<body>.+?)(?P<marker> - \d+ | Centroid_| )(?P<axis>[XY])")
+_PERSON = "Helmet"
+_MM = 1e-3
+_MOST_HEAD_LINES = 100
+_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
+
+
+@dataclass(frozen=True)
+class _Export:
+    """An opened file: what is said above the data, their titles, and their lines."""
+
+    about: Mapping[str, Sequence[str]]
+    titles: Sequence[str]
+    rows: Iterator[Row]
+
+
+def fits(begins: Beginning) -> bool:
+    """Whether a file begins as such an export does."""
+    words = {re.split(r"[\t,]", line, maxsplit=1)[0] for line in begins.lines[:_MOST_HEAD_LINES]}
+    return begins.line().startswith(f"{_QTM}\t") or {_MAGNI, "BODY_NAMES"} <= words
+
+
+def read(path: Path, options: TableOptions) -> Trajectories:
+    """Read the people.
+
+    Args:
+        path: the file.
+        options: `rate_hz` is needed where there are neither times nor FREQUENCY.
+
+    Raises:
+        SourceError: the file has no such columns, a line is wrong, or nobody is seen.
+    """
+    export = _opened(path)
+    places = _places(path, export)
+    used = sorted({column for pairs in places.values() for pair in pairs for column in pair})
+    clock = next((export.titles.index(title) for title in ("Time", "Frame") if title in export.titles), None)
+    lines, values = _values(path, export, used if clock is None else [clock, *used])
+    if clock is not None and export.titles[clock] == "Time":
+        time_s, values = values[:, 0], values[:, 1:]
+    else:
+        frame = np.arange(len(values)) if clock is None else values[:, 0]
+        time_s = frame / _rate_hz(path, export, options)
+        values = values[:, 0 if clock is None else 1 :]
+    if not np.isfinite(time_s).all():
+        raise SourceError(path, int(lines[~np.isfinite(time_s)][0]), "the time is missing")
+    _, first = np.unique(time_s, return_index=True)  # some frames of THOR-MAGNI are there twice
+    parts = []
+    for number_, (body, pairs) in enumerate(places.items()):
+        seen = [values[first][:, [used.index(column) for column in pair]] for pair in pairs]
+        best = max(seen, key=lambda position: int(_is_seen(position).sum()))
+        rows = _is_seen(best)
+        _log.info("%s: %s is person %d, seen in %d frames", path, body, number_ + 1, rows.sum())
+        parts.append((time_s[first][rows], np.full(rows.sum(), number_ + 1), _MM * best[rows]))
+    with translate_errors(partial(SourceError, path, None)):
+        return Trajectories(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def _opened(path: Path) -> _Export:
+    """Read what is above the data.
+
+    Raises:
+        SourceError: there are no titles.
+    """
+    lines = text_lines(path)
+    about: dict[str, Sequence[str]] = {}
+    for line, text in lines:
+        fields = _split(text)
+        if any(_TITLE.fullmatch(field) for field in fields):
+            titles = fields if fields[-1] else fields[:-1]
+            return _Export(about, titles, _rows(lines, len(titles)))
+        if _is_number(fields[0]) or line > _MOST_HEAD_LINES:
+            return _without_titles(path, about, (line, fields), lines)
+        about[fields[0]] = [field for field in fields[1:] if field]
+    raise SourceError(path, None, "no data below the header")
+
+
+def _without_titles(
+    path: Path, about: Mapping[str, Sequence[str]], first: Row, lines: Iterator[tuple[int, str]]
+) -> _Export:
+    """Name the columns of an export of QTM after its markers; frame and time may come before them."""
+    names = about.get("MARKER_NAMES", ())
+    titles = [f"{name} {axis}" for name in names for axis in "XYZ"]
+    fields = first[1] if first[1][-1] else first[1][:-1]
+    before = {0: [], 1: ["Frame"], 2: ["Frame", "Time"]}.get(len(fields) - len(titles))
+    if not names or before is None:
+        problem = f"{len(fields)} columns, expected X, Y and Z of {len(names)} markers"
+        raise SourceError(path, first[0], problem, "Export 3D data, with the names of markers")
+    titles = [*before, *titles]
+    return _Export(about, titles, chain([(first[0], fields)], _rows(lines, len(titles))))
+
+
+def _rows(lines: Iterator[tuple[int, str]], width: int) -> Iterator[Row]:
+    """Fields of the lines; a separator at the end of a line makes no field."""
+    for line, text in lines:
+        fields = _split(text)
+        yield line, fields[:-1] if len(fields) == width + 1 and not fields[-1] else fields
+
+
+def _split(text: str) -> list[str]:
+    """Fields between tabs, or between commas where there is no tab."""
+    text = text.rstrip("\r\n")
+    fields = text.split("\t") if "\t" in text else next(csv.reader([text]), [""])
+    return [field.strip() for field in fields]
+
+
+def _places(path: Path, export: _Export) -> dict[str, list[tuple[int, int]]]:
+    """Columns of x and y of every person: those of the centroid alone, or those of all markers."""
+    found: dict[str, dict[str, dict[str, int]]] = {}
+    known = export.about.get("BODY_NAMES", ())
+    for column, title in enumerate(export.titles):
+        if (match := _TITLE.fullmatch(title)) and (not known or match["body"] in known):
+            found.setdefault(match["body"], {}).setdefault(match["marker"], {})[match["axis"]] = column
+    people = [body for body in found if body.startswith(_PERSON)]
+    if others := [body for body in found if people and body not in people]:
+        _log.info("%s: no people are %s", path, ", ".join(others)[:200])
+    elif not people:
+        _log.warning("%s: no body is called %s, so that each body or marker is a person", path, _PERSON)
+    places = {}
+    for body in people or found:
+        markers = {kind: axes for kind, axes in found[body].items() if len(axes) == len("XY")}
+        centroid = [axes for kind, axes in markers.items() if "Centroid" in kind]
+        places[body] = [(axes["X"], axes["Y"]) for axes in centroid or markers.values()]
+    if not any(places.values()):
+        raise SourceError(path, None, "no columns such as 'Helmet_1 - 1 X' and 'Helmet_1 - 1 Y'")
+    return {body: pairs for body, pairs in places.items() if pairs}
+
+
+def _values(path: Path, export: _Export, used: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Lines [F] and the numbers of some columns [F, C]; NaN where a field is blank."""
+    lines: list[int] = []
+    values: list[np.ndarray] = []
+    for line, fields in export.rows:
+        check_width(path, line, fields, export.titles)
+        if (len(values) + 1) * len(used) > MOST_NUMBERS:
+            raise SourceError(path, line, f"more than {MOST_NUMBERS} numbers", "Divide the file")
+        given = [fields[column] for column in used]
+        own = [
+            np.nan if field.lower() in ("", "nan") else number(path, line, export.titles[column], field)
+            for column, field in zip(used, given, strict=True)
+        ]
+        lines.append(line)
+        values.append(np.array(own))
+    if not values:
+        raise SourceError(path, None, "no data below the header")
+    return np.array(lines), np.array(values)
+
+
+def _is_seen(position: np.ndarray) -> np.ndarray:
+    """Whether a marker is seen: it is neither missing nor exactly at the origin. [F] bool."""
+    return np.isfinite(position).all(axis=-1) & position.any(axis=-1)
+
+
+def _rate_hz(path: Path, export: _Export, options: TableOptions) -> float:
+    said = next(iter(export.about.get("FREQUENCY", ())), "")
+    if options.rate_hz is not None:
+        return options.rate_hz
+    if not said:
+        raise SourceError(
+            path, None, "neither times nor FREQUENCY", "Say how many frames a second has: --rate"
+        )
+    rate_hz = number(path, 1, "FREQUENCY", said)
+    if not _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
+        raise SourceError(path, None, f"FREQUENCY = {rate_hz:g} is no rate")
+    return rate_hz
+
+
+def _is_number(field: str) -> bool:
+    try:
+        return np.isfinite(float(field))
+    except ValueError:
+        return False

@@ -1,0 +1,104 @@
+"""`pedpred.predict`: forecasts of a data frame in one call are those of the command, also as Parquet."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pedpred
+from pedpred.command import main
+from pedpred.command.forecast_tables import COLUMNS
+from pedpred.command.foreign import read_forecasts
+from pedpred.errors import FileError, SourceError, ValueRuleError
+from pedpred.scenes import OccupancyMap
+from pedpred.storage.scenes import write_map
+
+WALKS = pd.DataFrame(
+    [(0.4 * k, who, 0.4 * k, 1.5 * who) for k in range(8) for who in (1, 2)], columns=["time", "id", "x", "y"]
+)
+
+
+@pytest.fixture(scope="module")
+def forecasts():
+    return pedpred.predict(WALKS)
+
+
+def test_forecasts_of_a_frame_are_those_of_the_command(tmp_path, forecasts):
+    WALKS.to_csv(tmp_path / "walk.csv", index=False)
+    for name in ("theirs.csv", "theirs.parquet"):
+        main(["predict", str(tmp_path / "walk.csv"), "-o", str(tmp_path / name)])
+    exact = pd.read_parquet(tmp_path / "theirs.parquet")
+    assert tuple(exact.columns) == tuple(forecasts.columns) == COLUMNS
+    by = ["track", "time", "mode", "step"]
+    here = forecasts.sort_values(by, ignore_index=True)
+    pd.testing.assert_frame_equal(here, exact.sort_values(by, ignore_index=True), check_dtype=False)
+    rounded, read = (read_forecasts(tmp_path / f"theirs.{kind}", None) for kind in ("csv", "parquet"))
+    np.testing.assert_allclose(rounded.path, read.path, atol=1e-4)
+    np.testing.assert_array_equal(rounded.track_id, read.track_id)
+
+
+def test_forecasts_lie_ahead_of_who_walks_straight(forecasts):
+    last = forecasts[(forecasts.time == WALKS.time.max()) & (forecasts.step == 10)]
+    best = last.loc[last.groupby("track").weight.idxmax()]
+    np.testing.assert_allclose(best.x, WALKS.x.max() + 3.0, atol=1.0)  # 1 m/s for 3 s
+    np.testing.assert_allclose(forecasts.groupby(["track", "time", "step"]).weight.sum(), 1.0)
+
+
+def test_ids_names_units_and_frames_are_those_of_the_table(forecasts):
+    own = pd.DataFrame(
+        {"frame": (WALKS.time / 0.4).round().astype(int), "ped_id": WALKS.id.map({1: "Ann", 2: "Bo"})}
+    )
+    own["x"], own["y"] = 100 * WALKS.x, 100 * WALKS.y
+    found = pedpred.predict(own, rate_hz=2.5, unit="cm")
+    assert set(found.track) == {"Ann", "Bo"}
+    np.testing.assert_allclose(found[["time", "x", "y"]], forecasts[["time", "x", "y"]], atol=1e-6)
+
+
+def test_a_map_changes_forecasts_and_may_be_a_path(tmp_path, forecasts):
+    cells = np.zeros((120, 80), bool)
+    cells[70:80] = True
+    ground = OccupancyMap(cells, np.array([-3.0, -2.0]), 0.1)
+    write_map(ground, tmp_path)
+    with_map = pedpred.predict(WALKS, ground)
+    assert not np.allclose(with_map.x, forecasts.x)
+    np.testing.assert_allclose(pedpred.predict(WALKS, str(tmp_path)).x, with_map.x)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "named"),
+    [
+        (lambda t: t.drop(columns="x"), ValueRuleError, "no column for x_m"),
+        (lambda t: t.assign(x=t.x.where(t.index != 3)), SourceError, "line 4: x = 'nan'"),
+        (lambda t: t.assign(id=t.id.where(t.index != 3)), ValueRuleError, "row 4 has no id"),
+        (
+            lambda t: t.rename(columns={"time": "frame"}).round().drop_duplicates(["frame", "id"]),
+            SourceError,
+            "rate",
+        ),
+        (lambda t: t.assign(x=100 * t.x), SourceError, "nobody walks so fast"),
+        (lambda t: t.assign(time=1000 * t.time), SourceError, "looks like milliseconds"),
+    ],
+)
+def test_what_is_wrong_with_a_frame_is_said(change, error, named):
+    with pytest.raises(error, match=named):
+        pedpred.predict(change(WALKS))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"x": "a"}, "column x: .*not numbers"),
+        ({"x": np.nan}, "column x: .*missing values"),
+        ({"x": np.inf}, "column x holds other values than finite numbers"),
+        ({"track": 0.5}, "column track holds other values than whole numbers"),
+    ],
+)
+def test_what_is_wrong_with_forecasts_in_parquet_is_said(tmp_path, forecasts, change, named):
+    forecasts.assign(**change).to_parquet(tmp_path / "theirs.parquet")
+    with pytest.raises(FileError, match=rf"theirs\.parquet.*{named}"):
+        read_forecasts(tmp_path / "theirs.parquet", None)
+
+
+def test_a_column_that_is_missing_in_parquet_is_named(tmp_path, forecasts):
+    forecasts.drop(columns="x").to_parquet(tmp_path / "theirs.parquet")
+    with pytest.raises(SourceError, match="no column x"):
+        read_forecasts(tmp_path / "theirs.parquet", None)

@@ -1,0 +1,258 @@
+"""Formats that the field has: written after their specifications and read to the value."""
+
+import sqlite3
+
+import numpy as np
+import pytest
+
+from pedpred.command import main
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.sources.single_file import FORMATS, format_of, read_file
+from pedpred.storage.tables import TableOptions
+from tests.field_formats import (
+    OPTIONS,
+    PEOPLE,
+    PIXEL_M,
+    ROWS,
+    UNIX_S,
+    WRITERS,
+    lines,
+    write_atc,
+    write_drone,
+    write_jupedsim,
+    write_magni,
+    write_qtm,
+    write_stanford,
+    write_sumo,
+    write_vadere,
+    write_viswalk,
+)
+
+SUFFIXES = ("", ".data", ".txt", ".csv", ".xml", ".SQLITE")
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_format_is_read_to_the_value(tmp_path, name):
+    people = read_file(WRITERS[name](tmp_path), OPTIONS.get(name)).trajectories
+    start_s = UNIX_S if name == "ATC shopping centre" else 0.0
+    ids = np.unique(people.track_id, return_inverse=True)[1] + 1  # words are numbered from 0
+    np.testing.assert_allclose(people.time_s - start_s, PEOPLE.time_s, atol=1e-6)
+    np.testing.assert_array_equal(ids, PEOPLE.track_id)
+    np.testing.assert_allclose(people.position, PEOPLE.position, atol=1e-3 if start_s else 1e-4)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_format_is_told_by_its_content(tmp_path, name):
+    path = WRITERS[name](tmp_path)
+    for suffix in SUFFIXES:
+        other = tmp_path / f"renamed{suffix}"
+        other.write_bytes(path.read_bytes())
+        assert format_of(other).name == format_of(path).name
+    assert name.startswith(format_of(path).name.split(" (")[0])
+
+
+def test_every_format_is_written_here():
+    others = {"TrajNet++"}  # in test_single_file.py
+    assert {kind.name for kind in FORMATS} - others <= set(WRITERS)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_what_a_file_was_taken_for_is_said(tmp_path, name, capsys):
+    scale = ["--scale", str(PIXEL_M)] if name in OPTIONS else []
+    main(["info", str(WRITERS[name](tmp_path)), *scale])
+    assert f"read as  {name.split(',')[0].split(' (')[0]}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch, name):
+    path = WRITERS[name](tmp_path)
+    for module in (
+        "storage.text",
+        *(f"sources.{own}" for own in ("jupedsim_database", "vadere", "motion_capture")),
+    ):
+        monkeypatch.setattr(f"pedpred.{module}.MOST_NUMBERS", 20)
+    with pytest.raises(SourceError, match=r"more than \d+ (rows|numbers)|too (large|many)"):
+        read_file(path, OPTIONS.get(name))
+
+
+def test_the_geometry_inside_a_file_is_the_map(tmp_path):
+    ground = read_file(write_jupedsim(tmp_path)).occupancy
+    x, y = np.meshgrid(np.arange(0.25, 12, 0.5), np.arange(0.25, 8, 0.5))
+    points = np.stack([x, y], axis=-1).reshape(-1, 2)
+    pillar = ((points > [4, 5]) & (points < [5, 6])).all(axis=-1)
+    np.testing.assert_array_equal(ground.occupied[tuple(ground.cell_of(points).T)], pillar)
+    assert ground.occupied[tuple(ground.cell_of(np.array([[-1.0, 4.0], [13.0, 4.0], [6.0, 9.0]])).T)].all()
+
+
+def test_people_may_walk_in_each_of_several_geometries(tmp_path):
+    halves = [
+        "POLYGON ((0 0, 6 0, 6 8, 0 8, 0 0))",
+        "GEOMETRYCOLLECTION (POLYGON ((6 0, 12 0, 12 8, 6 8, 6 0)))",
+    ]
+    ground = read_file(write_jupedsim(tmp_path, wkt=halves)).occupancy
+    assert not ground.occupied[tuple(ground.cell_of(PEOPLE.position).T)].any()
+    assert not read_file(write_jupedsim(tmp_path, wkt=())).occupancy.occupied.any()
+
+
+@pytest.mark.parametrize(
+    ("wkt", "named"),
+    [
+        ("POLYGON ((0 0, 1 0", "ParseException"),
+        ("LINESTRING (0 0, 1 0)", "LineString, no ground"),
+        ("POLYGON EMPTY", "no ground"),
+        ("POLYGON ((0 0, 1e12 0, 1 1, 0 0))", "farther than"),
+        ("GEOMETRYCOLLECTION (" * 99_999, "99999 deep"),
+    ],
+)
+def test_a_geometry_that_is_no_ground_is_refused(tmp_path, wkt, named):
+    with pytest.raises(SourceError, match=rf"simulation\.sqlite: .*{named}"):
+        read_file(write_jupedsim(tmp_path, wkt=[wkt]))
+
+
+def test_the_rate_is_asked_for_where_no_file_says_it(tmp_path):
+    path = write_jupedsim(tmp_path, fps=None)
+    with pytest.raises(SourceError, match="--rate"):
+        read_file(path)
+    assert read_file(path, TableOptions(rate_hz=5.0)).detection_dt_s == pytest.approx(0.2)
+    with pytest.raises(SourceError, match=r"fps = 5, but --rate says 4"):
+        read_file(write_jupedsim(tmp_path), TableOptions(rate_hz=4.0))
+
+
+@pytest.mark.parametrize(
+    ("statement", "named"),
+    [
+        ("DROP TABLE trajectory_data", "without a table trajectory_data; it has metadata"),
+        ("ALTER TABLE trajectory_data RENAME pos_x TO x", "no column pos_x; it has frame, id, x"),
+        (
+            "UPDATE trajectory_data SET pos_x = 'far' WHERE frame = 2",
+            r"row 3 .*pos_x = 'far' is not a number",
+        ),
+        ("UPDATE trajectory_data SET id = 1.5 WHERE frame = 2", r"id = 1.5 is not a whole number"),
+        ("UPDATE trajectory_data SET id = 1", "must be unique"),
+        ("DELETE FROM trajectory_data", "trajectory_data is empty"),
+        ("UPDATE metadata SET value = 'fast' WHERE key = 'fps'", "could not convert string to float: 'fast'"),
+        ("UPDATE metadata SET value = '0' WHERE key = 'fps'", "fps = 0 is no rate"),
+        ("DROP TABLE trajectory_data; CREATE VIEW trajectory_data AS SELECT 1 AS frame", "without a table"),
+    ],
+)
+def test_what_is_wrong_with_a_database_is_said(tmp_path, statement, named):
+    path = write_jupedsim(tmp_path)
+    database = sqlite3.connect(path)
+    database.executescript(statement)
+    database.close()
+    with pytest.raises(SourceError, match=rf"simulation\.sqlite: .*{named}"):
+        read_file(path)
+
+
+def test_a_database_that_is_still_written_is_refused(tmp_path):
+    path = write_jupedsim(tmp_path)
+    (tmp_path / "simulation.sqlite-wal").write_bytes(b"pages")
+    with pytest.raises(SourceError, match="still being written"):
+        read_file(path)
+
+
+def test_a_bag_under_another_name_is_named(tmp_path):
+    with sqlite3.connect(tmp_path / "bag.sqlite") as database:
+        database.executescript("CREATE TABLE topics (id); CREATE TABLE messages (id);")
+    database.close()
+    with pytest.raises(SourceError, match=r"ends in \.db3"):
+        read_file(tmp_path / "bag.sqlite")
+
+
+@pytest.mark.parametrize(
+    ("write", "old", "new", "named"),
+    [
+        (write_sumo, "<fcd-export>", '<!DOCTYPE a [<!ENTITY b "c">]><fcd-export>', "document type"),
+        (write_sumo, "<person", f'<person note="{"x" * 2**21}"', "an element of more than"),
+        (write_sumo, "<timestep", "<a>" * 50 + "<timestep", "more than 8 deep"),
+        (write_sumo, 'x="1.2000"', 'x="left"', r"line 4: x = 'left' is not a number"),
+        (write_sumo, 'id="ped1"', 'name="ped1"', "line 4: a <person> without an id"),
+        (write_sumo, "</fcd-export>", "", "no element found"),
+        (write_sumo, "person", "container", "no <person>|mismatched"),
+        (write_stanford, " 0 0 1 ", " 0 1 ", "line 1: 9 columns, expected 10"),
+        (write_stanford, '"Pedestrian"', '"Biker"', "no row with the label"),
+        (write_drone, "0,1,1,0,1.2", "0,1,1,0,far1.2", "line 2: xCenter = 'far1.2"),
+        (write_qtm, "1200.000", "near", r"line 12: Helmet_1 - 1 X = 'near' is not a number"),
+        (write_magni, "1,0.2,", "1,,", "line 11: the time is missing"),
+        (write_vadere, "endTime-PID1", "endTime-PID1 endTime-PID7", "2 columns endTime"),
+        (write_vadere, "1 0.2 0.6", "1 0.9 0.6", "endTime is before simTime"),
+        (write_viswalk, "COORDCENTX", "LENGTH", "the attribute COORDCENTX was not recorded"),
+        (write_viswalk, "1.2000", "1,2000", r"line 6: COORDCENTX|x = '1,2000' is not a number"),
+        (write_atc, "1200,", "1200,7,", "line 1: 9 columns|no header"),
+    ],
+)
+def test_what_is_wrong_with_a_text_is_said(tmp_path, write, old, new, named):
+    path = write(tmp_path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(
+        text.replace(old, new) if old in ("person", '"Pedestrian"') else text.replace(old, new, 1)
+    )
+    with pytest.raises(SourceError, match=named):
+        read_file(path, TableOptions(pixel_m=PIXEL_M) if write is write_stanford else None)
+
+
+def test_pixels_need_their_size_and_nothing_else_has_one(tmp_path):
+    with pytest.raises(SourceError, match=r"pixels.*--scale 0\.03"):
+        read_file(write_stanford(tmp_path))
+    with pytest.raises(
+        ValueRuleError, match=r"--scale = 0\.1, but .*SUMO FCD, whose positions are no pixels"
+    ):
+        read_file(write_sumo(tmp_path), TableOptions(pixel_m=0.1))
+    with pytest.raises(ValueRuleError, match=r"--unit = 'cm', but .*ATC.*whose unit is known"):
+        read_file(write_atc(tmp_path), TableOptions(unit="cm"))
+
+
+def test_longitude_and_latitude_are_not_metres(tmp_path):
+    degrees = [(k, who, 11.5 + x * 1e-5, 48.1 + y * 1e-5) for k, who, x, y in ROWS]
+    path = write_sumo(tmp_path, degrees)
+    path.write_text(path.read_text().replace('.00" angle', '.00001" angle'))
+    with pytest.raises(SourceError, match=r"longitude.*fcd-output\.geo"):
+        read_file(path)
+
+
+def test_the_files_of_a_drone_recording_lie_together(tmp_path):
+    path = write_drone(tmp_path)
+    (tmp_path / "00_tracksMeta.csv").unlink()
+    with pytest.raises(SourceError, match=r"00_tracksMeta\.csv: the file is missing.*lie together"):
+        read_file(path)
+
+
+def test_footsteps_are_sampled_as_often_as_asked(tmp_path):
+    scene = read_file(write_vadere(tmp_path), TableOptions(rate_hz=20.0))
+    people = scene.trajectories.select(scene.trajectories.track_id == 1)
+    assert scene.detection_dt_s == pytest.approx(0.05)
+    np.testing.assert_allclose(people.position[:, 0], 1.0 + people.time_s, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("raw", "named"),
+    [
+        (b"\x1f\x8b\x08\0", "gzip archive.*Unpack"),
+        (b"PK\x03\x04", "zip archive or a spreadsheet"),
+        (b"#ROSBAG V2.0\n", r"bag of ROS 1.*\.bag"),
+        (b"PAR1\0\0", "Parquet"),
+        (b"\x89HDF\r\n\x1a\n\0", "HDF5"),
+        (b"\x80\x04\x95", "pickle"),
+        ("time,id,x,y".encode("utf-16"), "UTF-16.*UTF-8"),
+        (b"<geometry unit='m'><rooms/></geometry>", r"<geometry>.*--map"),
+        (b"\0\1\2\3", "neither text nor a known recording.*00 01 02 03"),
+    ],
+)
+def test_what_is_not_read_is_named(tmp_path, raw, named):
+    for name in ("walk.dat", "walk.csv", "walk"):
+        (tmp_path / name).write_bytes(raw)
+        with pytest.raises(SourceError, match=named):
+            read_file(tmp_path / name)
+
+
+def test_a_text_of_any_name_is_a_table_or_a_text(tmp_path):
+    rows = [f"{k / 5},{who},{x},{y}" for k, who, x, y in ROWS]
+    np.testing.assert_allclose(
+        read_file(lines(tmp_path / "walk.dat", "time,id,x,y", *rows)).trajectories.position, PEOPLE.position
+    )
+    rows = [f"{who} {k} {x} {y}" for k, who, x, y in ROWS]
+    np.testing.assert_allclose(
+        read_file(lines(tmp_path / "walk", *rows), TableOptions(rate_hz=5.0)).trajectories.position,
+        PEOPLE.position,
+    )
