@@ -147,7 +147,7 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.add_argument("--rate", "--frame-rate", type=float, help=counted)
     long = "of lengths in a table or text (default: what the file says, else m)"
     command.add_argument("--unit", choices=list(UNITS), help=long)
-    replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml), which replaces the map"
+    replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml, .wkt); replaces the map"
     command.add_argument("--map", type=_path, help=replaced)
     end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"
     ends = ("X1", "Y1", "X2", "Y2")

@@ -18,8 +18,8 @@ from pedpred.files import translate_errors
 from pedpred.ros import Transform, is_bag, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
+from pedpred.sources.geometries import is_geometry, read_ground
 from pedpred.sources.single_file import FORMATS, read_file
-from pedpred.sources.walls import occupancy_of, read_walls
 from pedpred.storage.scenes import read_scene, write_scene
 from pedpred.storage.tables import TableOptions
 
@@ -92,11 +92,13 @@ def read_given(given: argparse.Namespace) -> Scene:
 
 def _ground_given(given: argparse.Namespace) -> OccupancyMap | None:
     """The map that replaces that of the scene."""
-    if given.map is not None and given.map.suffix == ".xml":
+    if given.map is not None and is_geometry(given.map):
         edges = [[end[:2], end[2:]] for end in given.open_end]
-        return occupancy_of(read_walls(given.map), _CELL_M, _WALL_M, edges, _OPEN_END_M)
+        return read_ground(given.map, _CELL_M, _WALL_M, edges, _OPEN_END_M)
     if given.open_end:
-        raise ValueRuleError("--open-end", given.open_end[0], "it needs a geometry file: --map walls.xml")
+        raise ValueRuleError(
+            "--open-end", given.open_end[0], "it needs a geometry file: --map walls.xml or .wkt"
+        )
     return None if given.map is None else map_at(given.map)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from pedpred.errors import StorageError
 from pedpred.files import read_yaml
 from pedpred.scenes import OccupancyMap
+from pedpred.sources.geometries import GEOMETRIES
 from pedpred.storage.maps import picture_of, read_map, read_map_file
 
 _YAML = (".yaml", ".yml")
@@ -38,7 +39,8 @@ def _describing(picture: Path) -> Path:
         if about.exists() and _names(about, read_yaml(about, wording), picture):
             return about
     if picture.suffix.lower() not in _PICTURES:
-        known = f"a folder with map.yaml, a file {', '.join((*_YAML, *_PICTURES))}, or a geometry .xml"
+        known = f"a folder with map.yaml, a file {', '.join((*_YAML, *_PICTURES))}, "
+        known += f"or a geometry {', '.join(GEOMETRIES)}"
         problem = f"files of type {picture.suffix or 'unknown'} are not read"
         raise StorageError(picture, "map", problem, f"Give {known}")
     problem = f"neither {picture.stem}.yaml nor map.yaml beside it describes this picture"
