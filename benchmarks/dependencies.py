@@ -28,7 +28,7 @@ REASONS = {
     "pyyaml": "map.yaml, parameters",
     "rosbags": "ROS messages and bags of ROS 1 and ROS 2, without ROS",
     "scipy": "interpolation, optimisation of the tracker and of the forces",
-    "shapely": "geometries as well-known text",
+    "shapely": "geometries in WKT, doors in walls",
     "tqdm": "progress bars",
     "zstandard": "MCAP chunks compressed with zstd",
     "dvc": "the pipeline: what is stale, cache, experiments",

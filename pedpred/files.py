@@ -126,10 +126,9 @@ def _mapping(content: Any) -> dict[str, Any]:
     return content
 
 
-def read_picture(path: Path, mode: str, wording: Wording) -> np.ndarray:
-    """Read a picture as [rows, columns] (mode "L") or [rows, columns, 3] ("RGB") uint8.
-
-    Its size is checked before any pixel is decoded.
+@contextmanager
+def open_picture(path: Path, wording: Wording) -> Iterator[Image.Image]:
+    """Open a picture whose pixels are not decoded yet; errors inside the block name the file.
 
     Raises:
         FileError: the file is missing, no picture, damaged or has more than `MOST_PIXELS`.
@@ -137,6 +136,16 @@ def read_picture(path: Path, mode: str, wording: Wording) -> np.ndarray:
     with translate_errors(wording), Image.open(path, formats=_PICTURES) as image:
         if math.prod(image.size) > MOST_PIXELS:
             raise ShapeError(path.name, image.size, f"at most {MOST_PIXELS} pixels")
+        yield image
+
+
+def read_picture(path: Path, mode: str, wording: Wording) -> np.ndarray:
+    """Read a picture as [rows, columns] (mode "L") or [rows, columns, 3] ("RGB") uint8.
+
+    Raises:
+        FileError: see `open_picture`.
+    """
+    with open_picture(path, wording) as image:
         return np.asarray(image.convert(mode))
 
 

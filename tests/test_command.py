@@ -203,9 +203,9 @@ def test_the_walk_through_in_the_documentation_runs(model, tmp_path, monkeypatch
 
 
 def test_a_map_of_a_type_that_is_not_read_is_named_beside_those_that_are(tmp_path):
-    (tmp_path / "room.wkt").write_text("POLYGON ((0 0, 1 0, 1 1, 0 0))")
-    with pytest.raises(StorageError, match=r"files of type \.wkt are not read.*map\.yaml.*\.xml"):
-        map_at(tmp_path / "room.wkt")
+    (tmp_path / "room.dxf").write_text("0\nSECTION\n")
+    with pytest.raises(StorageError, match=r"files of type \.dxf are not read.*map\.yaml.*\.xml, \.wkt"):
+        map_at(tmp_path / "room.dxf")
 
 
 def test_a_picture_of_any_suffix_is_a_map_where_a_file_describes_it(tmp_path):

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from pedpred.command import main
 from pedpred.errors import SourceError, ValueRuleError
+from pedpred.sources.geometries import read_walls
 from pedpred.sources.jupedsim import read_laboratory, read_tracks
-from pedpred.sources.walls import Walls, occupancy_of, read_walls
+from pedpred.sources.walls import Walls, occupancy_of
 from pedpred.storage.scenes import read_scene
 from tests.scenes import assert_same
 
@@ -134,8 +135,12 @@ GEOMETRY = [
     (('px="6"', 'px="inf"'), 5, "px = 'inf', but it must be finite"),
     (('px="6"', 'px="-2e8"'), 5, "vertex .*, farther than 1e.08 from the origin"),
     (('unit="m"', 'unit="km"'), 2, "unit = 'km', expected one of m, cm"),
-    (("</obstacle>", "</obstacle><polygon/>"), 10, "second outline in a subroom"),
-    (("<obstacle", "<obstacle><polygon/></obstacle><obstacle"), 8, "a polygon with fewer than 3"),
+    (("<obstacle", "<obstacle><polygon/></obstacle><obstacle"), 8, "a polygon with fewer than 2"),
+    (
+        ("</obstacle>", '</obstacle><crossing><vertex px="0" py="0"/></crossing>'),
+        10,
+        "a crossing with fewer than 2",
+    ),
     (("geometry", "svg"), 2, "the outermost element is <svg>"),
     (("</rooms>", ""), None, "mismatched tag"),
     (("polygon", "line"), None, "no polygon outlines the ground"),
@@ -177,7 +182,7 @@ def test_entities_are_refused_before_they_grow(folder):
 def test_lengths_in_centimetres(folder):
     metres = read_walls(folder / "hall.xml")
     change("hall.xml", 'unit="m"', 'unit="cm"')(folder)
-    np.testing.assert_allclose(read_walls(folder / "hall.xml").outlines[0], 0.01 * metres.outlines[0])
+    np.testing.assert_allclose(read_walls(folder / "hall.xml").outlines[0][0], 0.01 * metres.outlines[0][0])
 
 
 @pytest.mark.parametrize("key", ["resolution_m", "thickness_m", "open_end_m", "frame_rate_hz"])
@@ -206,7 +211,7 @@ def test_the_map_of_any_star_has_its_corners_inside_and_its_area(radii, turn_rad
     """Corners go once round the centre: points on the way to a corner are inside, those beyond are not."""
     angles = turn_rad + 2 * np.pi * np.arange(len(radii)) / len(radii)
     arms = np.array(radii)[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    occupancy = occupancy_of(Walls((centre + arms,), ()), 0.02, 0.5)
+    occupancy = occupancy_of(Walls(((centre + arms,),)), 0.02, 0.5)
     assert not occupancy.is_occupied(centre + 0.6 * arms).any()
     assert occupancy.is_occupied(centre + arms * (1 + 0.1 / np.array(radii)[:, None])).all()
     x, y = arms.T

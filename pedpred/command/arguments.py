@@ -151,7 +151,7 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.add_argument("--unit", choices=list(UNITS), help=long)
     side = "side of a pixel where people were annotated in pictures (Stanford Drone Dataset), m"
     command.add_argument("--scale", type=_number(float, 1e-6, 10.0), metavar="METRES_PER_PIXEL", help=side)
-    replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml), which replaces the map"
+    replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml, .wkt); replaces the map"
     command.add_argument("--map", type=_path, help=replaced)
     end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"
     ends = ("X1", "Y1", "X2", "Y2")

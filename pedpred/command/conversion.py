@@ -17,8 +17,8 @@ from pedpred.ros import Transform, is_bag, is_recording, read_bag, read_recordin
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.geometries import is_geometry, read_ground
 from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
-from pedpred.sources.walls import occupancy_of, read_walls
 from pedpred.storage.scenes import read_scene, write_scene
 from pedpred.storage.tables import TableOptions
 
@@ -117,11 +117,13 @@ def _is_foreign(path: Path) -> bool:
 
 def _ground_given(given: argparse.Namespace) -> OccupancyMap | None:
     """The map that replaces that of the scene."""
-    if given.map is not None and given.map.suffix == ".xml":
+    if given.map is not None and is_geometry(given.map):
         edges = [[end[:2], end[2:]] for end in given.open_end]
-        return occupancy_of(read_walls(given.map), CELL_M, WALL_M, edges, _OPEN_END_M)
+        return read_ground(given.map, CELL_M, WALL_M, edges, _OPEN_END_M)
     if given.open_end:
-        raise ValueRuleError("--open-end", given.open_end[0], "it needs a geometry file: --map walls.xml")
+        raise ValueRuleError(
+            "--open-end", given.open_end[0], "it needs a geometry file: --map walls.xml or .wkt"
+        )
     return None if given.map is None else map_at(given.map)
 
 

@@ -1,6 +1,6 @@
 """Value types: trajectories, occupancy maps, scenes and forecasts."""
 
-from pedpred.scenes.occupancy import OccupancyMap, blocked_greys
+from pedpred.scenes.occupancy import OccupancyMap
 from pedpred.scenes.placement import Placement, checked_placement, placement
 from pedpred.scenes.predicted import BODY_M, predicted_occupancy
 from pedpred.scenes.predictions import Forecast, Predictions
@@ -17,7 +17,6 @@ __all__ = [
     "Predictions",
     "Scene",
     "Trajectories",
-    "blocked_greys",
     "checked_placement",
     "placement",
     "predicted_occupancy",

@@ -136,23 +136,3 @@ def _blocked(given: Any) -> np.ndarray:
             rule = "cells are 1 (blocked) or 0 (free): decide about others first, such as `grid > 50`"
             raise ValueRuleError(f"occupied[{row}, {column}]", cells[[row], [column]].tolist()[0], rule)
     return locked(cells, bool)
-
-
-def blocked_greys(negate: Any, occupied_thresh: Any) -> np.ndarray:
-    """Which greys of a ROS map_server picture are obstacles; unknown cells are free. [256] bool.
-
-    Args:
-        negate: 0: dark is blocked; 1: bright is blocked.
-        occupied_thresh: cells whose probability of being blocked is larger are blocked.
-
-    Raises:
-        ValueRuleError: one is something else, such as text or a percentage.
-    """
-    if negate not in (0, 1):
-        raise ValueRuleError("negate", negate, "it must be 0 or 1, a number without quotes")
-    number = isinstance(occupied_thresh, (int, float)) and not isinstance(occupied_thresh, bool)
-    if not (number and 0 <= occupied_thresh <= 1):
-        rule = "it must be a probability, a number from 0 to 1: divide percentages by 100"
-        raise ValueRuleError("occupied_thresh", occupied_thresh, rule)
-    shade = np.arange(256) / 255.0
-    return np.asarray((shade if negate else 1.0 - shade) > occupied_thresh)

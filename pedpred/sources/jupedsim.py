@@ -5,7 +5,7 @@
     1 53 3.7253 -0.837 1.73
 
 Lines that begin with `#` are comments. Lengths are metres unless a comment names another unit, as in `x/cm`,
-`x [mm]` or `in centimetres`. Columns after the fourth are not used. `pedpred.sources.walls` reads the
+`x [mm]` or `in centimetres`. Columns after the fourth are not used. `pedpred.sources.geometry_xml` reads the
 geometry that comes with the text.
 """
 
@@ -26,8 +26,9 @@ from pedpred.errors import SourceError
 from pedpred.fields import check_ranges, finite, parsed
 from pedpred.files import translate_errors
 from pedpred.scenes import Scene, Trajectories
+from pedpred.sources.geometry_xml import read_xml
 from pedpred.sources.plausibility import ids_come_first
-from pedpred.sources.walls import occupancy_of, read_walls
+from pedpred.sources.walls import occupancy_of
 from pedpred.storage.tables import UNITS
 from pedpred.storage.text import Row, check_unique, read_numbers, text_rows
 
@@ -83,7 +84,7 @@ def read_laboratory(folder: Path, name: str, settings: Mapping[str, Any]) -> Sce
     """
     how: LaboratorySettings = parsed(LaboratorySettings, settings)
     path = folder / f"{how.recording}.txt"
-    walls = read_walls(path.with_suffix(".xml"))
+    walls = read_xml(path.with_suffix(".xml"))
     with translate_errors(partial(SourceError, path.with_suffix(".xml"), None)):
         occupancy = occupancy_of(walls, how.resolution_m, how.thickness_m, how.open_ends, how.open_end_m)
     trajectories = read_tracks(path, how.frame_rate_hz)

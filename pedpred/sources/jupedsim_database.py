@@ -18,8 +18,8 @@ from pedpred.errors import SourceError, brief
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.geometry_wkt import parse_wkt
 from pedpred.sources.walls import Walls
-from pedpred.sources.wkt import walls_of_wkt
 from pedpred.storage.tables import TableOptions
 from pedpred.storage.text import MOST_NUMBERS
 
@@ -76,7 +76,7 @@ def read_walls(path: Path) -> Walls | None:
         rows = database.execute("SELECT wkt FROM geometry").fetchmany(_MOST_GEOMETRIES)
         if any(not isinstance(text, str) for (text,) in rows):
             raise SourceError(path, None, "a geometry that is no text")
-        return walls_of_wkt(path, [text for (text,) in rows]) if rows else None
+        return parse_wkt(path, "\n".join(text for (text,) in rows)) if rows else None
 
 
 @contextmanager

@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import yaml
 from PIL import Image
 
 from pedpred.errors import StorageError, brief
@@ -21,18 +20,16 @@ from pedpred.files import (
     atomic_write,
     read_json,
     read_picture,
-    read_yaml,
     translate_errors,
     write_json,
-    write_text,
 )
 from pedpred.geometry import Homography
-from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories, blocked_greys
+from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
+from pedpred.storage.maps import read_map, write_map
 from pedpred.storage.tables import read_table
 from pedpred.storage.tracks import read_parquet_tracks, write_parquet_tracks
 
 SCENE_SCHEMA = 1
-_OCCUPIED, _FREE = 0, 254
 _REMEDY = "Correct the file or write the scene again"
 _ONE = "Remove one of them, or write to another folder"
 
@@ -99,53 +96,6 @@ def scene_folders(folder: Path) -> list[Path]:
 def read_scenes(folder: Path) -> Iterator[Scene]:
     """All scenes of a scene folder or a scene set, one at a time."""
     return (read_scene(path) for path in scene_folders(folder))
-
-
-def write_map(occupancy: OccupancyMap, folder: Path) -> None:
-    """Write the ROS map_server pair `map.yaml` + `map.pgm` (row 0 is the largest y)."""
-    grey = np.where(occupancy.occupied.T[::-1], _OCCUPIED, _FREE).astype(np.uint8)
-    _write_picture(grey, folder / "map.pgm")
-    about = {
-        "image": "map.pgm",
-        "resolution": float(occupancy.resolution_m),
-        "origin": [float(occupancy.origin[0]), float(occupancy.origin[1]), 0.0],
-        "negate": 0,
-        "occupied_thresh": 0.65,
-        "free_thresh": 0.196,
-    }
-    write_text(folder / "map.yaml", yaml.safe_dump(about, sort_keys=False))
-
-
-def read_map(folder: Path) -> OccupancyMap:
-    """Read `map.yaml` of a folder; see `read_map_file`."""
-    return read_map_file(folder / "map.yaml")
-
-
-def read_map_file(path: Path, remedy: str = _REMEDY) -> OccupancyMap:
-    """Read a ROS map_server pair; unknown cells count as free.
-
-    Args:
-        path: the YAML file; its picture lies beside it.
-        remedy: of errors.
-
-    Raises:
-        StorageError: a file is missing or damaged, a field is missing, the map is rotated, or its picture
-            is huge or lies elsewhere.
-    """
-    wording = partial(StorageError, path, "map", remedy=remedy)
-    about = read_yaml(path, wording)
-    with translate_errors(wording):
-        x, y, yaw = about["origin"]
-        if yaw:
-            raise StorageError(
-                path, "origin", f"yaw is {brief(yaw)} rad", "Only maps with yaw 0 are understood"
-            )
-        if Path(about["image"]).name != about["image"]:
-            raise StorageError(path, "image", brief(about["image"]), f"Put the picture beside {path.name}")
-        picture = path.with_name(about["image"])
-        grey = read_picture(picture, "L", partial(StorageError, picture, "file", remedy=remedy))
-        occupied = blocked_greys(about["negate"], about["occupied_thresh"])[grey]
-        return OccupancyMap(occupied[::-1].T, np.array([x, y]), float(about["resolution"]))
 
 
 def _read_tracks(folder: Path) -> Trajectories:

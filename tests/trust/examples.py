@@ -29,6 +29,7 @@ from pedpred.report import measures
 from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
+from pedpred.sources.geometries import read_ground
 from pedpred.sources.single_file import read_file
 from pedpred.storage.columns import split_pairs
 from pedpred.storage.scenes import write_scene
@@ -86,6 +87,36 @@ def place() -> Scene:
 
 def make_scene(folder: Path) -> None:
     write_scene(place(), folder)
+
+
+def make_deep_map(folder: Path) -> None:
+    """Sixteen bits, transparent in places, in mode scale and in a sub-folder."""
+    (folder / "sub").mkdir()
+    grey = np.random.default_rng(0).integers(0, 2**16, (12, 9), dtype=np.uint16)
+    Image.fromarray(grey).save(folder / "sub/deep.png", transparency=int(grey[0, 0]))
+    about = "image: ./sub/deep.png\nmode: scale\nresolution: 0.1\norigin: [-1, -2.0, 0]\n"
+    (folder / "map.yaml").write_text(f"{about}negate: no\noccupied_thresh: 0.65\nfree_thresh: 0.2\n")
+
+
+GEOMETRIES = ("lines.xml", "room.wkt")
+
+
+def make_geometries(folder: Path) -> None:
+    """A room with a door and a table drawn by its edges, and ground with a hole beside a wall."""
+    vertex = '<vertex px="{}" py="{}"/>'.format
+    room, door = [(0, 0), (6, 0), (6, 4), (0, 4), (0, 0)], [(6, 1), (6, 2)]
+    table = [((1, 1), (2, 1)), ((2, 1), (2, 2)), ((2, 2), (1, 1))]
+    walls = "".join(vertex(*point) for point in room)
+    edges = "".join(f"<polygon>{vertex(*a)}{vertex(*b)}</polygon>" for a, b in table)
+    rooms = f"<room><subroom><polygon>{walls}</polygon><obstacle>{edges}</obstacle></subroom></room>"
+    doors = f"<transitions><transition>{vertex(*door[0])}{vertex(*door[1])}</transition></transitions>"
+    (folder / GEOMETRIES[0]).write_text(f'<geometry unit="m"><rooms>{rooms}</rooms>{doors}</geometry>')
+    ground = "POLYGON ((0 0, 10 0, 10 4, 0 4, 0 0), (4 1, 5 1, 5 2, 4 2, 4 1))"
+    (folder / GEOMETRIES[1]).write_text(f"GEOMETRYCOLLECTION ({ground}, LINESTRING (1 1, 2 3, 3 3))")
+
+
+def read_geometries(folder: Path) -> object:
+    return [read_ground(folder / name, 0.1, 1.0) for name in GEOMETRIES]
 
 
 def make_table(folder: Path) -> None:

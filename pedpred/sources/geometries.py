@@ -1,0 +1,50 @@
+"""Kinds of geometry files, by what their names end in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from pedpred.errors import SourceError
+from pedpred.files import translate_errors
+from pedpred.scenes import OccupancyMap
+from pedpred.sources.geometry_wkt import read_wkt
+from pedpred.sources.geometry_xml import read_xml
+from pedpred.sources.walls import Walls, occupancy_of
+
+GEOMETRIES: dict[str, Callable[[Path], Walls]] = {".xml": read_xml, ".wkt": read_wkt}
+
+
+def is_geometry(path: Path) -> bool:
+    """Whether a name is that of a geometry file."""
+    return path.suffix.lower() in GEOMETRIES
+
+
+def read_walls(path: Path) -> Walls:
+    """Read a geometry file.
+
+    Raises:
+        SourceError: it is of no kind that is read, or its reader refuses it.
+    """
+    if not is_geometry(path):
+        problem = f"files of type {path.suffix or 'unknown'} are not read"
+        raise SourceError(path, None, problem, f"Give a file {', '.join(GEOMETRIES)}")
+    return GEOMETRIES[path.suffix.lower()](path)
+
+
+def read_ground(
+    path: Path,
+    resolution_m: float,
+    thickness_m: float,
+    open_ends: Sequence[Sequence[Sequence[float]]] = (),
+    open_end_m: float = 0.0,
+) -> OccupancyMap:
+    """Read a geometry file as a map; arguments as in `occupancy_of`.
+
+    Raises:
+        SourceError: it cannot be read, or an open end does not lie on its walls.
+    """
+    walls = read_walls(path)
+    with translate_errors(partial(SourceError, path, None, remedy="Correct the file or the open ends")):
+        return occupancy_of(walls, resolution_m, thickness_m, open_ends, open_end_m)

@@ -1,0 +1,165 @@
+"""Walls, doors and obstacles from JuPedSim's geometry files.
+
+    <geometry unit="m"> <rooms> <room>
+        <subroom>
+            <polygon caption="wall"> <vertex px="0" py="0"/> ... </polygon>
+            <obstacle> <polygon> <vertex px="2.1" py="2.3"/> ... </polygon> </obstacle>
+        </subroom>
+        <crossings> <crossing> <vertex px="4" py="0"/> <vertex px="4" py="1"/> </crossing> </crossings>
+    </room> </rooms> <transitions> <transition> ... </transition> </transitions>
+
+If each subroom has one polygon and there are no doors, polygons are closed outlines of the ground where
+people walk. Otherwise polygons are walls without thickness, from vertex to vertex, open where a door
+(crossing or transition) lies in them. An obstacle is one polygon, or several that are its edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+import shapely
+
+from pedpred.errors import SourceError, brief
+from pedpred.files import read_bytes, translate_errors
+from pedpred.sources.doors import cut_doors
+from pedpred.sources.walls import Rings, Walls
+from pedpred.storage.tables import UNITS
+from pedpred.storage.text import numbers
+
+_LARGEST_BYTES = 2**22
+_FARTHEST = 1e8  # surveyors' coordinates stay below
+_DOORS = ("crossing", "transition")
+_REMEDY = "Give the geometry file; a project or trajectory file of JuPedSim names it"
+
+Polygon = list[list[float]]
+
+
+@dataclass
+class _Reading:
+    """Handlers of the XML parser, and what they have read."""
+
+    path: Path
+    parser: expat.XMLParserType = field(default_factory=expat.ParserCreate)
+    unit_m: float = 1.0
+    within: list[str] = field(default_factory=list)
+    subrooms: list[list[Polygon]] = field(default_factory=list)
+    obstacles: list[list[Polygon]] = field(default_factory=list)
+    doors: list[Polygon] = field(default_factory=list)
+    drawn: Polygon | None = None
+
+    def __post_init__(self) -> None:
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.StartDoctypeDeclHandler = self.refuse
+
+    def error(self, problem: str, remedy: str = "Correct the file or fetch it again") -> SourceError:
+        return SourceError(self.path, self.parser.CurrentLineNumber, problem, remedy)
+
+    def refuse(self, *_: object) -> None:
+        raise self.error("a document type, which could define entities; geometry files have none")
+
+    def start(self, name: str, attributes: Mapping[str, str]) -> None:
+        if not self.within and name != "geometry":
+            raise self.error(f"the outermost element is <{brief(name)[1:-1]}>, expected <geometry>", _REMEDY)
+        if name == "geometry":
+            if (unit := attributes.get("unit", "m")) not in UNITS:
+                raise self.error(f"unit = {brief(unit)}, expected one of {', '.join(UNITS)}")
+            self.unit_m = UNITS[unit]
+        elif name == "subroom":
+            self.subrooms.append([])
+        elif name == "obstacle":
+            self.obstacles.append([])
+        elif name in ("polygon", *_DOORS) and "goal" not in self.within:
+            self.drawn = self.new(name)
+        elif name == "vertex" and self.drawn is not None:
+            self.drawn.append(self.vertex(attributes))
+        self.within.append(name)
+
+    def new(self, name: str) -> Polygon:
+        """Begin a polygon or a door."""
+        drawn: Polygon = []
+        if name in _DOORS:
+            self.doors.append(drawn)
+            return drawn
+        if "obstacle" not in self.within and not self.subrooms:
+            self.subrooms.append([])  # a room without subrooms
+        (self.obstacles if "obstacle" in self.within else self.subrooms)[-1].append(drawn)
+        return drawn
+
+    def vertex(self, attributes: Mapping[str, str]) -> list[float]:
+        given = [attributes.get(key, "") for key in ("px", "py")]
+        point = numbers(self.path, self.parser.CurrentLineNumber, given, ("px", "py"))
+        if max(map(abs, point)) > _FARTHEST:
+            raise self.error(f"vertex {point}, farther than {_FARTHEST:g} from the origin")
+        return [self.unit_m * value for value in point]
+
+    def end(self, name: str) -> None:
+        self.within.pop()
+        if name in ("polygon", *_DOORS) and self.drawn is not None:
+            if len(self.drawn) < 2:
+                raise self.error(f"a {name} with fewer than 2 vertices", "Remove it, or add its other end")
+            self.drawn = None
+
+
+def read_xml(path: Path) -> Walls:
+    """Read a geometry file.
+
+    Raises:
+        SourceError: it is missing, large, no such XML or without walls; it names line and value.
+    """
+    if not path.exists():
+        raise SourceError(path, None, "the file is missing")
+    reading = _Reading(path)
+    with translate_errors(partial(SourceError, path, None)):
+        reading.parser.Parse(read_bytes(path, _LARGEST_BYTES), True)
+        return _understood(reading)
+
+
+def _understood(reading: _Reading) -> Walls:
+    """Tell outlines from walls that are lines."""
+    subrooms = [polygons for polygons in reading.subrooms if polygons]
+    if not subrooms:
+        problem = "no polygon outlines the ground where people walk, and no wall is drawn"
+        raise SourceError(reading.path, None, problem, "Add a <polygon> with <vertex> to a <subroom>")
+    obstacles: list[np.ndarray] = []
+    edges: list[Polygon] = []
+    for polygons in filter(None, reading.obstacles):
+        filled, left = _filled(polygons)
+        obstacles += filled
+        edges += left
+    if all(len(polygons) == 1 and len(polygons[0]) > 2 for polygons in subrooms) and not reading.doors:
+        outlines = tuple((np.array(polygons[0]),) for polygons in subrooms)
+        return Walls(outlines, tuple(obstacles), _segments(edges))
+    walls = _segments([polygon for polygons in subrooms for polygon in polygons])
+    lines = cut_doors(walls, _segments(reading.doors))
+    return Walls((), tuple(obstacles), np.concatenate([lines, _segments(edges)]))
+
+
+def _filled(polygons: Sequence[Polygon]) -> tuple[Rings, list[Polygon]]:
+    """The closed polygons of an obstacle, and those of its edges that enclose nothing."""
+    closed = [polygon for polygon in polygons if _is_closed(polygon)]
+    edges = [polygon for polygon in polygons if not _is_closed(polygon)]
+    found, *others = shapely.polygonize_full(shapely.linestrings(_segments(edges)))
+    left = [line.coords for kind in others for line in kind.geoms]
+    if left and all(len(polygon) > 2 for polygon in edges):  # closed without saying so
+        return tuple(map(np.array, [*closed, *edges])), []
+    return (
+        *map(np.array, closed),
+        *(np.array(polygon.exterior.coords) for polygon in found.geoms),
+    ), [[list(point) for point in line] for line in left]
+
+
+def _is_closed(polygon: Polygon) -> bool:
+    return len(polygon) > 3 and polygon[0] == polygon[-1]
+
+
+def _segments(polygons: Sequence[Polygon]) -> np.ndarray:
+    """Every edge from vertex to vertex. [S, 2, 2]."""
+    edges = [edge for polygon in polygons for edge in pairwise(polygon)]
+    return np.array(edges, dtype=np.float64).reshape(-1, 2, 2)

@@ -1,0 +1,235 @@
+"""Geometries of JuPedSim as lines with doors, and as WKT: walls where they are drawn, doors open."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pedpred.command import main
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.sources.doors import cut_doors
+from pedpred.sources.geometries import read_walls
+from pedpred.sources.walls import Walls, occupancy_of
+
+CELL_M = 0.1
+ROOM = [[0, 0], [10, 0], [10, 4], [0, 4], [0, 0]]
+DOOR = [[10, 1.5], [10, 2.5]]
+
+
+def drawn(polygons, element="polygon"):
+    rows = ("".join(f'<vertex px="{x}" py="{y}"/>' for x, y in polygon) for polygon in polygons)
+    return "".join(f"<{element}>{row}</{element}>" for row in rows)
+
+
+def xml(subrooms, obstacles=(), crossings=(), transitions=()):
+    rooms = "".join(f'<subroom id="{number}">{drawn(room)}</subroom>' for number, room in enumerate(subrooms))
+    tables = "".join(f"<obstacle>{drawn(table)}</obstacle>" for table in obstacles)
+    inner = f"<crossings>{drawn(crossings, 'crossing')}</crossings>"
+    outer = f"<transitions>{drawn(transitions, 'transition')}</transitions>"
+    rooms = rooms.replace("</subroom>", f"{tables}</subroom>", 1)
+    return f'<geometry unit="m"><rooms><room id="0">{rooms}{inner}</room></rooms>{outer}</geometry>'
+
+
+def map_of(folder, text, ends=()):
+    path = folder / ("hall.xml" if text.lstrip().startswith("<") else "hall.wkt")
+    path.write_text(text)
+    return occupancy_of(read_walls(path), CELL_M, 1.0, ends, 2.0)
+
+
+def along(polygons, step=0.02):
+    """Points on the edges of polygons. [M, 2]."""
+    edges = [(np.array(a), np.array(b)) for polygon in polygons for a, b in pairwise(polygon)]
+    return np.concatenate(
+        [a + np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / step))[:, None] * (b - a) for a, b in edges]
+    )
+
+
+WALLS = [[[0, 0], [10, 0]], [[0, 4], [10, 4]], [[0, 0], [0, 4]], [[10, 0], [10, 1.5]], [[10, 2.5], [10, 4]]]
+
+
+def assert_room_with_a_door(occupancy):
+    assert occupancy.is_occupied(along(WALLS) + 1e-6).all()
+    assert occupancy.is_occupied(along(WALLS) - 1e-6).all()
+    x, y = np.meshgrid(np.linspace(0.2, 9.8, 50), np.linspace(0.2, 3.8, 20))
+    assert not occupancy.is_occupied(np.stack([x, y], axis=-1)).any()
+    assert not occupancy.is_occupied(along([[[9, 2], [10.9, 2]]])).any()
+    assert not occupancy.is_occupied(along([[[10, 1.7], [10, 2.3]]])).any()
+    assert (occupancy.extent_m > [11.9, 5.9]).all()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        xml([WALLS]),
+        xml([[ROOM[3:], WALLS[0], [[10, 0], [10, 1.5]], [[0, 0], [0, 4]], [[10, 2.5], [10, 4], [0, 4]]]]),
+        xml([[[DOOR[1], *ROOM[2:4], [0, 0], [10, 0], DOOR[0]]]], transitions=[DOOR]),
+        xml([[ROOM]], transitions=[DOOR]),
+        xml([[ROOM]], crossings=[DOOR[::-1]]),
+        xml([[WALLS[0]], WALLS[1:]]),
+        xml([WALLS], transitions=[DOOR]),
+        "GEOMETRYCOLLECTION (LINESTRING (10 2.5, 10 4, 0 4, 0 0), MULTILINESTRING ((0 0, 10 0, 10 1.5)))",
+        "LINESTRING (10 2.5, 10 4, 0 4, 0 0)\nLINESTRING (0 0, 10 0, 10 1.5)\n",
+    ],
+)
+def test_walls_that_are_lines_stand_and_their_doors_are_open(text, tmp_path):
+    assert_room_with_a_door(map_of(tmp_path, text))
+
+
+def test_an_open_end_opens_a_line(tmp_path):
+    closed = xml([[ROOM[:3], ROOM[2:]]])
+    assert_room_with_a_door(map_of(tmp_path, closed, [DOOR]))
+    for away in ([[5, 1], [5, 2]], [[9, 2], [11, 2]], [[10, 1], [10, 1]]):
+        with pytest.raises(ValueRuleError, match=r"open_ends = .*it must lie on a wall"):
+            map_of(tmp_path, closed, [away])
+
+
+def test_two_rooms_share_a_wall_that_a_crossing_opens(tmp_path):
+    other = [[10, 0], [20, 0], [20, 4], [10, 4], [10, 0]]
+    occupancy = map_of(tmp_path, xml([[ROOM], [other]], crossings=[DOOR]))
+    assert_room_with_a_door(occupancy)
+    assert occupancy.is_occupied(along([other[:3], other[2:4]])).all()
+
+
+SQUARE = [[4, 1], [5, 1], [5, 2], [4, 2], [4, 1]]
+
+
+@given(st.permutations(range(4)), st.lists(st.booleans(), min_size=4, max_size=4))
+def test_an_obstacle_drawn_by_its_edges_is_filled(tmp_path_factory, order, turned):
+    folder = tmp_path_factory.getbasetemp()
+    edges = [SQUARE[number : number + 2][:: -1 if turned[number] else 1] for number in order]
+    plain = map_of(folder, xml([[ROOM]], obstacles=[[SQUARE]]))
+    assert plain.is_occupied(np.array([4.5, 1.5]))
+    for pieces in (edges, [SQUARE[:3], SQUARE[2:]], [SQUARE[:-1]]):
+        found = map_of(folder, xml([[ROOM]], obstacles=[pieces]))
+        np.testing.assert_array_equal(found.occupied, plain.occupied)
+
+
+def test_an_obstacle_that_encloses_nothing_is_a_wall(tmp_path):
+    occupancy = map_of(
+        tmp_path, xml([[ROOM]], obstacles=[[[[3, 1], [3, 3]]], [[[5, 1], [6, 2]], [[7, 1], [7, 2]]]])
+    )
+    assert occupancy.is_occupied(along([[[3, 1], [3, 3]], [[5, 1], [6, 2]], [[7, 1], [7, 2]]])).all()
+    assert not occupancy.is_occupied(along([[[4, 0.2], [4, 3.8]]])).any()
+
+
+coordinates = st.floats(-3, 3).map(lambda value: round(value, 3))
+points = st.tuples(coordinates, coordinates)
+
+
+@given(st.lists(st.tuples(points, points), min_size=1, max_size=4), st.sampled_from([0.05, 0.1, 0.37]))
+def test_a_line_blocks_the_cells_that_it_touches_and_no_others(lines, resolution_m):
+    lines = np.array(lines)
+    occupancy = occupancy_of(Walls(lines=lines), resolution_m, 0.5)
+    assert occupancy.is_occupied(along(lines, resolution_m / 7)).all()
+    centres = occupancy.center_of(np.argwhere(occupancy.occupied))
+    start, step = lines[:, 0], lines[:, 1] - lines[:, 0]
+    square = np.maximum((step**2).sum(axis=-1), 1e-12)
+    share = np.clip(((centres[:, None] - start) * step).sum(axis=-1) / square, 0, 1)
+    away = np.linalg.norm(centres[:, None] - start - share[..., None] * step, axis=-1).min(axis=1)
+    assert (away <= resolution_m * (np.sqrt(0.5) + 1e-4)).all()
+
+
+@given(st.floats(0, 6.3), st.tuples(st.floats(0.1, 4.4), st.floats(0.1, 4.4)), st.booleans())
+def test_a_door_takes_its_length_from_the_wall_at_any_angle(turn_rad, ends, turned):
+    direction = np.array([np.cos(turn_rad), np.sin(turn_rad)])
+    door = direction * np.array(ends)[:, None]
+    wall = np.array([[0 * direction, 4 * direction]])
+    left = cut_doors(wall, door[None, :: -1 if turned else 1])
+    low, high = np.clip(sorted(ends), 0, 4)
+    length = np.linalg.norm(left[:, 1] - left[:, 0], axis=-1).sum()
+    assert length == pytest.approx(4 - (high - low), abs=1e-6)
+
+
+HALL = "POLYGON ((0 0, 10 0, 10 4, 0 4, 0 0), (4 1, 5 1, 5 2, 4 2, 4 1))"
+
+
+def test_ground_with_a_hole_has_its_area(tmp_path):
+    occupancy = map_of(tmp_path, HALL)
+    assert (~occupancy.occupied).sum() * CELL_M**2 == pytest.approx(10 * 4 - 1)
+    assert occupancy.is_occupied(np.array([[4.5, 1.5], [-0.5, 1], [10.5, 2]])).all()
+    assert not occupancy.is_occupied(np.array([[4.5, 2.5], [0.1, 0.1]])).any()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        HALL.lower(),
+        f"\ufeff{HALL};\r\n",
+        "POLYGON Z ((0 0 7, 10 0 7, 10 4 7, 0 4 7, 0 0 7), (4 1 7, 5 1 7, 5 2 7, 4 2 7, 4 1 7))",
+        f"SRID=25832;{HALL}",
+        f"GEOMETRYCOLLECTION ({HALL})",
+        f"MULTIPOLYGON ({HALL.removeprefix('POLYGON ')})",
+        f"GEOMETRYCOLLECTION (POLYGON EMPTY, GEOMETRYCOLLECTION ({HALL}))",
+        "POLYGON ((0 0, 6 0, 6 0.9, 3 0.9, 3 4, 0 4, 0 0))\n"
+        "POLYGON ((6 0, 10 0, 10 4, 3 4, 3 2, 5 2, 5 1, 4 1, 4 2, 3 2, 3 0.9, 6 0.9, 6 0))",
+        xml([[ROOM]], obstacles=[[SQUARE]]),
+    ],
+)
+def test_the_same_ground_is_written_in_many_ways(text, tmp_path):
+    np.testing.assert_array_equal(map_of(tmp_path, text).occupied, map_of(tmp_path, HALL).occupied)
+
+
+def test_ground_may_stand_in_a_hole_and_walls_on_ground(tmp_path):
+    ring = "POLYGON ((0 0, 9 0, 9 9, 0 9, 0 0), (2 2, 7 2, 7 7, 2 7, 2 2))"
+    island = "POLYGON ((4 4, 5 4, 5 5, 4 5, 4 4))"
+    text = f"GEOMETRYCOLLECTION ({island}, {ring}, LINESTRING (1 1, 1 8))"
+    occupancy = map_of(tmp_path, text)
+    assert not occupancy.is_occupied(np.array([[4.5, 4.5], [0.5, 0.5], [8, 8]])).any()
+    assert occupancy.is_occupied(np.array([[3, 3], [1.02, 4], [0.98, 4], [-0.5, -0.5]])).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "the geometry is empty"),
+        ("POLYGON EMPTY", "the geometry is empty"),
+        ("POINT (1 1)", "a Point, which is neither ground nor a wall"),
+        (f"GEOMETRYCOLLECTION ({HALL}, POINT (1 1))", "a Point, which"),
+        ("POLYGON ((0 0, 1 0, 1 1))", "closed"),
+        ("POLYGON ((0 0, 1 0, nan 1, 0 0))", "a coordinate is no number"),
+        ("LINESTRING (0 0, 1e400 1)", "a coordinate is no number or farther"),
+        ("LINESTRING (0 0, 2e8 1)", "farther than 1e.08"),
+        (f"{HALL} and more", "ParseException"),
+        (f"{HALL})", "ParseException"),
+        ("hall", "ParseException"),
+        ("GEOMETRYCOLLECTION (" * 100_000 + "POINT (0 0)" + ")" * 100_000, "brackets more than 16 deep"),
+        ("\0", "Exception"),
+    ],
+)
+def test_text_that_is_no_geometry_is_refused_with_what_to_write(text, problem, tmp_path):
+    with pytest.raises(SourceError, match=f"(?s)hall.wkt: .*{problem}.*Write the ground as POLYGON"):
+        map_of(tmp_path, text)
+
+
+def test_a_wall_drawn_far_too_long_is_refused(tmp_path):
+    with pytest.raises(ValueRuleError, match="at most 16777216 cells"):
+        map_of(tmp_path, "LINESTRING (0 0, 1e7 1e7)")
+    zigzag = np.tile([[[0, 0], [90, 90]]], (20_000, 1, 1))
+    with pytest.raises(ValueRuleError, match="at most 16777216 cells long"):
+        occupancy_of(Walls(lines=zigzag), CELL_M, 1.0)
+
+
+def test_doors_in_every_wall_end_in_bounded_time():
+    row = np.linspace(0, 9, 500)
+    walls = np.stack([np.stack([row, 0 * row], axis=-1), np.stack([row, 9 + 0 * row], axis=-1)], axis=1)
+    with pytest.raises(ValueRuleError, match="they may lie in at most 100000 walls"):
+        cut_doors(walls, np.tile([[[0, 4], [9, 4]]], (500, 1, 1)))
+
+
+def test_a_project_file_is_refused_with_what_to_give(tmp_path):
+    with pytest.raises(
+        SourceError, match=r"line 1: .*<JuPedSim>, expected <geometry>. Give the geometry file"
+    ):
+        map_of(tmp_path, "<JuPedSim><geometry>hall.xml</geometry></JuPedSim>")
+
+
+@pytest.mark.parametrize("name", ["hall.wkt", "hall.WKT", "hall.xml"])
+def test_a_geometry_is_a_map_for_every_command(name, tmp_path, capsys):
+    rows = [(0.1 * k, 1, 1 + 0.12 * k, 0.5) for k in range(60)]
+    (tmp_path / "walk.csv").write_text("time,id,x,y\n" + "\n".join(",".join(map(str, row)) for row in rows))
+    (tmp_path / name).write_text(xml([[ROOM]], [[SQUARE]]) if name.endswith("xml") else HALL)
+    main(["info", str(tmp_path / "walk.csv"), "--map", str(tmp_path / name)])
+    assert "16.0 m x 10.0 m" in (said := capsys.readouterr().out)
+    assert "0.0 % of the detections in obstacles, 0.0 % outside" in said
