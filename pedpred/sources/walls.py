@@ -14,6 +14,7 @@ from pedpred.sources.doors import cut_doors
 
 _MOST_CELLS = 2**24
 _BESIDE_M = 0.001  # how far from an open end it is asked which side of it is inside
+_BLOCK_LINES = 1000
 _TOUCH = 1e-6  # a line this close to a cell, in cells, is in it
 
 Rings = tuple[np.ndarray, ...]
@@ -137,17 +138,27 @@ def _block_lines(free: np.ndarray, lines: np.ndarray) -> None:
     cells = np.abs(np.diff(lines, axis=1)).sum()
     if not cells <= _MOST_CELLS:
         raise ValueRuleError("walls [cells]", float(cells), f"they may be at most {_MOST_CELLS} cells long")
-    for start, end in lines:
-        steep = abs(end[1] - start[1]) > abs(end[0] - start[0])
-        (a, at_a), (b, at_b) = sorted((start[::-1], end[::-1]) if steep else (start, end), key=tuple)
-        grid = free.T if steep else free
-        columns = np.arange(max(int(np.floor(a - _TOUCH)), 0), min(int(np.floor(b + _TOUCH)) + 1, len(grid)))
-        slope = (at_b - at_a) / (b - a or 1.0)
-        sides = at_a + slope * (np.clip([columns, columns + 1], a, b) - a)
-        low, high = (
-            np.floor(edge).astype(int) for edge in (sides.min(axis=0) - _TOUCH, sides.max(axis=0) + _TOUCH)
-        )
-        for step in range(int((high - low).max(initial=-1)) + 1):
-            rows = np.minimum(low + step, high)
-            inside = (rows >= 0) & (rows < grid.shape[1])
-            grid[columns[inside], rows[inside]] = False
+    for block in np.array_split(lines, 1 + len(lines) // _BLOCK_LINES):
+        steep = np.abs(block[:, 1, 1] - block[:, 0, 1]) > np.abs(block[:, 1, 0] - block[:, 0, 0])
+        for grid, ours in ((free, block[~steep]), (free.T, block[steep][..., ::-1])):
+            _block_flat_lines(grid, ours)
+
+
+def _block_flat_lines(free: np.ndarray, lines: np.ndarray) -> None:
+    """Block what lines touch that run along columns rather than rows; arguments as in `_block_lines`."""
+    backwards = lines[:, 0, 0] > lines[:, 1, 0]
+    start, end = np.where(backwards[:, None, None], lines[:, ::-1], lines).transpose(1, 2, 0)
+    first = np.maximum(np.floor(start[0] - _TOUCH), 0).astype(int)
+    last = np.minimum(np.floor(end[0] + _TOUCH), len(free) - 1).astype(int)
+    count = np.maximum(last - first + 1, 0)
+    owner = np.repeat(np.arange(len(lines)), count)
+    columns = np.arange(len(owner)) + (first - np.cumsum(count) + count)[owner]
+    run = end[0] - start[0]
+    slope = ((end[1] - start[1]) / np.where(run == 0, 1.0, run))[owner]
+    sides = [np.clip(columns + side, start[0][owner], end[0][owner]) - start[0][owner] for side in (0, 1)]
+    heights = start[1][owner] + slope * np.array(sides)
+    low, high = (np.floor(heights.min(axis=0) - _TOUCH), np.floor(heights.max(axis=0) + _TOUCH))
+    for step in range(int((high - low).max(initial=-1)) + 1):
+        rows = np.minimum(low + step, high).astype(int)
+        inside = (rows >= 0) & (rows < free.shape[1])
+        free[columns[inside], rows[inside]] = False
