@@ -14,6 +14,7 @@ from pedpred.tracking.noise import LEVELS
 OWN = KalmanSettings(0.0278, 0.0548, 1.05)
 BANK = KalmanBank.around(OWN)
 STANDSTILL_MPS = 0.2
+LEARNS = OnlineSettings(learn_noise=True)
 
 
 def walkers(noise_m, interval_s=0.4, seconds=24.0, people=6, seed=0):
@@ -47,21 +48,21 @@ def seen_by(robot, time_s, position):
 
 @pytest.mark.parametrize(("noise_m", "expected_m"), [(0.0, 0.02), (0.02, 0.02), (0.06, 0.0548), (0.1, 0.1)])
 def test_the_level_that_fits_is_used(noise_m, expected_m):
-    used = seen_by(OnlinePredictor.load(), *walkers(noise_m))
+    used = seen_by(OnlinePredictor.load(None, LEARNS), *walkers(noise_m))
     assert BANK.filters[used[-1]].position_noise_m == expected_m
 
 
 def test_nothing_is_learned_where_a_tracker_is_ownor_learning_is_off():
-    for own in (OnlineSettings(tracker=OWN), OnlineSettings(learn_noise=False)):
+    for own in (OnlineSettings(tracker=OWN, learn_noise=True), OnlineSettings()):
         assert len(OnlinePredictor.load(None, own).filters.filters) == 1
-    assert len(OnlinePredictor.load().filters.filters) == 1 + len(LEVELS)
+    assert len(OnlinePredictor.load(None, LEARNS).filters.filters) == 1 + len(LEVELS)
 
 
 @settings(max_examples=8)
 @given(st.sampled_from([0.0, 0.03, 0.1]), st.sampled_from([0.04, 0.1, 0.4]), st.integers(0, 99))
 def test_a_robot_tracks_as_a_recording_is_tracked(noise_m, interval_s, seed):
     time_s, position = walkers(noise_m, interval_s, 40 * interval_s, 3, seed)
-    robot = OnlinePredictor.load()
+    robot = OnlinePredictor.load(None, LEARNS)
     about = robot.description
     tracks = follow(trajectories(time_s, position), "kalman", robot.filters, about.standstill_mps)
     for k, (now, here) in enumerate(zip(time_s, position, strict=True)):
@@ -87,7 +88,7 @@ def test_the_future_changes_nothing():
 
 def test_a_stream_whose_noise_changes_is_followed():
     noise_m = np.where(np.arange(240) < 120, 0.0, 0.1)
-    used = seen_by(OnlinePredictor.load(), *walkers(noise_m, seconds=96.0))
+    used = seen_by(OnlinePredictor.load(None, LEARNS), *walkers(noise_m, seconds=96.0))
     assert [BANK.filters[k].position_noise_m for k in (used[119], used[-1])] == [0.02, 0.1]
 
 
@@ -95,7 +96,7 @@ def test_furniture_teaches_nothing():
     time_s, position = walkers(0.1)
     things = np.tile(np.stack([np.full(20, 60.0), 2.0 * np.arange(20)], axis=1), (len(time_s), 1, 1))
     with_things = np.concatenate([position, things], axis=1)
-    few, many = OnlinePredictor.load(), OnlinePredictor.load()
+    few, many = OnlinePredictor.load(None, LEARNS), OnlinePredictor.load(None, LEARNS)
     np.testing.assert_array_equal(seen_by(few, time_s, position), seen_by(many, time_s, with_things))
     np.testing.assert_allclose(few._weights, many._weights)
 
@@ -114,7 +115,7 @@ def test_exact_detections_are_followed_closer_and_noisy_ones_smoothed_more():
 
 
 def test_learning_ends_with_a_reset_and_not_with_a_jump_of_the_clock():
-    robot = OnlinePredictor.load()
+    robot = OnlinePredictor.load(None, LEARNS)
     seen_by(robot, *walkers(0.1))
     learned = robot._weights
     robot.update(1e6, [1], [[0.0, 0.0]])

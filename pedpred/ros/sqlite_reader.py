@@ -111,11 +111,13 @@ def _whole_pages(path: Path) -> Iterator[Path]:
         if not page or not size % page:
             yield path
             return
-        with tempfile.NamedTemporaryFile(prefix="pedpred-bag-") as copy:
-            file.seek(0)
-            shutil.copyfileobj(file, copy)
-            copy.truncate(size - size % page)
-            yield Path(copy.name)
+        with tempfile.TemporaryDirectory(prefix="pedpred-bag-") as scratch:
+            whole = Path(scratch, path.name)
+            with whole.open("wb") as copy:
+                file.seek(0)
+                shutil.copyfileobj(file, copy)
+                copy.truncate(size - size % page)
+            yield whole
 
 
 def _topics(base: sqlite3.Connection) -> dict[int, Connection]:
