@@ -6,7 +6,7 @@ import argparse
 import copy
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,6 @@ _SCENE = (
     "of TrajNet++, JuPedSim, Vadere, Viswalk, SUMO (FCD), SDD, ATC, THÖR or inD"
 )
 _TRACKER = "a YAML file with acceleration_noise, position_noise_m and initial_speed_mps, as in conf/trackers"
-_LEARN = "`learn`: the noise of the detections is learned along the recording"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -45,13 +44,13 @@ def parser() -> argparse.ArgumentParser:
         "an MCAP file, or .csv, .parquet (default: NAME_forecasts.mcap in the current folder)",
         required=False,
     )
-    _model(command, f"{_TRACKER}; or {_LEARN}", ("learn",))
+    _model(command, _TRACKER)
     grid = "also write the predicted occupancy of every step, in cells of this size, m"
     command.add_argument("--grid", type=_number(float, 0.01, 10.0), metavar="M", help=grid)
     noise = "standard deviation of a detection's coordinate, which ellipses are not to include, m (default 0)"
     command.add_argument("--detection-noise-m", type=_number(float, 0.0, 10.0), default=0.0, help=noise)
     command = _add(commands, evaluate, scenes="+")
-    _model(command, f"{_TRACKER}; {_LEARN}; or `tune`: fit it to the recording itself", ("learn", "tune"))
+    _model(command, f"{_TRACKER}; or `tune`: fit it to the recording itself")
     _conditions(command)
     _measures(command)
     about = "Compile loops now, so that no later command and no robot waits for it."
@@ -171,9 +170,9 @@ def _network(command: argparse.ArgumentParser) -> None:
     command.add_argument("--model", type=_path, help="a model folder (default: the one of the package)")
 
 
-def _model(command: argparse.ArgumentParser, tracker: str, words: Sequence[str]) -> None:
+def _model(command: argparse.ArgumentParser, tracker: str) -> None:
     _network(command)
-    command.add_argument("--tracker", type=lambda text: text if text in words else _path(text), help=tracker)
+    command.add_argument("--tracker", type=lambda text: text if text == "tune" else _path(text), help=tracker)
 
 
 def _conditions(command: argparse.ArgumentParser) -> None:

@@ -80,12 +80,12 @@ def _assessed(
 ) -> dict[str, Scores]:
     """Scores in one scene under the given conditions, without metrics that mean nothing there."""
     meaningless = []
-    learn_noise = tracker == "learn"
-    if isinstance(tracker, str):
-        tracker = None if learn_noise else _tuned(scene)
+    if tracker == "tune":
+        tracker = _tuned(scene)
+    assert not isinstance(tracker, str)
     if given.no_map:
         meaningless += ["obstacle_share"]
-    predictor = robot_for(scene, given.model, tracker, learn_noise=learn_noise)
+    predictor = robot_for(scene, given.model, tracker)
     if given.transform is not None:  # the people of the scene were moved when it was read
         moved = Transform(*given.transform)
         foreign = {name: own.moved(moved) for name, own in foreign.items()}

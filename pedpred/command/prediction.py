@@ -36,10 +36,9 @@ def predict(given: argparse.Namespace) -> None:
     is_table = given.output.suffix in SUFFIXES
     if is_table and given.grid is not None:
         raise ValueRuleError("--grid", given.grid, "a table has no occupancy: the output must end in .mcap")
+    tracker = None if given.tracker is None else read_tracker(Path(given.tracker))
     scene = read_given(given)
-    tracker = read_tracker(given.tracker) if isinstance(given.tracker, Path) else None
-    learn_noise = given.tracker == "learn"
-    predictor = robot_for(scene, given.model, tracker, given.detection_noise_m, learn_noise)
+    predictor = robot_for(scene, given.model, tracker, given.detection_noise_m)
     if not is_table:
         check_recordable(scene, predictor.protocol.horizon_steps, given.grid)
     windows = as_windows(scene, _with_progress(scene, predictor), _METHOD, predictor.protocol)
@@ -57,7 +56,6 @@ def robot_for(
     model: Path | None,
     tracker: KalmanSettings | None = None,
     detection_noise_m: float = 0.0,
-    learn_noise: bool = False,
 ) -> OnlinePredictor:
     """Load a predictor that does not drop people between two detections of this scene.
 
@@ -66,12 +64,9 @@ def robot_for(
         model: a model folder; None: the default one.
         tracker: in place of the model's.
         detection_noise_m: see `OnlineSettings`.
-        learn_noise: see `OnlineSettings`.
     """
     max_age_s = max(0.5, 1.25 * scene.detection_dt_s)
-    settings = OnlineSettings(
-        max_age_s, tracker=tracker, learn_noise=learn_noise, detection_noise_m=detection_noise_m
-    )
+    settings = OnlineSettings(max_age_s, tracker=tracker, detection_noise_m=detection_noise_m)
     return OnlinePredictor.load(model, settings)
 
 

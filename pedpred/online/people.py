@@ -11,9 +11,8 @@ import numpy as np
 from pedpred.features import Pedestrians
 from pedpred.online.frame import Frame
 from pedpred.online.past import Arrays, first_seen, seen_again
-from pedpred.tracking import Belief, KalmanBank, born, corrected, predicted
-from pedpred.tracking.kalman import side_by_side
-from pedpred.tracking.noise import evidence, weigh
+from pedpred.tracking import Belief, KalmanBank
+from pedpred.tracking.noise import weighted
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, jumped
 
 _STATE = {"position": 2, "velocity": 2, "covariance": 3}
@@ -38,7 +37,8 @@ class People:
         ticks: steps of the network. [N]
         memory: the network's state after them, name -> [N, ...] float32
         past: recent detections, see `pedpred.online.past`.
-        filters: beliefs of all filters at `seen_s`: position, velocity, covariance. [N, H, 2 or 3] each
+        filters: beliefs of all filters at `seen_s` (position, velocity, covariance: [N, H, 2 or 3] each) and
+            their log weights (weight: [N, H]).
     """
 
     track_id: np.ndarray
@@ -65,6 +65,7 @@ class People:
         none, pairs, whole = np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.int64)
         empty = {name: np.zeros((0, *shape), np.float32) for name, shape in memory.items()}
         states = {name: np.zeros((0, filters, size)) for name, size in _STATE.items()}
+        states["weight"] = np.zeros((0, filters))
         return cls(
             track_id=whole, life=whole, born_s=none, seen_s=none, detection=pairs, position=pairs,
             velocity=pairs, covariance=np.zeros((0, 3)), heading_rad=none, walked=np.zeros(0, bool),
@@ -107,9 +108,9 @@ class People:
 
 
 def register_detections(
-    people: People, frame: Frame, bank: KalmanBank, weights: np.ndarray, standstill_mps: float, lives: int
-) -> tuple[People, np.ndarray]:
-    """People after the detections of one instant, and the weights of the filters, see `tracking.noise`.
+    people: People, frame: Frame, bank: KalmanBank, standstill_mps: float, lives: int
+) -> People:
+    """People after the detections of one instant.
 
     An unknown id is added; one that jumps (`pedpred.tracking.tracks.jumped`) is somebody else from now on.
 
@@ -117,7 +118,6 @@ def register_detections(
         people: before, at an earlier instant.
         frame: the detections; where it has velocities, nothing is filtered.
         bank: parameters of the filters.
-        weights: log weights of the filters before. [H]
         standstill_mps: below this speed the heading is held.
         lives: number of the next new life.
     """
@@ -130,44 +130,46 @@ def register_detections(
         at, known = _found(people, track_id)
     rows = at[known] if known.sum() < len(people) else slice(None)
     seen, dt_s = position[known], time_s - people.seen_s[rows]
-    count, filters = len(seen), len(bank.filters)
     if velocity is None:
         before = Belief(*(people.filters[name][rows].reshape(-1, size) for name, size in _STATE.items()))
-        since_s, q = np.repeat(dt_s, filters), np.tile(bank.acceleration_noise, count)
-        ahead = predicted(before, since_s, q)
-        where, r = np.repeat(seen, filters, axis=0), np.tile(bank.position_noise_m, count)
-        after = vars(corrected(ahead, since_s, where, r))
-        again = {name: values.reshape(count, filters, _STATE[name]) for name, values in after.items()}
-        if filters > 1:
-            weights = weigh(weights, evidence(bank, ahead, dt_s, seen, standstill_mps))
+        own = bank.follow(before, people.filters["weight"][rows], dt_s, seen, standstill_mps)
     else:
-        again = side_by_side([Belief(seen, velocity[known], np.zeros((count, 3)))] * filters)
-    used = int(weights.argmax())
-    here = {name: np.ascontiguousarray(values[:, used]) for name, values in again.items()}
-    heading, walked = _heading(
-        here["velocity"], people.heading_rad[rows], people.walked[rows], standstill_mps
-    )
+        own = _known_states(bank, seen, velocity[known])
+    here = weighted(*own)
+    heading, walked = _heading(here.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
     moved = {
-        "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, **here
+        "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, **vars(here)
     }  # fmt: skip
     mine = {name: values[rows] for name, values in people.past.items()}
     past = seen_again(mine, people.seen_s[rows], people.detection[rows], time_s, seen)
     changed: dict[str, Any] = {
         name: _written(getattr(people, name), rows, values) for name, values in moved.items()
     }
-    for field, now in (("past", past), ("filters", again)):
+    for field, now in (("past", past), ("filters", _kept(*own))):
         held = getattr(people, field)
         changed[field] = {name: _written(values, rows, now[name]) for name, values in held.items()}
     followed = replace(people, **changed)
     if known.all():
-        return followed, weights
+        return followed
     new = ~known
-    first = [born(position[new], own.position_noise_m, own.initial_speed_mps) for own in bank.filters]
+    count = int(new.sum())
+    first = bank.born(position[new]), bank.unlearned(count)
     if velocity is not None:
-        first = [Belief(position[new], velocity[new], np.zeros_like(own.covariance)) for own in first]
-    life = lives + np.arange(new.sum())
-    newborn = _newborn(people, time_s, track_id[new], life, first, used, standstill_mps)
-    return followed.together(newborn), weights
+        first = _known_states(bank, position[new], velocity[new])
+    life = lives + np.arange(count)
+    return followed.together(_newborn(people, time_s, track_id[new], life, first, standstill_mps))
+
+
+def _known_states(bank: KalmanBank, position: np.ndarray, velocity: np.ndarray) -> tuple[Belief, np.ndarray]:
+    """True states as all filters have them, and weights as before any detection."""
+    where, going = (np.repeat(values, len(bank.filters), axis=0) for values in (position, velocity))
+    return Belief(where, going, np.zeros((len(where), 3))), bank.unlearned(len(position))
+
+
+def _kept(beliefs: Belief, weights: np.ndarray) -> Arrays:
+    """What `People.filters` holds of beliefs, person by person, of each filter."""
+    states = {name: getattr(beliefs, name).reshape(*weights.shape, size) for name, size in _STATE.items()}
+    return {**states, "weight": weights}
 
 
 def _found(people: People, track_id: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -190,12 +192,11 @@ def _newborn(
     time_s: float,
     track_id: np.ndarray,
     life: np.ndarray,
-    beliefs: list[Belief],
-    used: int,
+    own: tuple[Belief, np.ndarray],
     standstill_mps: float,
 ) -> People:
-    """People who are detected for the first time, as each filter believes, and which one is used."""
-    count, belief = len(track_id), beliefs[used]
+    """People who are detected for the first time, with the beliefs of all filters and their weights."""
+    count, belief = len(track_id), weighted(*own)
     now = np.full(count, time_s)
     heading, walked = _heading(belief.velocity, np.zeros(count), np.zeros(count, bool), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
@@ -203,7 +204,7 @@ def _newborn(
     return People(
         track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=belief.position,
         **vars(belief), heading_rad=heading, walked=walked, ticks=np.zeros(count, np.int64), memory=memory,
-        past=past, filters=side_by_side(beliefs),
+        past=past, filters=_kept(*own),
     )  # fmt: skip
 
 

@@ -67,7 +67,7 @@ class OnlinePredictor:
 
     @property
     def filters(self) -> KalmanBank:
-        """The filters among which the tracker chooses."""
+        """The filters that follow each person."""
         return self._bank
 
     @property
@@ -86,10 +86,9 @@ class OnlinePredictor:
         return self._about.protocol
 
     def reset(self) -> None:
-        """Forget everybody, and what was learned of the regions and the noise; the map stays."""
+        """Forget everybody, and what was learned of the regions; the map stays."""
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
         self._regions = Regions.unlearned(self.protocol.horizon_steps, self._settings.detection_noise_m)
-        self._weights = self._bank.unlearned()
         none, answer = np.zeros(0, int), self._network.nobody()
         nobody = self._people.at(none, 0.0), answer.predictions, answer.velocities
         self._last = self._forecast(self._people, self._regions, none, *nobody, 0.0)[1]
@@ -144,12 +143,10 @@ class OnlinePredictor:
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
-        people, weights = register_detections(
-            people, frame, self._bank, self._weights, self._about.standstill_mps, self._lives
-        )
+        people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
         people, rows, observers, predictions, velocities = self._predicted(people, now)
         regions, forecast = self._forecast(people, regions, rows, observers, predictions, velocities, now)
-        self._regions, self._weights, self._lives = regions, weights, self._lives + len(frame.track_id)
+        self._regions, self._lives = regions, self._lives + len(frame.track_id)
         self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
         return forecast
 

@@ -7,7 +7,6 @@ Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications to Tracking and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,11 +48,6 @@ class Belief:
     position: np.ndarray
     velocity: np.ndarray
     covariance: np.ndarray
-
-
-def side_by_side(beliefs: Sequence[Belief]) -> dict[str, np.ndarray]:
-    """Beliefs of H filters about N pedestrians, part by part. [N, H, 2 or 3] each."""
-    return {name: np.stack([getattr(b, name) for b in beliefs], axis=1) for name in vars(beliefs[0])}
 
 
 def born(position: np.ndarray, position_noise_m: float, initial_speed_mps: float) -> Belief:

@@ -1,34 +1,33 @@
-"""Noise of a stream's detections, learned while it runs: several filters side by side, the likeliest is used.
+"""Noise of detections, learned while people walk: several filters per person, weighted by how they fit.
 
 Detectors differ: motion capture and annotated splines are exact to millimetres, cameras to centimetres. A
 filter that expects more noise than there is lags behind every turn, start and stop; one that expects less
-takes noise for motion. So each person is followed by one filter per level of noise, and all people of a
-stream together tell which level fits (multiple-model estimation with a model that does not change: Magill
-1965; Bar-Shalom, Li & Kirubarajan 2001, section 11.6.2). Only people who move count: furniture that is
-detected as people stands without any noise.
+takes noise for motion. So each person is followed by one filter per level of noise, whose states count by
+their likelihood for this person so far (multiple-model estimation with a model that does not change: Magill
+1965; Bar-Shalom, Li & Kirubarajan 2001, section 11.6.2). People are weighed one by one, so that nobody's
+detections change another one's state. Nothing is learned of people who stand.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.tracking.kalman import Belief, KalmanSettings
-from pedpred.tracking.spacing import SPACING_S, TIME_TOLERANCE_S
+from pedpred.tracking.kalman import Belief, KalmanSettings, born, corrected, predicted
+from pedpred.tracking.spacing import SPACING_S
 
 LEVELS = ((0.03, 0.10), (0.0152, 0.0335), (0.05, 0.02))
 """Spectral density of the acceleration, m^2/s^3, and deviation of a detection, m, beside those of a model."""
 
 _GAIT_S = 0.2
 """A filter that lags less than this at a stream's rate follows the sway of every step; it is not used, s."""
-_PRIOR = -5.0
+_PRIOR = -2.0
 """Log weight of each level at the beginning; that of a model's own noise is 0."""
-_LEAST = -50.0
-"""Log weights fall no lower than this below the largest, so that a stream whose noise changes is followed."""
+_LEAST = -10.0
+"""Log weights fall no lower than this below the largest, so that a change of the noise is followed."""
 _FARTHEST = 4.0
 """Misses of more standard deviations count as this many: they are no noise of a detector."""
 
@@ -38,7 +37,7 @@ class KalmanBank:
     """Filters that run side by side.
 
     Attributes:
-        filters: parameters of each; the first one is used until the detections tell otherwise.
+        filters: parameters of each; the first one counts most until the detections tell otherwise.
     """
 
     filters: tuple[KalmanSettings, ...]
@@ -73,11 +72,65 @@ class KalmanBank:
         least_s[0] = 0.0
         return least_s
 
-    def unlearned(self) -> np.ndarray:
-        """Log weights of the filters before any detection. [H]."""
-        weights = np.full(len(self.filters), _PRIOR)
-        weights[0] = 0.0
+    def unlearned(self, people: int) -> np.ndarray:
+        """Log weights of the filters of people who have just appeared. [N, H]."""
+        weights = np.full((people, len(self.filters)), _PRIOR)
+        weights[:, 0] = 0.0
         return weights
+
+    def born(self, detection: np.ndarray) -> Belief:
+        """Beliefs after first detections (m, [N, 2]), person by person, of each filter. N x H."""
+        first = [vars(born(detection, own.position_noise_m, own.initial_speed_mps)) for own in self.filters]
+        sizes = {name: values.shape[1] for name, values in first[0].items()}
+        return Belief(
+            *(
+                np.stack([own[name] for own in first], axis=1).reshape(-1, size)
+                for name, size in sizes.items()
+            )
+        )
+
+    def follow(
+        self,
+        before: Belief,
+        weights: np.ndarray,
+        dt_s: np.ndarray,
+        detection: np.ndarray,
+        standstill_mps: float,
+    ) -> tuple[Belief, np.ndarray]:
+        """Beliefs and log weights after the next detections.
+
+        Args:
+            before: beliefs after the detections before, person by person, of each filter. N x H
+            weights: log weights. [N, H]
+            dt_s: time since those detections, s. [N]
+            detection: m. [N, 2]
+            standstill_mps: below this speed of the first filter somebody stands.
+        """
+        people, filters = weights.shape
+        since_s = np.repeat(dt_s, filters)
+        ahead = predicted(before, since_s, np.tile(self.acceleration_noise, people))
+        where, noise_m = np.repeat(detection, filters, axis=0), np.tile(self.position_noise_m, people)
+        after = corrected(ahead, since_s, where, noise_m)
+        if filters > 1:
+            weights = weights + evidence(self, ahead, dt_s, detection, standstill_mps)
+            weights = np.maximum(weights - weights.max(axis=1, keepdims=True), _LEAST)
+        return after, weights
+
+
+def weighted(beliefs: Belief, weights: np.ndarray) -> Belief:
+    """Mean of each person's beliefs by their weights. [N].
+
+    Args:
+        beliefs: person by person, of each filter. N x H
+        weights: log weights. [N, H]
+    """
+    people, filters = weights.shape
+    if filters == 1:
+        return beliefs
+    share = np.exp(weights)
+    share /= share.sum(axis=1, keepdims=True)
+    parts = (part.reshape(people, filters, part.shape[1]) for part in vars(beliefs).values())
+    return Belief(*((share[:, :, None] * part).sum(axis=1) for part in parts))
 
 
 def evidence(
@@ -105,45 +158,3 @@ def evidence(
     density = counted * (-np.log(2 * np.pi * variance) - np.minimum(miss2, _FARTHEST**2) / 2)
     hasty = np.maximum(dt_s, SPACING_S)[:, None] < bank.shortest_s
     return np.where(hasty, density[:, :1] - counted, density)
-
-
-def weigh(weights: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Log weights after one instant, 0 for the likeliest filter. [H].
-
-    Args:
-        weights: before. [H]
-        found: evidence of everybody who was detected. [N, H]
-    """
-    if not len(found):
-        return weights
-    after = weights + np.cumsum(found, axis=0)[-1]
-    return np.maximum(after - after.max(), _LEAST)
-
-
-def choose_filters(bank: KalmanBank, time_s: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Which filter is used at each detection: the likeliest for all detections of the stream so far. [M].
-
-    Args:
-        bank: the filters.
-        time_s: of the detections, in any order, s. [M]
-        found: evidence of each, see `evidence`. [M, H]
-    """
-    order = np.argsort(time_s, kind="stable")
-    begins = np.flatnonzero(np.diff(time_s[order], prepend=-np.inf) > TIME_TOLERANCE_S)
-    weights, used = bank.unlearned(), np.zeros(len(time_s), int)
-    for rows in np.split(order, begins[1:]) if len(order) else ():
-        weights = weigh(weights, found[rows])
-        used[rows] = weights.argmax()
-    return used
-
-
-def pick(beliefs: Sequence[Belief], used: np.ndarray) -> Belief:
-    """The belief of the filter that is used for each person. [N].
-
-    Args:
-        beliefs: of each filter.
-        used: number of the filter. [N]
-    """
-    rows = np.arange(len(used))
-    parts = ("position", "velocity", "covariance")
-    return Belief(*(np.stack([getattr(b, part) for b in beliefs])[used, rows] for part in parts))

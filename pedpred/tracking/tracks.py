@@ -8,8 +8,8 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
-from pedpred.tracking.kalman import Belief, KalmanSettings, born, corrected, predicted, side_by_side
-from pedpred.tracking.noise import KalmanBank, choose_filters, evidence, pick
+from pedpred.tracking.kalman import Belief, KalmanSettings, born, corrected, predicted
+from pedpred.tracking.noise import KalmanBank, weighted
 from pedpred.tracking.spacing import TIME_TOLERANCE_S, spaced
 
 LOST_AFTER_S = 2.0
@@ -143,7 +143,7 @@ def follow(
     Args:
         trajectories: detections.
         kind: "kalman" filters the positions; "truth" takes the true states of a simulation.
-        kalman: the filter's parameters, for kind "kalman"; of several filters the likeliest so far is used.
+        kalman: the filter's parameters, for kind "kalman", or several filters that are weighted.
         standstill_mps: below this speed the heading is held, m/s.
         lost_after_s: an id that reappears after a longer gap starts a new life, s; one that jumps does, too.
 
@@ -181,20 +181,25 @@ def follow(
 def _filtered_by(
     bank: KalmanBank, time_s: np.ndarray, detection: np.ndarray, age: np.ndarray, standstill_mps: float
 ) -> Belief:
-    """Filter all lives with each filter of a bank; the states of the one that is used each time. [M]."""
-    states = [_filtered(time_s, detection, age, settings) for settings in bank.filters]
-    if len(states) == 1:
-        return states[0]
-    rows = np.flatnonzero(age > 0)
-    dt_s = time_s[rows] - time_s[rows - 1]
-    each = [
-        predicted(Belief(*(part[rows - 1] for part in vars(state).values())), dt_s, own.acceleration_noise)
-        for state, own in zip(states, bank.filters, strict=True)
-    ]
-    ahead = Belief(*(values.reshape(-1, values.shape[-1]) for values in side_by_side(each).values()))
-    found = np.zeros((len(age), len(states)))
-    found[rows] = evidence(bank, ahead, dt_s, detection[rows], standstill_mps)
-    return pick(states, choose_filters(bank, time_s, found))
+    """Filter all lives in parallel with each filter of a bank; their weighted states. [M]."""
+    if len(bank.filters) == 1:
+        return _filtered(time_s, detection, age, bank.filters[0])
+    state = Belief(np.empty_like(detection), np.empty_like(detection), np.empty((len(detection), 3)))
+    beliefs, weights, rows = bank.born(detection[:0]), bank.unlearned(0), np.zeros(0, int)
+    for k in range(int(age.max(initial=-1)) + 1):
+        before, rows = rows, np.flatnonzero(age == k)
+        if k == 0:
+            beliefs, weights = bank.born(detection[rows]), bank.unlearned(len(rows))
+        else:
+            goes_on = np.isin(before, rows - 1, assume_unique=True)
+            beliefs = Belief(
+                *(part[np.repeat(goes_on, len(bank.filters))] for part in vars(beliefs).values())
+            )
+            dt_s = time_s[rows] - time_s[rows - 1]
+            beliefs, weights = bank.follow(beliefs, weights[goes_on], dt_s, detection[rows], standstill_mps)
+        for name, values in vars(state).items():
+            values[rows] = getattr(weighted(beliefs, weights), name)
+    return state
 
 
 def _filtered(time_s: np.ndarray, detection: np.ndarray, age: np.ndarray, settings: KalmanSettings) -> Belief:
