@@ -16,8 +16,8 @@ from tests.worlds import walled_scene
 
 
 def both(scene: Scene, predictor: OnlinePredictor):
-    about, sizes = predictor.description, predictor.protocol
-    request = ask_about_windows(scene, Perception(about.tracker, 0.2, SensorSettings()), sizes)
+    sizes = predictor.protocol
+    request = ask_about_windows(scene, Perception(predictor.filters, 0.2, SensorSettings()), sizes)
     asked = request.asked
     slow = predictions_at(replay_scene(scene, predictor), asked.track_id, asked.time_s, 10, sizes.dt_s)
     which, parts = zip(*predictions_in_blocks(predictor, request, ""), strict=True)
