@@ -71,7 +71,7 @@ def test_a_robot_tracks_as_a_recording_is_tracked(noise_m, interval_s, seed):
     for k, (now, here) in enumerate(zip(time_s, position, strict=True)):
         robot.update(float(now), np.arange(3), here)
         rows = len(time_s) * np.arange(3) + k
-        for name in ("position", "velocity", "covariance", "heading_rad"):
+        for name in ("detection", "position", "velocity", "covariance", "heading_rad"):
             np.testing.assert_array_equal(getattr(robot._people, name), getattr(tracks, name)[rows], name)
 
 

@@ -157,7 +157,8 @@ def register_detections(
     if velocity is not None:
         first = _known_states(bank, position[new], velocity[new])
     life = lives + np.arange(count)
-    return followed.together(_newborn(people, time_s, track_id[new], life, first, standstill_mps))
+    newborn = _newborn(people, time_s, track_id[new], life, position[new], first, standstill_mps)
+    return followed.together(newborn)
 
 
 def _known_states(bank: KalmanBank, position: np.ndarray, velocity: np.ndarray) -> tuple[Belief, np.ndarray]:
@@ -192,17 +193,18 @@ def _newborn(
     time_s: float,
     track_id: np.ndarray,
     life: np.ndarray,
+    position: np.ndarray,
     own: tuple[Belief, np.ndarray],
     standstill_mps: float,
 ) -> People:
-    """People who are detected for the first time, with the beliefs of all filters and their weights."""
+    """People who are first detected at some positions [N, 2]; beliefs of all filters and their weights."""
     count, belief = len(track_id), weighted(*own)
     now = np.full(count, time_s)
     heading, walked = _heading(belief.velocity, np.zeros(count), np.zeros(count, bool), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
     past = first_seen(count, people.past["trail_s"].shape[1])
     return People(
-        track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=belief.position,
+        track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=position,
         **vars(belief), heading_rad=heading, walked=walked, ticks=np.zeros(count, np.int64), memory=memory,
         past=past, filters=_kept(*own),
     )  # fmt: skip
