@@ -11,7 +11,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cached_property
 from typing import Any
 
 from mcap.exceptions import EndOfFile
@@ -23,7 +22,8 @@ from zstandard import frame_content_size
 
 from pedpred.errors import SourceError
 from pedpred.ros.bag_files import BagFile
-from pedpred.ros.decoding import CDR, ROS1, Connection, Decoder
+from pedpred.ros.bag_reader import RecordReader
+from pedpred.ros.decoding import CDR, ROS1, Connection
 from pedpred.ros.unpacking import check_unpacked, unpack
 
 _RECORD_HEAD = struct.Struct("<BQ")
@@ -34,8 +34,8 @@ _LARGEST_RECORD_BYTES, _LARGEST_REST_BYTES = 2**30, 2**28
 _REMEDY = "Give the name of an MCAP file"
 
 
-class McapReader:
-    """MCAP files of one bag. Readers of other storages have the same interface.
+class McapReader(RecordReader):
+    """MCAP files of one bag.
 
     rosbags itself decodes the messages, but reads the files with whatever memory a damaged one asks for.
 
@@ -45,28 +45,9 @@ class McapReader:
 
     def __init__(self, files: Sequence[BagFile]):
         self.metadata: dict[str, dict[str, str]] = {}
-        self._files, self._decoder = files, Decoder()
-
-    @cached_property
-    def connections(self) -> list[Connection]:
-        """Every topic, once; reads the files."""
-        return list(
-            dict.fromkeys(one for file in self._files for one, _, raw in self._walk(file) if raw is None)
-        )
-
-    def messages(self, connections: Sequence[Connection] = ()) -> Iterator[tuple[Connection, int, bytes]]:
-        """Topic, time (ns) and bytes of the messages of some connections (default: all), in file order."""
-        for file in self._files:
-            for connection, time_ns, raw in self._walk(file):
-                if raw is not None and (connection in connections or not connections):
-                    yield connection, time_ns, raw
-
-    def decode(self, raw: bytes, connection: Connection) -> Any:
-        """The message; see `Decoder.decode`."""
-        return self._decoder.decode(raw, connection)
+        super().__init__(files)
 
     def _walk(self, file: BagFile) -> Iterator[tuple[Connection, int, bytes | None]]:
-        """Every channel (without bytes) and every message of a file."""
         schemas: dict[int, Schema] = {0: Schema(0, b"", "", "")}
         channels: dict[int, Connection] = {}
         for record in records(file):

@@ -5,16 +5,16 @@ from __future__ import annotations
 import os
 import struct
 import warnings
-from collections.abc import Iterator, Sequence
-from functools import cached_property
+from collections.abc import Iterator
 from io import BytesIO
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from rosbags.rosbag1.reader import Header, ReaderError, RecordType, normalize
 
 from pedpred.errors import ShapeError
 from pedpred.ros.bag_files import BagFile
-from pedpred.ros.decoding import ROS1, Connection, Decoder
+from pedpred.ros.bag_reader import RecordReader
+from pedpred.ros.decoding import ROS1, Connection
 from pedpred.ros.unpacking import check_unpacked, unpack
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
@@ -25,32 +25,10 @@ _READ = (RecordType.CHUNK, RecordType.CONNECTION, RecordType.MSGDATA)
 _Record = tuple[RecordType, Header, bytes]
 
 
-class Ros1Reader:
-    """The bags of one recording; see `pedpred.ros.mcap_reader.McapReader` for the interface."""
-
-    def __init__(self, files: Sequence[BagFile]):
-        self._files, self._decoder = files, Decoder()
-
-    @cached_property
-    def connections(self) -> list[Connection]:
-        """Every topic, once."""
-        return list(
-            dict.fromkeys(one for file in self._files for one, _, raw in self._walk(file) if raw is None)
-        )
-
-    def messages(self, connections: Sequence[Connection] = ()) -> Iterator[tuple[Connection, int, bytes]]:
-        """Topic, time (ns) and bytes of messages of some connections (default: all), as they were written."""
-        for file in self._files:
-            for connection, time_ns, raw in self._walk(file):
-                if raw is not None and (connection in connections or not connections):
-                    yield connection, time_ns, raw
-
-    def decode(self, raw: bytes, connection: Connection) -> Any:
-        """The message; see `Decoder.decode`."""
-        return self._decoder.decode(raw, connection)
+class Ros1Reader(RecordReader):
+    """The bags of one recording."""
 
     def _walk(self, file: BagFile) -> Iterator[tuple[Connection, int, bytes | None]]:
-        """Every connection (without bytes) and every message of a file."""
         known: dict[int, Connection] = {}
         for kind, header, content in _records(file):
             if kind not in (RecordType.MSGDATA, RecordType.CONNECTION):

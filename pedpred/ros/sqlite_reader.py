@@ -9,13 +9,12 @@ import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from pedpred.errors import SourceError
 from pedpred.ros.bag_files import BagFile
-from pedpred.ros.decoding import Connection, Decoder
+from pedpred.ros.bag_reader import BagReader
+from pedpred.ros.decoding import Connection
 from pedpred.ros.unpacking import LARGEST_CHUNK_BYTES, check_tables
 
 SQLITE_MAGIC = b"SQLite format 3\0"
@@ -23,31 +22,19 @@ _LARGEST_DEFINITION = 2**20
 _HEADER_BYTES, _PAGE_AT, _PAGE_BYTES = 100, 16, struct.Struct(">H")
 
 
-class SqliteReader:
-    """The data bases of one bag; see `pedpred.ros.mcap_reader.McapReader` for the interface."""
+class SqliteReader(BagReader):
+    """The data bases of one bag."""
 
-    def __init__(self, files: Sequence[BagFile]):
-        self._files, self._decoder = files, Decoder()
+    def _connections(self, file: BagFile) -> Iterator[Connection]:
+        with _opened(file) as base:
+            self._define(base)
+            yield from _topics(base).values()
 
-    @cached_property
-    def connections(self) -> list[Connection]:
-        """Every topic, once."""
-        found: dict[Connection, None] = {}
-        for file in self._files:
-            with _opened(file) as base:
-                found |= dict.fromkeys(_topics(base).values())
-                self._define(base)
-        return list(found)
-
-    def messages(self, connections: Sequence[Connection] = ()) -> Iterator[tuple[Connection, int, bytes]]:
-        """Topic, time (ns) and bytes of messages of some connections (default: all), as they were written."""
-        for file in self._files:
-            with _opened(file) as base:
-                yield from _rows(base, file, connections)
-
-    def decode(self, raw: bytes, connection: Connection) -> Any:
-        """The message; see `Decoder.decode`."""
-        return self._decoder.decode(raw, connection)
+    def _messages(
+        self, file: BagFile, connections: Sequence[Connection]
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        with _opened(file) as base:
+            yield from _rows(base, file, connections)
 
     def _define(self, base: sqlite3.Connection) -> None:
         """Note the definitions in a data base; earlier versions have none, and a cut may have taken them."""

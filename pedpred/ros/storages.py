@@ -10,12 +10,13 @@ from mcap.writer import MCAP0_MAGIC
 
 from pedpred.errors import SourceError, brief
 from pedpred.ros.bag_files import unpacked_files
+from pedpred.ros.bag_reader import BagReader
 from pedpred.ros.mcap_reader import McapReader
 from pedpred.ros.ros1_reader import ROS1_MAGIC, Ros1Reader
 from pedpred.ros.sqlite_reader import SQLITE_MAGIC, SqliteReader
 
 _REMEDY = "A bag is .mcap, .db3 or .bag (version 2.0; `rosbag fix` makes it of earlier ones)"
-_READERS: dict[bytes, type[McapReader] | type[SqliteReader] | type[Ros1Reader]] = {
+_READERS: dict[bytes, type[BagReader]] = {
     MCAP0_MAGIC: McapReader,
     SQLITE_MAGIC: SqliteReader,
     ROS1_MAGIC: Ros1Reader,
@@ -23,7 +24,7 @@ _READERS: dict[bytes, type[McapReader] | type[SqliteReader] | type[Ros1Reader]] 
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[McapReader | SqliteReader | Ros1Reader]:
+def opened(path: Path) -> Iterator[BagReader]:
     """Open a file, or the folder of a bag, until the block ends.
 
     Raises:
