@@ -12,32 +12,24 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 
 _LOOKED_AT_BYTES = 2**16
+_TABLE = "Save it as CSV with the columns time,id,x,y"
 _OTHERS = {
-    b"\x1f\x8b": ("a gzip archive", "Unpack it"),
-    b"PK\x03\x04": ("a zip archive or a spreadsheet", "Unpack it, or save the table as CSV"),
-    b"BZh": ("a bzip2 archive", "Unpack it"),
-    b"\xfd7zXZ\x00": ("an xz archive", "Unpack it"),
-    b"\x28\xb5\x2f\xfd": ("a Zstandard archive", "Unpack it"),
-    b"#ROSBAG V": ("a bag of ROS 1", "Give it a name that ends in .bag"),
-    b"PAR1": ("a Parquet file", "Save the table as CSV, or as tracks.parquet of a scene folder"),
-    b"\x93NUMPY": ("an array of NumPy", "Save it as CSV with the columns time,id,x,y"),
-    b"\x80\x04": (
-        "a pickle of Python",
-        "Save it as CSV with the columns time,id,x,y; pickles are not opened",
-    ),
-    b"\x80\x03": (
-        "a pickle of Python",
-        "Save it as CSV with the columns time,id,x,y; pickles are not opened",
-    ),
-    b"\x89HDF\r\n\x1a\n": ("HDF5", "Save its table as CSV with the columns time,id,x,y"),
-    b"MATLAB": ("a file of MATLAB", "Save it as CSV with the columns time,id,x,y"),
-    b"\xff\xfe": ("text in UTF-16", "Save it as UTF-8"),
-    b"\xfe\xff": ("text in UTF-16", "Save it as UTF-8"),
-    b"%PDF": ("a PDF document", "Name the table of tracks"),
-    b"\x89PNG": ("a picture", "Name the table of tracks; pictures are for --map"),
-    b"P5": ("a picture", "Name the table of tracks; pictures are for --map"),
-    b"\xff\xd8\xff": ("a picture", "Name the table of tracks; pictures are for --map"),
+    (b"\x1f\x8b",): ("a gzip archive", "Unpack it"),
+    (b"PK\x03\x04",): ("a zip archive or a spreadsheet", "Unpack it, or save the table as CSV"),
+    (b"BZh",): ("a bzip2 archive", "Unpack it"),
+    (b"\xfd7zXZ\x00",): ("an xz archive", "Unpack it"),
+    (b"\x28\xb5\x2f\xfd",): ("a Zstandard archive", "Unpack it"),
+    (b"#ROSBAG V",): ("a bag of ROS 1", "Give it a name that ends in .bag"),
+    (b"PAR1",): ("a Parquet file", "Save the table as CSV, or as tracks.parquet of a scene folder"),
+    (b"\x93NUMPY",): ("an array of NumPy", _TABLE),
+    (b"\x80\x03", b"\x80\x04"): ("a pickle of Python", f"{_TABLE}; pickles are not opened"),
+    (b"\x89HDF\r\n\x1a\n",): ("HDF5", "Save its table as CSV with the columns time,id,x,y"),
+    (b"MATLAB",): ("a file of MATLAB", _TABLE),
+    (b"\xff\xfe", b"\xfe\xff"): ("text in UTF-16", "Save it as UTF-8"),
+    (b"%PDF",): ("a PDF document", "Name the table of tracks"),
+    (b"\x89PNG", b"P5", b"\xff\xd8\xff"): ("a picture", "Name the table of tracks; pictures are for --map"),
 }
+"""How files begin that are no tracks: what they are, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +71,8 @@ class Beginning:
 
     def foreign(self) -> SourceError | None:
         """The error that names what a file is, if it can be no table; else None."""
-        for magic, (what, remedy) in _OTHERS.items():
-            if self.raw.startswith(magic):
+        for magics, (what, remedy) in _OTHERS.items():
+            if self.raw.startswith(magics):
                 return SourceError(self.path, None, f"this is {what}, which is not read", remedy)
         if self.line().lstrip().startswith("<"):
             found = re.search(r"<([A-Za-z][\w.-]*)", "\n".join(self.lines))
