@@ -26,7 +26,7 @@ def region_outlines(own: Predictions, row: int, step: int, share: float) -> list
     x, y = np.linspace((centre - reach).min(axis=0), (centre + reach).max(axis=0), _CELLS).T
     points = np.stack(np.meshgrid(x, y), axis=-1)
     distance2 = squared_mahalanobis(points[..., None, :] - centre, covariance)
-    density = (weight * np.exp(-negative_log_likelihood(distance2, covariance))).sum(axis=-1)
+    density = np.exp(-negative_log_likelihood(distance2, covariance)) @ weight
     ranked = np.sort(density, axis=None)[::-1]
     level = ranked[np.searchsorted(np.cumsum(ranked), share * ranked.sum())]
     return list(Figure().subplots().contour(x, y, density, [level]).allsegs[0])

@@ -99,7 +99,7 @@ def snapshot_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, 
 
 def lighten(picture: np.ndarray) -> np.ndarray:
     """Turn a colour picture into light grey in a few steps (small files): [rows, columns] uint8."""
-    grey = (picture * [0.299, 0.587, 0.114]).sum(axis=-1)
+    grey = picture.astype(np.float64) @ [0.299, 0.587, 0.114]
     return (255 - _PALE * (255 - np.round(grey / 12) * 12)).astype(np.uint8)
 
 
