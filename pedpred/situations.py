@@ -22,7 +22,7 @@ from pedpred.simulation.worlds.sensing import SensingSettings, sense_world
 from pedpred.simulation.worlds.settings import WorldSettings
 from pedpred.simulation.worlds.views import draw_view
 from pedpred.simulation.worlds.world import KINDS, RECORD_S, simulate_world
-from pedpred.tracking import KalmanSettings, Tracks, follow
+from pedpred.tracking import KalmanBank, KalmanSettings, Tracks, follow
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
 
 Rows = dict[str, np.ndarray]
@@ -36,6 +36,7 @@ class RowSettings:
         seed: of everything but the worlds themselves.
         trackers: parameters of trackers in use.
         used_share: share of the recordings that one of those tracks.
+        learning_share: share of the recordings whose tracker learns the noise of the detections.
         acceleration_noise: of other trackers, m^2/s^3; log-uniform.
         position_noise_m: of other trackers; log-uniform.
         initial_speed_mps: of other trackers.
@@ -49,6 +50,7 @@ class RowSettings:
     seed: int
     trackers: tuple[KalmanSettings, ...] = field(metadata={"each": parsed_kalman})
     used_share: float
+    learning_share: float
     acceleration_noise: Range
     position_noise_m: Range
     initial_speed_mps: Range
@@ -77,21 +79,22 @@ class Recipe:
     standstill_mps: float
 
 
-def draw_tracker(settings: RowSettings, rng: np.random.Generator) -> KalmanSettings:
-    """Draw the parameters of a tracker."""
-    if settings.trackers and rng.random() < settings.used_share:
-        return settings.trackers[rng.integers(len(settings.trackers))]
-    return KalmanSettings(
+def draw_tracker(settings: RowSettings, rng: np.random.Generator) -> KalmanBank:
+    """Draw a tracker: one filter, or several that learn the noise of the detections."""
+    own = KalmanSettings(
         log_uniform(rng, settings.acceleration_noise),
         log_uniform(rng, settings.position_noise_m),
         uniform(rng, settings.initial_speed_mps),
     )
+    if settings.trackers and rng.random() < settings.used_share:
+        own = settings.trackers[rng.integers(len(settings.trackers))]
+    return KalmanBank.around(own, learn_noise=rng.random() < settings.learning_share)
 
 
 def training_rows(
     seen: Scene,
     truth: Trajectories,
-    kalman: KalmanSettings | None,
+    kalman: KalmanBank | None,
     most: int,
     recipe: Recipe,
     rng: np.random.Generator,
@@ -101,7 +104,7 @@ def training_rows(
     Args:
         seen: detections, and the map.
         truth: true paths of the people whom `person_id` of the detections names.
-        kalman: parameters of the tracker; None takes the true states.
+        kalman: filters of the tracker; None takes the true states.
         most: number of rows; fewer where there are not as many.
         recipe: protocol, inputs and variation.
         rng: source of all randomness.

@@ -12,7 +12,7 @@ from pedpred.config import SETS, config_errors, configured, one_of, part, plain,
 from pedpred.datasets.crops import CropSplit
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.evaluation.literature import LiteratureSettings
-from pedpred.features.perception import Standstill, parse_tracker
+from pedpred.features.perception import Following, parse_tracker
 from pedpred.fields import parsed, parsed_each, parsed_together
 from pedpred.forecasting import MethodRow
 from pedpred.models.features import FEATURES
@@ -123,7 +123,7 @@ def _keys(cfg: Params) -> list[str]:
 
 def _online(cfg: Params) -> None:
     with configured("online"):
-        _, rows = parsed_together([Standstill, OnlineRows], part(cfg, "online"))
+        _, rows = parsed_together([Following, OnlineRows], part(cfg, "online"))
     for name, export in rows.exports.items():
         kalman_of(cfg, export.tracker)
         _names(f"online.exports.{name}.network", [export.network], _keys(cfg))

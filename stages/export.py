@@ -1,11 +1,12 @@
 """export@name: a network as a model folder for robots (ONNX, description)."""
 
+from dataclasses import fields
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, stage, stage_key
-from pedpred.features.perception import Standstill
+from pedpred.features.perception import Following
 from pedpred.fields import parsed
 from pedpred.models.export import export_onnx, store_half
 from pedpred.models.lstm.encoding import load_encoder
@@ -21,7 +22,7 @@ def main(cfg: DictConfig) -> None:
     out, about = Path(cfg.get("out", f"models/online/{name}")), one_of("name", name, cfg.online.exports)
     kalman = kalman_of(cfg, about.tracker)
     with configured("online"):
-        standstill = parsed(Standstill, {"standstill_mps": cfg.online.standstill_mps})
+        how = parsed(Following, {field.name: cfg.online[field.name] for field in fields(Following)})
     checkpoint = Path(about.networks, about.network)
     network, made_with = load_network(checkpoint), load_format(checkpoint)
     encoder = None
@@ -34,7 +35,8 @@ def main(cfg: DictConfig) -> None:
         **ends,
         made_with=made_with,
         tracker=kalman,
-        standstill_mps=standstill.standstill_mps,
+        standstill_mps=how.standstill_mps,
+        learn_noise=how.learn_noise,
     )
     origin = {"networks": about.networks, "method": about.network, "tracker": about.tracker}
     origin |= {"weights": "half precision", **describe_network(network, made_with)}

@@ -12,14 +12,14 @@ from omegaconf import DictConfig
 from pedpred.config import SETS, configured, one_of, part, row, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.features import ForecastProtocol, ModelFeatures, extract_blocks
-from pedpred.features.perception import Perception, Standstill, parse_tracker, perceived
+from pedpred.features.perception import Following, Perception, parse_tracker, perceived
 from pedpred.fields import parsed, parsed_together
 from pedpred.models.features import RowFormat, parse_features
 from pedpred.scenes import VARIANTS
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import write_manifest, write_shard
-from pedpred.tracking import KalmanSettings
+from pedpred.tracking import KalmanBank, KalmanSettings
 from pedpred.workers import in_parallel
 
 _MODEL = "lstm"
@@ -32,17 +32,17 @@ def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, Fore
         kalman = parse_tracker(row(cfg, "trackers", source.tracker))
     with configured(f"sensors.{source.sensor}"):
         sensor = parsed(SensorSettings, row(cfg, "sensors", source.sensor))
-    protocol, standstill_mps = protocol_of(cfg)
+    protocol, how = protocol_of(cfg)
     if kalman is None:  # true states need no differences, so inputs cannot leak the future
-        protocol = replace(protocol, noncausal=False)
-    return Perception(kalman, standstill_mps, sensor), protocol
+        return Perception(None, how.standstill_mps, sensor), replace(protocol, noncausal=False)
+    return Perception(KalmanBank.around(kalman, how.learn_noise), how.standstill_mps, sensor), protocol
 
 
-def protocol_of(cfg: Mapping[str, Any]) -> tuple[ForecastProtocol, float]:
-    """Read what all forecasts have in common, and the speed of standing people, m/s."""
+def protocol_of(cfg: Mapping[str, Any]) -> tuple[ForecastProtocol, Following]:
+    """Read what all forecasts have in common, and how people are followed."""
     with configured("protocol"):
-        protocol, standstill = parsed_together([ForecastProtocol, Standstill], part(cfg, "protocol"))
-    return protocol, standstill.standstill_mps
+        protocol, how = parsed_together([ForecastProtocol, Following], part(cfg, "protocol"))
+    return protocol, how
 
 
 def features_of(cfg: Mapping[str, Any], model: str) -> ModelFeatures:

@@ -87,11 +87,11 @@ def main(cfg: DictConfig) -> None:
     """Write data/situations/<kind>/<name>, several worlds or viewings at once."""
     key, jobs_of = stage_key(cfg), one_of("kind", cfg.kind, {"simulated": simulated_jobs, "real": real_jobs})
     out = Path(cfg.get("out") or f"data/situations/{cfg.kind}/{key}")
-    protocol, standstill_mps = protocol_of(cfg)
+    protocol, how = protocol_of(cfg)
     causal = replace(protocol, noncausal=False)  # true states need no differences
     made_with = RowFormat(causal, _MODEL, features_of(cfg, _MODEL))
     with configured("situations.rows"):
-        recipe = Recipe(parsed(RowSettings, plain(cfg.situations.rows)), made_with, standstill_mps)
+        recipe = Recipe(parsed(RowSettings, plain(cfg.situations.rows)), made_with, how.standstill_mps)
     jobs = jobs_of(cfg, key, recipe)
     columns = situation_columns(made_with)
     tasks = [(out, name, columns, make, *rest) for name, make, rest in jobs]

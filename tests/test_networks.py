@@ -15,6 +15,7 @@ from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.registry import ARCHITECTURES, load_network, parse_settings
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replay_scene
+from pedpred.tracking import KalmanBank
 from pedpred.training import SequenceLearner, train
 from tests.exported import LSTM_ROWS, TRACKER, write_model, write_network
 from tests.test_learning import QUICK, toy_data
@@ -57,7 +58,7 @@ def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypat
 def test_modes_travel_from_the_network_to_the_robot(network, tmp_path):
     """Offline and online give the same modes, the most likely one first."""
     protocol, scene = MADE_WITH.protocol, walled_scene(np.random.default_rng(1), 0.3)
-    request = ask_about_windows(scene, Perception(TRACKER, 0.2), protocol)
+    request = ask_about_windows(scene, Perception(KalmanBank.around(TRACKER), 0.2), protocol)
     table = request.table
     everybody = dataclasses.replace(request, rows=np.arange(len(table)))
     offline = NetworkForecaster(network, MADE_WITH.features, None)(everybody)

@@ -11,13 +11,14 @@ from pedpred.features.perception import Perception
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.caution import NEWBORN, YOUNG_S
 from pedpred.online.replay import predictions_at, replay_scene
+from pedpred.tracking import KalmanBank
 from tests.exported import TRACKER, forecaster_of
 from tests.worlds import jittered, recorded, walled_scene
 
 
 def everything_asked(scene, kind):
     """A request for a forecast of every detection, window or not."""
-    how = Perception(TRACKER if kind == "kalman" else None, 0.2)
+    how = Perception(KalmanBank.around(TRACKER) if kind == "kalman" else None, 0.2)
     request = ask_about_windows(scene, how, ForecastProtocol())
     return dataclasses.replace(request, rows=np.arange(len(request.table)))
 

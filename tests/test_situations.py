@@ -202,10 +202,11 @@ def test_viewings_differ_and_repeat(rate_hz):
 
 def test_trackers_are_drawn_from_what_is_set():
     rng, settings = np.random.default_rng(0), ROWS
-    drawn = [draw_tracker(settings, rng) for _ in range(500)]
-    assert np.mean([tracker in settings.trackers for tracker in drawn]) == pytest.approx(0.4, abs=0.07)
-    assert all(0.012 <= tracker.acceleration_noise <= 0.4 for tracker in drawn)
-    assert draw_tracker(replace(ROWS, trackers=()), rng) not in settings.trackers
+    drawn = [draw_tracker(settings, rng).filters for _ in range(500)]
+    assert np.mean([own[0] in settings.trackers for own in drawn]) == pytest.approx(0.4, abs=0.07)
+    assert all(0.012 <= own[0].acceleration_noise <= 0.4 for own in drawn)
+    assert np.mean([len(own) > 1 for own in drawn]) == pytest.approx(settings.learning_share, abs=0.07)
+    assert draw_tracker(replace(ROWS, trackers=()), rng).filters[0] not in settings.trackers
 
 
 def test_the_configured_sets_are_valid():

@@ -21,7 +21,7 @@ from pedpred.simulation.worlds import (
     simulate_world,
 )
 from pedpred.simulation.worlds.corridors import draw_corridor
-from pedpred.simulation.worlds.floors import ground_cells
+from pedpred.simulation.worlds.floors import close_openings, ground_cells
 from pedpred.simulation.worlds.heads import Sway, move_to_heads
 from pedpred.simulation.worlds.journeys import form_groups, single
 from pedpred.simulation.worlds.models import draw_model
@@ -33,7 +33,8 @@ from pedpred.storage.scenes import read_scene, write_scene
 from tests.scenes import assert_same
 from tests.simulated import SENSING, WORLDS, read, short_worlds
 
-SETTINGS = short_worlds(20.0, warm_up_s=8.0)
+OPEN = short_worlds(20.0, warm_up_s=8.0)
+SETTINGS = replace(OPEN, room=replace(OPEN.room, closed_share=0.0))
 SEEDS = range(4)
 EVERYTHING = Area(np.full(2, -1e9), np.full(2, 1e9))
 
@@ -104,10 +105,53 @@ def test_people_in_rooms_stay_and_visit_places(worlds):
     assert changes > 3
 
 
-def test_lone_people_walk_straight_or_stand(worlds):
-    for track in tracks(worlds["lone", 0].trajectories):
+def lone(**changes):
+    """The tracks of a world of lone people."""
+    settings = replace(SETTINGS, lone=replace(SETTINGS.lone, people=200, **changes))
+    return tracks(simulate_world("lone", 0, settings).trajectories)
+
+
+def test_lone_people_who_do_not_meander_walk_straight_or_stand():
+    for track in lone(straight_share=1.0):
         path = track.position[0] + track.velocity[0] * (track.time_s - track.time_s[0])[:, None]
         np.testing.assert_allclose(track.position, path, atol=1e-6)
+
+
+def test_lone_people_turn_as_fast_as_their_range_says():
+    """The turn rate has the deviation that is set, and a correlation that decays in `turn_s`."""
+    own = {"turn_radps": (0.3, 0.3), "turn_s": (1.5, 1.5), "halting_share": 0.0, "standing_share": 0.0}
+    velocity = np.stack([track.velocity for track in lone(straight_share=0.0, **own)])
+    turn = np.diff(np.unwrap(np.arctan2(velocity[..., 1], velocity[..., 0])), axis=1) / 0.1
+    assert turn.std() == pytest.approx(0.3, rel=0.05)
+    assert (turn[:, 15:] * turn[:, :-15]).mean() / turn.var() == pytest.approx(np.exp(-1.0), abs=0.08)
+
+
+def test_lone_people_halt_as_often_and_as_long_as_their_ranges_say():
+    own = {"halt_rate_hz": (0.1, 0.1), "halt_s": (5.0, 5.0), "unsteady": (1e-6, 1e-6), "standing_share": 0.0}
+    everybody = lone(straight_share=0.0, halting_share=1.0, **own)
+    slow = [np.linalg.norm(track.velocity, axis=1) < 0.5 * track.desired_speed_mps for track in everybody]
+    assert np.mean(slow) == pytest.approx(0.1 * 5.0 / (1 + 0.1 * 5.0), abs=0.05)
+
+
+def test_a_map_with_closed_openings_shows_less_and_people_pass_them():
+    settings = replace(OPEN, room=replace(OPEN.room, closed_share=1.0, closed_m=(2.0, 2.0)))
+    passed = 0
+    for seed in SEEDS:
+        truth, coarse = (simulate_world("room", seed, own) for own in (SETTINGS, settings))
+        assert coarse.occupancy.occupied[truth.occupancy.occupied].all()
+        passed += coarse.occupancy.is_occupied(coarse.trajectories.position).sum()
+    assert passed > 10
+
+
+@pytest.mark.parametrize(("width", "closed"), [(0.6, True), (1.4, False)])
+def test_openings_are_closed_that_are_narrower_than_the_width(width, closed):
+    free = ground_cells((10.0, 6.0), True)
+    free[48:52] = False
+    free[48:52, 20 : 20 + round(width * 10)] = True
+    occupied = close_openings(~free, 1.1)
+    assert occupied[50, 20 + round(width * 5)] == closed
+    assert not occupied[:40].any()
+    assert not occupied[60:].any()
 
 
 def test_corridors_have_all_forms():
@@ -135,11 +179,10 @@ def calm(collision_free, leave=True):
         dense_collision_free_share=share,
         published_share=1.0,
         noise_mps2=(0, 0),
-        wander_rad=(0, 0),
-        unsteady=(0, 0),
         unseen_weight=(0.3, 0.3),
     )
-    return draw_model(settings, False, 0.5, 0.8, leave, np.random.default_rng(0))
+    drawn = draw_model(settings, False, 0.5, 0.8, leave, np.random.default_rng(0))
+    return drawn._replace(wander_rad=0.0, unsteady=0.0)
 
 
 def one_way(per_s, collision_free, groups=0.0, standing_s=0.0, seconds=40.0):
@@ -338,9 +381,8 @@ def test_drawn_sensors_stay_in_their_ranges_and_repeat():
     draws = [draw_sensor(SENSING, np.random.default_rng(n)) for n in range(200)]
     assert draws[3] == draw_sensor(SENSING, np.random.default_rng(3))
     assert {sensor.rate_hz for sensor, _ in draws} == set(SENSING.rates_hz)
-    assert all(
-        0.005 <= sensor.position_noise_m <= 0.1 and sensor.drop_out_share <= 0.12 for sensor, _ in draws
-    )
+    least, most = SENSING.noise_m
+    assert all(least <= own.position_noise_m <= most and own.drop_out_share <= 0.12 for own, _ in draws)
     assert 0.3 < np.mean([sensor.switch_share == 0 for sensor, _ in draws]) < 0.8
 
 

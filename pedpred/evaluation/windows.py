@@ -12,7 +12,7 @@ from pedpred.features.perception import Perception, perceived
 from pedpred.forecasting import ForecastRequest
 from pedpred.scenes import Scene
 from pedpred.simulation.settings import SocialForceSettings
-from pedpred.tracking import KalmanSettings
+from pedpred.tracking import KalmanBank
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LOG = logging.getLogger(__name__)
@@ -38,7 +38,8 @@ def ask_about_windows(
     seen, tracks = perceived(scene, how, sizes)
     table = extract_at_detections(seen, tracks, sizes, scene.trajectories)
     clock = extract(seen, tracks, sizes, truth=scene.trajectories) if memory else None
-    tracker = how.kalman if isinstance(how.kalman, KalmanSettings) and not sizes.noncausal else None
+    tracker = how.kalman.filters[0] if isinstance(how.kalman, KalmanBank) else how.kalman
+    tracker = None if sizes.noncausal else tracker
     rows = find_windows(table, sizes)
     every_s, noise_m = seen.detection_dt_s, how.sensor.position_noise_m
     return ForecastRequest(scene, table, sizes, rows, tracker, every_s, social_force, clock, tracks, noise_m)

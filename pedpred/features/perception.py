@@ -25,14 +25,17 @@ from pedpred.tracking import KalmanBank, KalmanSettings, Tracks, follow, resampl
 
 
 @dataclass(frozen=True, kw_only=True)
-class Standstill:
-    """When somebody stands.
+class Following:
+    """How people are followed, whatever the tracker's parameters.
 
     Attributes:
         standstill_mps: below this speed the heading is held, m/s.
+        learn_noise: whether a tracker learns the noise of each person's detections, see
+            `pedpred.tracking.noise`.
     """
 
     standstill_mps: float
+    learn_noise: bool
 
     def __post_init__(self) -> None:
         check_ranges(self, {"standstill_mps": "[0, 100]"})
@@ -43,8 +46,8 @@ class Perception:
     """How people are perceived.
 
     Attributes:
-        kalman: parameters of the tracker, or of filters among which it chooses; None takes the true states of
-            a simulation.
+        kalman: parameters of the tracker, or filters that are weighted; None takes the true states of a
+            simulation.
         standstill_mps: below this speed the heading is held, m/s.
         sensor: faults between people and tracker.
     """

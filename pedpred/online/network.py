@@ -52,6 +52,7 @@ class ModelDescription:
         made_with: protocol of the forecasts, and what the inputs are.
         tracker: noise of the tracker that filters the positions.
         standstill_mps: below this speed a pedestrian keeps its heading, m/s.
+        learn_noise: whether the tracker learns the noise of each person's detections.
     """
 
     inputs: tuple[str, ...]
@@ -60,6 +61,7 @@ class ModelDescription:
     made_with: RowFormat
     tracker: KalmanSettings
     standstill_mps: float
+    learn_noise: bool = True
 
     def __post_init__(self) -> None:
         check_ranges(self.protocol, _PROTOCOL)
@@ -143,6 +145,7 @@ def read_description(folder: Path) -> ModelDescription:
             RowFormat.parse(about),
             KalmanSettings(**about["tracker"]),
             float(about["standstill_mps"]),
+            bool(about.get("learn_noise", True)),
         )
 
 

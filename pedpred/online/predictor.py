@@ -44,8 +44,10 @@ class OnlinePredictor:
         self._network = ExportedNetwork(folder, self._about)
         self._settings = settings or OnlineSettings()
         self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
-        own, learns = self._about.tracker, self._settings.learn_noise and self._settings.tracker is None
-        self._bank = KalmanBank.around(own) if learns else KalmanBank((own,))
+        learns = self._settings.learn_noise
+        if learns is None:
+            learns = self._about.learn_noise and self._settings.tracker is None
+        self._bank = KalmanBank.around(self._about.tracker, learns)
         self._map = _NO_MAP
         self.reset()
 

@@ -18,8 +18,8 @@ class OnlineSettings:
         max_age_s: a person is present while the last detection is at most this old, s.
         snap_s: a step that became due at most this long before a frame is taken with the frame, s.
         tracker: noise of the detections and of walking; None: what the model folder says.
-        learn_noise: without a `tracker`, learn the noise of each person's detections, see
-            `pedpred.tracking.noise`.
+        learn_noise: learn the noise of each person's detections, see `pedpred.tracking.noise`; None: no
+            if there is a `tracker`, otherwise what the model folder says.
         detection_noise_m: standard deviation of a detection's coordinate, m. Regions of probability learn
             from detections, and without it they become large enough to hold the detector's noise, too.
     """
@@ -27,7 +27,7 @@ class OnlineSettings:
     max_age_s: float = 0.5
     snap_s: float = 0.05
     tracker: KalmanSettings | None = None
-    learn_noise: bool = True
+    learn_noise: bool | None = None
     detection_noise_m: float = 0.0
 
     def __post_init__(self) -> None:
@@ -36,4 +36,4 @@ class OnlineSettings:
     @classmethod
     def as_offline(cls, protocol: ForecastProtocol, detection_dt_s: float) -> OnlineSettings:
         """What makes a replay give the pipeline's forecasts, for detections `detection_dt_s` apart."""
-        return cls(protocol.max_age_intervals * detection_dt_s, TIME_TOLERANCE_S, learn_noise=False)
+        return cls(protocol.max_age_intervals * detection_dt_s, TIME_TOLERANCE_S)

@@ -47,8 +47,10 @@ class KalmanBank:
             raise ValueRuleError("filters", self.filters, "there must be one at least")
 
     @classmethod
-    def around(cls, own: KalmanSettings) -> KalmanBank:
-        """The levels of noise that streams have, beside a model's own, which comes first."""
+    def around(cls, own: KalmanSettings, learn_noise: bool = True) -> KalmanBank:
+        """A model's own filter, and one for each level of noise that streams have if the noise is learned."""
+        if not learn_noise:
+            return cls((own,))
         levels = (KalmanSettings(q, r, own.initial_speed_mps) for q, r in LEVELS)
         return cls((own, *levels))
 

@@ -107,6 +107,12 @@ def move_onto_free(free: np.ndarray, points: np.ndarray, clear_m: float) -> np.n
     return np.where(narrow[i, j][:, None], moved, inside)
 
 
+def close_openings(occupied: np.ndarray, width_m: float) -> np.ndarray:
+    """Occupied cells of a coarse map, or one with closed doors: narrower openings are filled. [X, Y] bool."""
+    near = clearance_m(~occupied) <= width_m / 2
+    return occupied | (clearance_m(near) > width_m / 2)
+
+
 def show_on_map(free: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Occupied cells as a map may show them: all that is not walkable, or walls around it. [X, Y] bool."""
     if rng.random() < 0.5:

@@ -108,11 +108,13 @@ class Stage(NamedTuple):
         floor: the ground.
         visitors: the people; their start counts from the beginning of the warm-up.
         whole_map: whether the map shows all that is not walkable; otherwise it may show walls only.
+        closed_m: openings narrower than this are closed on the map, though people pass.
     """
 
     floor: Floor
     visitors: Visitors
     whole_map: bool
+    closed_m: float = 0.0
 
 
 def single(start_s: np.ndarray, entry: np.ndarray, goal: np.ndarray) -> Journeys:

@@ -75,9 +75,9 @@ class ModelSettings:
         wall_push: of walls on the direction.
         wall_range_m: of this push.
         noise_mps2: random acceleration.
-        wander_rad: deviation of the direction.
+        wander_rad: deviation of the direction; log-uniform.
         wander_s: its correlation time.
-        unsteady: deviation of the speed, as a share.
+        unsteady: deviation of the speed, as a share; log-uniform.
     """
 
     collision_free_share: float
@@ -99,10 +99,10 @@ class ModelSettings:
     unsteady: Range
 
     def __post_init__(self) -> None:
-        positive = "strength range_m border_strength border_range_m direction_range_m wall_range_m wander_s"
-        others = "anticipation_s noise_mps2 wander_rad direction_push wall_push"
-        check_intervals(self, {"(0, 1000]": positive, "[0, 1000]": others})
-        check_intervals(self, {"[0, 1]": "unseen_weight", "[0, 0.5]": "unsteady"})
+        positive = "strength range_m border_strength border_range_m direction_range_m wall_range_m"
+        others = "anticipation_s noise_mps2 direction_push wall_push"
+        check_intervals(self, {"(0, 1000]": f"{positive} wander_rad wander_s", "[0, 1000]": others})
+        check_intervals(self, {"[0, 1]": "unseen_weight", "(0, 0.5]": "unsteady"})
 
 
 def draw_model(
@@ -128,9 +128,9 @@ def draw_model(
         wall_push=uniform(rng, settings.wall_push),
         wall_range_m=uniform(rng, settings.wall_range_m),
         noise_mps2=uniform(rng, settings.noise_mps2),
-        wander_rad=uniform(rng, settings.wander_rad),
+        wander_rad=log_uniform(rng, settings.wander_rad),
         wander_s=uniform(rng, settings.wander_s),
-        unsteady=uniform(rng, settings.unsteady),
+        unsteady=log_uniform(rng, settings.unsteady),
         spacing_m=spacing_m,
         reach_m=reach_m,
         leave=leave,

@@ -23,16 +23,21 @@ class RoomSettings:
         side_difference_m: largest difference between the sides of one room.
         clutter: the generator of rooms; `side_m` holds the sides of all rooms.
         visits: who walks.
+        closed_share: share of the rooms whose map shows narrow openings closed; people pass all the same.
+        closed_m: openings narrower than this are.
     """
 
     duration_s: float
     side_difference_m: float
+    closed_share: float
+    closed_m: Range
     clutter: ClutterSettings = nested(ClutterSettings)
     visits: VisitSettings = nested(VisitSettings)
 
     def __post_init__(self) -> None:
         least, most = self.clutter.side_m
         check_intervals(self, {"(0, 36000]": "duration_s", f"[0, {most - least}]": "side_difference_m"})
+        check_intervals(self, {"(0, 10]": "closed_m"})
 
 
 def draw_room(settings: RoomSettings, rng: np.random.Generator) -> Floor:
@@ -46,4 +51,6 @@ def draw_room(settings: RoomSettings, rng: np.random.Generator) -> Floor:
 def set_up_room(settings: RoomSettings, duration_s: float, rng: np.random.Generator) -> Stage:
     """Draw a room and its people during some time (with the warm-up)."""
     floor = draw_room(settings, rng)
-    return Stage(floor, draw_visits(floor, settings.visits, duration_s, rng), whole_map=True)
+    visitors = draw_visits(floor, settings.visits, duration_s, rng)
+    closed_m = uniform(rng, settings.closed_m) if rng.random() < settings.closed_share else 0.0
+    return Stage(floor, visitors, whole_map=True, closed_m=closed_m)

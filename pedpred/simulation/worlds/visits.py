@@ -13,8 +13,9 @@ from pedpred.simulation.worlds.drawing import check_intervals, log_uniform, unif
 from pedpred.simulation.worlds.floors import CELL_M, Area, Floor, draw_points
 from pedpred.simulation.worlds.journeys import Journeys, Visitors, draw_number
 
-_REACH_M = 0.6
+_REACH_M = 0.45
 _SPACING_M = 0.3
+_AT_WALLS_M = 0.3  # clearance of the places: people walk up to shelves and walls
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def draw_visits(
     per_m2 = settings.dense_per_m2 if dense else settings.per_m2
     count = draw_number(float(floor.free.sum()) * CELL_M**2, per_m2, settings.people, rng)
     everywhere = Area(np.zeros(2), floor.size_m)
-    target = draw_points(floor.free, everywhere, settings.targets, 0.55, rng)
+    target = draw_points(floor.free, everywhere, settings.targets, _AT_WALLS_M, rng)
     pool = TargetPool(target, np.arange(len(target)))
     plan = draw_visiting_plans(pool, count, settings.legs, settings.least_leg_m, rng)
     pauses = uniform(rng, settings.pausing_people) if rng.random() < settings.pausing_share else 0.0

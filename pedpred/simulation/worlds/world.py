@@ -19,7 +19,7 @@ from pedpred.simulation.settings import RoutingSettings
 from pedpred.simulation.worlds.bottlenecks import BottleneckSettings, set_up_bottleneck
 from pedpred.simulation.worlds.corridors import CorridorSettings, set_up_corridor
 from pedpred.simulation.worlds.drawing import uniform
-from pedpred.simulation.worlds.floors import CELL_M, show_on_map
+from pedpred.simulation.worlds.floors import CELL_M, close_openings, show_on_map
 from pedpred.simulation.worlds.journeys import Journeys, Stage, State
 from pedpred.simulation.worlds.lone import LoneSettings, simulate_lone_people
 from pedpred.simulation.worlds.models import WalkingModel, draw_model
@@ -72,8 +72,10 @@ def _simulate_visitors(
         name: of the scene.
         rng: source of all randomness.
     """
-    floor, visitors, whole_map = set_up(own, settings.warm_up_s + own.duration_s, rng)
+    floor, visitors, whole_map, closed_m = set_up(own, settings.warm_up_s + own.duration_s, rng)
     occupied = ~floor.free if whole_map else show_on_map(floor.free, rng)
+    if closed_m > 0:
+        occupied = close_openings(occupied, closed_m)
     model = draw_model(
         settings.model, visitors.dense, visitors.spacing_m, visitors.reach_m, visitors.leave, rng
     )
