@@ -19,10 +19,10 @@ from pedpred.errors import ValueRuleError
 from pedpred.tracking.kalman import Belief, KalmanSettings, born, corrected, predicted
 from pedpred.tracking.spacing import SPACING_S
 
-LEVELS = ((0.03, 0.10), (0.0152, 0.0335), (0.05, 0.02))
+LEVELS = ((0.03, 0.10), (0.0152, 0.0335), (0.05, 0.02), (0.1, 0.006))
 """Spectral density of the acceleration, m^2/s^3, and deviation of a detection, m, beside those of a model."""
 
-_GAIT_S = 0.2
+_GAIT_S = 0.1
 """A filter that lags less than this at a stream's rate follows the sway of every step; it is not used, s."""
 _PRIOR = -2.0
 """Log weight of each level at the beginning; that of a model's own noise is 0."""

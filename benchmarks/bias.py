@@ -1,0 +1,83 @@
+"""How far people go and how far they are forecast to go: `python -m benchmarks.bias [FILE ...]`.
+
+Mean displacement along the heading after the whole horizon, m, by present speed, with and without the map,
+of the truth, the network and constant velocity. A network that is right about starts and stops is right in
+each row.
+Without files: the places in data/scenes/real, on which the shipped network was trained.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.timing import needed, tell
+from pedpred.baselines.present_motion import PRESENT_MOTION
+from pedpred.command.conversion import read_any
+from pedpred.command.prediction import robot_for
+from pedpred.evaluation.scores import integrate_truth
+from pedpred.evaluation.windows import ask_about_windows
+from pedpred.features.perception import Perception
+from pedpred.online import OnlinePredictor
+from pedpred.online.batch import predictions_in_blocks
+from pedpred.online.settings import OnlineSettings
+from pedpred.scenes import OccupancyMap, Scene
+from pedpred.storage.scenes import scene_folders
+
+SPEEDS_MPS = (0.0, 0.2, 0.5, 1.0, 10.0)
+FEWEST = 30
+"""Windows of a row that is printed."""
+
+
+def ahead_m(scene: Scene, model: Path | None) -> dict[str, np.ndarray]:
+    """Displacement of each window along the heading, m, and the present speed, m/s. [W] each."""
+    age_s = robot_for(scene, None).settings.max_age_s
+    predictor = OnlinePredictor.load(model, OnlineSettings(age_s))
+    about, sizes = predictor.description, predictor.protocol
+    how = Perception(predictor.filters, about.standstill_mps)
+    request = replace(ask_about_windows(scene, how, sizes, memory=False), tracker=None)
+    asked = request.asked
+    heading = np.stack([np.cos(asked.heading_rad), np.sin(asked.heading_rad)], axis=-1)
+    network = np.empty((len(asked.time_s), 2))
+    for which, forecast in predictions_in_blocks(predictor, request, f"forecast {scene.name}"):
+        network[which] = forecast.mean[:, -1]
+    ends = {"truth": integrate_truth(asked, sizes.dt_s)[:, -1], "network": network}
+    ends["cv"] = PRESENT_MOTION["cv"]()(request).mean[:, -1]
+    along = {name: ((end - asked.position) * heading).sum(axis=-1) for name, end in ends.items()}
+    return along | {"speed": np.hypot(*asked.velocity.T)}
+
+
+def rows_of(scene: Scene, map_: str, model: Path | None) -> list[dict[str, object]]:
+    """One row per range of speeds."""
+    found, rows = ahead_m(scene, model), []
+    for low, high in pairwise(SPEEDS_MPS):
+        some = (found["speed"] >= low) & (found["speed"] < high)
+        if some.sum() >= FEWEST:
+            means = {name: float(found[name][some].mean()) for name in ("truth", "network", "cv")}
+            row = {"place": scene.name, "map": map_, "speed, m/s": f"{low}-{high}", "windows": some.sum()}
+            rows.append({**row, **means, "network - truth": means["network"] - means["truth"]})
+    return rows
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
+    parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
+    given = parser.parse_args()
+    rows = []
+    for path in given.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest")):
+        scene = read_any(path)
+        rows += rows_of(scene, "yes", given.model)
+        if scene.occupancy.occupied.any():
+            free = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
+            rows += rows_of(replace(scene, occupancy=free), "no", given.model)
+    tell("displacement after 3 s, m", rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""Lone walkers, straight and curving, beside the best filter of each case: `python -m benchmarks.curves`.
+
+People walk alone on free ground at 0.9 to 1.6 m/s; their turn rate wanders, correlated over 1.5 s. The Kalman
+filter knows the noise of the detections, and its process noise is the best of a grid for each case, chosen by
+its own error: more than a tracker can know. A network that has learned how people turn is not worse.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.timing import tell
+from pedpred.baselines.kalman import kalman_velocity
+from pedpred.evaluation import EvaluationSettings
+from pedpred.evaluation.scores import integrate_truth
+from pedpred.evaluation.windows import ask_about_windows
+from pedpred.features import ForecastProtocol
+from pedpred.features.perception import Perception
+from pedpred.metrics import METRICS
+from pedpred.online import OnlinePredictor
+from pedpred.online.assessment import assess
+from pedpred.online.settings import OnlineSettings
+from pedpred.scenes import Scene
+from pedpred.simulation.sensor import SensorSettings
+from pedpred.simulation.worlds.lone import LoneSettings, simulate_lone_people
+from pedpred.tracking import KalmanSettings
+
+TURNS_RADPS, RATES_HZ, NOISES_M = (0.0, 0.15, 0.4), (2.5, 10.0, 25.0), (0.0, 0.05, 0.1)
+PROCESS_NOISES = np.geomspace(1e-4, 3.0, 12)
+_STEP_S, _EXACT_M = 0.02, 0.002
+_LEVEL_M = 0.005
+"""Errors below this are nothing to compare."""
+
+
+def walkers(turn_radps: float, people: int) -> Scene:
+    """Lone people who turn so, every 0.02 s."""
+    never = (1e-6, 1e-6)
+    settings = LoneSettings(
+        duration_s=20.0,
+        people=people,
+        standing_share=0.0,
+        speed_mps=(0.9, 1.6),
+        straight_share=0.0 if turn_radps else 1.0,
+        turn_radps=(turn_radps or 1.0,) * 2,
+        turn_s=(1.5, 1.5),
+        unsteady=never,
+        halting_share=0.0,
+        halt_rate_hz=never,
+        halt_s=(1.0, 1.0),
+        relaxation_s=(1.0, 1.0),
+    )
+    scene = simulate_lone_people(settings, _STEP_S, f"turning_{turn_radps}", np.random.default_rng(1))
+    return replace(scene, trajectories=replace(scene.trajectories, velocity=None))
+
+
+def network_m(scene: Scene, sensor: SensorSettings, model: Path | None) -> float:
+    """Error of the network with the robot's tracker, m."""
+    predictor = OnlinePredictor.load(model, OnlineSettings(1.25 / sensor.rate_hz))
+    scores = assess(scene, predictor, EvaluationSettings(), sensor, metrics={"ade_m": METRICS["ade_m"]})
+    return float(np.nanmean(scores["network"].values["ade_m"]))
+
+
+def filter_m(scene: Scene, sensor: SensorSettings) -> float:
+    """Error of the best Kalman filter, m."""
+    sizes, noise_m = ForecastProtocol(), max(sensor.position_noise_m, _EXACT_M)
+    errors = []
+    for q in PROCESS_NOISES:
+        how = Perception(KalmanSettings(float(q), noise_m), 0.2, sensor)
+        request = ask_about_windows(scene, how, sizes, memory=False)
+        miss = kalman_velocity()(request).mean - integrate_truth(request.asked, sizes.dt_s)
+        errors.append(np.linalg.norm(miss, axis=-1).mean())
+    return float(min(errors))
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
+    parser.add_argument("--people", type=int, default=60)
+    given = parser.parse_args()
+    rows = []
+    for turn_radps in TURNS_RADPS:
+        scene = walkers(turn_radps, given.people)
+        for rate_hz, noise_m in product(RATES_HZ, NOISES_M):
+            sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
+            network, best = network_m(scene, sensor, given.model), filter_m(scene, sensor)
+            row = {"turn rate, rad/s": turn_radps, "rate, Hz": rate_hz, "noise, m": noise_m}
+            ratio = network / best if best > _LEVEL_M else float("nan")
+            rows.append(row | {"network": network, "best filter": best, "network / filter": ratio})
+    tell("ADE, m", rows)
+
+
+if __name__ == "__main__":
+    main()
