@@ -1,5 +1,7 @@
 """Laws of the simulator: people arrive, nobody enters a wall, the same seed gives the same walk."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -99,6 +101,18 @@ def test_the_spread_of_a_path_does_not_depend_on_the_step(step_s):
         clock = Clock(step_s, every, every, hold)
         ends.append(advance(crowd, noise, clock, ground, routes, SETTINGS.forces, 0.5)[0][-1, 0])
     assert np.std(ends, axis=0)[1] == pytest.approx(0.0453, rel=0.1)
+
+
+def test_a_target_in_an_enclosed_corner_is_moved_to_where_people_can_walk():
+    occupancy = EMPTY_ROOM.occupancy()
+    occupied = occupancy.occupied.copy()
+    occupied[30:38, 30:38] = True
+    occupied[32:36, 32:36] = False  # 0.4 m x 0.4 m
+    ground = ground_of(replace(occupancy, occupied=occupied))
+    inside = occupancy.origin + 0.1 * np.array([34.0, 34.0])
+    routes = routes_to(inside[None], ground, replace(SETTINGS.routing, narrow_m=0.05))
+    assert not occupied[tuple(((routes.target[0] - occupancy.origin) / 0.1).astype(int))]
+    assert 0.3 < np.linalg.norm(routes.target[0] - inside) < 1.0
 
 
 def test_people_stay_around_the_last_target_of_their_plan():

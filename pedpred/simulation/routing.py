@@ -13,6 +13,7 @@ from pedpred.simulation.ground import Ground, interpolate
 from pedpred.simulation.settings import RoutingSettings
 
 _SOURCE_RADIUS = 1.25  # of the disc around the target that the wave starts from, in routing cells
+_POCKET_CELLS = 10  # enclosed ground of fewer routing cells is no place to go
 
 
 class Routes(NamedTuple):
@@ -42,7 +43,7 @@ def routes_to(targets: np.ndarray, ground: Ground, settings: RoutingSettings) ->
         settings: resolution and clearance.
     """
     clearance = clearance_grid(ground, settings.resolution_m)
-    blocked = clearance < settings.narrow_m
+    blocked = without_pockets(clearance < settings.narrow_m)
     speed = walking_speed(clearance, settings)
     nearest = _nearest_open(blocked)
     targets = np.array(targets, dtype=np.float64).reshape(-1, 2)
@@ -56,6 +57,12 @@ def routes_to(targets: np.ndarray, ground: Ground, settings: RoutingSettings) ->
         time = travel_time(targets[index] - ground.origin, blocked, speed, settings.resolution_m)
         directions[index] = descent(time)[nearest[0], nearest[1]]
     return Routes(targets, ground.origin, float(settings.resolution_m), directions)
+
+
+def without_pockets(blocked: np.ndarray) -> np.ndarray:
+    """Block also the ground that is enclosed and too small for anybody to walk there. [X, Y] bool."""
+    pocket, _ = ndimage.label(~blocked)
+    return blocked | (np.bincount(pocket.ravel())[pocket] < _POCKET_CELLS)
 
 
 def clearance_grid(ground: Ground, resolution_m: float) -> np.ndarray:
