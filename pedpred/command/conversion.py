@@ -23,6 +23,7 @@ from pedpred.storage.scenes import read_scene, write_scene
 from pedpred.storage.tables import TableOptions
 
 _OPEN_END_M = 6.0
+_MAP_BESIDE = "map.yaml"
 """Length of corridors beyond open ends of geometries, m."""
 
 _log = logging.getLogger(__name__)
@@ -81,6 +82,8 @@ def read_given(given: argparse.Namespace) -> Scene:
     scene = read_any(given.scene, given.topic, _options(given), transform, ground)
     if ground := _ground_given(given):
         scene = replace(scene, occupancy=ground)
+    elif not given.no_map and not scene.occupancy.occupied.any():
+        scene = _on_map_beside(scene, given.scene)
     if given.no_map:
         scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
     checked_placement(scene)
@@ -125,6 +128,15 @@ def _ground_given(given: argparse.Namespace) -> OccupancyMap | None:
             "--open-end", given.open_end[0], "it needs a geometry file: --map walls.xml or .wkt"
         )
     return None if given.map is None else map_at(given.map)
+
+
+def _on_map_beside(scene: Scene, path: Path) -> Scene:
+    """A scene without obstacles, on the map of the map.yaml beside its file if there is one."""
+    beside = path.with_name(_MAP_BESIDE)
+    if not path.is_file() or _is_named(path) or not beside.exists():
+        return scene
+    _log.info("%s has no obstacles: %s beside it is used; --no-map leaves it out", path.name, beside)
+    return replace(scene, occupancy=map_at(beside))
 
 
 def layout_of(recording: Path) -> Path:
