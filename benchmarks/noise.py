@@ -1,7 +1,7 @@
 """Errors beside the noise of detections: `python -m benchmarks.noise [FILE ...]`.
 
 White noise is added to the detections of each recording; the truth stays. The network, whose tracker learns
-the noise, stands beside constant velocity and beside a Kalman filter that was fitted to the same recording with
+the noise, stands beside constant velocity and a Kalman filter that was fitted to the same recording with
 this noise: more than a robot can know. `--alone --no-map` leaves the network each person's own motion alone.
 Without files: the places in data/scenes/real. The shipped network was trained on them; `--model` takes one
 that was not.
