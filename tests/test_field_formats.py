@@ -10,6 +10,7 @@ import pytest
 from pedpred.command import main
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.sources.single_file import FORMATS, format_of, read_file
+from pedpred.storage.scenes import read_scene
 from pedpred.storage.tables import TableOptions
 from tests.field_formats import (
     OPTIONS,
@@ -220,6 +221,18 @@ def test_the_files_of_a_drone_recording_lie_together(tmp_path):
     (tmp_path / "00_tracksMeta.csv").unlink()
     with pytest.raises(SourceError, match=r"00_tracksMeta\.csv: the file is missing.*lie together"):
         read_file(path)
+
+
+@pytest.mark.parametrize("write", [write_jupedsim, write_archive])
+def test_the_geometry_inside_a_file_may_have_an_open_end(tmp_path, write):
+    path, ends = str(write(tmp_path)), ["--open-end", "12", "0", "12", "8"]
+    main(["convert", path, "-o", str(tmp_path / "closed")])
+    main(["convert", path, "-o", str(tmp_path / "open"), *ends])
+    beyond = np.array([[12.5, 4.0], [17.5, 4.0]])
+    closed, opened = (read_scene(tmp_path / name).occupancy for name in ("closed", "open"))
+    assert closed.is_occupied(beyond[:1]).all()
+    assert not opened.is_occupied(beyond).any()
+    assert opened.is_occupied(np.array([[-0.5, 4.0]])).all()
 
 
 def test_pedpy_reads_the_archive_that_we_read(tmp_path):
