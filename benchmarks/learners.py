@@ -16,7 +16,8 @@ from pedpred.config import plain, read_params
 from pedpred.datasets import TrainingRows
 from pedpred.datasets.rows import Spans
 from pedpred.features import ForecastProtocol
-from pedpred.fields import parsed
+from pedpred.features.perception import Following
+from pedpred.fields import parsed, parsed_together
 from pedpred.models.contract import NetworkSettings, RecurrentNetwork
 from pedpred.models.features import RowFormat, parse_features
 from pedpred.models.lstm.augmentation import look_up
@@ -54,9 +55,7 @@ class Case:
 def cases() -> dict[str, Callable[[DistributedContext], Case]]:
     """Name of each network of params.yaml -> its training."""
     cfg = read_params(Path())
-    fields = plain(cfg.protocol)
-    del fields["standstill_mps"]
-    protocol = ForecastProtocol(**fields)
+    protocol, _ = parsed_together([ForecastProtocol, Following], plain(cfg.protocol))
     lstm, mixture = (
         RowFormat(protocol, kind, parse_features(kind, plain(cfg.features[kind])))
         for kind in ("lstm", "mixture")

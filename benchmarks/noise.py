@@ -1,57 +1,92 @@
-"""Errors beside the noise of detections, learned or not: `python -m benchmarks.noise [FILE ...]`.
+"""Errors beside the noise of detections: `python -m benchmarks.noise [FILE ...]`.
 
-White noise is added to the detections of each recording; the truth stays. Beside the network stand constant
-velocity and the Kalman filter with the same tracker, and the network's error over the better of both. Without
-files: the places in data/scenes/real. The network may have been trained on them: compare rows of one place.
+White noise is added to the detections of each recording; the truth stays. The network, whose tracker learns
+the noise, stands beside constant velocity and a Kalman filter that was fitted to the same recording with
+this noise: more than a robot can know. `--alone --no-map` leaves the network each person's own motion alone.
+Without files: the places in data/scenes/real. The shipped network was trained on them; `--model` takes one
+that was not.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.timing import needed, tell
 from pedpred.command.conversion import read_any
-from pedpred.command.prediction import robot_for
+from pedpred.command.evaluation import Apart
 from pedpred.evaluation import EvaluationSettings
+from pedpred.features.perception import sensed
 from pedpred.metrics import METRICS
 from pedpred.online import OnlinePredictor
 from pedpred.online.assessment import assess
 from pedpred.online.settings import OnlineSettings
-from pedpred.scenes import Scene
+from pedpred.scenes import OccupancyMap, Scene
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import scene_folders
+from pedpred.storage.tables import TableOptions
+from pedpred.tracking import tune_kalman
 
 NOISES_M = (0.0, 0.02, 0.05, 0.1)
 METRIC = "ade_m"
+_FITTED_AHEAD_S = 3.2
 
 
-def errors(scene: Scene, noise_m: float, learn: bool) -> dict[str, float]:
-    """ADE of each method at one place, m."""
-    age_s = robot_for(scene, None).settings.max_age_s
-    predictor = OnlinePredictor.load(None, OnlineSettings(age_s, learn_noise=learn))
-    sensor = SensorSettings(position_noise_m=noise_m)
-    scores = assess(scene, predictor, EvaluationSettings(), sensor, metrics={METRIC: METRICS[METRIC]})
-    return {method: float(np.nanmean(own.values[METRIC])) for method, own in scores.items()}
+def errors(scene: Scene, sensor: SensorSettings, model: Path | None) -> dict[str, float]:
+    """ADE of the network with a tracker that learns or does not, and of simple methods, m."""
+    seen = sensed(scene, sensor)
+    age_s = 1.25 * seen.detection_dt_s
+    fitted = tune_kalman(seen.trajectories, max(1, round(_FITTED_AHEAD_S / seen.detection_dt_s)))
+    trackers = {
+        "learns": OnlineSettings(age_s),
+        "fixed": OnlineSettings(age_s, learn_noise=False),
+        "fitted": OnlineSettings(age_s, tracker=fitted),
+    }
+    found = {}
+    for name, settings in trackers.items():
+        predictor = OnlinePredictor.load(model, settings)
+        scores = assess(scene, predictor, EvaluationSettings(), sensor, metrics={METRIC: METRICS[METRIC]})
+        found[name] = {method: float(np.nanmean(own.values[METRIC])) for method, own in scores.items()}
+    best = min(found["learns"]["cv"], found["fitted"]["kalman_cv"])
+    return {
+        "cv": found["learns"]["cv"],
+        "kalman_cv, fitted": found["fitted"]["kalman_cv"],
+        "network": found["learns"]["network"],
+        "with a fixed tracker": found["fixed"]["network"],
+        "network / best": found["learns"]["network"] / best,
+    }
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
-    given = parser.parse_args().recording
-    places = given or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest"))
+    parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
+    parser.add_argument("--rate", type=float, help="frames per second, where files count frames, Hz")
+    parser.add_argument("--detections", type=float, default=2.67, help="per second at most, Hz (%(default)s)")
+    parser.add_argument("--seconds", type=float, default=300.0, help="of each recording (%(default)s)")
+    parser.add_argument("--alone", action="store_true", help="everybody alone")
+    parser.add_argument("--no-map", action="store_true", help="without obstacles")
+    given = parser.parse_args()
+    places = given.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest"))
+    options = TableOptions(rate_hz=given.rate)
     rows = []
     for path in places:
-        scene = read_any(path)
+        scene = read_any(path, options=options if path.is_file() else None)
+        rows_then = scene.trajectories.time_s < scene.trajectories.time_s.min() + given.seconds
+        scene = replace(scene, trajectories=scene.trajectories.select(rows_then))
+        if given.alone:
+            scene = replace(scene, trajectories=Apart.of(scene.trajectories).moved(scene.trajectories))
+        if given.no_map:
+            scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
+        faster = 1.0 / scene.detection_dt_s > given.detections
         for noise_m in NOISES_M:
-            for learn in (False, True):
-                found = errors(scene, noise_m, learn)
-                row = {"place": scene.name, "noise, m": noise_m, "tracker": "learns" if learn else "fixed"}
-                best = min(found["cv"], found["kalman_cv"])
-                rows.append(row | found | {"network over best": found["network"] / best})
+            rate_hz = given.detections if faster else 0.0
+            sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
+            rows.append({"place": scene.name, "noise, m": noise_m} | errors(scene, sensor, given.model))
     tell("ADE, m", rows)
 
 

@@ -3,6 +3,7 @@
 import sqlite3
 from itertools import pairwise
 
+import h5py
 import numpy as np
 
 from pedpred.scenes import Trajectories
@@ -43,6 +44,20 @@ def write_jupedsim(folder, rows=ROWS, wkt=(WKT,), fps="5.0"):
         database.executemany("INSERT INTO metadata VALUES (?, ?)", [*about, *([("fps", fps)] if fps else [])])
         database.executemany("INSERT INTO geometry VALUES (?, ?)", list(enumerate(wkt)))
     database.close()
+    return path
+
+
+def write_archive(folder, rows=ROWS, fps=5.0, wkt=WKT):
+    """As the Pedestrian Dynamics Data Archive publishes recordings; a person has a height, too."""
+    path = folder / "archive.h5"
+    kinds = [("id", "i8"), ("frame", "i8"), ("x", "f8"), ("y", "f8"), ("z", "f8")]
+    with h5py.File(path, "w") as file:
+        given = np.array([(who, frame, x, y, 1.7) for frame, who, x, y in rows], dtype=kinds)
+        table = file.create_dataset("trajectory", data=given, compression="gzip")
+        if fps:
+            table.attrs["fps"] = fps
+        if wkt:
+            file.attrs["wkt_geometry"] = wkt
     return path
 
 
@@ -167,6 +182,7 @@ def write_atc(folder):
 
 WRITERS = {
     "JuPedSim database": write_jupedsim,
+    "Pedestrian Dynamics Data Archive": write_archive,
     "SUMO FCD": write_sumo,
     "Stanford Drone Dataset": write_stanford,
     "drone recording (inD, rounD, uniD)": write_drone,
@@ -176,5 +192,5 @@ WRITERS = {
     "PTV Viswalk": write_viswalk,
     "ATC shopping centre": write_atc,
 }
-BINARY = ("JuPedSim database",)
+BINARY = ("JuPedSim database", "Pedestrian Dynamics Data Archive")
 OPTIONS = {"Stanford Drone Dataset": TableOptions(pixel_m=PIXEL_M)}

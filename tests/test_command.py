@@ -4,6 +4,7 @@ import json
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,29 @@ def test_a_map_may_be_named_by_its_folder_its_description_or_its_picture(name, s
         described = name if name.endswith("ml") else "hall.yaml"
         (folder / described).write_text(yaml.safe_dump(about | {"image": "hall.png"}))
     assert_same_map(map_at(folder / name), world.occupancy)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"), [([], "beside"), (["--no-map"], "free"), (["--map", "."], "other")]
+)
+def test_a_table_uses_the_map_beside_it_unless_told_otherwise(given, expected, scene, tmp_path, caplog):
+    world = read_scene(scene)
+    write_scene(world, tmp_path / "hall")
+    table = tmp_path / "hall" / "walk.csv"
+    rows = world.trajectories
+    columns = zip(rows.time_s, rows.track_id, *rows.position.T, strict=True)
+    table.write_text("time,id,x,y\n" + "".join(f"{t},{n},{x},{y}\n" for t, n, x, y in columns))
+    other = replace(world, occupancy=replace(world.occupancy, occupied=~world.occupancy.occupied))
+    write_scene(other, tmp_path / "other")
+    options = [str(tmp_path / "other") if word == "." else word for word in given]
+    with caplog.at_level("INFO"):
+        main(["convert", str(table), "-o", str(tmp_path / "out"), *options])
+    found = read_scene(tmp_path / "out").occupancy
+    assert ("map.yaml beside it is used" in caplog.text) == (expected == "beside")
+    if expected == "free":
+        assert not found.occupied.any()
+    else:
+        assert_same_map(found, {"beside": world, "other": other}[expected].occupancy)
 
 
 def assert_same_map(found, expected):

@@ -2,12 +2,15 @@
 
 import sqlite3
 
+import h5py
 import numpy as np
+import pedpy
 import pytest
 
 from pedpred.command import main
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.sources.single_file import FORMATS, format_of, read_file
+from pedpred.storage.scenes import read_scene
 from pedpred.storage.tables import TableOptions
 from tests.field_formats import (
     OPTIONS,
@@ -17,6 +20,7 @@ from tests.field_formats import (
     UNIX_S,
     WRITERS,
     lines,
+    write_archive,
     write_atc,
     write_drone,
     write_jupedsim,
@@ -68,15 +72,16 @@ def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch, name):
     path = WRITERS[name](tmp_path)
     for module in (
         "storage.text",
-        *(f"sources.{own}" for own in ("jupedsim_database", "vadere", "motion_capture")),
+        *(f"sources.{own}" for own in ("jupedsim_database", "vadere", "motion_capture", "data_archive")),
     ):
         monkeypatch.setattr(f"pedpred.{module}.MOST_NUMBERS", 20)
     with pytest.raises(SourceError, match=r"more than \d+ (rows|numbers)|too (large|many)"):
         read_file(path, OPTIONS.get(name))
 
 
-def test_the_geometry_inside_a_file_is_the_map(tmp_path):
-    ground = read_file(write_jupedsim(tmp_path)).occupancy
+@pytest.mark.parametrize("write", [write_jupedsim, write_archive])
+def test_the_geometry_inside_a_file_is_the_map(tmp_path, write):
+    ground = read_file(write(tmp_path)).occupancy
     x, y = np.meshgrid(np.arange(0.25, 12, 0.5), np.arange(0.25, 8, 0.5))
     points = np.stack([x, y], axis=-1).reshape(-1, 2)
     pillar = ((points > [4, 5]) & (points < [5, 6])).all(axis=-1)
@@ -218,6 +223,76 @@ def test_the_files_of_a_drone_recording_lie_together(tmp_path):
         read_file(path)
 
 
+@pytest.mark.parametrize("write", [write_jupedsim, write_archive])
+def test_the_geometry_inside_a_file_may_have_an_open_end(tmp_path, write):
+    path, ends = str(write(tmp_path)), ["--open-end", "12", "0", "12", "8"]
+    main(["convert", path, "-o", str(tmp_path / "closed")])
+    main(["convert", path, "-o", str(tmp_path / "open"), *ends])
+    beyond = np.array([[12.5, 4.0], [17.5, 4.0]])
+    closed, opened = (read_scene(tmp_path / name).occupancy for name in ("closed", "open"))
+    assert closed.is_occupied(beyond[:1]).all()
+    assert not opened.is_occupied(beyond).any()
+    assert opened.is_occupied(np.array([[-0.5, 4.0]])).all()
+
+
+def test_pedpy_reads_the_archive_that_we_read(tmp_path):
+    path = write_archive(tmp_path)
+    theirs = pedpy.load_trajectory_from_ped_data_archive_hdf5(trajectory_file=path)
+    ours = read_file(path).trajectories
+    assert theirs.frame_rate == 5.0
+    order = np.lexsort((ours.track_id, ours.time_s))
+    rows = theirs.data.sort_values(["frame", "id"])
+    np.testing.assert_allclose(ours.position[order], rows[["x", "y"]].to_numpy())
+
+
+def linked(path):
+    """The table lies in another file."""
+    path.rename(path.with_name("other.h5"))
+    with h5py.File(path, "w") as file:
+        file["trajectory"] = h5py.ExternalLink("other.h5", "/trajectory")
+
+
+def renamed(path):
+    with h5py.File(path, "r+") as file:
+        file.move("trajectory", "tracks")
+
+
+def without_ids(path):
+    with h5py.File(path, "r+") as file:
+        rows = file["trajectory"].fields(["frame", "x", "y"])[:]
+        del file["trajectory"]
+        file.create_dataset("trajectory", data=rows).attrs["fps"] = 5.0
+
+
+def cut(path):
+    path.write_bytes(path.read_bytes()[:-500])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (linked, "no data set 'trajectory'; there is trajectory"),
+        (renamed, "no data set 'trajectory'; there is tracks"),
+        (without_ids, "no column id; it has frame, x, y"),
+        (cut, "HDF5: .*truncated"),
+    ],
+)
+def test_an_archive_that_is_not_as_it_should_be_is_refused(tmp_path, change, message):
+    path = write_archive(tmp_path)
+    change(path)
+    with pytest.raises(SourceError, match=message):
+        read_file(path)
+
+
+def test_an_archive_without_a_rate_asks_for_it(tmp_path):
+    path = write_archive(tmp_path, fps=None, wkt=None)
+    with pytest.raises(SourceError, match=r"no fps.*--rate"):
+        read_file(path)
+    assert read_file(path, TableOptions(rate_hz=10.0)).detection_dt_s == pytest.approx(0.1)
+    with pytest.raises(SourceError, match="Leave --rate out"):
+        read_file(write_archive(tmp_path), TableOptions(rate_hz=10.0))
+
+
 def test_footsteps_are_sampled_as_often_as_asked(tmp_path):
     scene = read_file(write_vadere(tmp_path), TableOptions(rate_hz=20.0))
     people = scene.trajectories.select(scene.trajectories.track_id == 1)
@@ -232,7 +307,7 @@ def test_footsteps_are_sampled_as_often_as_asked(tmp_path):
         (b"PK\x03\x04", "zip archive or a spreadsheet"),
         (b"#ROSBAG V2.0\n", r"bag of ROS 1.*\.bag"),
         (b"PAR1\0\0", "Parquet"),
-        (b"\x89HDF\r\n\x1a\n\0", "HDF5"),
+        (b"\x89HDF\r\n\x1a\n\0", "HDF5.*Pedestrian Dynamics Data Archive"),
         (b"\x80\x04\x95", "pickle"),
         ("time,id,x,y".encode("utf-16"), "UTF-16.*UTF-8"),
         (b"<geometry unit='m'><rooms/></geometry>", r"<geometry>.*--map"),

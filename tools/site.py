@@ -1,6 +1,6 @@
-"""Hooks of mkdocs.yml: pages of the project's root, pictures outside docs/, equations without JavaScript.
+"""Hooks of mkdocs.yml: pages of the root, reports, pictures outside docs/, equations without JavaScript.
 
-Links to files that are not part of the site (code, configuration, reports) become plain names.
+Links to files that are not part of the site (code, configuration) become plain names.
 """
 
 from __future__ import annotations
@@ -17,16 +17,23 @@ from mkdocs.structure.files import File
 ROOT_PAGES = {"architecture.md": "ARCHITECTURE.md", "changelog.md": "CHANGELOG.md"}
 """Page of the site -> file in the project's root."""
 
+REPORTS, PLAYER = "reports/", "reports/index.html"
+"""Folder whose Markdown files are pages of the site, and the page with a player of its own."""
+
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
 _CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.DOTALL)
 _EQUATION = re.compile(r"\$\$(.+?)\$\$|(?<![\w$])\$([^$\n]+)\$(?!\w)", re.DOTALL)
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Add the pages of the root and the pictures that pages show."""
+    """Add the pages of the root, the reports, and the pictures that pages show."""
     root = Path(config["config_file_path"]).parent
     for page, source in ROOT_PAGES.items():
         files.append(File.generated(config, page, content=(root / source).read_text()))
+    for report in sorted((root / REPORTS).rglob("*.md")):
+        name = report.relative_to(root).as_posix()
+        files.append(File.generated(config, name, content=report.read_text()))
+    files.append(File.generated(config, PLAYER, abs_src_path=str(root / PLAYER)))
     pictures = {
         picture
         for file in list(files.documentation_pages())
@@ -54,8 +61,10 @@ def _targets(markdown: str) -> Iterator[tuple[str, str]]:
 
 
 def _in_project(page: str, target: str) -> str:
-    """Path of a link's target in the project; links of root pages start at the root."""
-    folder = "" if page in ROOT_PAGES else posixpath.join("docs", posixpath.dirname(page))
+    """Path of a link's target in the project; links of root pages and of reports start at the root."""
+    folder = posixpath.dirname(page)
+    if page not in ROOT_PAGES and not page.startswith(REPORTS):
+        folder = posixpath.join("docs", folder)
     return posixpath.normpath(posixpath.join(folder, target))
 
 
@@ -70,7 +79,7 @@ def _rewritten(link: re.Match[str], page: str) -> str:
         path = path.removeprefix("docs/")
     elif path in there:
         path = there[path]
-    elif not mark:
+    elif not mark and not (path.startswith(REPORTS) and path.endswith((".md", ".html"))):
         return f"`{path}`" if text.strip("`/") in path else f"{text} (`{path}`)"
     here = posixpath.relpath(path, posixpath.dirname(page) or ".")
     return f"{mark}[{text}]({here}{anchor})"

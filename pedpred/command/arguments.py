@@ -136,7 +136,7 @@ def _path(text: str) -> Path:
 def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: str | None = None) -> Any:
     """Add a subcommand named after its function, which reads one scene or several."""
     command = commands.add_parser(action.__name__, help=action.__doc__, description=action.__doc__)
-    command.set_defaults(action=action, no_map=False)
+    command.set_defaults(action=action)
     command.add_argument("scene", type=_path, nargs=scenes, help=_SCENE)
     command.add_argument("--topic", help="of a bag's people, if several topics carry people")
     grids = "of a bag's map, if it is not called map (default: the one that is no costmap)"
@@ -151,8 +151,10 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.add_argument("--unit", choices=list(UNITS), help=long)
     side = "side of a pixel where people were annotated in pictures (Stanford Drone Dataset), m"
     command.add_argument("--scale", type=_number(float, 1e-6, 10.0), metavar="METRES_PER_PIXEL", help=side)
-    replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml, .wkt); replaces the map"
+    replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml, .wkt); replaces the map "
+    replaced += "(default: that of the recording, or the map.yaml beside a table)"
     command.add_argument("--map", type=_path, help=replaced)
+    command.add_argument("--no-map", action="store_true", help="without obstacles, even if a map is there")
     end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"
     ends = ("X1", "Y1", "X2", "Y2")
     command.add_argument(
@@ -176,7 +178,6 @@ def _model(command: argparse.ArgumentParser, tracker: str) -> None:
 
 
 def _conditions(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--no-map", action="store_true", help="without obstacles")
     command.add_argument("--alone", action="store_true", help="everybody alone, without the other people")
     theirs = (
         "measure somebody else's forecasts too: a table (.csv, .parquet) with track, time, mode, weight, "

@@ -17,13 +17,14 @@ from pedpred.ros import Transform, is_bag, is_recording, read_bag, read_recordin
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
 from pedpred.sources.beginnings import Beginning
-from pedpred.sources.geometries import is_geometry, read_ground
+from pedpred.sources.geometries import is_geometry, read_ground, read_walls
 from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
 from pedpred.storage.scenes import read_scene, write_scene
 from pedpred.storage.tables import TableOptions
 
 _OPEN_END_M = 6.0
 """Length of corridors beyond open ends of geometries, m."""
+_MAP_BESIDE = "map.yaml"
 
 _log = logging.getLogger(__name__)
 _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id", "person_id")
@@ -81,6 +82,8 @@ def read_given(given: argparse.Namespace) -> Scene:
     scene = read_any(given.scene, given.topic, _options(given), transform, ground)
     if ground := _ground_given(given):
         scene = replace(scene, occupancy=ground)
+    elif not given.no_map and not scene.occupancy.occupied.any():
+        scene = _on_map_beside(scene, given.scene)
     if given.no_map:
         scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
     checked_placement(scene)
@@ -117,14 +120,27 @@ def _is_foreign(path: Path) -> bool:
 
 def _ground_given(given: argparse.Namespace) -> OccupancyMap | None:
     """The map that replaces that of the scene."""
+    edges = [[end[:2], end[2:]] for end in given.open_end]
     if given.map is not None and is_geometry(given.map):
-        edges = [[end[:2], end[2:]] for end in given.open_end]
-        return read_ground(given.map, CELL_M, WALL_M, edges, _OPEN_END_M)
-    if given.open_end:
-        raise ValueRuleError(
-            "--open-end", given.open_end[0], "it needs a geometry file: --map walls.xml or .wkt"
-        )
+        return read_ground(given.map, read_walls(given.map), CELL_M, WALL_M, edges, _OPEN_END_M)
+    inside = None
+    if edges and given.map is None and given.scene.is_file() and not _is_named(given.scene):
+        inside = format_of(given.scene, _options(given)).walls(given.scene)
+    if inside is not None:
+        return read_ground(given.scene, inside, CELL_M, WALL_M, edges, _OPEN_END_M)
+    if edges:
+        remedy = "it needs a geometry: --map walls.xml or .wkt, or a recording that has one"
+        raise ValueRuleError("--open-end", given.open_end[0], remedy)
     return None if given.map is None else map_at(given.map)
+
+
+def _on_map_beside(scene: Scene, path: Path) -> Scene:
+    """A scene without obstacles, on the map of the map.yaml beside its file if there is one."""
+    beside = path.with_name(_MAP_BESIDE)
+    if not path.is_file() or _is_named(path) or not beside.exists():
+        return scene
+    _log.info("%s has no obstacles: %s beside it is used; --no-map leaves it out", path.name, beside)
+    return replace(scene, occupancy=map_at(beside))
 
 
 def layout_of(recording: Path) -> Path:

@@ -202,11 +202,12 @@ class OnlinePredictor:
             rows of those for whom it gave one; where they are; predictions and velocities of `Answer`.
         """
         observers = people.at(person, time_s)
-        answer = self._network.nobody()
         if len(person):
             inputs = self._inputs(people, person, observers, time_s)
             memory = {name: values[person] for name, values in people.memory.items()}
             answer = self._network.step(inputs, memory)
+        else:
+            answer = self._network.nobody()
         if not answer.sound.all():
             stays = np.ones(len(people), bool)
             stays[person[~answer.sound]] = False

@@ -136,7 +136,7 @@ def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]], metho
         axes.set_yticks(list(places.values()), list(places))
         axes.invert_yaxis()
     figure.suptitle(ablation.title, x=0.01, ha="left", fontsize="medium")
-    axes.legend()
+    figure.legend(loc="outside lower left", ncols=4)
     return figure
 
 

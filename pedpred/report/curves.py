@@ -75,5 +75,5 @@ def training_figure(curves: Mapping[str, pd.DataFrame], methods: Methods) -> Fig
         axes.set(title=stage, xlabel=along, ylabel=_SCORES.get(score, score))
         axes.margins(x=0.03)
         if axes.get_legend_handles_labels()[0]:  # none where no network was fine-tuned
-            axes.legend(fontsize=7.5)
+            axes.legend(fontsize=7.5, loc="upper right")  # curves fall from the left
     return figure

@@ -23,7 +23,6 @@ _OTHERS = {
     (b"PAR1",): ("a Parquet file", "Save the table as CSV, or as tracks.parquet of a scene folder"),
     (b"\x93NUMPY",): ("an array of NumPy", _TABLE),
     (b"\x80\x03", b"\x80\x04"): ("a pickle of Python", f"{_TABLE}; pickles are not opened"),
-    (b"\x89HDF\r\n\x1a\n",): ("HDF5", "Save its table as CSV with the columns time,id,x,y"),
     (b"MATLAB",): ("a file of MATLAB", _TABLE),
     (b"\xff\xfe", b"\xfe\xff"): ("text in UTF-16", "Save it as UTF-8"),
     (b"%PDF",): ("a PDF document", "Name the table of tracks"),

@@ -35,16 +35,16 @@ def read_walls(path: Path) -> Walls:
 
 def read_ground(
     path: Path,
+    walls: Walls,
     resolution_m: float,
     thickness_m: float,
     open_ends: Sequence[Sequence[Sequence[float]]] = (),
     open_end_m: float = 0.0,
 ) -> OccupancyMap:
-    """Read a geometry file as a map; arguments as in `occupancy_of`.
+    """Draw the walls of a file as a map; the other arguments are those of `occupancy_of`.
 
     Raises:
-        SourceError: it cannot be read, or an open end does not lie on its walls.
+        SourceError: they make no map, or an open end does not lie on them.
     """
-    walls = read_walls(path)
     with translate_errors(partial(SourceError, path, None, remedy="Correct the file or the open ends")):
         return occupancy_of(walls, resolution_m, thickness_m, open_ends, open_end_m)

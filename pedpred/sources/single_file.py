@@ -12,6 +12,7 @@ from pedpred.files import translate_errors
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.sources import (
     atc,
+    data_archive,
     drones,
     jupedsim_database,
     motion_capture,
@@ -132,6 +133,7 @@ _TABLE = Format("table", lambda begins: False, read_table, any_unit=True)
 
 FORMATS = (
     Format("JuPedSim database", jupedsim_database.fits, jupedsim_database.read, jupedsim_database.read_walls),
+    Format("Pedestrian Dynamics Data Archive", data_archive.fits, data_archive.read, data_archive.read_walls),
     Format("SUMO FCD", sumo.fits, sumo.read),
     Format("Stanford Drone Dataset", stanford.fits, stanford.read, pixels=True),
     Format("drone recording (inD, rounD, uniD)", drones.fits, drones.read),

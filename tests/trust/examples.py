@@ -29,7 +29,7 @@ from pedpred.report import measures
 from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
-from pedpred.sources.geometries import read_ground
+from pedpred.sources.geometries import read_ground, read_walls
 from pedpred.sources.single_file import read_file
 from pedpred.storage.columns import split_pairs
 from pedpred.storage.scenes import write_scene
@@ -116,7 +116,7 @@ def make_geometries(folder: Path) -> None:
 
 
 def read_geometries(folder: Path) -> object:
-    return [read_ground(folder / name, 0.1, 1.0) for name in GEOMETRIES]
+    return [read_ground(folder / name, read_walls(folder / name), 0.1, 1.0) for name in GEOMETRIES]
 
 
 def make_table(folder: Path) -> None:

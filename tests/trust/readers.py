@@ -78,6 +78,7 @@ READERS = {
     "JuPedSim database": Reader(
         field_formats.write_jupedsim, ("simulation.sqlite",), at("simulation.sqlite", read_file)
     ),
+    "data archive": Reader(field_formats.write_archive, ("archive.h5",), at("archive.h5", read_file)),
     "field formats": Reader(examples.make_field_texts, examples.FIELD_TEXTS, examples.read_field_texts),
     "features": Reader(examples.make_features, ("manifest.json", "place.parquet"), examples.read_features),
     "situations": Reader(

@@ -1,0 +1,112 @@
+"""HDF5 files of the Pedestrian Dynamics Data Archive: data set `trajectory` with `fps`, geometry as WKT."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from pedpred.errors import SourceError
+from pedpred.files import translate_errors
+from pedpred.scenes import Trajectories
+from pedpred.sources.archive_table import COLUMNS
+from pedpred.sources.beginnings import Beginning
+from pedpred.sources.geometry_wkt import parse_wkt
+from pedpred.sources.walls import Walls
+from pedpred.storage.tables import TableOptions
+from pedpred.storage.text import MOST_NUMBERS
+
+MAGIC = b"\x89HDF\r\n\x1a\n"
+_LONGEST_S = 120.0
+_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
+_LARGEST_WHOLE = 2**53
+
+
+def fits(begins: Beginning) -> bool:
+    """Whether a file is HDF5."""
+    return begins.raw.startswith(MAGIC)
+
+
+def read(path: Path, options: TableOptions) -> Trajectories:
+    """Read the detections.
+
+    Args:
+        path: the file.
+        options: its `rate_hz` is used where the file has no `fps`.
+
+    Raises:
+        SourceError: the file is damaged, of another program, or its values are wrong; h5py is not installed.
+    """
+    content = _content(path)
+    whole = {name: content[name] for name in ("id", "frame")}
+    for name, values in whole.items():
+        wrong = ~(np.abs(values.astype(np.float64)) <= _LARGEST_WHOLE) | (values % 1 != 0)
+        for row in np.flatnonzero(wrong)[:1]:
+            problem = f"row {row} of trajectory: {name} = {values[row]} is not a whole number"
+            raise SourceError(path, None, problem)
+    if not len(whole["id"]):
+        raise SourceError(path, None, "no detections, trajectory is empty")
+    said = float(content["fps"][0]) if len(content["fps"]) else options.rate_hz
+    if said is None:
+        raise SourceError(path, None, "trajectory has no fps", "Say how many frames a second has: --rate")
+    if options.rate_hz not in (None, said):
+        problem = f"fps = {said:g}, but --rate says {options.rate_hz:g}"
+        raise SourceError(path, None, problem, "Leave --rate out")
+    if not _SLOWEST_HZ <= said <= _FASTEST_HZ:
+        raise SourceError(path, None, f"fps = {said:g} is no rate")
+    frame, track_id = (whole[name].astype(np.int64) for name in ("frame", "id"))
+    position = np.stack([content[name].astype(np.float64) for name in ("x", "y")], axis=1)
+    with translate_errors(partial(SourceError, path, None)):
+        return Trajectories(frame / said, track_id, position)
+
+
+def read_walls(path: Path) -> Walls | None:
+    """Read the ground where people walk; None where the file has none.
+
+    Raises:
+        SourceError: the geometry cannot be understood.
+    """
+    wkt = str(_content(path)["wkt"])
+    return parse_wkt(path, wkt) if wkt.strip() else None
+
+
+def _content(path: Path) -> dict[str, np.ndarray]:
+    """Arrays by name, as `archive_table` copies them.
+
+    Raises:
+        SourceError: it could not; the message says why.
+    """
+    # Filters of strangers are code: none is loaded.
+    environment = os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "HDF5_USE_FILE_LOCKING": "FALSE"}
+    with TemporaryDirectory() as folder:
+        out = Path(folder, "table.npz")
+        rows = str(MOST_NUMBERS // len(COLUMNS))
+        command = [
+            sys.executable,
+            "-m",
+            "pedpred.sources.archive_table",
+            str(path.absolute()),
+            str(out),
+            rows,
+        ]
+        try:
+            ended = subprocess.run(
+                command, cwd=folder, env=environment, capture_output=True, timeout=_LONGEST_S
+            )
+        except subprocess.TimeoutExpired as cause:
+            problem = f"a damaged file of HDF5: it was not read within {_LONGEST_S:g} s"
+            raise SourceError(path, None, problem) from cause
+        if ended.returncode:
+            said = ended.stderr.decode(errors="replace").strip().splitlines()
+            reason = f"a damaged file, the reader ended with exit code {ended.returncode}"
+            if ended.returncode in (1, 2) and said:
+                reason = said[-1]
+            remedy = "Read are those of the Pedestrian Dynamics Data Archive; save other tables as CSV"
+            raise SourceError(path, None, f"HDF5: {reason}", remedy)
+        with translate_errors(partial(SourceError, path, None)), np.load(out, allow_pickle=False) as content:
+            return {name: content[name] for name in (*COLUMNS, "fps", "wkt")}
