@@ -153,6 +153,21 @@ def test_a_model_replaces_the_default_unless_it_is_worse(
     assert refusal.partition("\n")[2] == "".join(map(judge.line, worse))
 
 
+@pytest.mark.parametrize(("accepted", "refused"), [("eth", False), ("hotel", True)])
+def test_what_is_accepted_may_get_worse_and_nothing_else(
+    accepted, refused, tmp_path, monkeypatch, capsys, model, mixture
+):
+    monkeypatch.chdir(ROOT)
+    new, default = mixture[0], tmp_path / "default"
+    shutil.copytree(model[0], default)
+    found = {(new, default): [GOOD, WORSE], (default, None): [GOOD]}
+    monkeypatch.setattr(judge.Judgement, "verdicts", lambda self, against: iter(found[self.folder, against]))
+    with pytest.raises(SystemExit, match=str(int(refused))):
+        judge.main([str(new), "--replace", str(default), "--accept", accepted])
+    assert contents(default) == contents(model[0] if refused else new)
+    assert (f"accepted: {judge.line(WORSE)}" in capsys.readouterr().out) == (not refused)
+
+
 def contents(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 

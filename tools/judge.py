@@ -5,7 +5,8 @@ real place in data/scenes/real, as its sensor detects it and the folder's tracke
 test rooms through a robot's sensor; the laws; the time of an update. A place that trained the network says
 so; the promises about unseen places are judged by the metric files of the folds. `--against` another
 folder, or a revision of this one, fails when this one is worse beyond the interval of the paired difference.
-`--replace` copies it over another folder, unless it is worse or breaks a promise that the other one keeps.
+`--replace` copies it over another folder, unless it is worse or breaks a promise that the other one keeps;
+`--accept` names what may get worse, for a change that is better elsewhere.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import logging
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -94,7 +95,9 @@ def printed(verdicts: Iterable[Verdict]) -> list[Verdict]:
     return found
 
 
-def replace(folder: Path, model: Path, found: list[Verdict], params: DictConfig) -> int:
+def replace(
+    folder: Path, model: Path, found: list[Verdict], params: DictConfig, accepted: Sequence[str] = ()
+) -> int:
     """Install a model in a folder unless it is worse than the present one; return the exit code.
 
     Args:
@@ -102,11 +105,15 @@ def replace(folder: Path, model: Path, found: list[Verdict], params: DictConfig)
         model: the new one.
         found: its verdicts, with the comparison.
         params: of the project.
+        accepted: what verdicts are about that may get worse.
     """
     if folder.exists() and not all(verdict.holds for verdict in found):
         sys.stdout.write(f"\nThe same for {folder}:\n")
         present = printed(Judgement(folder, params).verdicts(None))
         worse = got_worse(found, present)
+        for verdict in (verdict for verdict in worse if verdict.about in accepted):
+            sys.stdout.write(f"\naccepted: {line(verdict)}")
+        worse = [verdict for verdict in worse if verdict.about not in accepted]
         if worse:
             sys.stdout.write(
                 f"\n{folder} stays as it is; in these {model} is worse:\n{''.join(map(line, worse))}"
@@ -125,6 +132,8 @@ def main(arguments: list[str] | None = None) -> None:
     other = parser.add_mutually_exclusive_group()
     other.add_argument("--against", help="a model folder, or a git revision that has FOLDER")
     other.add_argument("--replace", type=Path, help="a model folder that becomes FOLDER if that is no worse")
+    said = "what may get worse when a model is replaced, as the column `about` has it; may be repeated"
+    parser.add_argument("--accept", action="append", default=[], metavar="ABOUT", help=said)
     parser.add_argument("--out", type=Path, help="write the verdicts there, JSON")
     given = parser.parse_args(arguments)
     params = read_params(Path())
@@ -138,7 +147,7 @@ def main(arguments: list[str] | None = None) -> None:
         found: dict[str, Any] = {"folder": given.folder.as_posix(), "verdicts": [asdict(v) for v in verdicts]}
         write_json(given.out, found)
     if given.replace:
-        sys.exit(replace(given.replace, given.folder, verdicts, params))
+        sys.exit(replace(given.replace, given.folder, verdicts, params, given.accept))
     sys.exit(int(not all(verdict.holds for verdict in verdicts)))
 
 

@@ -24,7 +24,7 @@ from pedpred.storage.tables import TableOptions
 
 _OPEN_END_M = 6.0
 """Length of corridors beyond open ends of geometries, m."""
-_MAP_BESIDE = "map.yaml"
+_MAP_BESIDE, _MOST_OUTSIDE = "map.yaml", 0.5
 
 _log = logging.getLogger(__name__)
 _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id", "person_id")
@@ -139,8 +139,12 @@ def _on_map_beside(scene: Scene, path: Path) -> Scene:
     beside = path.with_name(_MAP_BESIDE)
     if not path.is_file() or _is_named(path) or not beside.exists():
         return scene
+    ground = map_at(beside)
+    if placement(scene.trajectories.position, ground).outside > _MOST_OUTSIDE:
+        _log.warning("%s beside %s is not used: the people are elsewhere", beside, path.name)
+        return scene
     _log.info("%s has no obstacles: %s beside it is used; --no-map leaves it out", path.name, beside)
-    return replace(scene, occupancy=map_at(beside))
+    return replace(scene, occupancy=ground)
 
 
 def layout_of(recording: Path) -> Path:

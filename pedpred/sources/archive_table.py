@@ -1,4 +1,4 @@
-"""Copies the table of an archive (HDF5) into arrays: `python -m pedpred.sources.archive_table IN OUT ROWS`.
+"""Copies the table of an archive (HDF5) to Parquet: `python -m pedpred.sources.archive_table IN OUT ROWS`.
 
 A process of its own: the HDF5 library trusts what it reads, and damaged files make it hang or end the
 process. It ends with exit code 2 and one line on stderr if the file is not as it should be.
@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 COLUMNS = ("id", "frame", "x", "y")
 _MOST_BYTES = 8 * 2**30
@@ -20,7 +22,7 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
 
     Args:
         archive: of the Pedestrian Dynamics Data Archive.
-        out: an .npz file with an array per column, `fps` and `wkt`; the latter two are empty if unknown.
+        out: a Parquet file with these columns; `fps` and `wkt`, empty if unknown, are its metadata.
         most_rows: of the table.
 
     Raises:
@@ -46,10 +48,11 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
         for name, values in columns.items():
             if values.dtype.kind not in "iuf":
                 raise ValueError(f"column {name} has the type {values.dtype}, which is no number")
-        fps = np.ravel(np.asarray(table.attrs.get("fps", ()), dtype=np.float64))[:1]
+        fps = np.ravel(np.asarray(table.attrs.get("fps", ()), dtype=np.float64))[:1].tolist()
         geometry = file.attrs.get("wkt_geometry", "")
         wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)
-    np.savez(out, allow_pickle=False, fps=fps, wkt=np.array(wkt), **columns)
+    about = {"fps": "".join(map(repr, fps)), "wkt": wkt}
+    pq.write_table(pa.table(columns).replace_schema_metadata(about), out, compression="none")
 
 
 def main() -> None:

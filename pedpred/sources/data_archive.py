@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
@@ -42,8 +43,8 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     Raises:
         SourceError: the file is damaged, of another program, or its values are wrong; h5py is not installed.
     """
-    content = _content(path)
-    whole = {name: content[name] for name in ("id", "frame")}
+    columns, about = _content(path)
+    whole = {name: columns[name] for name in ("id", "frame")}
     for name, values in whole.items():
         wrong = ~(np.abs(values.astype(np.float64)) <= _LARGEST_WHOLE) | (values % 1 != 0)
         for row in np.flatnonzero(wrong)[:1]:
@@ -51,7 +52,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
             raise SourceError(path, None, problem)
     if not len(whole["id"]):
         raise SourceError(path, None, "no detections, trajectory is empty")
-    said = float(content["fps"][0]) if len(content["fps"]) else options.rate_hz
+    said = float(about["fps"]) if about["fps"] else options.rate_hz
     if said is None:
         raise SourceError(path, None, "trajectory has no fps", "Say how many frames a second has: --rate")
     if options.rate_hz not in (None, said):
@@ -60,7 +61,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     if not _SLOWEST_HZ <= said <= _FASTEST_HZ:
         raise SourceError(path, None, f"fps = {said:g} is no rate")
     frame, track_id = (whole[name].astype(np.int64) for name in ("frame", "id"))
-    position = np.stack([content[name].astype(np.float64) for name in ("x", "y")], axis=1)
+    position = np.stack([columns[name].astype(np.float64) for name in ("x", "y")], axis=1)
     with translate_errors(partial(SourceError, path, None)):
         return Trajectories(frame / said, track_id, position)
 
@@ -71,12 +72,12 @@ def read_walls(path: Path) -> Walls | None:
     Raises:
         SourceError: the geometry cannot be understood.
     """
-    wkt = str(_content(path)["wkt"])
+    wkt = _content(path)[1]["wkt"]
     return parse_wkt(path, wkt) if wkt.strip() else None
 
 
-def _content(path: Path) -> dict[str, np.ndarray]:
-    """Arrays by name, as `archive_table` copies them.
+def _content(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Columns by name, and `fps` and `wkt`, as `archive_table` copies them.
 
     Raises:
         SourceError: it could not; the message says why.
@@ -84,7 +85,7 @@ def _content(path: Path) -> dict[str, np.ndarray]:
     # Filters of strangers are code: none is loaded.
     environment = os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "HDF5_USE_FILE_LOCKING": "FALSE"}
     with TemporaryDirectory() as folder:
-        out = Path(folder, "table.npz")
+        out = Path(folder, "table.parquet")
         rows = str(MOST_NUMBERS // len(COLUMNS))
         command = [
             sys.executable,
@@ -108,5 +109,7 @@ def _content(path: Path) -> dict[str, np.ndarray]:
                 reason = said[-1]
             remedy = "Read are those of the Pedestrian Dynamics Data Archive; save other tables as CSV"
             raise SourceError(path, None, f"HDF5: {reason}", remedy)
-        with translate_errors(partial(SourceError, path, None)), np.load(out, allow_pickle=False) as content:
-            return {name: content[name] for name in (*COLUMNS, "fps", "wkt")}
+        with translate_errors(partial(SourceError, path, None)):
+            table = pq.read_table(out)
+    about = {name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()}
+    return {name: table[name].to_numpy() for name in COLUMNS}, about
