@@ -192,9 +192,7 @@ def test_people_of_a_robot_that_drives_and_turns(place):
         assert np.hypot(anna.position.x - there[0], anna.position.y - there[1]) < 0.1
     last = heard["/robot/predictions/people"][-1]
     walker = next(one for one in last.people if one.name == "7")
-    np.testing.assert_allclose(
-        [walker.velocity.x, walker.velocity.y], ODOM[0].apply(SPEED)[:2], atol=0.3
-    )
+    np.testing.assert_allclose([walker.velocity.x, walker.velocity.y], ODOM[0].apply(SPEED)[:2], atol=0.3)
     (names,) = heard["/robot/predictions/names"]
     (number,) = json.loads(names.data)
     rows = rows_of(clouds[-1])
@@ -212,7 +210,9 @@ def test_a_latched_map_of_before_is_used_and_diagnostics_say_so(place):
     walk = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(25)]
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
     with place.node() as told:
-        heard = place.exchange([("/people", PEOPLE_TYPE, "rv")], walk, record, "/predictions", 25, ("/people", 1))
+        heard = place.exchange(
+            [("/people", PEOPLE_TYPE, "rv")], walk, record, "/predictions", 25, ("/people", 1)
+        )
         ender, _ = place.peer(publish=[("/end", TEXT_TYPE, "rv")], send=[(0.1, 0, serialize(TEXT_TYPE, {}).hex())],
                               wait_for=("/end", 1))  # fmt: skip
         assert ender.wait(LIMIT_S) == mapper.wait(LIMIT_S) == 0
@@ -255,15 +255,24 @@ def test_people_without_ids_are_told_apart(place):
     send = []
     for k in range(20):
         places = [(0.1 * k, 0.0), (4.0 - 0.1 * k, 1.0)]
-        poses = [{"position": {"x": x, "y": y}, "orientation": {"w": 1.0}} for x, y in places[:: 1 - 2 * (k % 2)]]
+        poses = [
+            {"position": {"x": x, "y": y}, "orientation": {"w": 1.0}} for x, y in places[:: 1 - 2 * (k % 2)]
+        ]
         content = {"header": header(100 * 10**9 + k * 10**8, "map"), "poses": poses}
         send.append((k / 10, 0, serialize(POSES, content).hex()))
     with place.node("-p", "use_map:=false", "-p", f"people_type:={POSES}") as told:
         heard = place.exchange(
-            [("/people", POSES, "bv")], send, [("/predictions", CLOUD, "rv")], "/predictions", 20, ("/people", 1)
+            [("/people", POSES, "bv")],
+            send,
+            [("/predictions", CLOUD, "rv")],
+            "/predictions",
+            20,
+            ("/people", 1),
         )
     assert "people have no ids that say who is who" in told.read_text()
-    tracks = Counter(track for cloud in heard["/predictions"] for track in np.unique(rows_of(cloud)["track_id"]))
+    tracks = Counter(
+        track for cloud in heard["/predictions"] for track in np.unique(rows_of(cloud)["track_id"])
+    )
     assert tracks == {1: 20, 2: 20}
 
 
@@ -284,12 +293,17 @@ def test_a_manager_starts_the_node(place):
     ("arguments", "problem"),
     [
         (("-r", "map:=/local_costmap/costmap"), "costs are no map"),
-        (("-p", "people_type:=spencer_tracking_msgs/msg/TrackedPersons"), "spencer_tracking_msgs is not installed"),
+        (
+            ("-p", "people_type:=spencer_tracking_msgs/msg/TrackedPersons"),
+            "spencer_tracking_msgs is not installed",
+        ),
         (("-p", "identities:=guessed"), "identities = 'guessed', but it must be one of"),
     ],
 )
 def test_a_start_that_cannot_succeed_says_why(place, arguments, problem):
     command = [PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments]
-    done = subprocess.run(command, env=place.environment, cwd=place.folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, env=place.environment, cwd=place.folder, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 1
     assert problem in done.stdout + done.stderr

@@ -11,6 +11,7 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
@@ -113,7 +114,10 @@ class PedpredNode(LifecycleNode):
         self._follower, self._latencies = Follower(predictor, settings), Latencies()
         self._add_publishers()
         if settings.use_map:
-            for qos in (_latched(1), _sensor(1)):  # a volatile subscription hears no latched map of before
+            for qos in (
+                _latched(1),
+                _sensor(1),
+            ):  # the first hears no volatile map, the second none of before
                 self._listen(GRID_TYPE, "map", self._follower.map_came, qos)
         try:
             self._listen(TRANSFORMS, "/tf", self._moving_came, _reliable(_TF_DEPTH))
@@ -187,8 +191,12 @@ class PedpredNode(LifecycleNode):
         self._own, self._sinks, self._follower = [], {}, None
 
     def _listen(self, kind: str, topic: str, callback: Callable[[bytes], None], qos: QoSProfile) -> None:
-        made = _message_class(kind)
-        self._own.append(self.create_subscription(made, topic, self._guarded(callback), qos, raw=True))
+        made, silent = _message_class(kind), SubscriptionEventCallbacks(use_default_callbacks=False)
+        self._own.append(
+            self.create_subscription(
+                made, topic, self._guarded(callback), qos, event_callbacks=silent, raw=True
+            )
+        )
 
     def _people_came(self, raw: bytes) -> None:
         if self._follower is not None:
