@@ -1,7 +1,8 @@
 """A process that publishes and records raw messages: `python peer.py PLAN`, a JSON file.
 
-    {"publish": [[topic, type, qos]], "send": [[time_s, index of publisher, hex]], "record": [[topic, type, qos]],
-     "out": file, "until": topic that ends the recording, "count": after so many messages, "limit_s": number,
+    {"publish": [[topic, type, qos]], "send": [[time_s, index of publisher, hex]],
+     "record": [[topic, type, qos]], "out": file, "limit_s": number,
+     "until": topic that ends the recording, "count": after so many messages,
      "wait_for": [topic, subscribers], "transitions": [label], "node": of whom}
 
 Times count from when the topic in `wait_for` has so many subscribers. A qos is two letters: r(eliable) or

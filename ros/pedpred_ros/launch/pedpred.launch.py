@@ -12,7 +12,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 
 def generate_launch_description():
-    """The node `pedpred`; arguments name topics, the namespace, a file of parameters, simulated time, RViz."""
+    """The node `pedpred`; arguments name topics, namespace, file of parameters, simulated time, RViz."""
     share = Path(get_package_share_directory("pedpred_ros"))
     arguments = {
         "params_file": str(share / "config" / "pedpred.yaml"),
