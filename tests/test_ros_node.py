@@ -286,6 +286,12 @@ def test_a_manager_starts_the_node(place):
     assert "forecasting people of /people" in told.read_text()
 
 
+def test_a_node_that_still_compiles_ends_when_it_is_told_to(place):
+    place.environment["NUMBA_CACHE_DIR"] = str(place.folder)
+    with place.node(ready="compiling what is not compiled yet"):
+        pass
+
+
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [

@@ -19,7 +19,8 @@ class NearestTracks:
 
     def __init__(self) -> None:
         self._next = 1
-        self._forget()
+        self._track_id, self._seen_s = np.zeros(0, np.int64), np.zeros(0)
+        self._position, self._velocity = np.zeros((0, 2)), np.zeros((0, 2))
 
     def assign(self, time_s: float, position: np.ndarray) -> np.ndarray:
         """Number the people of one message; who was not seen for `LOST_AFTER_S` is somebody else afterwards.
@@ -32,7 +33,7 @@ class NearestTracks:
             [D] int64, from 1
         """
         if len(self._seen_s) and time_s < self._seen_s.max() - LOST_AFTER_S:
-            self._forget()
+            self._keep(np.zeros(len(self._seen_s), bool))
         self._keep(time_s - self._seen_s <= LOST_AFTER_S)
         gap_s = np.maximum(time_s - self._seen_s, 0.0)
         expected = self._position + gap_s[:, None] * self._velocity
@@ -69,7 +70,3 @@ class NearestTracks:
     def _keep(self, kept: np.ndarray) -> None:
         self._track_id, self._seen_s = self._track_id[kept], self._seen_s[kept]
         self._position, self._velocity = self._position[kept], self._velocity[kept]
-
-    def _forget(self) -> None:
-        self._track_id, self._seen_s = np.zeros(0, np.int64), np.zeros(0)
-        self._position, self._velocity = np.zeros((0, 2)), np.zeros((0, 2))

@@ -140,7 +140,7 @@ def turned_map(blocked: np.ndarray, origin: np.ndarray, side_m: float, yaw_rad: 
         points = low - origin + np.stack(np.meshgrid(own, parts[1], indexing="ij"), -1)
         cell = np.floor(rotate(points, np.full(points.shape[:-1], -yaw_rad)) / side_m).astype(np.int64)
         inside = ((cell >= 0) & (cell < blocked.shape)).all(axis=-1)
-        hit = inside.copy()
+        hit = np.zeros(inside.shape, bool)
         hit[inside] = blocked[tuple(cell[inside].T)]
         found[row] = hit.reshape(_POINTS, -1, _POINTS).any(axis=(0, 2))
     return OccupancyMap(found, low, side_m)

@@ -70,9 +70,11 @@ class PedpredNode(LifecycleNode):
         super().destroy_node()
 
     def _settings(self, changed: dict[str, Any] | None = None) -> NodeSettings:
-        values = {name: self.get_parameter(name).value for name, _, _ in fields_of(NodeSettings)}
-        values |= changed or {}
-        return NodeSettings(**{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()})
+        values: dict[str, Any] = {
+            name: self.get_parameter(name).value for name, _, _ in fields_of(NodeSettings)
+        } | (changed or {})
+        listed = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
+        return NodeSettings(**(values | listed))
 
     def _changed(self, parameters: list[Any]) -> SetParametersResult:
         own = {name for name, _, _ in fields_of(NodeSettings)}
@@ -107,6 +109,7 @@ class PedpredNode(LifecycleNode):
             rule = "costs are no map: remap `map` to the topic of the map server, or set use_map to false"
             raise ConfigError("map", topic, rule)
         _message_class(settings.people_type)
+        _log.info("compiling what is not compiled yet: up to a minute")
         warm_up(settings.model or None)
         online = OnlineSettings(max_age_s=settings.max_age_s, detection_noise_m=settings.detection_noise_m)
         predictor = OnlinePredictor.load(settings.model or None, online)
