@@ -260,3 +260,14 @@ def test_parameters_are_explained_and_checked():
     for wrong in ({"people_type": "x"}, {"identities": "x"}, {"max_age_s": -1.0}, {"use_map": 1}):
         with pytest.raises(ValueRuleError):
             NodeSettings(**wrong)
+
+
+def test_markers_are_not_made_for_nobody():
+    settings = NodeSettings(use_map=False)
+    follower = Follower(
+        OnlinePredictor.load(), settings, is_heard=lambda topic: topic != "predictions/markers"
+    )
+    assert answered(follower, people(5.0, **{"7": (2.0, 1.0)})).keys() == {
+        "predictions",
+        "predictions/people",
+    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -85,10 +85,21 @@ class Follower:
     """Follows one stream of people.
 
     Times called `now_s` are those of a clock that never stops or jumps, s.
+
+    Args:
+        predictor: used by nobody else.
+        settings: of the node; may be replaced at any time.
+        is_heard: whether somebody listens to a topic; markers, which take longer than forecasts, are left out
+            where nobody does.
     """
 
-    def __init__(self, predictor: OnlinePredictor, settings: NodeSettings):
-        self._predictor, self.settings = predictor, settings
+    def __init__(
+        self,
+        predictor: OnlinePredictor,
+        settings: NodeSettings,
+        is_heard: Callable[[str], bool] = lambda topic: True,
+    ):
+        self._predictor, self.settings, self._is_heard = predictor, settings, is_heard
         self._decoder, self._frames = Decoder(), LiveFrames()
         self._map = _Map(frame_name(settings.map_frame))
         self._waiting: deque[_Waiting] = deque()
@@ -233,7 +244,7 @@ class Follower:
             yield Answer(NAMES, TEXT_TYPE, {"data": text})
         if self.settings.publish_people:
             yield Answer(PEOPLE, PEOPLE_TYPE, people_content(forecast, named, time_ns, frame))
-        if self.settings.publish_markers:
+        if self.settings.publish_markers and self._is_heard(MARKERS):
             content = forecast_message(forecast, _COLOUR, time_ns, frame)
             content["markers"] += names_markers(forecast, named, time_ns, frame)
             yield Answer(MARKERS, MARKERS_TYPE, content)

@@ -114,7 +114,7 @@ class PedpredNode(LifecycleNode):
         online = OnlineSettings(max_age_s=settings.max_age_s, detection_noise_m=settings.detection_noise_m)
         predictor = OnlinePredictor.load(settings.model or None, online)
         self._steps = predictor.protocol.horizon_steps
-        self._follower, self._latencies = Follower(predictor, settings), Latencies()
+        self._follower, self._latencies = Follower(predictor, settings, self._is_heard), Latencies()
         self._add_publishers()
         if settings.use_map:
             for qos in (
@@ -224,6 +224,9 @@ class PedpredNode(LifecycleNode):
         for answer in self._follower.answers(time.monotonic()):
             if answer.topic in self._sinks:
                 self._sinks[answer.topic].publish(serialize(answer.kind, answer.content))  # rclpy takes bytes
+
+    def _is_heard(self, topic: str) -> bool:
+        return topic in self._sinks and self._sinks[topic].get_subscription_count() > 0
 
     def _diagnose(self) -> None:
         if self._follower is None:
