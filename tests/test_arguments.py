@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from pedpred.command import driving
 from pedpred.command import evaluation as measuring
 from pedpred.command import main, prediction
 from pedpred.errors import OutputError
@@ -30,7 +31,7 @@ def here(tmp_path, monkeypatch):
     def worked(*given, **more):
         pytest.fail("work has begun")
 
-    for module in (prediction, measuring):
+    for module in (prediction, measuring, driving):
         monkeypatch.setattr(module, "read_given", worked)
     monkeypatch.setattr("pedpred.command.conversion.read_given", worked)
     return tmp_path

@@ -126,7 +126,8 @@ def test_being_overtaken_and_meeting_somebody_who_has_just_appeared_is_no_fault(
 
 @given(st.integers(0, 2**32 - 1))
 @settings(deadline=None, max_examples=100)
-def test_the_probability_of_an_overlap_is_that_of_samples(seed):
+def test_the_probability_of_an_overlap_is_about_that_of_samples(seed):
+    """The rectangle is wider than the disc near its rim: it errs on the safe side."""
     rng = np.random.default_rng(seed)
     mean, long, flat = rng.uniform(-1.5, 1.5, 2), rng.uniform(0.02, 1.0), rng.uniform(0.3, 1.0)
     angle = rng.uniform(0, np.pi)
@@ -135,7 +136,7 @@ def test_the_probability_of_an_overlap_is_that_of_samples(seed):
     samples = rng.multivariate_normal(mean, covariance, 20_000)
     share = (np.hypot(*samples.T) < REACH_M).mean()
     own = overlap(*mean, covariance[0, 0], covariance[0, 1], covariance[1, 1], REACH_M)
-    assert abs(own - share) < 0.08
+    assert -0.05 < own - share < 0.15
 
 
 @pytest.mark.parametrize("distance_m", [0.0, 0.3, 0.59])
@@ -261,7 +262,12 @@ def test_walls_and_people_hide_who_is_behind_them():
     assert visible(state, position, ground, EXACT).tolist() == [False, True, False, True, False, False]
     assert visible(state, position, ground, replace(EXACT, occluded=False)).sum() == 4
     ahead = replace(EXACT, view_rad=np.pi / 2)
-    assert visible((0.0, 0.0, np.pi, 0.0, 0.0), position, ground, ahead).tolist() == [*[False] * 3, True, False, False]
+    assert visible((0.0, 0.0, np.pi, 0.0, 0.0), position, ground, ahead).tolist() == [
+        *[False] * 3,
+        True,
+        False,
+        False,
+    ]
 
 
 # Recorded people and episodes

@@ -60,8 +60,8 @@ def walls_of(occupancy: OccupancyMap) -> Walls:
 def course_to(goal: np.ndarray, walls: Walls, radius_m: float) -> Course:
     """Find the ways to a goal from everywhere (fast marching).
 
-    Ground too narrow for the robot has the length of the nearest wide place, and more, so that a robot that is
-    pushed there finds out. Where no way leads, the length is infinite.
+    Ground too narrow for the robot has the length of the nearest wide place, and more, so that a robot that
+    is there finds out. Where no way leads, the length is infinite.
 
     Args:
         goal: world frame, m. [2]

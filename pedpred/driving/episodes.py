@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
 from pedpred.driving.course import Course, Walls, course_to, route, value_at, walls_of
 from pedpred.driving.people import RecordedPeople, Window
@@ -18,6 +20,7 @@ from pedpred.scenes import OccupancyMap, Scene
 _TRIES = 2000
 _CLEAR_M = 1.2  # nobody is nearer at the start
 _MEET_M = 0.8  # somebody comes so near to a robot that would drive the route at full speed
+_BESIDE_M = 1.0  # the robot stays so near to where people were recorded: farther off nobody is known
 _AFTER_S = 3.0  # the true future is known so long after an episode
 
 
@@ -47,7 +50,7 @@ class Place:
         name: of the scene.
         people: who walk there.
         occupancy: the walls.
-        walls: distances to them.
+        walls: distances to them, and to the border of the ground on which people were recorded.
     """
 
     name: str
@@ -59,7 +62,21 @@ class Place:
     def of(cls, scene: Scene, dt_s: float) -> Place:
         """Prepare a scene for a robot's clock."""
         people = RecordedPeople(scene.trajectories, dt_s)
-        return cls(scene.name, people, scene.occupancy, walls_of(scene.occupancy))
+        return cls(scene.name, people, scene.occupancy, walls_of(_recorded_ground(scene)))
+
+
+def _recorded_ground(scene: Scene) -> OccupancyMap:
+    """The map, blocked where nobody was recorded: a robot must not wait beyond the view of the recording."""
+    given = scene.occupancy
+    margin = math.ceil(_BESIDE_M / given.resolution_m) + 1
+    origin = given.origin - margin * given.resolution_m
+    ground = OccupancyMap(np.pad(given.occupied, margin), origin, given.resolution_m)
+    cells = ground.cell_of(scene.trajectories.position)
+    cells = cells[((cells >= 0) & (cells < ground.occupied.shape)).all(axis=1)]
+    visited = np.zeros(ground.occupied.shape, bool)
+    visited[tuple(cells.T)] = True
+    away_m = ndimage.distance_transform_edt(~visited) * given.resolution_m
+    return replace(ground, occupied=ground.occupied | (away_m > _BESIDE_M))
 
 
 @dataclass(frozen=True)
@@ -126,7 +143,9 @@ def draw_episode(
         return Episode(
             number, tick, start, heading, course, float(lengths[-1]), watching, window, faults, ticks
         )
-    rule = f"in {_TRIES} tries no way of {settings.distance_m[0]:g} to {settings.distance_m[1]:g} m met anybody"
+    rule = (
+        f"in {_TRIES} tries no way of {settings.distance_m[0]:g} to {settings.distance_m[1]:g} m met anybody"
+    )
     raise ValueRuleError("scene", place.name, rule)
 
 
@@ -164,5 +183,5 @@ class DriveSettings:
     robot: Robot = Robot()  # noqa: RUF009
     planner: PlannerSettings = PlannerSettings()  # noqa: RUF009
     sensor: SensorSettings = SensorSettings()  # noqa: RUF009
-    episodes: EpisodeSettings = EpisodeSettings()  # noqa: RUF009
+    episodes: EpisodeSettings = EpisodeSettings()
     seed: int = 0

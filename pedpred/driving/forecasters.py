@@ -1,4 +1,4 @@
-"""The forecasters that drive, behind one interface: detections of an instant in, a forecast of the people out."""
+"""The forecasters behind one interface: detections of an instant in, a forecast of the people out."""
 
 from __future__ import annotations
 
@@ -79,7 +79,9 @@ class TrackedPeople:
             np.repeat(held[name][:, None], len(ahead_s), axis=1).reshape(-1, size)
             for name, size in (("position", 2), ("velocity", 2), ("covariance", 3))
         )
-        variance = predicted(Belief(*each), since_s, q).covariance[:, 0].reshape(people, len(ahead_s), filters)
+        variance = (
+            predicted(Belief(*each), since_s, q).covariance[:, 0].reshape(people, len(ahead_s), filters)
+        )
         return np.asarray((share[:, None] * variance).sum(axis=-1)[..., None, None] * np.eye(2))
 
 

@@ -1,4 +1,4 @@
-"""Measures of a drive, in the terms of Francis et al. 2023 (Principles and guidelines for social navigation)."""
+"""Measures of a drive, in the terms of Francis et al. 2023 (guidelines for social navigation)."""
 
 from __future__ import annotations
 

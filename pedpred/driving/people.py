@@ -87,6 +87,8 @@ class RecordedPeople:
         position = np.full((count, len(who), 2), np.nan)
         for column, n in enumerate(who):
             low, high = max(tick, self._begin[n]), min(tick + count, self._end[n])
-            position[low - tick : high - tick, column] = self._paths[n][low - self._begin[n] : high - self._begin[n]]
+            position[low - tick : high - tick, column] = self._paths[n][
+                low - self._begin[n] : high - self._begin[n]
+            ]
         there_s = (tick + np.arange(count)[:, None] - self._begin[who]) * self.dt_s
         return Window(self.dt_s, who, position, there_s)

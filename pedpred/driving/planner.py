@@ -1,7 +1,7 @@
-"""A local planner: short manoeuvres, each ending in standstill, under a limit of the risk while the robot moves.
+"""A local planner: short manoeuvres, each ending in standstill, under a limit of the risk while moving.
 
 Every manoeuvre is rolled out through the robot's limits (as in the dynamic window approach, Fox et al. 1997).
-Its risk is the largest probability, over the steps in which it moves, that it overlaps somebody whom it drives
+Its risk is the largest probability, over the steps in which it moves, to overlap somebody whom it drives
 towards (`pedpred.driving.risk`). Among those whose risk is within the limit and that touch no wall it takes
 
     min  t_goal + w_p sum_s P_s dt + w_c sum_s max(0, c - distance_s) dt + w_s (|dv| / v_max + |dw| / w_max)
@@ -160,5 +160,3 @@ class Planner:
         allowed = risk <= self._settings.risk
         self._under_way = offered[np.argmin(np.where(allowed, cost, np.inf)) if allowed.any() else 0]
         return self._under_way[0]
-
-

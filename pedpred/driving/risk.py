@@ -5,7 +5,7 @@ person and the robot, of radii that sum to R, overlap if x is within R of the ro
 of x along the line from the robot to mu, d = |mu - robot| its mean, and t the one across. With the standard
 deviation sigma of r and the mean m and deviation s of t given that r = min(d, R),
 
-    p_nk = [Phi((R - d) / sigma) - Phi((-R - d) / sigma)] [Phi((h - m) / s) - Phi((-h - m) / s)],  h = pi R / 4
+    p_nk = [Phi((R - d) / sigma) - Phi((-R - d) / sigma)] [Phi((h - m) / s) - Phi((-h - m) / s)], h = pi R / 4
 
 The disc is replaced by a rectangle 2 R x 2 h of the same area that looks at mu: p is 1 or 0 for an exact
 forecast (|mu - robot| < R or not), and density times area for a wide one. People are independent:

@@ -1,4 +1,4 @@
-"""What a robot's sensor sees: range, field of view, occlusion by walls and people, noise, missed detections."""
+"""What a robot's sensor sees: range, field of view, occlusion by walls and people, noise, misses."""
 
 from __future__ import annotations
 

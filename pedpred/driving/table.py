@@ -78,7 +78,9 @@ def read_table(path: Path) -> list[Row]:
         try:
             condition = Condition(given["method"], float(given["risk"]))
             NAMES.index(condition.method)
-            figures = {name: (int if name in _WHOLE else float)(given[name]) for name in _MEASURES}
+            figures: dict[str, Any] = {
+                name: (int if name in _WHOLE else float)(given[name]) for name in _MEASURES
+            }
             keys = given["place"], given["robot"], condition, int(given["episode"]), given["settings"]
             rows.append(Row(*keys, Measures(**figures)))
         except (KeyError, ValueError, TypeError) as cause:
@@ -134,7 +136,15 @@ class Episodes(NamedTuple):
 def summary(rows: Sequence[Row]) -> str:
     """Write figures of each condition as text; intervals are of 95 %, over episodes."""
     each = Episodes.of(rows)
-    titles = ("method", "risk", "at fault %", "95 % interval", "collisions %", "success %", "reached %")
+    titles: tuple[str, ...] = (
+        "method",
+        "risk",
+        "at fault %",
+        "95 % interval",
+        "collisions %",
+        "success %",
+        "reached %",
+    )
     titles += ("time s", "ratio", "path", "stopped s", "intrusion s", "jerk")
     cells: list[Sequence[str]] = [titles]
     for condition in each.conditions:
@@ -187,9 +197,7 @@ def equal_time(each: Episodes, one: str, other: str) -> tuple[float, float, floa
     for own, time_s in zip(curves, times, strict=True):
         fault = weight @ np.array([each.at_fault(c) for c in own]).T
         order = np.argsort(time_s, axis=1)
-        rows = zip(
-            np.take_along_axis(time_s, order, 1), np.take_along_axis(fault, order, 1), strict=True
-        )
+        rows = zip(np.take_along_axis(time_s, order, 1), np.take_along_axis(fault, order, 1), strict=True)
         shares.append(np.array([np.interp(middle, *pair) for pair in rows]))
     apart = shares[0] - shares[1]
     ends = np.percentile(apart[1:], [2.5, 97.5])
