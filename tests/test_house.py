@@ -62,7 +62,7 @@ def test_what_runs_on_a_robot_needs_the_light_install_alone():
     """Every package that the command, the online predictor or a reader of bags imports is a dependency."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = project["dependencies"]
-    called = {"PIL": "pillow", "yaml": "pyyaml"}
+    called = {"PIL": "pillow", "skfmm": "scikit-fmm", "yaml": "pyyaml"}
     files = [path for room in ("command", "online", "ros") for path in (ROOT / "pedpred" / room).glob("*.py")]
     embedding = {ROOT / name for path in files for name in code_behind(path)}
     outside = {module.partition(".")[0] for path in embedding for module, _ in imported(path)} - {"pedpred"}

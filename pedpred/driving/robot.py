@@ -113,7 +113,7 @@ def advance(state, a, b, limits, dt_s):  # pragma: no cover (compiled)
     x, y, heading, now_a, now_b = state
     if limits.holonomic:
         to_a, to_b = a - now_a, b - now_b
-        faster = math.hypot(a, b) > math.hypot(now_a, now_b)
+        faster = math.hypot(a, b) > math.hypot(now_a, now_b) + 1e-6  # not because of rounding
         rate = limits.acceleration_mps2 if faster else limits.braking_mps2
         share = min(1.0, rate * dt_s / max(math.hypot(to_a, to_b), 1e-12))
         new_a, new_b = now_a + share * to_a, now_b + share * to_b
