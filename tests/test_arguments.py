@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from pedpred.command import driving
+from pedpred.command import driving, main, prediction
 from pedpred.command import evaluation as measuring
-from pedpred.command import main, prediction
 from pedpred.errors import OutputError
 from pedpred.files import check_output
 from tests.conftest import ROOT

@@ -17,7 +17,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges
 from pedpred.scenes import OccupancyMap, Scene
 
-_TRIES = 2000
+_TRIES = 20_000
 _CLEAR_M = 1.2  # nobody is nearer at the start
 _MEET_M = 0.8  # somebody comes so near to a robot that would drive the route at full speed
 _BESIDE_M = 1.0  # the robot stays so near to where people were recorded: farther off nobody is known

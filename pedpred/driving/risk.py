@@ -8,7 +8,9 @@ deviation sigma of r and the mean m and deviation s of t given that r = min(d, R
     p_nk = [Phi((R - d) / sigma) - Phi((-R - d) / sigma)] [Phi((h - m) / s) - Phi((-h - m) / s)], h = pi R / 4
 
 The disc is replaced by a rectangle 2 R x 2 h of the same area that looks at mu: p is 1 or 0 for an exact
-forecast (|mu - robot| < R or not), and density times area for a wide one. People are independent:
+forecast (|mu - robot| < R or not), and density times area for a wide one. In between
+it is up to 0.12 too large, because the rectangle is wider than the disc near its rim, and up to 0.03 too
+small. People are independent:
 
     P = 1 - prod_n (1 - sum_k w_nk p_nk)
 """
