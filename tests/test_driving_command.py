@@ -40,11 +40,14 @@ def test_drives_of_other_settings_are_not_added(tmp_path):
 
 def test_an_episode_is_recorded_with_the_robot(tmp_path):
     recording = tmp_path / "episode.mcap"
-    main(["drive", CORNER, "--record", str(recording), "--method", "modes"])
+    main(["drive", CORNER, "--record", str(recording)])
     scene = read_recording(recording)
     people = scene.trajectories
     robot = people.track_id == people.track_id.max()
     assert np.hypot(*np.ptp(people.position[robot], axis=0)) > 3.0
+    for wrong in (["--record", "episode.csv"], ["--record", "other.mcap", "--method", "true_future"]):
+        with pytest.raises(SystemExit, match=r"--record|--method"):
+            main(["drive", CORNER, *wrong])
 
 
 def row(condition, episode, faults, time_s):

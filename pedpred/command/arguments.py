@@ -239,7 +239,7 @@ def _drives(command: argparse.ArgumentParser) -> None:
     command.add_argument("--missed", type=_number(float, 0.0, 0.99), default=sensor.missed, help=missed)
     processes = "worker processes (default 1)"
     command.add_argument("--processes", type=_number(int, 1, 1000), default=1, help=processes)
-    record = "write one episode of the first method as MCAP instead"
+    record = "write one episode of one method (default: modes) as MCAP instead"
     command.add_argument("--record", type=_path, metavar="NAME.mcap", help=record)
     which = "number of the episode to record (default 0)"
     command.add_argument("--episode", type=_number(int, 0, 1e6), default=0, help=which)

@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from pedpred.command.conversion import layout_of, read_given
 from pedpred.driving.episodes import DriveSettings, draw_episode
-from pedpred.driving.forecasters import NAMES, forecaster_of
+from pedpred.driving.forecasters import NAMES, TRUTH, forecaster_of
 from pedpred.driving.loop import Drive
 from pedpred.driving.loop import drive as drive_episode
 from pedpred.driving.planner import PlannerSettings
@@ -133,9 +133,14 @@ def check_drive(given: argparse.Namespace) -> None:
     """Check what only `pedpred drive` needs.
 
     Raises:
-        ValueRuleError: a recording has another suffix than .mcap.
+        ValueRuleError: a recording has another suffix than .mcap, or is one of the true future.
     """
     if given.table is None:
         given.table = Path(f"{given.scene.stem}_drives.csv")
-    if given.record is not None and given.record.suffix != ".mcap":
+    if given.record is None:
+        return
+    if given.record.suffix != ".mcap":
         raise ValueRuleError("--record", str(given.record), "the name of a recording ends in .mcap")
+    given.method = given.method or ["modes"]
+    if given.method[0] == TRUTH:
+        raise ValueRuleError("--method", TRUTH, "it makes no forecasts that a recording holds")
