@@ -220,6 +220,16 @@ def test_the_true_future_hits_nobody_whom_standing_people_hit(predictor, kind):
     assert faults["standing"] > 0
 
 
+def test_a_runner_who_passes_within_a_step_is_no_exception(predictor):
+    """At 4 m/s somebody is beside the robot at one instant and behind it at the next."""
+    for number in range(8):
+        window = straight(
+            [(3.0 - 0.05 * number, 2.0), (6.0, -3.0)], [(-3.6, -1.6), (-3.0, 2.0 + 0.1 * number)]
+        )
+        done = driven(predictor, TRUTH, episode_to((4.0, 0.0), window))
+        assert not find_contacts(done, 0.3).fault.any()
+
+
 @pytest.mark.parametrize("method", NAMES)
 def test_only_the_named_forecaster_sees_the_future(predictor, method):
     """Where people turn at an instant changes no command before it, except by the true future."""

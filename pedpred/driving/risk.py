@@ -147,7 +147,11 @@ def risk_at(step, x, y, to_x, to_y, people, radius_m):  # pragma: no cover (comp
             xx, xy, yy = people.covariance[n, k, step]
             share = people.weight[n, k] * overlap(d_x, d_y, xx, xy, yy, radius_m)
             anyway += share
-            if moved > 1e-9 and d_x * to_x + d_y * to_y > -0.3 * d * moved:  # not clearly behind it
+            b_x = people.mean[n, k, max(step - 1, 0), 0] - x + to_x  # where a runner was before this step
+            b_y = people.mean[n, k, max(step - 1, 0), 1] - y + to_y
+            now, before = d_x * to_x + d_y * to_y, b_x * to_x + b_y * to_y
+            behind = now < -0.3 * d * moved and not before > -0.3 * math.hypot(b_x, b_y) * moved
+            if moved > 1e-9 and not behind:
                 ahead += share
         free *= 1.0 - min(anyway, 1.0)
         free_ahead *= 1.0 - min(ahead, 1.0)
