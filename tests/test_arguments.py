@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from pedpred.command import driving, main, prediction
 from pedpred.command import evaluation as measuring
-from pedpred.command import main, prediction
 from pedpred.errors import OutputError
 from pedpred.files import check_output
 from tests.conftest import ROOT
@@ -30,7 +30,7 @@ def here(tmp_path, monkeypatch):
     def worked(*given, **more):
         pytest.fail("work has begun")
 
-    for module in (prediction, measuring):
+    for module in (prediction, measuring, driving):
         monkeypatch.setattr(module, "read_given", worked)
     monkeypatch.setattr("pedpred.command.conversion.read_given", worked)
     return tmp_path

@@ -6,12 +6,14 @@ from types import SimpleNamespace as Message
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores
+from scipy.spatial.distance import cdist
 
 from pedpred.command import main
 from pedpred.errors import ShapeError, SourceError, ValueRuleError
+from pedpred.geometry import rotate
 from pedpred.ros import (
     TrackNumbers,
     Transform,
@@ -142,6 +144,35 @@ def test_unknown_cells_are_free_and_other_values_are_percentages():
     for odd in (-2, 127):
         with pytest.raises(ValueRuleError, match=f"data = {odd}, but cells are -1"):
             map_of_grid(Message(info=sized(2, 1), data=np.array([0, odd], np.int8)))
+
+
+def turned(cells, yaw_rad, **orientation):
+    info = sized(*cells.shape)
+    info.origin.position.x, info.origin.position.y = 3.0, -2.0
+    given = {"z": np.sin(yaw_rad / 2), "w": np.cos(yaw_rad / 2)} | orientation
+    vars(info.origin.orientation).update(given)
+    return Message(info=info, data=np.where(cells.T, 100, 0).astype(np.int8).ravel())
+
+
+@given(st.floats(-3.2, 3.2), st.integers(0, 2**32))
+@settings(max_examples=30)
+def test_walls_of_a_turned_map_are_where_they_are(yaw_rad, seed):
+    """Every blocked cell is found at its centre, and nothing is blocked a cell away from all of them."""
+    cells = np.random.default_rng(seed).random((12, 7)) < 0.2
+    read = map_of_grid(turned(cells, yaw_rad))
+    centres = np.argwhere(cells) * 0.1 + 0.05
+    there = np.array([3.0, -2.0]) + rotate(centres, np.full(len(centres), yaw_rad))
+    assert read.occupied[tuple(read.cell_of(there).T)].all()
+    found = read.origin + (np.argwhere(read.occupied) + 0.5) * read.resolution_m
+    if len(found):
+        assert cdist(found, there).min(axis=1).max() < 0.15
+
+
+def test_a_map_that_is_turned_by_a_right_angle_keeps_its_cells_and_a_tilted_one_is_refused():
+    cells = np.random.default_rng(0).random((5, 3)) < 0.5
+    np.testing.assert_array_equal(map_of_grid(turned(cells, np.pi / 2)).occupied, cells.T[::-1])
+    with pytest.raises(ValueRuleError, match="a map must be level"):
+        map_of_grid(turned(cells, 0.0, x=0.1))
 
 
 def test_a_map_is_refused_before_its_cells_are_decoded():

@@ -65,7 +65,7 @@ def test_what_runs_on_a_robot_needs_the_light_install_alone():
     """
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = [*project["dependencies"], *project["optional-dependencies"]["hdf5"]]
-    called = {"PIL": "pillow", "yaml": "pyyaml"}
+    called = {"PIL": "pillow", "skfmm": "scikit-fmm", "yaml": "pyyaml"}
     files = [path for room in ("command", "online", "ros") for path in (ROOT / "pedpred" / room).glob("*.py")]
     embedding = {ROOT / name for path in files for name in code_behind(path)}
     outside = {module.partition(".")[0] for path in embedding for module, _ in imported(path)} - {"pedpred"}

@@ -51,6 +51,7 @@ NOT_RUN = {
     "python -m stages.simulate +name=sim_test": "needs the layout on its page; test_layouts.py simulates it",
     "pedpred info build/rooms": "likewise",
     "torchrun": "needs the features of a run; test_processes.py trains with two processes",
+    "pedpred drive": "drives for minutes; test_driving_command.py drives a few episodes",
     "python -m benchmarks": "measures for minutes, and for nothing beside other tests",
 }
 """Commands that are only checked: the beginning of a command -> why."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -306,3 +307,15 @@ def test_a_layout_does_not_depend_on_the_order_of_the_methods(tmp_path):
     for name, order in {"a": methods, "b": methods[::-1]}.items():
         write_layout(small_scene().occupancy, order, tmp_path / name)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_a_replayed_map_is_latched(tmp_path):
+    """As numbers of rmw: 1 is keep last, reliable and transient local, 2 is volatile."""
+    write_recording(small_scene(), tmp_path / "x.mcap")
+    channels = {channel.topic: channel for _, channel, _, _ in decoded(tmp_path / "x.mcap")[1]}
+    durability = {}
+    for topic, channel in channels.items():
+        (offered,) = yaml.safe_load(channel.metadata["offered_qos_profiles"])
+        assert (offered["history"], offered["reliability"], offered["depth"]) == (1, 1, 10)
+        durability[topic] = offered["durability"]
+    assert durability == {"/map": 1, "/tf_static": 1, "/people": 2, "/markers": 2}

@@ -13,8 +13,12 @@ from typing import Any
 import pedpred
 from pedpred import command as package
 from pedpred.command.conversion import convert, info, layout_of, refuse_overwriting
+from pedpred.command.driving import check_drive, drive
 from pedpred.command.evaluation import evaluate
 from pedpred.command.prediction import predict
+from pedpred.driving.forecasters import NAMES
+from pedpred.driving.robot import KINDS, Robot
+from pedpred.driving.sensor import SensorSettings
 from pedpred.errors import FileError, OutputError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.files import check_output
@@ -53,6 +57,8 @@ def parser() -> argparse.ArgumentParser:
     _model(command, f"{_TRACKER}; or `tune`: fit it to the recording itself")
     _conditions(command)
     _measures(command)
+    command = _add(commands, drive)
+    _drives(command)
     about = "Compile loops now, so that no later command and no robot waits for it."
     command = commands.add_parser("warm-up", help=about, description=about)
     _network(command)
@@ -81,6 +87,12 @@ def check(given: argparse.Namespace) -> None:
         if recording:
             _check_output(layout_of(output), inputs)
         refuse_overwriting(output, given.force)
+    if given.action is drive:
+        check_drive(given)
+        _check_output(given.table, inputs)
+        if given.record is not None:
+            _check_output(given.record, inputs)
+            refuse_overwriting(given.record, given.force)
     if figures := getattr(given, "json", None):
         _check_output(figures, inputs)
     if model := getattr(given, "model", None):
@@ -199,3 +211,37 @@ def _measures(command: argparse.ArgumentParser) -> None:
     samples, seed = _number(int, 1, 100_000), _number(int, 0, 2**63)
     command.add_argument("--samples", type=samples, default=1000, help="bootstrap replicates (default 1000)")
     command.add_argument("--seed", type=seed, default=0, help="of the bootstrap (default 0)")
+
+
+def _drives(command: argparse.ArgumentParser) -> None:
+    table = "drives are kept there, and not repeated (default: NAME_drives.csv in the current folder)"
+    command.add_argument("--table", type=_path, metavar="CSV", help=table)
+    command.add_argument("--episodes", type=_number(int, 1, 1e6), default=100, help="number (default 100)")
+    command.add_argument("--method", choices=NAMES, action="append", help="may be repeated (default: all)")
+    limit = "limit of the probability to overlap somebody; may be repeated (default 0.02, 0.1, 0.3)"
+    command.add_argument("--risk", type=_number(float, 0.0, 0.99), action="append", help=limit)
+    seed = "of episodes and sensor (default 0)"
+    command.add_argument("--seed", type=_number(int, 0, 2**63), default=0, help=seed)
+    _network(command)
+    robot, sensor = Robot(), SensorSettings()
+    command.add_argument("--robot", choices=KINDS, default=robot.kind, help=f"(default {robot.kind})")
+    length = _number(float, 0.05, 10.0)
+    radius = f"of the robot, m (default {robot.radius_m:g})"
+    command.add_argument("--radius-m", type=length, default=robot.radius_m, help=radius)
+    speed = f"its largest speed, m/s (default {robot.speed_mps:g})"
+    command.add_argument("--speed-mps", type=length, default=robot.speed_mps, help=speed)
+    reach = f"of its sensor, m (default {sensor.range_m:g})"
+    command.add_argument("--range-m", type=_number(float, 0.1, 1000.0), default=sensor.range_m, help=reach)
+    view = "field of view, degrees (default 360)"
+    command.add_argument("--view-deg", type=_number(float, 1.0, 360.0), default=360.0, help=view)
+    noise = f"standard deviation of a detection's coordinate, m (default {sensor.noise_m:g})"
+    command.add_argument("--noise-m", type=_number(float, 0.0, 10.0), default=sensor.noise_m, help=noise)
+    missed = f"share of missing detections (default {sensor.missed:g})"
+    command.add_argument("--missed", type=_number(float, 0.0, 0.99), default=sensor.missed, help=missed)
+    processes = "worker processes (default 1)"
+    command.add_argument("--processes", type=_number(int, 1, 1000), default=1, help=processes)
+    record = "write one episode of one method (default: modes) as MCAP instead"
+    command.add_argument("--record", type=_path, metavar="NAME.mcap", help=record)
+    which = "number of the episode to record (default 0)"
+    command.add_argument("--episode", type=_number(int, 0, 1e6), default=0, help=which)
+    command.add_argument("--force", action="store_true", help="replace an existing recording")

@@ -12,6 +12,11 @@ _PEOPLE = {
     "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity\n"
     "float64 reliability\nstring[] tagnames\nstring[] tags\n",
     "people_msgs/msg/People": f"{_STAMPED}people_msgs/Person[] people\n",
+    "people_msgs/msg/PositionMeasurement": f"{_STAMPED}string name\nstring object_id\n"
+    "geometry_msgs/Point pos\n"
+    "float64 reliability\nfloat64[9] covariance\nbyte initialization\n",
+    "people_msgs/msg/PositionMeasurementArray": _STAMPED
+    + "people_msgs/PositionMeasurement[] people\nfloat32[] cooccurrence\n",
 }
 
 _MATCHED = "uint64 track_id\nbool is_occluded\nbool is_matched\nuint64 detection_id\n"

@@ -17,6 +17,7 @@ HELD_S, LONGEST_GAP_S = 0.02, 1.0
 """Of a frame that moves, s: a pose holds so long before the first and after the last sample; longer gaps
 are not interpolated. Where it does not move, the first and the last pose hold for the longer time."""
 _SAME_M, _SAME_RAD = 0.001, 0.001
+_ALWAYS = (-np.inf, np.inf)
 _NO_UNIT = 0.1  # a quaternion has the norm 1
 _COLUMNS = 9  # received (s), stamp (s), translation (m), quaternion (x, y, z, w)
 
@@ -46,6 +47,49 @@ class FrameTree:
                 self._fixed.add((child, parent))
             samples = self._samples.setdefault(child, {}).setdefault(parent, array("d"))
             samples.extend((received_s, seconds(one.header.stamp), *pose))
+
+    def forget(self, before_s: float = np.inf) -> None:
+        """Drop what is older than a time, by the clock of the stamps (default: all), but fixed transforms.
+
+        The last one of every other edge stays, unless all are dropped; of a fixed one only the last counts.
+        """
+        for child, parents in list(self._samples.items()):
+            for parent, samples in list(parents.items()):
+                rows = np.array(samples).reshape(-1, _COLUMNS)
+                kept = rows[:, 1] >= before_s
+                if (child, parent) in self._fixed:
+                    kept[:] = False
+                if (child, parent) in self._fixed or np.isfinite(before_s):
+                    kept[-1:] = True
+                parents[parent] = array("d", rows[kept].ravel())
+                if not kept.any():
+                    del parents[parent]
+            if not parents:
+                del self._samples[child]
+
+    def lack(self, frame: str, target: str, time_s: float) -> str:
+        """Say what is missing to bring a place from one frame into another at a time; empty if nothing is."""
+        up, down = self.chain(frame), self.chain(target)
+        if up[-1] != down[-1]:
+            above = {name: chain[-1] for name, chain in ((frame, up), (target, down))}
+            ends = " and ".join(
+                f"{name!r} {'has no parent' if top == name else f'ends at {top!r}'}"
+                for name, top in above.items()
+            )
+            return f"no /tf leads from {frame!r} to {target!r}: {ends}"
+        while len(up) > 1 and len(down) > 1 and up[-2:] == down[-2:]:
+            up, down = up[:-1], down[:-1]
+        for child, parent in (*pairwise(up), *pairwise(down)):
+            if np.isfinite(self._poses((child, parent), np.array([time_s]), _ALWAYS)[1]).all():
+                continue
+            known_s = self._known((child, parent))[0]
+            found = f"{time_s - known_s[-1]:.3g} s older than the people"
+            if time_s < known_s[0]:
+                found = f"{known_s[0] - time_s:.3g} s later than the people, and it is the first one"
+            elif time_s <= known_s[-1]:
+                found = "far from those before it: no transform is near the people's time"
+            return f"the transform of {child!r} in {parent!r} is {found}"
+        return ""
 
     def chain(self, frame: str) -> list[str]:
         """A frame, its parent and so on, up to the topmost one."""
@@ -117,7 +161,7 @@ class FrameTree:
         return Slerp(known_s, turn)(at_s), between
 
     def _known(
-        self, edge: tuple[str, str], heard_s: tuple[float, float] = (-np.inf, np.inf)
+        self, edge: tuple[str, str], heard_s: tuple[float, float] = _ALWAYS
     ) -> tuple[np.ndarray, Rotation, np.ndarray]:
         """Times, turns and offsets of an edge in order of time; of two at one time the last one."""
         child, parent = edge

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -18,11 +18,11 @@ Colour = tuple[float, float, float]
 """Red, green and blue, 0 to 1."""
 
 _ADD, _DELETE_ALL = 0, 3
-_ARROW, _CYLINDER, _LINE_STRIP = 0, 3, 4
+_ARROW, _CYLINDER, _LINE_STRIP, _TEXT = 0, 3, 4, 9
 _PERSON_M = {"x": 0.4, "y": 0.4, "z": 1.7}
 _ARROW_M = {"x": 0.05, "y": 0.12, "z": 0.15}
 """Shaft diameter, head diameter, head length."""
-_LINE_M = 0.05
+_LINE_M, _TEXT_M = 0.05, 0.3
 _HEIGHT_M = 0.02
 """Height of paths above the map, so that viewers draw them over it."""
 _ARROW_S = 0.75
@@ -71,6 +71,18 @@ def forecast_message(forecast: Forecast, colour: Colour, time_ns: int, frame: st
     for row, track in enumerate(forecast.track_id):
         markers += _forecast_markers("pedpred", forecast.predictions, row, track, start[row], colour)
     return {"markers": [{"header": header(time_ns, frame)} | marker for marker in markers]}
+
+
+def names_markers(forecast: Forecast, names: Sequence[str], time_ns: int, frame: str) -> list[Content]:
+    """Markers with the name of everybody in a forecast, above the head; see `forecast_message`."""
+    start = forecast.position[:, 0] - forecast.dt_s * forecast.velocity[:, 0]
+    here = {"header": header(time_ns, frame)}
+    return [
+        here
+        | _marker("names", track, _TEXT, {"z": _TEXT_M}, _INK, 1.0)
+        | {"text": name, "pose": {"position": point(at, _PERSON_M["z"]), **_UNTURNED}}
+        for name, track, at in zip(names, forecast.track_id, start, strict=True)
+    ]
 
 
 def _window_markers(

@@ -107,4 +107,6 @@ def _default(node: Nodetype, about: Any) -> Any:
     """The value of a missing field; serialising changes no message, so that all may share it."""
     if node == Nodetype.BASE:
         return _EMPTY.get(about[0], 0)
+    if node == Nodetype.ARRAY and about[0][0] == Nodetype.BASE:
+        return np.zeros(about[1], about[0][1][0])
     return _value(node, about, {} if node == Nodetype.NAME else (), {})

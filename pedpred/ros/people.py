@@ -22,6 +22,7 @@ def _poses(message: Any) -> Iterator[tuple[object, Any]]:
 
 ADAPTERS: dict[str, Adapter] = {
     "people_msgs/msg/People": lambda m: ((p.name, p.position) for p in m.people),
+    "people_msgs/msg/PositionMeasurementArray": lambda m: ((p.object_id, p.pos) for p in m.people),
     "spencer_tracking_msgs/msg/TrackedPersons": lambda m: (
         (t.track_id, t.pose.pose.position) for t in m.tracks
     ),

@@ -12,13 +12,13 @@ from pedpred.ros.message_types import MAP, TYPES
 from pedpred.ros.scene_messages import Content, header, map_info
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
 
-PREDICTIONS = "/predictions"
+PREDICTIONS, HORIZON = "/predictions", "/predicted_occupancy/horizon"
 PREDICTIONS_TYPE, GRID_TYPE = "sensor_msgs/msg/PointCloud2", TYPES[MAP]
 
 _COLUMNS = {
-    "x": "<f8",
-    "y": "<f8",
-    "z": "<f8",
+    "x": "<f4",
+    "y": "<f4",
+    "z": "<f4",
     "track_id": "<u4",
     "track_high": "<i4",
     "mode": "<u2",
@@ -30,11 +30,12 @@ _COLUMNS = {
     "cov_yy": "<f4",
 }
 ROW = np.dtype(list(_COLUMNS.items()))
-"""Columns of `/predictions`: x, y in m, z 0. The track is track_high * 2^32 + track_id. Mode 0 is the most
-likely one. Steps count from 1, `time_s` after the stamp. Covariances are those within a mode, m^2, or NaN.
+"""Columns of `/predictions`: x, y in m, z 0; RViz shows clouds whose places have 32 bits, no others. The
+track is track_high * 2^32 + track_id. Mode 0 is the most likely one. Steps count from 1, `time_s` after the
+stamp. Covariances are those within a mode, m^2, or NaN.
 """
 
-_DATATYPES = {"<u2": 4, "<i4": 5, "<u4": 6, "<f4": 7, "<f8": 8}
+_DATATYPES = {"<u2": 4, "<i4": 5, "<u4": 6, "<f4": 7}
 """The constants of sensor_msgs/PointField."""
 
 
@@ -81,7 +82,7 @@ def predictions_message(track_id: np.ndarray, predictions: Predictions, time_ns:
 
 
 def grid_messages(
-    predictions: Predictions, ground: OccupancyMap, time_ns: int, frame: str
+    predictions: Predictions, ground: OccupancyMap, time_ns: int, frame: str, horizon: bool = False
 ) -> dict[str, Content]:
     """Topic -> nav_msgs/OccupancyGrid of each step: how likely somebody is in a cell, in per cent.
 
@@ -93,6 +94,8 @@ def grid_messages(
         ground: the cells; its obstacles do not matter.
         time_ns: the present.
         frame: name of the world frame.
+        horizon: add `HORIZON`, the largest value of all steps, stamped with the present: for costmaps,
+            which have one value per cell.
     """
     shares = predicted_occupancy(predictions, ground)
     per_cent = np.rint(100 * shares).astype(np.int8)
@@ -101,4 +104,11 @@ def grid_messages(
         then_ns = time_ns + round(step * predictions.dt_s * 1e9)
         info = map_info(ground, time_ns)
         messages[grid_topic(step)] = {"header": header(then_ns, frame), "info": info, "data": cells.T.ravel()}
+    if horizon:
+        data = per_cent.max(axis=0, initial=0).T.ravel()
+        messages[HORIZON] = {
+            "header": header(time_ns, frame),
+            "info": map_info(ground, time_ns),
+            "data": data,
+        }
     return messages

@@ -56,6 +56,15 @@ _CHUNK_BYTES = 256 * 1024
 _SAME_INSTANT_NS = 1000
 """Times of detections and forecasts that differ by no more are one instant."""
 _REMEDY = f"A recording is an MCAP file with {TYPES[MAP]} on {MAP} and {TYPES[PEOPLE]} on {PEOPLE}, in CDR"
+_ALWAYS = "{sec: 9223372036, nsec: 854775807}"
+_QOS = (
+    "- history: 1\n  depth: 10\n  reliability: 1\n  durability: {durability}\n  deadline: {always}\n"
+    "  lifespan: {always}\n  liveliness: 1\n  liveliness_lease_duration: {always}\n"
+    "  avoid_ros_namespace_conventions: false"
+)
+_LATCHED, _USUAL = (_QOS.format(durability=number, always=_ALWAYS) for number in (1, 2))
+"""How `ros2 bag play` is to publish a topic (rosbag2, metadata up to version 8): reliable, the last ten; the
+first one transient local, so that who comes later gets the map, too."""
 _NOBODY = "time_s,track_id,x_m,y_m"
 """Columns of a recording without people, which has no message to say them."""
 
@@ -184,7 +193,8 @@ def write_recording(
         for kind in dict.fromkeys(types.values()):
             schemas[kind] = writer.register_schema(kind, SchemaEncoding.ROS2, definition(kind).encode())
         for topic, kind in types.items():
-            channels[topic] = writer.register_channel(topic, "cdr", schemas[kind])
+            about_topic = {"offered_qos_profiles": _LATCHED if topic in (MAP, FRAMES) else _USUAL}
+            channels[topic] = writer.register_channel(topic, "cdr", schemas[kind], about_topic)
         messages = _messages(scene, windows, colours or {}, planned, cell_m)
         for count, (time_ns, topic, content) in enumerate(messages):
             data = serialize(types[topic], content)

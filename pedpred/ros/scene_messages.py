@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import ValueRuleError
+from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap
 from pedpred.scenes.occupancy import check_cells
 
@@ -25,6 +26,10 @@ _TAGS = ("time_s", "goal_x_m", "goal_y_m", "desired_speed_mps", *_WHOLE_TAGS)
 """Columns of `tracks_table` that become tags; the first ones may have all values of 64 bits."""
 _OCCUPIED, _FREE, _UNKNOWN = 100, 0, -1
 _LATEST_S = 2**31
+_LEVEL = 1e-6
+"""Largest x and y of the quaternion of a map that is level; and share of a cell that is no cell."""
+_POINTS = 3
+"""Points per side of a cell at which a turned map is looked up."""
 
 
 def nanoseconds(time_s: np.ndarray) -> np.ndarray:
@@ -88,24 +93,57 @@ def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
 
     Raises:
         ShapeError: the map is empty or has too many cells.
-        ValueRuleError: it is turned, or a cell is neither unknown nor a percentage.
+        ValueRuleError: it is tilted, or a cell is neither unknown nor a percentage.
     """
     info = message.info
     check_cells(info.width, info.height)
-    turn = info.origin.orientation
-    if turn.x or turn.y or turn.z:
-        raise ValueRuleError(
-            "origin.orientation", [turn.x, turn.y, turn.z, turn.w], "maps must not be turned"
-        )
+    yaw_rad = _yaw(info.origin.orientation)
     cells = np.asarray(message.data).reshape(info.height, info.width).T
     for value in (cells.min(), cells.max()):
         if not _UNKNOWN <= value <= _OCCUPIED:
             rule = "cells are -1 (unknown) or 0 to 100 (per cent); publish raw costs as an OccupancyGrid"
             raise ValueRuleError("data", int(value), rule)
     origin = np.array([info.origin.position.x, info.origin.position.y])
-    return OccupancyMap(
-        cells > _OCCUPIED / 2, origin, float(resolution_m or str(np.float32(info.resolution)))
-    )
+    side_m = float(resolution_m or str(np.float32(info.resolution)))
+    blocked = cells > _OCCUPIED / 2
+    return turned_map(blocked, origin, side_m, yaw_rad) if yaw_rad else OccupancyMap(blocked, origin, side_m)
+
+
+def _yaw(turn: Any) -> float:
+    """The angle by which a map is turned about the vertical, rad."""
+    given = np.array([turn.x, turn.y, turn.z, turn.w])
+    if not (np.isfinite(given).all() and np.abs(given[:2]).max() < _LEVEL):
+        raise ValueRuleError("origin.orientation", given.tolist(), "a map must be level: x and y must be 0")
+    yaw_rad = 2.0 * np.arctan2(turn.z, turn.w) if turn.z else 0.0
+    return float(yaw_rad)
+
+
+def turned_map(blocked: np.ndarray, origin: np.ndarray, side_m: float, yaw_rad: float) -> OccupancyMap:
+    """The smallest map along the axes that holds a turned one; a cell that a blocked one touches is blocked.
+
+    Args:
+        blocked: along the axes of the turned map. [X, Y] bool
+        origin: its corner, about which it is turned, m. [2]
+        side_m: of a cell, m.
+        yaw_rad: counter-clockwise.
+    """
+    size_m = side_m * np.array(blocked.shape)
+    corners = np.array([[0.0, 0.0], [size_m[0], 0.0], [0.0, size_m[1]], size_m])
+    corners = origin + rotate(corners, np.full(4, yaw_rad))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    shape = np.ceil((high - low) / side_m - _LEVEL).astype(np.int64)
+    check_cells(*shape.tolist())
+    found = np.zeros(shape, bool)
+    parts = [(np.arange(count * _POINTS) + 0.5) * side_m / _POINTS for count in shape]
+    for row in range(shape[0]):
+        own = parts[0][row * _POINTS : (row + 1) * _POINTS]
+        points = low - origin + np.stack(np.meshgrid(own, parts[1], indexing="ij"), -1)
+        cell = np.floor(rotate(points, np.full(points.shape[:-1], -yaw_rad)) / side_m).astype(np.int64)
+        inside = ((cell >= 0) & (cell < blocked.shape)).all(axis=-1)
+        hit = np.zeros(inside.shape, bool)
+        hit[inside] = blocked[tuple(cell[inside].T)]
+        found[row] = hit.reshape(_POINTS, -1, _POINTS).any(axis=(0, 2))
+    return OccupancyMap(found, low, side_m)
 
 
 def frames_message(time_ns: int) -> Content:

@@ -1,0 +1,118 @@
+"""The way to a goal: distance to the walls and time to go, on a grid."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from pedpred.compiled import compiled
+from pedpred.scenes import OccupancyMap
+from pedpred.simulation.ground import ground_of
+from pedpred.simulation.routing import clearance_grid, travel_time, walking_speed, without_pockets
+from pedpred.simulation.settings import RoutingSettings
+
+_CELL_M = 0.1
+_MARGIN_M = 2.0  # free ground around a map
+_ROUTE_STEP_M = 0.1
+
+
+class Walls(NamedTuple):
+    """Distance to the walls, for bilinear interpolation.
+
+    Attributes:
+        origin: outer corner of cell (0, 0), world frame, m. [2]
+        cell_m: side of a cell, m.
+        distance: to the nearest obstacle from the centres of cells, m. [X, Y]
+    """
+
+    origin: np.ndarray
+    cell_m: float
+    distance: np.ndarray
+
+
+class Course(NamedTuple):
+    """The way to one goal.
+
+    Attributes:
+        origin: outer corner of cell (0, 0), world frame, m. [2]
+        cell_m: side of a cell, m.
+        distance: to the nearest obstacle, m. [X, Y]
+        to_go: length of the way to the goal, longer beside walls, m. [X, Y]
+        goal: world frame, m. [2]
+    """
+
+    origin: np.ndarray
+    cell_m: float
+    distance: np.ndarray
+    to_go: np.ndarray
+    goal: np.ndarray
+
+
+def walls_of(occupancy: OccupancyMap) -> Walls:
+    """Measure distances on a map; the ground around it is free."""
+    ground = ground_of(occupancy, math.ceil(_MARGIN_M / occupancy.resolution_m))
+    return Walls(ground.origin, _CELL_M, clearance_grid(ground, _CELL_M))
+
+
+def course_to(goal: np.ndarray, walls: Walls, radius_m: float) -> Course:
+    """Find the ways to a goal from everywhere (fast marching).
+
+    Ground too narrow for the robot has the length of the nearest wide place, and more, so that a robot that
+    is there finds out. Where no way leads, the length is infinite.
+
+    Args:
+        goal: world frame, m. [2]
+        walls: of the place.
+        radius_m: of the robot.
+    """
+    routing = RoutingSettings(_CELL_M, radius_m + 0.1, radius_m + 0.5, 0.6)
+    blocked = without_pockets(walls.distance < routing.narrow_m)
+    pace = walking_speed(walls.distance, routing)
+    to_go = travel_time(goal - walls.origin, blocked, pace, _CELL_M)
+    if blocked.any() and not blocked.all():
+        away, nearest = ndimage.distance_transform_edt(blocked, return_indices=True)
+        to_go = to_go[tuple(nearest)] + away * _CELL_M * 2.0
+    return Course(walls.origin, walls.cell_m, walls.distance, to_go, np.asarray(goal, np.float64))
+
+
+@compiled
+def value_at(grid, origin, cell_m, x, y):  # pragma: no cover (compiled)
+    """Interpolate a grid bilinearly at a point in the world; constant beyond the outermost centres."""
+    u = min(max((x - origin[0]) / cell_m - 0.5, 0.0), grid.shape[0] - 1.0)
+    v = min(max((y - origin[1]) / cell_m - 0.5, 0.0), grid.shape[1] - 1.0)
+    i, j = min(int(u), grid.shape[0] - 2), min(int(v), grid.shape[1] - 2)
+    u, v = u - i, v - j
+    low = (1 - v) * grid[i, j] + v * grid[i, j + 1]
+    high = (1 - v) * grid[i + 1, j] + v * grid[i + 1, j + 1]
+    return (1 - u) * low + u * high
+
+
+@compiled
+def ahead_at(course, x, y):  # pragma: no cover (compiled)
+    """Direction in which the way to the goal becomes shorter, rad."""
+    step = course.cell_m
+    to_x = value_at(course.to_go, course.origin, step, x - step, y)
+    to_x -= value_at(course.to_go, course.origin, step, x + step, y)
+    to_y = value_at(course.to_go, course.origin, step, x, y - step)
+    to_y -= value_at(course.to_go, course.origin, step, x, y + step)
+    return math.atan2(to_y, to_x)
+
+
+def route(course: Course, start: np.ndarray, near_m: float) -> np.ndarray:
+    """Follow the shortest way, in steps of 0.1 m, until it is near the goal. World frame, m. [R, 2].
+
+    Empty where no way leads from the start.
+    """
+    longest = value_at(course.to_go, course.origin, course.cell_m, *start)
+    here = np.array(start, np.float64)
+    points = [here]
+    for _ in range(int(2 * longest / _ROUTE_STEP_M) if np.isfinite(longest) else 0):
+        if np.hypot(*(course.goal - here)) < near_m:
+            return np.array(points)
+        angle = ahead_at(course, *here)
+        here = here + _ROUTE_STEP_M * np.array([math.cos(angle), math.sin(angle)])
+        points.append(here)
+    return np.zeros((0, 2))

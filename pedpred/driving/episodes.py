@@ -1,0 +1,187 @@
+"""Episodes: when a robot starts, where, and where it goes, so that it meets people."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from pedpred.driving.course import Course, Walls, course_to, route, value_at, walls_of
+from pedpred.driving.people import RecordedPeople, Window
+from pedpred.driving.planner import PlannerSettings
+from pedpred.driving.robot import Robot
+from pedpred.driving.sensor import Faults, SensorSettings
+from pedpred.errors import ValueRuleError
+from pedpred.fields import check_ranges
+from pedpred.scenes import OccupancyMap, Scene
+
+_TRIES = 20_000
+_CLEAR_M = 1.2  # nobody is nearer at the start
+_MEET_M = 0.8  # somebody comes so near to a robot that would drive the route at full speed
+_BESIDE_M = 1.0  # the robot stays so near to where people were recorded: farther off nobody is known
+_AFTER_S = 3.0  # the true future is known so long after an episode
+
+
+@dataclass(frozen=True)
+class EpisodeSettings:
+    """Which episodes are drawn.
+
+    Attributes:
+        distance_m: least and largest distance between start and goal.
+        watching_s: the robot stands and watches for so long before it drives.
+        patience_s: an episode ends so long after the time of an undisturbed drive.
+    """
+
+    distance_m: tuple[float, float] = (5.0, 10.0)
+    watching_s: float = 2.0
+    patience_s: float = 20.0
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"distance_m": "[1, 1000]", "watching_s": "[0, 60]", "patience_s": "[0, 600]"})
+
+
+@dataclass(frozen=True)
+class Place:
+    """A recording in which robots drive.
+
+    Attributes:
+        name: of the scene.
+        people: who walk there.
+        occupancy: the walls.
+        walls: distances to them, and to the border of the ground on which people were recorded.
+    """
+
+    name: str
+    people: RecordedPeople
+    occupancy: OccupancyMap
+    walls: Walls
+
+    @classmethod
+    def of(cls, scene: Scene, dt_s: float) -> Place:
+        """Prepare a scene for a robot's clock."""
+        people = RecordedPeople(scene.trajectories, dt_s)
+        return cls(scene.name, people, scene.occupancy, walls_of(_recorded_ground(scene)))
+
+
+def _recorded_ground(scene: Scene) -> OccupancyMap:
+    """The map, blocked where nobody was recorded: a robot must not wait beyond the view of the recording."""
+    given = scene.occupancy
+    margin = math.ceil(_BESIDE_M / given.resolution_m) + 1
+    origin = given.origin - margin * given.resolution_m
+    ground = OccupancyMap(np.pad(given.occupied, margin), origin, given.resolution_m)
+    cells = ground.cell_of(scene.trajectories.position)
+    cells = cells[((cells >= 0) & (cells < ground.occupied.shape)).all(axis=1)]
+    visited = np.zeros(ground.occupied.shape, bool)
+    visited[tuple(cells.T)] = True
+    away_m = ndimage.distance_transform_edt(~visited) * given.resolution_m
+    return replace(ground, occupied=ground.occupied | (away_m > _BESIDE_M))
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One drive that is to be done.
+
+    Attributes:
+        number: of the episode.
+        tick: of the recording, at which the robot begins to watch.
+        start: world frame, m. [2]
+        heading_rad: along the route.
+        course: to the goal.
+        route_m: length of the route.
+        watching: instants at which the robot stands and watches.
+        window: the people of the episode, and of some seconds after it.
+        faults: of the sensor.
+        ticks: instants at most, those of watching included.
+    """
+
+    number: int
+    tick: int
+    start: np.ndarray
+    heading_rad: float
+    course: Course
+    route_m: float
+    watching: int
+    window: Window
+    faults: Faults
+    ticks: int
+
+
+def draw_episode(
+    place: Place, number: int, seed: int, robot: Robot, planner: PlannerSettings, settings: EpisodeSettings
+) -> Episode:
+    """Draw an episode from (seed, number) alone: all methods get the same one.
+
+    Start and goal are places where people were, the instant is one at which somebody was there. On an
+    undisturbed way the robot would come within 0.8 m of somebody.
+
+    Raises:
+        ValueRuleError: no such episode is found.
+    """
+    rng = np.random.default_rng([seed, number])
+    watching, dt_s = round(settings.watching_s / planner.dt_s), planner.dt_s
+    for _ in range(_TRIES):
+        (tick, _), (_, start), (_, goal) = (place.people.anywhere(rng) for _ in range(3))
+        low_m, high_m = settings.distance_m
+        if not low_m <= np.hypot(*(goal - start)) <= high_m or not _has_room(place.walls, start, goal, robot):
+            continue
+        if _nearest_m(place.people.window(tick, watching + 10).position[watching - 1 :], start) < _CLEAR_M:
+            continue
+        course = course_to(goal, place.walls, robot.radius_m)
+        way = route(course, start, planner.near_m)
+        if not len(way):
+            continue
+        lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(way, axis=0).T)))
+        free = round(lengths[-1] / robot.speed_mps / dt_s)
+        if not _meets(place.people.window(tick + watching, free + 1), way, lengths, robot.speed_mps):
+            continue
+        heading = float(np.arctan2(*(way[min(5, len(way) - 1)] - start)[::-1])) if len(way) > 1 else 0.0
+        ticks = watching + free + round(settings.patience_s / dt_s)
+        window = place.people.window(tick, ticks + 1 + round(_AFTER_S / dt_s))
+        faults = Faults.draw(ticks, len(window.track_id), rng)
+        return Episode(
+            number, tick, start, heading, course, float(lengths[-1]), watching, window, faults, ticks
+        )
+    rule = (
+        f"in {_TRIES} tries no way of {settings.distance_m[0]:g} to {settings.distance_m[1]:g} m met anybody"
+    )
+    raise ValueRuleError("scene", place.name, rule)
+
+
+def _has_room(walls: Walls, start: np.ndarray, goal: np.ndarray, robot: Robot) -> bool:
+    clearance = (value_at(walls.distance, walls.origin, walls.cell_m, *point) for point in (start, goal))
+    return min(clearance) > robot.radius_m + 0.15
+
+
+def _nearest_m(position: np.ndarray, point: np.ndarray) -> float:
+    """Least distance of anybody at any instant, m; infinite if nobody is there."""
+    distance = np.hypot(*np.moveaxis(position - point, -1, 0))
+    return float(np.nanmin(distance, initial=np.inf)) if np.isfinite(distance).any() else np.inf
+
+
+def _meets(window: Window, way: np.ndarray, lengths: np.ndarray, speed_mps: float) -> bool:
+    """Whether somebody comes near a robot that drives a route at full speed."""
+    travelled = np.arange(len(window.position)) * window.dt_s * speed_mps
+    robot = np.stack([np.interp(travelled, lengths, axis) for axis in way.T], axis=-1)
+    distance = np.hypot(*np.moveaxis(window.position - robot[:, None], -1, 0))
+    return bool((distance < _MEET_M).any())
+
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """Everything that a drive depends on, besides its place, method and number.
+
+    Attributes:
+        robot: that drives.
+        planner: with the limit of risk.
+        sensor: on the robot.
+        episodes: which are drawn.
+        seed: of all random numbers.
+    """
+
+    robot: Robot = Robot()  # noqa: RUF009
+    planner: PlannerSettings = PlannerSettings()  # noqa: RUF009
+    sensor: SensorSettings = SensorSettings()  # noqa: RUF009
+    episodes: EpisodeSettings = EpisodeSettings()
+    seed: int = 0

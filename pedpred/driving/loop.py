@@ -1,0 +1,86 @@
+"""The closed loop: sensor, forecaster, planner, robot, at the robot's rate."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.driving.episodes import DriveSettings, Episode
+from pedpred.driving.forecasters import Forecaster
+from pedpred.driving.planner import Planner
+from pedpred.driving.robot import advance
+from pedpred.driving.sensor import visible
+from pedpred.scenes import Forecast, OccupancyMap
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What happened in an episode, from the first command on.
+
+    Attributes:
+        state: of the robot at each instant, see `Robot`. [T, 5]
+        people: at the same instants, world frame, m; NaN: not there. [T, N, 2]
+        there_s: for how long each person has been there, s. [T, N]
+        dt_s: time between two instants, s.
+        reached: whether the robot came to the goal.
+        cycle_s: computing time of each cycle: forecast and plan, s. [T - 1]
+        forecasts: of all frames, those while it watched included; only if asked for.
+        detections: (track ids, positions) of the same frames; only if asked for.
+    """
+
+    state: np.ndarray
+    people: np.ndarray
+    there_s: np.ndarray
+    dt_s: float
+    reached: bool
+    cycle_s: np.ndarray
+    forecasts: tuple[Forecast, ...] = ()
+    detections: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
+
+
+def drive(
+    episode: Episode,
+    forecaster: Forecaster,
+    occupancy: OccupancyMap,
+    settings: DriveSettings,
+    keep: bool = False,
+) -> Drive:
+    """Drive to the goal of an episode, or until its time is over.
+
+    Args:
+        episode: what is to be done.
+        forecaster: that has seen nobody yet; it gets detections only.
+        occupancy: the walls, which hide people.
+        settings: of robot, planner and sensor.
+        keep: whether to keep forecasts and detections.
+    """
+    robot, sensor, limits = settings.robot, settings.sensor, settings.robot.limits
+    dt_s, window, goal = settings.planner.dt_s, episode.window, episode.course.goal
+    planner = Planner(robot, episode.course, settings.planner)
+    state = (float(episode.start[0]), float(episode.start[1]), episode.heading_rad, 0.0, 0.0)
+    states, cycles, forecasts, detections, reached = [state], [], [], [], False
+    for tick in range(episode.ticks):
+        here = window.position[tick]
+        seen = visible(state, here, occupancy, sensor) & (episode.faults.missed[tick] >= sensor.missed)
+        detected = here[seen] + sensor.noise_m * episode.faults.noise[tick, seen]
+        begun_s = time.perf_counter()
+        forecast = forecaster.update(tick * dt_s, window.track_id[seen], detected)
+        if keep:
+            forecasts.append(forecast)
+            detections.append((window.track_id[seen], detected))
+        if tick < episode.watching:
+            continue
+        a, b = planner.command(state, forecast, max(sensor.noise_m, 0.01))
+        cycles.append(time.perf_counter() - begun_s)
+        state = advance(state, float(a), float(b), limits, dt_s)
+        states.append(state)
+        reached = bool(np.hypot(goal[0] - state[0], goal[1] - state[1]) < settings.planner.near_m)
+        if reached:
+            break
+    rows = slice(episode.watching, episode.watching + len(states))
+    return Drive(
+        np.array(states), window.position[rows], window.there_s[rows], dt_s, reached, np.array(cycles),
+        tuple(forecasts), tuple(detections),
+    )  # fmt: skip

@@ -1,0 +1,94 @@
+"""Recorded people on the clock of a robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from pedpred.errors import ValueRuleError
+from pedpred.scenes import Trajectories
+from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S, births
+
+
+@dataclass(frozen=True)
+class Window:
+    """The people of some seconds, at regular instants.
+
+    Attributes:
+        dt_s: time between two instants, s.
+        track_id: rising. [N]
+        position: world frame, m; NaN where somebody is not there. [T, N, 2]
+        there_s: for how long each person has been there, s; negative before. [T, N]
+    """
+
+    dt_s: float
+    track_id: np.ndarray
+    position: np.ndarray
+    there_s: np.ndarray
+
+
+class RecordedPeople:
+    """People who walk as they were recorded, whatever the robot does.
+
+    Between two detections they follow a cubic that does not overshoot. An id that reappears after a gap of
+    more than 2 s is another person.
+    """
+
+    def __init__(self, trajectories: Trajectories, dt_s: float):
+        """Interpolate a recording.
+
+        Args:
+            trajectories: of the people.
+            dt_s: time between two instants of the robot's clock, s.
+
+        Raises:
+            ValueRuleError: nobody was detected twice.
+        """
+        order = np.lexsort((trajectories.time_s, trajectories.track_id))
+        time_s, position = trajectories.time_s[order], trajectories.position[order]
+        first = np.flatnonzero(births(trajectories.track_id[order], time_s, position, LOST_AFTER_S))
+        ends = np.append(first, len(time_s))[1:]
+        start_s = float(time_s.min(initial=np.inf))
+        self.dt_s, self._start_s = dt_s, start_s
+        self._first_tick: list[int] = []
+        self._paths: list[np.ndarray] = []
+        for a, b in zip(first, ends, strict=True):
+            begin = int(np.ceil((time_s[a] - start_s - TIME_TOLERANCE_S) / dt_s))
+            end = int(np.floor((time_s[b - 1] - start_s + TIME_TOLERANCE_S) / dt_s))
+            if b - a > 1 and end > begin:
+                now = np.clip(start_s + np.arange(begin, end + 1) * dt_s, time_s[a], time_s[b - 1])
+                self._first_tick.append(begin)
+                self._paths.append(PchipInterpolator(time_s[a:b], position[a:b])(now))
+        if not self._paths:
+            raise ValueRuleError("track_id", len(time_s), "no pedestrian was detected twice")
+        self._begin = np.array(self._first_tick)
+        self._end = self._begin + [len(path) for path in self._paths]
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+    @property
+    def ticks(self) -> int:
+        """Instants of the whole recording."""
+        return int(self._end.max())
+
+    def anywhere(self, rng: np.random.Generator) -> tuple[int, np.ndarray]:
+        """Draw an instant and the place of somebody then: the tick, and world frame, m, [2]."""
+        weight = self._end - self._begin
+        who = int(rng.choice(len(self), p=weight / weight.sum()))
+        tick = int(rng.integers(weight[who]))
+        return int(self._begin[who]) + tick, self._paths[who][tick]
+
+    def window(self, tick: int, count: int) -> Window:
+        """The people of `count` instants from a tick on; those outside the recording are empty."""
+        who = np.flatnonzero((self._begin < tick + count) & (self._end > tick))
+        position = np.full((count, len(who), 2), np.nan)
+        for column, n in enumerate(who):
+            low, high = max(tick, self._begin[n]), min(tick + count, self._end[n])
+            position[low - tick : high - tick, column] = self._paths[n][
+                low - self._begin[n] : high - self._begin[n]
+            ]
+        there_s = (tick + np.arange(count)[:, None] - self._begin[who]) * self.dt_s
+        return Window(self.dt_s, who, position, there_s)

@@ -1,0 +1,162 @@
+"""A local planner: short manoeuvres, each ending in standstill, under a limit of the risk while moving.
+
+Every manoeuvre is rolled out through the robot's limits (as in the dynamic window approach, Fox et al. 1997).
+Its risk is the largest probability, over the steps in which it moves, to overlap somebody whom it drives
+towards (`pedpred.driving.risk`). Among those whose risk is within the limit and that touch no wall it takes
+
+    min  t_goal + w_p sum_s P_s dt + w_c sum_s max(0, c - distance_s) dt + w_s (|dv| / v_max + |dw| / w_max)
+
+with the time to the goal t_goal (S dt plus the way left at full speed, if it is not reached within S steps),
+the probability P_s to overlap anybody at step s, moving or not, and the change of the command. If there is
+none, it brakes. The manoeuvre under way is always one of the candidates. As all end in standstill, a robot
+that knows the future never drives into anybody (passive safety, Macek et al. 2009): it can go on as planned.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pedpred.compiled import compiled
+from pedpred.driving.course import Course, ahead_at, value_at
+from pedpred.driving.risk import Steps, contact_m, expected, risk_at
+from pedpred.driving.robot import Robot, advance
+from pedpred.fields import check_ranges
+from pedpred.scenes import Forecast
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """Weights and distances of the planner.
+
+    Attributes:
+        risk: limit of the probability to overlap somebody at a step.
+        dt_s: time between two steps, and between two plans, s.
+        horizon_s: of a manoeuvre, s.
+        first_s: length of its first command, s.
+        margin_m: added to the distance at which discs touch.
+        wall_m: least distance between the robot's edge and walls.
+        comfortable_m: distance between the robot's edge and walls from which on it has no cost.
+        near_m: the goal is reached within this distance.
+        exposure_weight: w_p, s of detour per s of overlap.
+        wall_weight: w_c, s of detour per s and m.
+        change_weight: w_s, s.
+    """
+
+    risk: float = 0.1
+    dt_s: float = 0.1
+    horizon_s: float = 3.0
+    first_s: float = 0.7
+    margin_m: float = 0.05
+    wall_m: float = 0.05
+    comfortable_m: float = 0.3
+    near_m: float = 0.3
+    exposure_weight: float = 5.0
+    wall_weight: float = 1.0
+    change_weight: float = 0.05
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"risk": "[0, 1)", "dt_s": "[0.05, 0.5]", "horizon_s": "[1, 10]"})
+        names = [name for name in vars(self) if name not in ("risk", "dt_s", "horizon_s")]
+        check_ranges(self, dict.fromkeys(names, "[0, 100]"))
+
+
+class _Weights(NamedTuple):
+    dt_s: float
+    touch_m: float
+    wall_m: float
+    comfortable_m: float
+    near_m: float
+    exposure: float
+    wall: float
+    change: float
+
+
+@compiled
+def _assess(commands, start, limits, course, people, weights):  # pragma: no cover (compiled)
+    """Risk and cost of each manoeuvre, [C] each; the risk is 2 where it touches a wall.
+
+    Args:
+        commands: of `Robot.manoeuvres`. [C, S, 2]
+        start: the robot's state.
+        limits: of the robot.
+        course: to the goal.
+        people: where they are expected.
+        weights: of the cost, with dt and distances from the robot's middle.
+    """
+    count, steps = commands.shape[:2]
+    risk, cost = np.zeros(count), np.zeros(count)
+    for c in range(count):
+        state = start
+        exposure, near, reached_s = 0.0, 0.0, -1.0
+        wall = value_at(course.distance, course.origin, course.cell_m, start[0], start[1])
+        for s in range(steps):
+            x, y = state[0], state[1]
+            state = advance(state, commands[c, s, 0], commands[c, s, 1], limits, weights.dt_s)
+            to_x, to_y, before = state[0] - x, state[1] - y, wall
+            wall = value_at(course.distance, course.origin, course.cell_m, state[0], state[1])
+            if wall < weights.wall_m and wall < before - 1e-9:
+                risk[c] = 2.0
+                break
+            near += max(0.0, weights.comfortable_m - wall)
+            if reached_s < 0.0:
+                if math.hypot(course.goal[0] - state[0], course.goal[1] - state[1]) < weights.near_m:
+                    reached_s = (s + 1) * weights.dt_s
+                anybody, ahead = risk_at(s, state[0], state[1], to_x, to_y, people, weights.touch_m)
+                risk[c] = max(risk[c], ahead)
+                exposure += anybody
+        if reached_s < 0.0:
+            left_m = value_at(course.to_go, course.origin, course.cell_m, state[0], state[1])
+            reached_s = steps * weights.dt_s + left_m / limits.speed_mps
+        change = abs(commands[c, 0, 0] - start[3]) / limits.speed_mps
+        change += abs(commands[c, 0, 1] - start[4]) / (
+            limits.speed_mps if limits.holonomic else limits.turn_radps
+        )
+        cost[c] = (
+            reached_s
+            + weights.dt_s * (weights.exposure * exposure + weights.wall * near)
+            + weights.change * change
+        )
+    return risk, cost
+
+
+class Planner:
+    """Plans for one robot on one course; it remembers the manoeuvre under way."""
+
+    def __init__(self, robot: Robot, course: Course, settings: PlannerSettings):
+        self._robot, self._course, self._settings = robot, course, settings
+        count = round(settings.horizon_s / settings.dt_s)
+        self._steps = Steps(settings.dt_s, count)
+        self._hold = count - math.ceil(robot.braking_s() / settings.dt_s) - 1
+        self._first = min(round(settings.first_s / settings.dt_s), self._hold)
+        radius_m = robot.radius_m
+        self._weights = _Weights(
+            settings.dt_s, contact_m(radius_m) + settings.margin_m, radius_m + settings.wall_m,
+            radius_m + settings.comfortable_m, settings.near_m, settings.exposure_weight,
+            settings.wall_weight, settings.change_weight,
+        )  # fmt: skip
+        self._under_way = np.zeros((count, 2))
+
+    def command(self, state: tuple[float, ...], forecast: Forecast, noise_m: float) -> np.ndarray:
+        """Choose what to do for the next `dt_s`.
+
+        Args:
+            state: of the robot, see `Robot`.
+            forecast: of the people, world frame; rows with NaN are nobody.
+            noise_m: standard deviation of where people are now, m.
+
+        Returns:
+            Command (a, b), as in `Robot`. [2]
+        """
+        ahead = ahead_at(self._course, state[0], state[1])
+        offered = self._robot.manoeuvres(ahead, self._steps.count, self._first, self._hold)
+        going_on = np.append(self._under_way[1:], np.zeros((1, 2)), axis=0)
+        offered = np.concatenate([offered, going_on[None]])
+        people = expected(forecast, self._steps, noise_m)
+        risk, cost = _assess(offered, state, self._robot.limits, self._course, people, self._weights)
+        allowed = risk <= self._settings.risk
+        self._under_way = offered[np.argmin(np.where(allowed, cost, np.inf)) if allowed.any() else 0]
+        return self._under_way[0]

@@ -1,0 +1,90 @@
+"""What a robot's sensor sees: range, field of view, occlusion by walls and people, noise, misses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.fields import check_ranges
+from pedpred.scenes import OccupancyMap
+
+_BEFORE_M = 0.2  # a ray ends so far in front of a person's middle: people stand beside walls
+_SAMPLE_M = 0.1
+
+
+@dataclass(frozen=True)
+class SensorSettings:
+    """A sensor on the robot.
+
+    Attributes:
+        range_m: it sees so far.
+        view_rad: its field of view, centred on the robot's heading.
+        noise_m: standard deviation of a coordinate of a detection.
+        missed: share of missing detections.
+        body_m: radius of a person who hides others.
+        occluded: whether walls and people hide what is behind them.
+    """
+
+    range_m: float = 10.0
+    view_rad: float = 2 * math.pi
+    noise_m: float = 0.03
+    missed: float = 0.05
+    body_m: float = 0.2
+    occluded: bool = True
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"range_m": "(0, 1000]", "view_rad": "(0, 6.2832]", "missed": "[0, 1)"})
+        check_ranges(self, {"noise_m": "[0, 10]", "body_m": "[0, 10]"})
+
+
+@dataclass(frozen=True)
+class Faults:
+    """The random numbers of an episode, the same whatever drives.
+
+    Attributes:
+        noise: standard normal. [T, N, 2]
+        missed: uniform. [T, N]
+    """
+
+    noise: np.ndarray
+    missed: np.ndarray
+
+    @classmethod
+    def draw(cls, ticks: int, people: int, rng: np.random.Generator) -> Faults:
+        """Draw those of some people at some instants."""
+        return cls(rng.standard_normal((ticks, people, 2)), rng.random((ticks, people)))
+
+
+def visible(
+    state: tuple[float, ...], position: np.ndarray, occupancy: OccupancyMap, sensor: SensorSettings
+) -> np.ndarray:
+    """Whether the middle of each person is seen from the robot. [N] bool.
+
+    Args:
+        state: of the robot: x, y, heading, ...
+        position: of the people, world frame, m; NaN: not there. [N, 2]
+        occupancy: the walls.
+        sensor: range and field of view.
+    """
+    away = position - np.array(state[:2])
+    distance = np.hypot(away[:, 0], away[:, 1])
+    seen = distance <= sensor.range_m
+    turned = np.arctan2(away[:, 1], away[:, 0]) - state[2]
+    seen &= np.abs((turned + np.pi) % (2 * np.pi) - np.pi) <= 0.5 * sensor.view_rad + 1e-9
+    rows = np.flatnonzero(seen)
+    if not sensor.occluded or not len(rows):
+        return seen
+    samples = max(2, math.ceil(float(distance[rows].max()) / _SAMPLE_M))
+    reach = np.maximum(1.0 - _BEFORE_M / np.maximum(distance[rows], 1e-9), 0.0)
+    share = np.linspace(0.0, 1.0, samples) * reach[:, None]
+    rays = np.array(state[:2]) + share[..., None] * away[rows, None]
+    hidden = occupancy.is_occupied(rays).any(axis=1)
+    there = np.isfinite(distance)
+    unit = away[rows] / np.maximum(distance[rows], 1e-9)[:, None]
+    along = unit @ away[there].T
+    aside = np.abs(unit[:, :1] * away[there, 1] - unit[:, 1:] * away[there, 0])
+    between = (along > 0) & (aside < sensor.body_m) & (distance[there] < distance[rows, None] - sensor.body_m)
+    seen[rows] = ~(hidden | between.any(axis=1))
+    return seen

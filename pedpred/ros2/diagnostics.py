@@ -1,0 +1,84 @@
+"""What a node says of itself on /diagnostics."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+
+from pedpred.ros.scene_messages import Content, header
+from pedpred.ros2.follower import Follower
+
+DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+OK, WARN = 0, 1
+_SILENT_S = 2.0
+_LATEST = 100
+
+
+class Latencies:
+    """Times from the arrival of a message of people to its forecast, of the last ones."""
+
+    def __init__(self) -> None:
+        self._taken_s: deque[float] = deque(maxlen=_LATEST)
+
+    def add(self, taken_s: float) -> None:
+        """Note one, s."""
+        self._taken_s.append(taken_s)
+
+    def median_ms(self) -> float:
+        """Median, ms; NaN before the first."""
+        return 1000 * float(np.median(self._taken_s)) if self._taken_s else float("nan")
+
+
+def diagnose(follower: Follower, now_s: float, publishers: int) -> tuple[int, str]:
+    """Level and summary: OK, or what is wrong.
+
+    Args:
+        follower: of the node.
+        now_s: by the clock of `Follower.people_came`.
+        publishers: how many there are of the people's topic.
+    """
+    problems = []
+    if follower.occupancy is None and follower.settings.use_map:
+        problems.append("no map: forecasts go through walls")
+    if publishers == 0:
+        problems.append("nobody publishes people")
+    elif now_s - follower.heard_s > _SILENT_S:
+        problems.append("no people heard")
+    return (
+        (WARN, "; ".join(problems))
+        if problems
+        else (OK, "forecasts with map" if follower.occupancy else "forecasts")
+    )
+
+
+def diagnostics_content(
+    name: str, level: int, summary: str, values: Mapping[str, object], time_ns: int
+) -> Content:
+    """diagnostic_msgs/DiagnosticArray with one status."""
+    pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
+    status = {
+        "level": level,
+        "name": f"{name}: forecasts of people",
+        "message": summary,
+        "hardware_id": "pedpred",
+    }
+    return {"header": header(time_ns, ""), "status": [status | {"values": pairs}]}
+
+
+def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
+    """What stands in the table of a status."""
+    counts, there, age_s = follower.counts, follower.occupancy, follower.transform_age_s
+    size = "none" if there is None else "{} x {} cells".format(*there.occupied.shape)
+    return {
+        "map": size,
+        "frame": follower.frame,
+        "people": counts.people,
+        "messages": counts.messages,
+        "forecasts": counts.forecasts,
+        "left out: no transform": counts.lost,
+        "left out: late": counts.late,
+        "latency, median (ms)": f"{latencies.median_ms():.1f}",
+        "age of /tf (s)": "no /tf" if age_s is None else f"{age_s:.2f}",
+    }

@@ -1,0 +1,290 @@
+"""Messages in, forecasts as messages out; knows no middleware."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from pedpred.errors import ValueRuleError
+from pedpred.online import OnlinePredictor
+from pedpred.ros.assignment import NearestTracks
+from pedpred.ros.decoding import Connection, Decoder
+from pedpred.ros.detections import Instant
+from pedpred.ros.frame_tree import frame_name
+from pedpred.ros.markers import forecast_message, names_markers
+from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES
+from pedpred.ros.people import TrackNumbers, find_usable
+from pedpred.ros.planning import (
+    GRID_TYPE,
+    HORIZON,
+    PREDICTIONS_TYPE,
+    grid_messages,
+    grid_topic,
+    predictions_message,
+)
+from pedpred.ros.scene_messages import Content, header, map_of_grid
+from pedpred.ros2.live_frames import LiveFrames
+from pedpred.ros2.settings import NodeSettings
+from pedpred.scenes import Forecast, OccupancyMap
+
+PREDICTIONS, MARKERS, PEOPLE, NAMES = (f"predictions{part}" for part in ("", "/markers", "/people", "/names"))
+MARKERS_TYPE, PEOPLE_TYPE = "visualization_msgs/msg/MarkerArray", "people_msgs/msg/People"
+TEXT_TYPE, BOXES_TYPE = "std_msgs/msg/String", "vision_msgs/msg/Detection3DArray"
+UNNAMED_TYPES = ("geometry_msgs/msg/PoseArray", "people_msgs/msg/PositionMeasurementArray")
+"""Detections of these types say nothing, or nothing that lasts, about who is who."""
+
+_COLOUR = (0.84, 0.37, 0.0)
+_MOST_WAITING = 100
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is to be published: topic without namespace, type, fields."""
+
+    topic: str
+    kind: str
+    content: Content
+
+
+@dataclass
+class Counts:
+    """What happened since the start, for diagnostics."""
+
+    messages: int = 0
+    forecasts: int = 0
+    people: int = 0
+    lost: int = 0
+    late: int = 0
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    arrived_s: float
+    time_ns: int
+    instant: Instant
+
+
+@dataclass
+class _Map:
+    """The map in use; `frame` is that of the forecasts, also before a map comes."""
+
+    frame: str
+    occupancy: OccupancyMap | None = None
+    raw: bytes = b""
+    came_s: float = field(default=0.0)
+
+
+class Follower:
+    """Follows one stream of people.
+
+    Times called `now_s` are those of a clock that never stops or jumps, s.
+
+    Args:
+        predictor: used by nobody else.
+        settings: of the node; may be replaced at any time.
+        is_heard: whether somebody listens to a topic; markers, which take longer than forecasts, are left out
+            where nobody does.
+    """
+
+    def __init__(
+        self,
+        predictor: OnlinePredictor,
+        settings: NodeSettings,
+        is_heard: Callable[[str], bool] = lambda topic: True,
+    ):
+        self._predictor, self.settings, self._is_heard = predictor, settings, is_heard
+        self._decoder, self._frames = Decoder(), LiveFrames()
+        self._map = _Map(frame_name(settings.map_frame))
+        self._waiting: deque[_Waiting] = deque()
+        self._numbers, self._names, self._told = TrackNumbers(), dict[int, str](), 0
+        self._tracks = NearestTracks()
+        self._assigns = settings.identities == "assigned"
+        self.counts, self.heard_s, self._heard_stamp_s = Counts(), -np.inf, 0.0
+
+    @property
+    def frame(self) -> str:
+        """Frame of the forecasts."""
+        return self._map.frame
+
+    @property
+    def occupancy(self) -> OccupancyMap | None:
+        """The map that is used."""
+        return self._map.occupancy
+
+    @property
+    def transform_age_s(self) -> float | None:
+        """How much older the latest transform is than the latest people, s."""
+        return self._frames.age_s(self._heard_stamp_s) if np.isfinite(self.heard_s) else None
+
+    def map_came(self, raw: bytes) -> None:
+        """Use a nav_msgs/OccupancyGrid from now on; the same one again is ignored."""
+        if raw == self._map.raw:
+            return
+        message = self._decoder.decode(raw, Connection(MAP, TYPES[MAP]))
+        occupancy, frame = map_of_grid(message), frame_name(message.header.frame_id)
+        if frame != self._map.frame:
+            _log.warning("the map is in %r, forecasts were in %r: all are forgotten", frame, self._map.frame)
+            self._predictor.reset()
+        self._predictor.set_map(occupancy)
+        self._map = _Map(frame, occupancy, raw)
+        width_m, height_m = occupancy.extent_m
+        share = 100 * occupancy.occupied.mean()
+        _log.info("map of %.1f x %.1f m in %r, %.1f %% blocked", width_m, height_m, frame, share)
+
+    def transforms_came(self, raw: bytes, clock_s: float, fixed: bool) -> None:
+        """Take a tf2_msgs/TFMessage; `fixed` if it is of /tf_static."""
+        self._frames.add(self._decoder.decode(raw, Connection("/tf", TRANSFORMS)), clock_s, fixed)
+
+    def people_came(self, raw: bytes, clock_ns: int, now_s: float) -> None:
+        """Take people, who wait for the transform of their time.
+
+        Args:
+            raw: the message.
+            clock_ns: the clock of the stamps, for people without one.
+            now_s: see the class.
+        """
+        self.counts.messages += 1
+        self.heard_s = now_s
+        kind = self.settings.people_type
+        message = self._decoder.decode(raw, Connection("people", kind))
+        if kind == BOXES_TYPE:
+            boxes = [box for box in message.detections if self._is_person(box)]
+            message = replace(message, detections=boxes)
+        stamp = message.header.stamp
+        time_ns = stamp.sec * 10**9 + stamp.nanosec
+        instant = Instant.of(message, kind, clock_ns / 1e9)
+        if not time_ns:
+            _log.warning("people have no stamp: the time of their arrival is taken")
+            time_ns, instant = clock_ns, replace(instant, stamp_s=clock_ns / 1e9)
+        self._heard_stamp_s = instant.stamp_s
+        if len(self._waiting) >= _MOST_WAITING:
+            self._waiting.popleft()
+            self.counts.lost += 1
+        self._waiting.append(_Waiting(now_s, time_ns, instant))
+
+    def _is_person(self, box: Any) -> bool:
+        classes = {_class_of(result) for result in box.results}
+        wanted = set(self.settings.class_ids) - {""}
+        if not classes or not wanted or classes & wanted:
+            return True
+        _log.info(
+            "left out: detections of class %s; parameter class_ids says who is a person", sorted(classes)
+        )
+        return False
+
+    def answers(self, now_s: float) -> Iterator[Answer]:
+        """What to publish for people whose transforms have come, or who have waited long enough in vain."""
+        while self._waiting:
+            first = self._waiting[0]
+            one, target = first.instant, self._map.frame
+            lack = self._frames.lack(one.frame, target, one.stamp_s) if one.ids else ""
+            if lack and now_s - first.arrived_s < self.settings.transform_timeout_s:
+                return
+            self._waiting.popleft()
+            if lack:
+                self.counts.lost += 1
+                waited_s = self.settings.transform_timeout_s
+                _log.warning("people in %r left out: %s (waited %s s)", one.frame, lack, waited_s)
+                continue
+            yield from self._answered(first, target)
+
+    def _answered(self, given: _Waiting, frame: str) -> Iterator[Answer]:
+        one = given.instant
+        place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
+        track_id = self._track_ids(one, place)
+        kept, left_out = find_usable(np.full(len(place), one.stamp_s), track_id, place)
+        if left_out:
+            _log.warning("%s", left_out)
+        forecast = self._predictor.update(one.stamp_s, track_id[kept], place[kept])
+        if forecast.time_s != one.stamp_s:
+            self.counts.late += 1
+            return
+        self.counts.forecasts += 1
+        self.counts.people = len(forecast)
+        if self._map.occupancy is None and self.settings.use_map:
+            _log.warning(
+                "no map has come: forecasts go through walls. Publish `map`, or set use_map to false"
+            )
+        yield from self._contents(forecast, given.time_ns, frame)
+
+    def _track_ids(self, one: Instant, place: np.ndarray) -> np.ndarray:
+        """Numbers of the people of a message. [D] int64."""
+        names = [name for name in one.ids if name]
+        unnamed = bool(one.ids) and (not names or len(set(names)) < len(names))
+        if unnamed or self.settings.people_type in UNNAMED_TYPES:
+            if self.settings.identities == "given" and unnamed:
+                rule = "each person needs an id of his or her own; or set identities to auto"
+                raise ValueRuleError("id", list(one.ids), rule)
+            self._assigns |= self.settings.identities == "auto"
+        if self._assigns:
+            _log.warning(
+                "people have no ids that say who is who: the nearest one is taken, who may be another"
+            )
+            return self._tracks.assign(one.stamp_s, place)
+        numbers = [self._numbers.number(name) for name in one.ids]
+        for number, name in zip(numbers, one.ids, strict=True):
+            if number < 0:
+                self._names[number] = name
+        return np.array(numbers, np.int64)
+
+    def _contents(self, forecast: Forecast, time_ns: int, frame: str) -> Iterator[Answer]:
+        cloud = predictions_message(forecast.track_id, forecast.predictions, time_ns, frame)
+        yield Answer(PREDICTIONS, PREDICTIONS_TYPE, cloud)
+        named = [self._names.get(int(track), str(track)) for track in forecast.track_id]
+        if len(self._names) > self._told:
+            self._told = len(self._names)
+            text = json.dumps({str(number): name for number, name in self._names.items()})
+            yield Answer(NAMES, TEXT_TYPE, {"data": text})
+        if self.settings.publish_people:
+            yield Answer(PEOPLE, PEOPLE_TYPE, people_content(forecast, named, time_ns, frame))
+        if self.settings.publish_markers and self._is_heard(MARKERS):
+            content = forecast_message(forecast, _COLOUR, time_ns, frame)
+            content["markers"] += names_markers(forecast, named, time_ns, frame)
+            yield Answer(MARKERS, MARKERS_TYPE, content)
+        if cell_m := self.settings.occupancy_cell_m:
+            paths = forecast.predictions.path.reshape(-1, 2)
+            there = self._map.occupancy
+            ground = there.free(cell_m) if there else OccupancyMap.free_around(paths, cell_m=cell_m)
+            grids = grid_messages(forecast.predictions, ground, time_ns, frame, horizon=True)
+            for topic, content in grids.items():
+                yield Answer(topic.lstrip("/"), GRID_TYPE, content)
+
+
+def _class_of(result: Any) -> str:
+    """The class of a vision_msgs/ObjectHypothesisWithPose of any edition."""
+    hypothesis = getattr(result, "hypothesis", result)
+    return str(getattr(hypothesis, "class_id", getattr(hypothesis, "id", "")))
+
+
+def people_content(forecast: Forecast, names: list[str], time_ns: int, frame: str) -> Content:
+    """people_msgs/People: where everybody is, and the mean velocity of the first step of the forecast."""
+    velocity = forecast.velocity[:, 0]
+    position = forecast.position[:, 0] - forecast.dt_s * velocity
+    people = [
+        {
+            "name": name,
+            "position": {"x": float(x), "y": float(y)},
+            "velocity": {"x": float(vx), "y": float(vy)},
+            "reliability": 1.0,
+            "tagnames": ["track_id"],
+            "tags": [str(track)],
+        }
+        for name, track, (x, y), (vx, vy) in zip(names, forecast.track_id, position, velocity, strict=True)
+    ]
+    return {"header": header(time_ns, frame), "people": people}
+
+
+def output_types(settings: NodeSettings, steps: int) -> dict[str, str]:
+    """Topic -> type of all that a node with these settings can publish for forecasts of some steps."""
+    grids = [grid_topic(step + 1) for step in range(steps)] + [HORIZON]
+    types = {PREDICTIONS: PREDICTIONS_TYPE, NAMES: TEXT_TYPE, MARKERS: MARKERS_TYPE, PEOPLE: PEOPLE_TYPE}
+    if settings.occupancy_cell_m:
+        types |= {topic.lstrip("/"): GRID_TYPE for topic in grids}
+    return types

@@ -1,0 +1,279 @@
+"""The lifecycle node: topics, parameters and timers around a `Follower`. Needs rclpy."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, TransitionCallbackReturn
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from pedpred.errors import ConfigError, PedpredError
+from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.warming import warm_up
+from pedpred.ros.message_types import TRANSFORMS, serialize
+from pedpred.ros.planning import GRID_TYPE
+from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
+from pedpred.ros2.follower import PEOPLE, PREDICTIONS, Follower, output_types
+from pedpred.ros2.log import RosHandler
+from pedpred.ros2.settings import LIVE, NodeSettings, fields_of
+
+_NO_MAP = re.compile(r"costmap|predicted_occupancy/")
+_PEOPLE_DEPTH, _TF_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 10
+_RETRY_S, _DIAGNOSTICS_S = 0.02, 1.0
+_log = logging.getLogger("pedpred.ros2")
+_Done = TransitionCallbackReturn
+
+
+class PedpredNode(LifecycleNode):
+    """Subscribes to `people`, `map`, /tf and /tf_static, publishes forecasts, see `output_types`.
+
+    Configuring reads the parameters, compiles what is not compiled yet, subscribes to the map and to
+    transforms and makes all publishers; activating subscribes to people.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("pedpred")
+        for name, default, text in fields_of(NodeSettings):
+            about = ParameterDescriptor(description=text)
+            self.declare_parameter(name, list(default) if isinstance(default, tuple) else default, about)
+        self.add_on_set_parameters_callback(self._changed)
+        self._follower: Follower | None = None
+        self._latencies = Latencies()
+        self._sinks: dict[str, Any] = {}
+        self._own: list[Any] = []
+        self._people: Any = None
+        self._handler = RosHandler(self.get_logger())
+        logging.getLogger("pedpred").addHandler(self._handler)
+        logging.getLogger("pedpred").setLevel(logging.INFO)
+
+    def start(self) -> bool:
+        """Configure and activate, unless the parameter `autostart` leaves that to a lifecycle manager.
+
+        Returns:
+            Whether that worked; the log says why not.
+        """
+        if not self.get_parameter("autostart").value:
+            return True
+        return self.trigger_configure() == _Done.SUCCESS and self.trigger_activate() == _Done.SUCCESS
+
+    def destroy_node(self) -> None:
+        """Stop handing log records to ROS, then destroy the node."""
+        logging.getLogger("pedpred").removeHandler(self._handler)
+        super().destroy_node()
+
+    def _settings(self, changed: dict[str, Any] | None = None) -> NodeSettings:
+        values: dict[str, Any] = {
+            name: self.get_parameter(name).value for name, _, _ in fields_of(NodeSettings)
+        } | (changed or {})
+        listed = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
+        return NodeSettings(**(values | listed))
+
+    def _changed(self, parameters: list[Any]) -> SetParametersResult:
+        own = {name for name, _, _ in fields_of(NodeSettings)}
+        changed = {one.name: one.value for one in parameters if one.name in own}
+        fixed = sorted(set(changed) - LIVE)
+        if fixed and self._follower is not None:
+            reason = f"{', '.join(fixed)}: clean up first; now may change: {', '.join(sorted(LIVE))}"
+            return SetParametersResult(successful=False, reason=reason)
+        try:
+            settings = self._settings(changed)
+        except (PedpredError, TypeError) as problem:
+            return SetParametersResult(successful=False, reason=str(problem))
+        if self._follower is not None:
+            self._follower.settings = settings
+            self._add_publishers()
+        return SetParametersResult(successful=True)
+
+    def on_configure(self, state: Any) -> TransitionCallbackReturn:
+        """Read parameters, warm up, make publishers, listen to the map and to transforms."""
+        try:
+            self._configure()
+        except Exception as problem:  # rclpy says nothing of it
+            _log.error("not configured: %s", problem, exc_info=not isinstance(problem, PedpredError))
+            self._clean_up()
+            return _Done.FAILURE
+        return _Done.SUCCESS
+
+    def _configure(self) -> None:
+        settings = self._settings()
+        topic = self.resolve_topic_name("map")
+        if settings.use_map and _NO_MAP.search(topic):
+            rule = "costs are no map: remap `map` to the topic of the map server, or set use_map to false"
+            raise ConfigError("map", topic, rule)
+        _message_class(settings.people_type)
+        _log.info("compiling what is not compiled yet: up to a minute")
+        warm_up(settings.model or None)
+        online = OnlineSettings(max_age_s=settings.max_age_s, detection_noise_m=settings.detection_noise_m)
+        predictor = OnlinePredictor.load(settings.model or None, online)
+        self._steps = predictor.protocol.horizon_steps
+        self._follower, self._latencies = Follower(predictor, settings, self._is_heard), Latencies()
+        self._add_publishers()
+        if settings.use_map:
+            for qos in (
+                _latched(1),
+                _sensor(1),
+            ):  # the first hears no volatile map, the second none of before
+                self._listen(GRID_TYPE, "map", self._follower.map_came, qos)
+        try:
+            self._listen(TRANSFORMS, "/tf", self._moving_came, _reliable(_TF_DEPTH))
+            self._listen(TRANSFORMS, "/tf_static", self._fixed_came, _latched(_TF_DEPTH))
+        except ConfigError as problem:
+            _log.warning("people must be in the frame of the map: %s", problem)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._own += [
+            self.create_timer(_RETRY_S, self._guarded(self._publish_answers), clock=steady),
+            self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady),
+        ]
+
+    def _add_publishers(self) -> None:
+        assert self._follower is not None
+        for topic, kind in output_types(self._follower.settings, self._steps).items():
+            if topic in self._sinks:
+                continue
+            try:
+                made = _message_class(kind)
+            except ConfigError as problem:
+                _log.info("%s is not published: %s", topic, problem)
+                continue
+            depth = _PREDICTIONS_DEPTH if topic in (PREDICTIONS, PEOPLE) else 1
+            self._sinks[topic] = self.create_lifecycle_publisher(made, topic, _latched(depth))
+            if self._people is not None:
+                self._sinks[topic].on_activate(None)
+        if "/diagnostics" not in self._sinks:
+            made = _message_class(DIAGNOSTICS_TYPE)
+            self._sinks["/diagnostics"] = self.create_publisher(made, "/diagnostics", 10)
+
+    def on_activate(self, state: Any) -> TransitionCallbackReturn:
+        """Listen to people."""
+        assert self._follower is not None
+        settings = self._follower.settings
+        reliable = settings.people_reliability == "reliable"
+        qos = _reliable(_PEOPLE_DEPTH) if reliable else _sensor(_PEOPLE_DEPTH)
+        self._people = self.create_subscription(
+            _message_class(settings.people_type), "people", self._guarded(self._people_came), qos, raw=True
+        )
+        heard = f"{self.resolve_topic_name('people')} ({settings.people_type}, {settings.people_reliability})"
+        _log.info("forecasting people of %s on %s", heard, self.resolve_topic_name(PREDICTIONS))
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
+        """Listen to people no more; the map and transforms are still heard."""
+        self._forget_people()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
+        """Forget everything; parameters can be changed again."""
+        self._clean_up()
+        return _Done.SUCCESS
+
+    def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
+        """End."""
+        self._clean_up()
+        return _Done.SUCCESS
+
+    def _forget_people(self) -> None:
+        if self._people is not None:
+            self.destroy_subscription(self._people)
+            self._people = None
+
+    def _clean_up(self) -> None:
+        self._forget_people()
+        for one in self._own:
+            (self.destroy_timer if hasattr(one, "timer_period_ns") else self.destroy_subscription)(one)
+        for sink in self._sinks.values():
+            lasting = isinstance(sink, LifecyclePublisher)
+            (self.destroy_lifecycle_publisher if lasting else self.destroy_publisher)(sink)
+        self._own, self._sinks, self._follower = [], {}, None
+
+    def _listen(self, kind: str, topic: str, callback: Callable[[bytes], None], qos: QoSProfile) -> None:
+        made, silent = _message_class(kind), SubscriptionEventCallbacks(use_default_callbacks=False)
+        self._own.append(
+            self.create_subscription(
+                made, topic, self._guarded(callback), qos, event_callbacks=silent, raw=True
+            )
+        )
+
+    def _people_came(self, raw: bytes) -> None:
+        if self._follower is not None:
+            begun_s = time.monotonic()
+            self._follower.people_came(raw, self.get_clock().now().nanoseconds, begun_s)
+            self._publish_answers()
+            self._latencies.add(time.monotonic() - begun_s)
+
+    def _moving_came(self, raw: bytes) -> None:
+        self._transforms_came(raw, fixed=False)
+
+    def _fixed_came(self, raw: bytes) -> None:
+        self._transforms_came(raw, fixed=True)
+
+    def _transforms_came(self, raw: bytes, fixed: bool) -> None:
+        if self._follower is not None:
+            self._follower.transforms_came(raw, self.get_clock().now().nanoseconds / 1e9, fixed)
+
+    def _publish_answers(self, _: object = None) -> None:
+        if self._follower is None or self._people is None:
+            return
+        for answer in self._follower.answers(time.monotonic()):
+            if answer.topic in self._sinks:
+                self._sinks[answer.topic].publish(serialize(answer.kind, answer.content))  # rclpy takes bytes
+
+    def _is_heard(self, topic: str) -> bool:
+        return topic in self._sinks and self._sinks[topic].get_subscription_count() > 0
+
+    def _diagnose(self) -> None:
+        if self._follower is None:
+            return
+        publishers = self.count_publishers(self.resolve_topic_name("people"))
+        level, summary = diagnose(self._follower, time.monotonic(), publishers)
+        level, summary = (level, summary) if self._people is not None else (0, "not active")
+        values = told_values(self._follower, self._latencies)
+        now_ns, name = self.get_clock().now().nanoseconds, self.get_fully_qualified_name().lstrip("/")
+        content = diagnostics_content(name, level, summary, values, now_ns)
+        self._sinks["/diagnostics"].publish(serialize(DIAGNOSTICS_TYPE, content))
+
+    def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """A callback that logs every error and goes on: a bad message must not end the node."""
+
+        def called(*message: Any) -> None:
+            try:
+                callback(*message)
+            except Exception as problem:  # whatever is wrong with this message, the next one may be right
+                _log.error("message left out: " + type(problem).__name__ + ": %s", problem)
+
+        return called
+
+
+def _message_class(kind: str) -> Any:
+    """The class of a message type.
+
+    Raises:
+        ConfigError: its package is not installed.
+    """
+    package, _, name = kind.split("/")
+    try:
+        return getattr(import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError) as cause:
+        apt = f"ros-$ROS_DISTRO-{package.replace('_', '-')}"
+        raise ConfigError(
+            "type", kind, f"{package} is not installed or has no {name}: apt install {apt}"
+        ) from cause
+
+
+def _latched(depth: int) -> QoSProfile:
+    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def _reliable(depth: int) -> QoSProfile:
+    return QoSProfile(depth=depth)
+
+
+def _sensor(depth: int) -> QoSProfile:
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)

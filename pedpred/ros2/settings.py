@@ -1,0 +1,84 @@
+"""The parameters of the node."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from pedpred.errors import ValueRuleError
+from pedpred.fields import check_ranges
+from pedpred.ros.people import ADAPTERS
+
+_CHOICES: dict[str, Sequence[str]] = {
+    "people_type": sorted(ADAPTERS),
+    "people_reliability": ("best_effort", "reliable"),
+    "identities": ("auto", "given", "assigned"),
+}
+_RANGES = {"transform_timeout_s": "[0, 60]", "detection_noise_m": "[0, 10]", "occupancy_cell_m": "[0, 100]"}
+_RANGES |= {"max_age_s": "[0, 60]"}
+
+
+def _told(default: Any, text: str, live: bool = False) -> Any:
+    """A parameter with its description; `live`: it may be changed while the node runs."""
+    return field(default=default, metadata={"text": text, "live": live})
+
+
+@dataclass(frozen=True)
+class NodeSettings:
+    """The parameters of the node, with their default values; `described` explains them.
+
+    Raises:
+        ValueRuleError: a value is none of its choices, or out of range.
+    """
+
+    model: str = _told("", "a model folder; empty: the one of the package")
+    people_type: str = _told("people_msgs/msg/People", f"type of `people`: {', '.join(sorted(ADAPTERS))}")
+    people_reliability: str = _told(
+        "best_effort", "of the subscription to people: best_effort hears every publisher; or reliable"
+    )
+    class_ids: tuple[str, ...] = _told(
+        ("person", "pedestrian", "human"), "of vision_msgs, who is a person; an empty text: all classes"
+    )
+    identities: str = _told(
+        "auto",
+        "who says who is who: given, the ids of messages; assigned, the nearest person; auto, assigned where "
+        "messages have no ids or only places in a list",
+    )
+    use_map: bool = _told(True, "listen to `map`; false: forecasts without walls are wanted")
+    map_frame: str = _told("map", "frame of the forecasts until a map comes, whose frame counts")
+    transform_timeout_s: float = _told(0.2, "how long people wait for the transform of their time, s", True)
+    detection_noise_m: float = _told(0.0, "standard deviation of a detection's coordinate, m")
+    max_age_s: float = _told(0.5, "a person is forecast while the last detection is at most this old, s")
+    occupancy_cell_m: float = _told(
+        0.0, "side of the cells of `predicted_occupancy`, m; 0: it is not published", True
+    )
+    publish_markers: bool = _told(True, "publish `predictions/markers` for viewers", True)
+    publish_people: bool = _told(True, "publish `predictions/people`, where people_msgs is installed", True)
+    autostart: bool = _told(True, "configure and activate at the start; false: a lifecycle manager does it")
+
+    def __post_init__(self) -> None:
+        check_ranges(self, _RANGES)
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise ValueRuleError(name, getattr(self, name), f"it must be one of {', '.join(choices)}")
+
+
+LIVE = frozenset(each.name for each in fields(NodeSettings) if each.metadata["live"])
+"""Parameters that may change while the node runs; others before it is configured, or after a clean-up."""
+
+
+def described() -> str:
+    """One line per parameter: name, default value, what it means."""
+    return "\n".join(
+        f"{each.name} ({_as_text(each.default)}): {each.metadata['text']}" for each in fields(NodeSettings)
+    )
+
+
+def _as_text(default: Any) -> str:
+    return ", ".join(default) if isinstance(default, tuple) else repr(default)
+
+
+def fields_of(settings: type[NodeSettings]) -> list[tuple[str, Any, str]]:
+    """Name, default value and description of every parameter."""
+    return [(each.name, each.default, each.metadata["text"]) for each in fields(settings)]

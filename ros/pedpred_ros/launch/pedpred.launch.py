@@ -1,0 +1,45 @@
+"""Launch the node with the parameters of config/pedpred.yaml, and RViz if asked for."""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import LifecycleNode, Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+
+def generate_launch_description():
+    """The node `pedpred`; arguments name topics, namespace, file of parameters, simulated time, RViz."""
+    share = Path(get_package_share_directory("pedpred_ros"))
+    arguments = {
+        "params_file": str(share / "config" / "pedpred.yaml"),
+        "namespace": "",
+        "people": "people",
+        "map": "map",
+        "use_sim_time": "false",
+        "autostart": "true",
+        "rviz": "false",
+    }
+    given = {name: LaunchConfiguration(name) for name in arguments}
+    switches = {name: ParameterValue(given[name], value_type=bool) for name in ("use_sim_time", "autostart")}
+    node = LifecycleNode(
+        package="pedpred_ros",
+        executable="pedpred",
+        name="pedpred",
+        namespace=given["namespace"],
+        parameters=[given["params_file"], switches],
+        remappings=[("people", given["people"]), ("map", given["map"])],
+        output="screen",
+    )
+    viewer = Node(
+        package="rviz2",
+        executable="rviz2",
+        arguments=["-d", str(share / "rviz" / "pedpred.rviz")],
+        parameters=[{"use_sim_time": switches["use_sim_time"]}],
+        condition=IfCondition(given["rviz"]),
+    )
+    declared = [DeclareLaunchArgument(name, default_value=value) for name, value in arguments.items()]
+    return LaunchDescription([*declared, node, viewer])

@@ -1,0 +1,1 @@
+"""Starts the node of pedpred under the name of a ROS package."""

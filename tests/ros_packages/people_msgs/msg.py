@@ -1,0 +1,6 @@
+"""Raw messages of the package."""
+
+from wire_types import message_class
+
+People = message_class("people_msgs", "People")
+PositionMeasurementArray = message_class("people_msgs", "PositionMeasurementArray")

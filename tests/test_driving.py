@@ -1,0 +1,326 @@
+"""Laws of the closed loop: who is at fault, what is found between frames, who sees the future."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.driving.course import course_to, route, walls_of
+from pedpred.driving.episodes import DriveSettings, Episode, EpisodeSettings, Place, draw_episode
+from pedpred.driving.forecasters import METHODS, NAMES, TRUTH, forecaster_of
+from pedpred.driving.loop import Drive, drive
+from pedpred.driving.measures import find_contacts, measure
+from pedpred.driving.people import RecordedPeople, Window
+from pedpred.driving.planner import PlannerSettings
+from pedpred.driving.risk import contact_m, overlap
+from pedpred.driving.robot import KINDS, Robot, advance
+from pedpred.driving.sensor import Faults, SensorSettings, visible
+from pedpred.errors import ValueRuleError
+from pedpred.online import OnlinePredictor
+from pedpred.scenes import Scene, Trajectories
+from tests.worlds import blocked, empty_map
+
+DT_S = 0.1
+EXACT = SensorSettings(noise_m=0.0, missed=0.0)
+CALM = DriveSettings(sensor=EXACT)
+REACH_M = contact_m(Robot().radius_m)
+
+
+@pytest.fixture(scope="module")
+def predictor():
+    return OnlinePredictor.load()
+
+
+def window_of(paths, first_s=10.0):
+    """People who have been there for a while; paths: [T, N, 2]."""
+    ticks, people = paths.shape[:2]
+    there_s = first_s + np.arange(ticks)[:, None] * DT_S + np.zeros(people)
+    return Window(DT_S, np.arange(people), paths, there_s)
+
+
+def straight(places, velocities, ticks=400):
+    """Window of people who walk straight on."""
+    seconds = np.arange(ticks)[:, None, None] * DT_S
+    return window_of(np.array(places, float)[None] + seconds * np.array(velocities, float))
+
+
+NOBODY = window_of(np.zeros((400, 0, 2)))
+
+
+def episode_to(goal, window=NOBODY, start=(-4.0, 0.0), ground=None, watching=20, ticks=300):
+    """A drive from a start to a goal; without `ground` on free ground."""
+    walls = walls_of(empty_map() if ground is None else ground)
+    course = course_to(np.array(goal, float), walls, Robot().radius_m)
+    start = np.array(start, float)
+    heading = float(np.arctan2(*(np.array(goal) - start)[::-1]))
+    people = len(window.track_id)
+    faults = Faults(np.zeros((ticks, people, 2)), np.ones((ticks, people)))
+    length_m = float(np.hypot(*(course.goal - start))) - 0.3
+    return Episode(0, 0, start, heading, course, length_m, watching, window, faults, ticks)
+
+
+def driven(predictor, method, episode, choice=CALM, ground=None):
+    place = empty_map() if ground is None else ground
+    return drive(episode, forecaster_of(method, predictor, place, episode.window), place, choice)
+
+
+def kind_of(name):
+    return replace(CALM, robot=Robot(name))
+
+
+# Contacts
+
+
+def drive_of(robot, people, there_s=10.0):
+    robot, people = np.array(robot, float), np.array(people, float)
+    state = np.concatenate([robot, np.zeros((len(robot), 3))], axis=1)
+    return Drive(state, people, np.full(people.shape[:2], there_s), DT_S, True, np.zeros(len(robot) - 1))
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=50)
+def test_a_robot_that_stands_is_never_at_fault(seed):
+    rng = np.random.default_rng(seed)
+    people = rng.uniform(-2, 2, (1, 8, 2)) + np.cumsum(rng.normal(0, 0.1, (50, 8, 2)), axis=0)
+    found = find_contacts(drive_of(np.zeros((50, 2)), people), 0.3)
+    assert not found.fault.any()
+
+
+def test_a_collision_between_two_frames_is_found():
+    """Both frames are clear of each other; the paths cross in between."""
+    found = find_contacts(drive_of([[0, 0], [0.3, 0]], [[[1.5, 0]], [[-1.2, 0]]]), 0.3)
+    assert found.fault.tolist() == [True]
+    np.testing.assert_allclose(found.time_s, [DT_S * (1.5 - REACH_M) / 3.0])
+    np.testing.assert_allclose(found.speed_mps, [30.0])
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=50)
+def test_contacts_are_those_of_a_fine_clock(seed):
+    rng = np.random.default_rng(seed)
+    robot, people = np.cumsum(rng.normal(0, 0.3, (30, 2)), 0), np.cumsum(rng.normal(0, 0.3, (30, 3, 2)), 0)
+    found = find_contacts(drive_of(robot, people), 0.3)
+    fine = np.linspace(0, 29, 29 * 400 + 1)
+    low = np.minimum(fine.astype(int), 28)
+    share = (fine - low)[:, None, None]
+    between = people - robot[:, None]
+    near = np.hypot(*np.moveaxis((1 - share) * between[low] + share * between[low + 1], -1, 0)) < REACH_M
+    began, _ = np.nonzero(near[1:] & ~near[:-1])
+    for time_s in fine[began + 1] * DT_S:
+        assert np.abs(found.time_s - time_s).min() < DT_S / 200
+
+
+def test_being_overtaken_and_meeting_somebody_who_has_just_appeared_is_no_fault():
+    robot = [[0, 0], [0.1, 0], [0.2, 0]]
+    behind = [[[-0.7, 0]], [[-0.4, 0]], [[-0.3, 0]]]
+    assert find_contacts(drive_of(robot, behind), 0.3).fault.tolist() == [False]
+    ahead = [[[0.8, 0]], [[0.6, 0]], [[0.6, 0]]]
+    assert find_contacts(drive_of(robot, ahead), 0.3).fault.tolist() == [True]
+    assert find_contacts(drive_of(robot, ahead, there_s=0.2), 0.3).fault.tolist() == [False]
+
+
+# Risk
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=100)
+def test_the_probability_of_an_overlap_is_about_that_of_samples(seed):
+    """The rectangle is wider than the disc near its rim: it errs on the safe side."""
+    rng = np.random.default_rng(seed)
+    mean, long, flat = rng.uniform(-1.5, 1.5, 2), rng.uniform(0.02, 1.0), rng.uniform(0.3, 1.0)
+    angle = rng.uniform(0, np.pi)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    covariance = turn @ np.diag([long**2, (long * flat) ** 2]) @ turn.T
+    samples = rng.multivariate_normal(mean, covariance, 20_000)
+    share = (np.hypot(*samples.T) < REACH_M).mean()
+    own = overlap(*mean, covariance[0, 0], covariance[0, 1], covariance[1, 1], REACH_M)
+    assert -0.05 < own - share < 0.15
+
+
+@pytest.mark.parametrize("distance_m", [0.0, 0.3, 0.59])
+def test_an_exact_forecast_overlaps_or_not(distance_m):
+    for angle in np.linspace(0, 2 * np.pi, 9):
+        x, y = distance_m * np.cos(angle), distance_m * np.sin(angle)
+        assert overlap(x, y, 1e-8, 0.0, 1e-8, REACH_M) == pytest.approx(1.0)
+        far = 0.61 / max(distance_m, 0.1)
+        assert overlap(far * 0.1 if not distance_m else far * x, far * y, 1e-8, 0.0, 1e-8, REACH_M) < 1e-6
+
+
+# The robot and its way
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_manoeuvres_keep_the_limits_and_end_in_standstill(kind):
+    robot = Robot(kind)
+    for commands in robot.manoeuvres(0.3, 30, 7, 23):
+        state = (0.0, 0.0, 0.0, 0.0, 0.0)
+        for a, b in commands:
+            before, state = state, advance(state, float(a), float(b), robot.limits, DT_S)
+            moved = np.hypot(state[0] - before[0], state[1] - before[1])
+            assert moved <= robot.speed_mps * DT_S + 1e-9
+            faster = np.hypot(state[3], state[4] if kind == "holonomic" else 0.0)
+            slower = np.hypot(before[3], before[4] if kind == "holonomic" else 0.0)
+            assert faster - slower <= robot.acceleration_mps2 * DT_S + 1e-9
+        assert np.hypot(*state[3:]) < 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_empty_world_takes_the_straight_time(predictor, kind):
+    choice = kind_of(kind)
+    episode = episode_to((4.0, 0.0))
+    done = driven(predictor, "modes", episode, choice)
+    robot = choice.robot
+    speeding_up_s = robot.speed_mps / robot.acceleration_mps2 / 2
+    found = measure(done, episode.route_m, robot, walls_of(empty_map()))
+    assert found.success
+    assert found.time_s == pytest.approx(episode.route_m / robot.speed_mps + speeding_up_s, abs=2 * DT_S)
+    assert found.path_ratio == pytest.approx(1.0, abs=robot.speed_mps * DT_S / episode.route_m)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_robot_drives_around_a_wall_without_touching_it(predictor, kind):
+    ground = blocked(np.s_[95:105, 60:130])
+    choice = kind_of(kind)
+    done = driven(predictor, "kalman", episode_to((4.0, 0.0), ground=ground), choice, ground)
+    found = measure(done, 8.0, choice.robot, walls_of(ground))
+    assert (found.reached, found.wall_contacts) == (1, 0)
+
+
+def test_a_goal_behind_walls_has_no_route():
+    ground = blocked(np.s_[95:105, :])
+    ring = blocked(np.s_[120:160, 80:120])
+    inner = ring.occupied.copy()
+    inner[125:155, 85:115] = False
+    course = course_to(np.array([4.0, 0.0]), walls_of(replace(ring, occupied=inner)), 0.3)
+    assert len(route(course, np.array([-4.0, 0.0]), 0.3)) == 0
+    around = course_to(np.array([4.0, 0.0]), walls_of(ground), 0.3)
+    assert len(route(around, np.array([-4.0, 0.0]), 0.3)) > 150
+
+
+# The loop
+
+CROSSING = straight([(0, 4), (1, -5), (3, 3)], [(0, -1.0), (-0.2, 1.2), (-1.0, -0.5)])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_true_future_hits_nobody_whom_standing_people_hit(predictor, kind):
+    """People who cross the way, many of them: standing forecasts run into them, the true future does not."""
+    rng = np.random.default_rng(3)
+    count, faults = 14, dict.fromkeys(("standing", TRUTH), 0)
+    for _ in range(4):
+        places = rng.uniform((-2, -9), (3, 9), (count, 2))
+        velocities = np.stack([rng.normal(0, 0.2, count), -np.sign(places[:, 1]) * 1.2], axis=-1)
+        episode = episode_to((4.0, 0.0), straight(places, velocities))
+        for method in faults:
+            done = driven(predictor, method, episode, kind_of(kind))
+            faults[method] += int(find_contacts(done, 0.3).fault.sum())
+    assert faults[TRUTH] == 0
+    assert faults["standing"] > 0
+
+
+def test_a_runner_who_passes_within_a_step_is_no_exception(predictor):
+    """At 4 m/s somebody is beside the robot at one instant and behind it at the next."""
+    for number in range(8):
+        window = straight(
+            [(3.0 - 0.05 * number, 2.0), (6.0, -3.0)], [(-3.6, -1.6), (-3.0, 2.0 + 0.1 * number)]
+        )
+        done = driven(predictor, TRUTH, episode_to((4.0, 0.0), window))
+        assert not find_contacts(done, 0.3).fault.any()
+
+
+@pytest.mark.parametrize("method", NAMES)
+def test_only_the_named_forecaster_sees_the_future(predictor, method):
+    """Where people turn at an instant changes no command before it, except by the true future."""
+    turned = CROSSING.position.copy()
+    at = 35
+    turned[at:] = turned[at - 1] + (turned[at:] - turned[at - 1])[..., ::-1] * (1.0, -1.0)
+    one = driven(predictor, method, episode_to((4.0, 0.0), CROSSING))
+    other = driven(predictor, method, episode_to((4.0, 0.0), window_of(turned)))
+    until = at - 20 + 1
+    same = np.array_equal(one.state[:until], other.state[:until])
+    assert same == (method != TRUTH)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("method", ["kalman", TRUTH])
+def test_mirrored_worlds_give_mirrored_drives(predictor, kind, method):
+    ground = blocked(np.s_[110:115, 70:90])
+    mirror = replace(ground, occupied=ground.occupied[:, ::-1].copy())
+    other = window_of(CROSSING.position * (1.0, -1.0))
+    goal = np.array([4.0, 0.37])
+    one = driven(predictor, method, episode_to(goal, CROSSING, ground=ground), kind_of(kind), ground)
+    two = episode_to(goal * (1.0, -1.0), other, ground=mirror)
+    two = driven(predictor, method, two, kind_of(kind), mirror)
+    np.testing.assert_allclose(one.state[:, :2], two.state[:, :2] * (1.0, -1.0), atol=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_no_detection_is_no_error(predictor, method):
+    blind = replace(CALM, sensor=replace(EXACT, range_m=0.01))
+    assert driven(predictor, method, episode_to((0.0, 0.0), CROSSING), blind).reached
+
+
+# The sensor
+
+
+def test_walls_and_people_hide_who_is_behind_them():
+    ground = blocked(np.s_[110:112, 95:105])
+    position = np.array([[3.0, 0.0], [0.0, 3.0], [0.0, 5.0], [-3.0, 0.0], [0.0, -11.0], [np.nan, np.nan]])
+    state = (0.0, 0.0, 0.0, 0.0, 0.0)
+    assert visible(state, position, ground, EXACT).tolist() == [False, True, False, True, False, False]
+    assert visible(state, position, ground, replace(EXACT, occluded=False)).sum() == 4
+    ahead = replace(EXACT, view_rad=np.pi / 2)
+    assert visible((0.0, 0.0, np.pi, 0.0, 0.0), position, ground, ahead).tolist() == [
+        *[False] * 3,
+        True,
+        False,
+        False,
+    ]
+
+
+# Recorded people and episodes
+
+
+def crossing_scene(seconds=60.0):
+    """People who cross a free place in both directions, one every two seconds."""
+    rows = []
+    for n in range(int(seconds / 2)):
+        side = 1 if n % 2 else -1
+        for k in range(40):
+            rows.append((2.0 * n + 0.25 * k, n, -6 * side + side * 0.3 * k, 0.1 * (n % 7) - 0.3))
+    time_s, track, x, y = np.array(rows).T
+    return Scene("crossing", Trajectories(time_s, track, np.stack([x, y], axis=-1)), empty_map(), 0.25)
+
+
+def test_people_are_where_they_were_recorded():
+    scene = crossing_scene()
+    window = RecordedPeople(scene.trajectories, DT_S).window(0, 100)
+    trajectories = scene.trajectories
+    for time_s in (0.0, 0.5, 4.0):
+        tick = round(time_s / DT_S)
+        rows = trajectories.time_s == time_s
+        there = np.isfinite(window.position[tick, :, 0])
+        np.testing.assert_allclose(window.position[tick, there], trajectories.position[rows], atol=1e-9)
+    assert (window.there_s[np.isfinite(window.position[..., 0])] >= -1e-9).all()
+
+
+def test_an_episode_depends_on_seed_and_number_only():
+    place = Place.of(crossing_scene(), DT_S)
+    drawn = [
+        draw_episode(place, number, seed, Robot(), PlannerSettings(), EpisodeSettings())
+        for number, seed in ((3, 0), (3, 0), (4, 0), (3, 1))
+    ]
+    assert drawn[0].tick == drawn[1].tick
+    assert np.array_equal(drawn[0].faults.noise, drawn[1].faults.noise)
+    for other in drawn[2:]:
+        assert not np.array_equal(drawn[0].start, other.start)
+
+
+def test_a_place_where_nobody_can_be_met_is_refused():
+    scene = crossing_scene(2.0)
+    with pytest.raises(ValueRuleError, match="no way of 50 to 60 m met anybody"):
+        draw_episode(
+            Place.of(scene, DT_S), 0, 0, Robot(), PlannerSettings(), EpisodeSettings(distance_m=(50.0, 60.0))
+        )

@@ -1,0 +1,77 @@
+"""`pedpred drive`: tables that grow, do not depend on how they grew, and refuse to be mixed."""
+
+import numpy as np
+import pytest
+
+from pedpred.command import main
+from pedpred.driving.measures import Measures
+from pedpred.driving.table import Condition, Episodes, Row, equal_time, read_table, summary, write_table
+from pedpred.ros import read_recording
+from tests.conftest import ROOT
+
+CORNER = str(ROOT / "examples" / "corner" / "people.mcap")
+
+
+def driven(table, *options):
+    main(["drive", CORNER, "--table", str(table), *options])
+    return table.read_bytes()
+
+
+def test_a_table_is_the_same_however_it_grew(tmp_path, capsys):
+    methods = "--method", "standing", "--method", "kalman", "--risk", "0.1"
+    whole = driven(tmp_path / "whole.csv", "--episodes", "3", *methods, "--processes", "2")
+    assert "standing" in capsys.readouterr().out
+    driven(tmp_path / "grown.csv", "--episodes", "2", *methods[2:])
+    assert driven(tmp_path / "grown.csv", "--episodes", "3", *methods) == whole
+    before = (tmp_path / "grown.csv").stat()
+    assert driven(tmp_path / "grown.csv", "--episodes", "2", *methods) == whole
+    assert before.st_size == len(whole)
+
+
+def test_drives_of_other_settings_are_not_added(tmp_path):
+    options = "--episodes", "1", "--method", "standing"
+    driven(tmp_path / "table.csv", *options)
+    with pytest.raises(SystemExit, match="another recording, map, robot"):
+        driven(tmp_path / "table.csv", *options, "--seed", "1")
+    (tmp_path / "table.csv").write_text("place,robot\nhere,there\n")
+    with pytest.raises(SystemExit, match="line 2 is no row"):
+        driven(tmp_path / "table.csv", *options)
+
+
+def test_an_episode_is_recorded_with_the_robot(tmp_path):
+    recording = tmp_path / "episode.mcap"
+    main(["drive", CORNER, "--record", str(recording)])
+    scene = read_recording(recording)
+    people = scene.trajectories
+    robot = people.track_id == people.track_id.max()
+    assert np.hypot(*np.ptp(people.position[robot], axis=0)) > 3.0
+    for wrong in (["--record", "episode.csv"], ["--record", "other.mcap", "--method", "true_future"]):
+        with pytest.raises(SystemExit, match=r"--record|--method"):
+            main(["drive", CORNER, *wrong])
+
+
+def row(condition, episode, faults, time_s):
+    figures = dict.fromkeys(Measures.__annotations__, 1) | {"faults": faults, "time_s": time_s}
+    return Row("here", "differential", condition, episode, "0", Measures(**figures))
+
+
+def test_a_table_comes_back_as_it_was(tmp_path):
+    rows = [row(Condition("modes", 0.1), e, e % 2, 0.125 * e) for e in range(5)]
+    write_table(tmp_path / "table.csv", rows[::-1])
+    assert read_table(tmp_path / "table.csv") == rows
+    assert "modes" in summary(rows)
+
+
+def test_curves_are_compared_at_equal_time():
+    """Half as many collisions at every time, with curves that begin elsewhere."""
+    rng = np.random.default_rng(0)
+    rows = []
+    for method, share, times in (("kalman", 0.4, (8.0, 12.0)), ("modes", 0.2, (9.0, 13.0))):
+        for risk, time_s in zip((0.3, 0.1), times, strict=True):
+            hit = rng.permutation(1000) < 1000 * share
+            rows += [row(Condition(method, risk), e, int(hit[e]), time_s) for e in range(1000)]
+    time_s, apart, low, high = equal_time(Episodes.of(rows), "modes", "kalman")
+    assert time_s == pytest.approx(10.5)
+    assert apart == pytest.approx(-0.2)
+    assert -0.25 < low < apart < high < -0.15
+    assert equal_time(Episodes.of(rows), "modes", "standing") is None

@@ -1,0 +1,273 @@
+"""What the ROS node does between messages: bytes as they are on the wire in, contents of messages out."""
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from pedpred.errors import ValueRuleError
+from pedpred.online import OnlinePredictor
+from pedpred.ros.assignment import NearestTracks
+from pedpred.ros.message_types import known_types, serialize
+from pedpred.ros.planning import HORIZON, ROW, grid_messages
+from pedpred.ros.scene_messages import header, map_message
+from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
+from pedpred.ros2.follower import Follower, output_types
+from pedpred.ros2.live_frames import KEPT_S, LiveFrames
+from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of
+from pedpred.scenes import OccupancyMap, Predictions
+
+PEOPLE, BOXES = "people_msgs/msg/People", "vision_msgs/msg/Detection3DArray"
+GRID, TF = "nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage"
+STANDING = np.array([3.0, 2.0, 0.0])
+
+
+def follower_of(**values):
+    return Follower(OnlinePredictor.load(), NodeSettings(**{"use_map": False} | values))
+
+
+def people(time_s, frame="map", **places):
+    here = [
+        {"name": name, "position": dict(zip("xyz", map(float, (*at, 0.0)[:3]), strict=True))}
+        for name, at in places.items()
+    ]
+    return serialize(PEOPLE, {"header": header(round(time_s * 1e9), frame), "people": here})
+
+
+def transform(parent, child, turn, offset, time_s=0.0):
+    rotation = dict(zip("xyzw", map(float, turn.as_quat()), strict=True))
+    translation = dict(zip("xyz", map(float, offset), strict=True))
+    return {
+        "header": header(round(time_s * 1e9), parent),
+        "child_frame_id": child,
+        "transform": {"translation": translation, "rotation": rotation},
+    }
+
+
+def transforms(*poses):
+    return serialize(TF, {"transforms": list(poses)})
+
+
+def robot(time_s):
+    return Rotation.from_euler("z", 0.4 * time_s), np.array([0.8 * time_s, 0.3 * np.sin(time_s), 0.0])
+
+
+def seen(place, time_s):
+    turn, offset = robot(time_s)
+    return turn.inv().apply(place - offset)
+
+
+def answered(follower, raw, now_s=0.0):
+    """Topic -> content of the answers to a message of people."""
+    follower.people_came(raw, 10**9, now_s)
+    return {answer.topic: answer.content for answer in follower.answers(now_s)}
+
+
+def rows_of(cloud):
+    return np.frombuffer(cloud["data"].tobytes(), ROW)
+
+
+def test_every_answer_is_a_message_of_its_type():
+    follower = follower_of(occupancy_cell_m=0.5)
+    answers = answered(follower, people(5.0, anna=(0.0, 0.0), **{"7": (2.0, 1.0)}))
+    types = output_types(follower.settings, 10)
+    assert answers.keys() == types.keys()
+    for topic, content in answers.items():
+        known_types().deserialize_cdr(serialize(types[topic], content), types[topic])
+    names = [person["name"] for person in answers["predictions/people"]["people"]]
+    assert names == ["anna", "7"]
+    assert answered(follower, people(4.8, anna=(0.0, 0.0))) == {}  # late
+    assert follower.counts.late == 1
+
+
+def test_who_stands_has_no_speed_seen_from_a_robot_that_drives_and_turns():
+    follower = follower_of()
+    for k in range(25):
+        at_s = 100.0 + k / 10
+        follower.transforms_came(transforms(transform("map", "base_link", *robot(at_s), at_s)), at_s, False)
+        answers = answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        (eve,) = answers["predictions/people"]["people"]
+        assert np.hypot(*eve["velocity"].values()) < 0.05
+        np.testing.assert_allclose(list(eve["position"].values()), STANDING[:2], atol=0.05)
+
+
+def test_people_wait_for_the_transform_of_their_time():
+    follower = follower_of(transform_timeout_s=0.2)
+    follower.transforms_came(transforms(transform("map", "base_link", *robot(100.0), 100.0)), 100.0, False)
+    follower.transforms_came(transforms(transform("map", "base_link", *robot(100.1), 100.1)), 100.1, False)
+    assert answered(follower, people(100.2, "base_link", eve=seen(STANDING, 100.2)), 0.0) == {}
+    follower.transforms_came(transforms(transform("map", "base_link", *robot(100.3), 100.3)), 100.3, False)
+    (first, *_) = follower.answers(0.1)
+    x, y = rows_of(first.content)[["x", "y"]][0]
+    assert np.hypot(x - 3.0, y - 2.0) < 0.1
+    assert (first.content["header"]["stamp"], first.content["header"]["frame_id"]) == (
+        {"sec": 100, "nanosec": 200_000_000},
+        "map",
+    )
+
+
+def test_who_waits_in_vain_is_left_out_and_the_log_says_what_is_missing(caplog):
+    follower = follower_of(transform_timeout_s=0.2)
+    for at_s in (100.0, 100.1):
+        raw = transforms(transform("odom", "base_link", *robot(at_s), at_s))
+        follower.transforms_came(raw, at_s, False)
+    answered(follower, people(100.5, "base_link", eve=(1.0, 0.0)))
+    assert list(follower.answers(0.1)) == []
+    assert list(follower.answers(0.3)) == []
+    assert "'base_link' ends at 'odom' and 'map' has no parent" in caplog.text
+    still = Rotation.identity(), np.zeros(3)
+    follower.transforms_came(transforms(transform("map", "odom", *still)), 100.0, True)
+    answered(follower, people(100.5, "base_link", eve=(1.0, 0.0)), 1.0)
+    assert list(follower.answers(1.3)) == []
+    assert "the transform of 'base_link' in 'odom' is 0.4 s older than the people" in caplog.text
+    assert follower.counts.lost == 2
+
+
+def test_after_an_error_everything_goes_on():
+    follower, plain = follower_of(), follower_of()
+    answered(follower, people(1.0, anna=(0.0, 0.0)))
+    for wrong in (b"", b"\0\1\0\0\xff\xff\xff\xff", people(1e9, anna=(0.0, 0.0))[:20]):
+        with pytest.raises(Exception, match=r".*"):
+            answered(follower, wrong)
+    answered(plain, people(1.0, anna=(0.0, 0.0)))
+    last = people(1.3, anna=(0.3, 0.0))
+    np.testing.assert_array_equal(
+        rows_of(answered(follower, last)["predictions"]), rows_of(answered(plain, last)["predictions"])
+    )
+
+
+def test_somebody_without_a_place_costs_nobody_else_the_frame(caplog):
+    follower = follower_of()
+    answers = answered(follower, people(1.0, eve=(np.nan, 0.0), ben=(3.0, 1.0)))
+    assert [person["name"] for person in answers["predictions/people"]["people"]] == ["ben"]
+    assert "1 without a place" in caplog.text
+
+
+def test_only_the_wanted_classes_are_people():
+    def box(name, kind, x):
+        pose = {"position": {"x": x}, "orientation": {"w": 1.0}}
+        results = [{"hypothesis": {"class_id": kind, "score": 0.9}}]
+        return {"id": name, "results": results, "bbox": {"center": pose}}
+
+    boxes = [box("1", "person", 0.0), box("2", "chair", 2.0)]
+    raw = serialize(BOXES, {"header": header(10**9, "map"), "detections": boxes})
+    for class_ids, expected in ((("person",), {1}), (("chair", "person"), {1, 2}), (("",), {1, 2})):
+        follower = follower_of(people_type=BOXES, class_ids=class_ids)
+        assert set(rows_of(answered(follower, raw)["predictions"])["track_id"]) == expected
+
+
+def test_a_map_in_another_frame_begins_anew_and_the_same_map_changes_nothing(caplog):
+    follower = follower_of(use_map=True)
+    answered(follower, people(1.0, anna=(1.0, 0.0)))
+    assert "no map has come" in caplog.text
+    assert diagnose(follower, 0.0, 1) == (1, "no map: forecasts go through walls")
+    content = map_message(OccupancyMap(np.ones((4, 5), bool), np.zeros(2), 0.5), 0)
+    content["header"]["frame_id"] = "world"
+    for _ in range(2):
+        follower.map_came(serialize(GRID, content))
+    assert caplog.text.count("all are forgotten") == 1
+    answers = answered(follower, people(1.1, "world", anna=(1.0, 0.0)))
+    assert answers["predictions"]["header"]["frame_id"] == "world"
+    assert diagnose(follower, 0.0, 1) == (0, "forecasts with map")
+    assert diagnose(follower, 9.0, 1) == (1, "no people heard")
+    values = told_values(follower, Latencies())
+    told = serialize(DIAGNOSTICS_TYPE, diagnostics_content("pedpred", 1, "x", values, 5))
+    (status,) = known_types().deserialize_cdr(told, DIAGNOSTICS_TYPE).status
+    assert {pair.key: pair.value for pair in status.values}["map"] == "4 x 5 cells"
+
+
+def test_people_without_ids_are_refused_where_ids_are_asked_for():
+    nameless = people(1.0, **{"": (0.0, 0.0)})
+    with pytest.raises(ValueRuleError, match="id of his or her own"):
+        answered(follower_of(identities="given"), nameless)
+    assert answered(follower_of(), nameless)
+
+
+def test_time_that_goes_back_forgets_what_moves_and_keeps_what_is_fixed():
+    frames, still = LiveFrames(), (Rotation.identity(), np.ones(3))
+
+    def add(at_s, child, fixed):
+        raw = transforms(transform("map", child, *still, at_s))
+        frames.add(known_types().deserialize_cdr(raw, TF), at_s, fixed)
+
+    add(100.0, "camera", True)
+    add(100.0, "base_link", False)
+    add(50.0, "other", False)
+    assert frames.lack("base_link", "map", 100.0) == ""
+    add(90.0, "base_link", False)
+    assert "older than the people" in frames.lack("base_link", "map", 100.0)
+    assert "'other' has no parent" in frames.lack("other", "map", 50.0)
+    assert frames.lack("camera", "map", 1e6) == ""
+
+
+def test_transforms_do_not_pile_up():
+    frames, still = LiveFrames(), (Rotation.identity(), np.ones(3))
+    for k in range(1000):
+        raw = transforms(transform("map", "base_link", *still, k / 10))
+        frames.add(known_types().deserialize_cdr(raw, TF), 0.0, False)
+    assert "later than the people" in frames.lack("base_link", "map", 99.9 - 3 * KEPT_S)
+    assert frames.lack("base_link", "map", 99.9 - KEPT_S / 2) == ""
+
+
+@given(st.integers(0, 2**32), st.integers(1, 6))
+@settings(max_examples=25)
+def test_the_order_of_a_list_says_nothing_about_who_is_who(seed, count):
+    rng = np.random.default_rng(seed)
+    start = 4.0 * np.stack([np.arange(count), rng.uniform(0, 1, count)], -1)
+    velocity, tracks, first = rng.uniform(-1.0, 1.0, (count, 2)) * [0.3, 1.0], NearestTracks(), None
+    for k in range(20):
+        order = rng.permutation(count)
+        found = tracks.assign(k / 10, (start + k / 10 * velocity)[order])
+        named = found[np.argsort(order)]
+        first = named if first is None else first
+        np.testing.assert_array_equal(named, first)
+
+
+def test_who_comes_later_or_from_far_is_somebody_new():
+    tracks = NearestTracks()
+    assert tracks.assign(0.0, np.array([[0.0, 0.0], [np.nan, 0.0]])).tolist() == [1, 2]
+    assert tracks.assign(0.1, np.array([[5.0, 0.0], [0.1, 0.0]])).tolist() == [3, 1]
+    assert tracks.assign(9.0, np.array([[0.1, 0.0]])).tolist() == [4]
+    assert tracks.assign(1.0, np.zeros((0, 2))).tolist() == []
+
+
+def test_the_grid_for_a_costmap_has_the_bytes_that_a_static_layer_reads():
+    """CDR of nav_msgs/OccupancyGrid: per cent row by row along x, in the frame and with the stamp of now."""
+    path = np.array([[[0.5, 0.5]], [[2.5, 1.5]]])
+    spread = np.full((2, 1, 1, 2, 2), 1e-6) * np.eye(2)
+    forecasts = Predictions(path, path[:, None], np.ones((2, 1)), 0.3, spread)
+    ground = OccupancyMap(np.zeros((3, 2), bool), np.zeros(2), 1.0)
+    content = grid_messages(forecasts, ground, 7_000_000_003, "map", horizon=True)[HORIZON]
+    cells = bytes(np.asarray(content["data"], np.int8).tolist())
+    expected = b"\0\1\0\0" + struct.pack("<iII", 7, 3, 4) + b"map\0"
+    expected += struct.pack("<iIfII", 7, 3, 1.0, 3, 2)
+    expected += b"\0" * (-(len(expected) - 4) % 8)
+    expected += struct.pack("<7d", 0, 0, 0, 0, 0, 0, 1) + struct.pack("<I", 6) + cells
+    assert serialize(GRID, content) == expected
+    shares = np.frombuffer(cells, np.int8).reshape(2, 3)
+    assert min(shares[0, 0], shares[1, 2]) > max(shares[0, 1], shares[0, 2], shares[1, 0], shares[1, 1])
+
+
+def test_parameters_are_explained_and_checked():
+    text = described()
+    for name, _, meaning in fields_of(NodeSettings):
+        assert f"{name} (" in text
+        assert meaning
+    assert {"transform_timeout_s", "occupancy_cell_m"} <= LIVE
+    for wrong in ({"people_type": "x"}, {"identities": "x"}, {"max_age_s": -1.0}, {"use_map": 1}):
+        with pytest.raises(ValueRuleError):
+            NodeSettings(**wrong)
+
+
+def test_markers_are_not_made_for_nobody():
+    settings = NodeSettings(use_map=False)
+    follower = Follower(
+        OnlinePredictor.load(), settings, is_heard=lambda topic: topic != "predictions/markers"
+    )
+    assert answered(follower, people(5.0, **{"7": (2.0, 1.0)})).keys() == {
+        "predictions",
+        "predictions/people",
+    }

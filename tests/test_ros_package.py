@@ -1,0 +1,47 @@
+"""The files of ros/pedpred_ros agree with the node."""
+
+import re
+import tomllib
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import yaml
+
+from pedpred.ros2.follower import output_types
+from pedpred.ros2.settings import NodeSettings, fields_of
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "ros/pedpred_ros"
+
+
+def test_the_file_of_parameters_has_the_nodes_names_and_kinds():
+    given = yaml.safe_load((PACKAGE / "config/pedpred.yaml").read_text())["/**"]["ros__parameters"]
+    known = {name: default for name, default, _ in fields_of(NodeSettings)}
+    assert given.keys() <= known.keys()
+    for name, value in given.items():
+        assert type(tuple(value) if isinstance(value, list) else value) is type(known[name]), name
+    NodeSettings(**{name: tuple(v) if isinstance(v, list) else v for name, v in given.items()})
+
+
+def test_rviz_and_the_costmap_layer_listen_to_what_the_node_publishes():
+    published = {
+        f"/{topic}": kind for topic, kind in output_types(NodeSettings(occupancy_cell_m=0.1), 10).items()
+    }
+    shown = yaml.safe_load((PACKAGE / "rviz/pedpred.rviz").read_text())["Visualization Manager"]["Displays"]
+    kinds = {one["Topic"]["Value"]: one["Class"] for one in shown if "Topic" in one}
+    for topic in kinds.keys() - {"/map"}:
+        assert kinds[topic].rpartition("/")[2] == published[topic].rpartition("/")[2].replace(
+            "OccupancyGrid", "Map"
+        )
+    layers = yaml.safe_load((PACKAGE / "config/nav2_people_layer.yaml").read_text())
+    layer = layers["local_costmap"]["local_costmap"]["ros__parameters"]["people_layer"]
+    assert published[layer["map_topic"]] == "nav_msgs/msg/OccupancyGrid"
+    (page,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs/nav2.md").read_text(), re.DOTALL)
+    told = yaml.safe_load(page)["local_costmap"]["local_costmap"]["ros__parameters"]
+    assert told["people_layer"].items() <= layer.items()
+
+
+def test_both_packages_have_one_version():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert ElementTree.parse(PACKAGE / "package.xml").findtext("version") == version  # noqa: S314 (our own file)
+    assert f'version="{version}"' in (PACKAGE / "setup.py").read_text()
