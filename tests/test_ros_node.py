@@ -1,6 +1,6 @@
 """The node, a publisher and a consumer as processes of their own, with real middleware.
 
-They run on build/ros/bin/python, an environment with the ROS wheels that `.ci/run` makes, or on this Python
+They run on build/ros/bin/python, an environment with the ROS wheels that `make ros` makes, or on this Python
 if it has rclpy. Packages without wheels are in tests/ros_packages: true names on the wire, messages as bytes.
 """
 
@@ -31,7 +31,7 @@ PYTHON = ROOT / "build/ros/bin/python"
 if not PYTHON.exists():
     PYTHON = Path(sys.executable) if importlib.util.find_spec("rclpy") else None
 if PYTHON is None and not os.environ.get("PEDPRED_REQUIRE_ROS"):
-    pytest.skip("rclpy is not installed: .ci/run makes build/ros", allow_module_level=True)
+    pytest.skip("rclpy is not installed: make ros", allow_module_level=True)
 
 PEER, PACKAGES = ROOT / "tests/ros_packages/peer.py", ROOT / "tests/ros_packages"
 CLOUD, GRID, TF = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage"
