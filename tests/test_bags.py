@@ -25,6 +25,10 @@ from tests.worlds import walled_scene
 DEFINITIONS = {
     "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity",
     "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people",
+    "people_msgs/msg/PositionMeasurement": "std_msgs/Header header\nstring object_id\n"
+    "geometry_msgs/Point pos",
+    "people_msgs/msg/PositionMeasurementArray": "std_msgs/Header header\n"
+    "people_msgs/PositionMeasurement[] people",
     "spencer_tracking_msgs/msg/TrackedPerson": "uint64 track_id\ngeometry_msgs/PoseWithCovariance pose",
     "spencer_tracking_msgs/msg/TrackedPersons": "std_msgs/Header header\n"
     "spencer_tracking_msgs/TrackedPerson[] tracks",
@@ -66,6 +70,7 @@ class Store:
         here = {who: self.pose(*path[round(2 * time_s)]) for who, path in PATHS.items()}
         one, field = {
             "people_msgs/msg/People": ("people_msgs/msg/Person", "people"),
+            "people_msgs/msg/PositionMeasurementArray": ("people_msgs/msg/PositionMeasurement", "people"),
             "spencer_tracking_msgs/msg/TrackedPersons": ("spencer_tracking_msgs/msg/TrackedPerson", "tracks"),
             "hunav_msgs/msg/Agents": ("hunav_msgs/msg/Agent", "agents"),
             "vision_msgs/msg/Detection3DArray": ("vision_msgs/msg/Detection3D", "detections"),
@@ -78,6 +83,8 @@ class Store:
     def _one(self, kind, who, pose, header):
         if kind.endswith("Person") and "people" in kind:
             return self.make(kind, name=str(who), position=pose.position, velocity=pose.position)
+        if kind.endswith("PositionMeasurement"):
+            return self.make(kind, header=header, object_id=str(who), pos=pose.position)
         if kind.endswith("TrackedPerson"):
             sure = self.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36))
             return self.make(kind, track_id=who, pose=sure)
