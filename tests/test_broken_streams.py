@@ -113,7 +113,8 @@ def test_fast_frames_are_no_noisier(stream):
 
 
 def test_a_queue_that_catches_up_is_no_noisier_than_one_frame_of_each_second():
-    assert errors_m(queue)[0] < 1.05 * errors_m(STREAMS["1 Hz"])[0]
+    many = 600  # of thirty people, the means of both differ by 5 % by chance
+    assert errors_m(queue, many)[0] < errors_m(STREAMS["1 Hz"], many)[0]
 
 
 @pytest.mark.parametrize("odd_s", [1e9, 36000.0, -5.0])

@@ -250,5 +250,5 @@ def test_the_command_takes_a_frame_rate_and_wants_a_geometry_for_open_ends(folde
         main(["info", *arguments(folder)])
     main(["info", *arguments(folder, "--frame-rate", "8")])
     assert "usually 0.5 s" in capsys.readouterr().out
-    with pytest.raises(SystemExit, match="it needs a geometry"):
+    with pytest.raises(SystemExit, match=r"it needs a geometry: --map walls\.xml or \.wkt"):
         main(["info", str(folder / "hall.txt"), "--frame-rate", "8", "--open-end", "0", "0", "0", "2"])

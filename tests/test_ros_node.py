@@ -25,6 +25,9 @@ from pedpred.ros.planning import ROW
 from pedpred.ros.scene_messages import header
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE
 from pedpred.ros2.follower import MARKERS_TYPE, PEOPLE_TYPE, TEXT_TYPE
+from tests.test_ros_follower import people as people_bytes
+from tests.test_ros_follower import transform as pose
+from tests.test_ros_follower import transforms as transforms_bytes
 
 ROOT = Path(__file__).parents[1]
 PYTHON = ROOT / "build/ros/bin/python"
@@ -103,26 +106,12 @@ class Place:
         return heard
 
 
-def people(time_s, frame="map", **places):
-    here = [
-        {"name": name, "position": dict(zip("xyz", map(float, (*at, 0.0)[:3]), strict=True))}
-        for name, at in places.items()
-    ]
-    return serialize(PEOPLE_TYPE, {"header": header(round(time_s * 1e9), frame), "people": here}).hex()
-
-
-def pose(parent, child, turn, offset, time_s=0.0):
-    rotation = dict(zip("xyzw", map(float, turn.as_quat()), strict=True))
-    translation = dict(zip("xyz", map(float, offset), strict=True))
-    return {
-        "header": header(round(time_s * 1e9), parent),
-        "child_frame_id": child,
-        "transform": {"translation": translation, "rotation": rotation},
-    }
+def people(*told, **places):
+    return people_bytes(*told, **places).hex()
 
 
 def transforms(*poses):
-    return serialize(TF, {"transforms": list(poses)}).hex()
+    return transforms_bytes(*poses).hex()
 
 
 def room(yaw_rad=0.0, frame="map"):
