@@ -67,8 +67,21 @@ def test_a_table_has_a_row_per_method_and_training_and_marks_the_best():
     ]
     assert tables["unseen"].count("**") == 2
     assert "**0.200** (0.100-0.200)" in tables["unseen"]
+    assert tables["places"].splitlines()[0].split(" | ")[1:] == [
+        *("CV", "Net, simulation only", "Net, fine-tuned on the other places |"),
+    ]
+    assert tables["places"].splitlines()[2].count("**0.200**") == 1
     assert "relative to the best of CV: a hall -50 %" in tables["headline"]
     assert tables["main"].count("| a hall |") == 2
+
+
+def test_many_places_are_divided_into_tables_that_fit_a_page():
+    plain = {"cv": {"label": "CV", "role": "baseline"}, "net": {"label": "Net", "role": "network"}}
+    places = {f"place_{n}": figures(cv=0.4, net=0.3) for n in range(8)}
+    unseen = readme.unseen_table({"transfer": places, "real": places}, Methods.parse(plain, "cv"))
+    first, second = unseen.split("\n\n")
+    assert (first.splitlines()[0].count("place"), second.splitlines()[0].count("place")) == (6, 2)
+    assert first.count("\n") == second.count("\n") == 4
 
 
 def test_the_tables_stay_as_they_are_while_a_tested_place_has_no_figures(tmp_path, caplog):

@@ -14,7 +14,7 @@ import yaml
 
 from pedpred.errors import FetchError, ValueRuleError
 from pedpred.sources import mirrors
-from tests.conftest import ROOT
+from tests.conftest import ROOT, raw_folder
 
 CONTENT = {
     f"seq_{place}/{name}": f"{place} {name}\n".encode() * 500
@@ -353,6 +353,14 @@ def test_committed_sums_name_all_laboratory_recordings():
     recordings = {row["settings"]["recording"] for row in rows if row["folder"] == "data/raw/juelich"}
     assert set(listed.sums) == {f"{name}.{kind}" for name in recordings for kind in ("txt", "xml")}
     assert set(listed.inside) == set(listed.sums)
+
+
+def test_committed_sums_name_the_recordings_of_ucy():
+    listed = committed("eth_ucy")
+    rows = yaml.safe_load((ROOT / "conf/places/recorded.yaml").read_text()).values()
+    recordings = {row["settings"]["recording"] for row in rows if row["folder"] == "data/raw/eth_ucy"}
+    assert set(listed.sums) == set(listed.inside) == {f"{name}.txt" for name in recordings}
+    assert mirrors.lack(raw_folder("eth_ucy"), listed) is None
 
 
 def test_committed_sums_are_those_of_the_recordings(ewap_folder, laboratory_folder):

@@ -10,15 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.scenes import Scene
-from pedpred.sources import ewap, jupedsim, scene_folder
+from pedpred.sources import eth_ucy, ewap, jupedsim, scene_folder
 
 SOURCES: dict[str, Callable[[Path, str, Mapping[str, Any]], Scene]] = {
+    "eth_ucy": eth_ucy.read_text,
     "ewap": ewap.read_sequence,
     "jupedsim": jupedsim.read_laboratory,
     "scene_folder": scene_folder.read_folder,
 }
 
 SETTINGS: dict[str, type] = {
+    "eth_ucy": eth_ucy.EthUcySettings,
     "ewap": ewap.EwapSettings,
     "jupedsim": jupedsim.LaboratorySettings,
     "scene_folder": scene_folder.FolderSettings,

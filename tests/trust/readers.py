@@ -26,6 +26,8 @@ from pedpred.storage.shards import read_embeddings, write_embeddings
 from tests import field_formats
 from tests.exported import export
 from tests.test_bags import Store, stream
+from tests.test_eth_ucy import SETTINGS as STREET
+from tests.test_eth_ucy import write_street
 from tests.test_jupedsim import SETTINGS as LABORATORY
 from tests.test_jupedsim import write_recording
 from tests.test_sources import SETTINGS as EWAP
@@ -68,6 +70,7 @@ READERS = {
         ("obsmat.txt", "H.txt", "groups.txt", "map.png", "reference.png"),
         source("ewap", EWAP),
     ),
+    "eth_ucy": Reader(write_street, ("street.txt",), source("eth_ucy", STREET)),
     "jupedsim": Reader(write_recording, ("hall.txt", "hall.xml"), source("jupedsim", LABORATORY)),
     "map": Reader(examples.make_scene, ("map.yaml", "map.pgm"), read_map),
     "deep map": Reader(examples.make_deep_map, ("map.yaml", "sub/deep.png"), read_map),
