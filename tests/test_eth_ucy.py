@@ -72,6 +72,6 @@ def test_the_recordings_have_the_known_people(name):
     seen, (people, detections, last) = scene.trajectories, FACTS[name]
     assert (len(np.unique(seen.track_id)), len(seen)) == (people, detections)
     assert seen.time_s.max() == last / 25
-    assert scene.detection_dt_s == seen.usual_interval_s() == 0.4
+    assert scene.detection_dt_s == pytest.approx(seen.usual_interval_s()) == 0.4
     cells = scene.occupancy.cell_of(seen.position)
     assert ((cells >= 0) & (cells < scene.occupancy.occupied.shape)).all()
