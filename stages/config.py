@@ -30,6 +30,7 @@ from pedpred.report.rows import (
     ReplayRows,
 )
 from pedpred.scenes import VARIANTS
+from pedpred.sequences import SequenceSets
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
@@ -211,6 +212,7 @@ PARTS: dict[str, Check] = {
     "worlds": _whole("worlds", WorldSettings),
     "sensing": _whole("sensing", SensingSettings),
     "situations": _situations,
+    "sequences": _whole("sequences", SequenceSets),
     "protocol": protocol_of,
     "features": _features,
     "autoencoder": _whole("autoencoder", ThreadSettings, CropSplit, AutoencoderSettings),

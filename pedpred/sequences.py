@@ -1,0 +1,66 @@
+"""Step sequences of simulated worlds that a sensor sees: what networks with a memory are trained on.
+
+The worlds, sensors and trackers are those of `pedpred.situations`, so that both kinds of networks have the same
+education; here every step of every track is kept, since a memory reads all of them in order.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pedpred.errors import ValueRuleError
+from pedpred.features import FeatureTable, extract_blocks
+from pedpred.fields import check_choice
+from pedpred.simulation.worlds.sensing import SensingSettings, sense_world
+from pedpred.simulation.worlds.settings import WorldSettings
+from pedpred.simulation.worlds.views import draw_view
+from pedpred.simulation.worlds.world import DRAWN_KINDS, simulate_world
+from pedpred.situations import Recipe, draw_tracker
+from pedpred.tracking import follow
+
+
+@dataclass(frozen=True)
+class SequenceSets:
+    """Which worlds, and what the main training reads.
+
+    Attributes:
+        worlds: kind of world -> number of worlds.
+        train: sets of data/features that the main training reads, as a list in brackets.
+    """
+
+    worlds: Mapping[str, int]
+    train: str
+
+    def __post_init__(self) -> None:
+        for kind, count in self.worlds.items():
+            check_choice("worlds", kind, DRAWN_KINDS)
+            if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 1_000_000:
+                raise ValueRuleError(f"worlds.{kind}", count, "it must be a whole number in [1, 1000000]")
+        if not (self.train.startswith("[simulated/") and self.train.endswith("]")):
+            raise ValueRuleError("train", self.train, "it must be a list such as [simulated/main]")
+
+
+def collect_world_steps(
+    kind: str, number: int, worlds: WorldSettings, sensing: SensingSettings, recipe: Recipe
+) -> Iterator[FeatureTable]:
+    """Simulate a world and collect all steps of the tracks that a random sensor and tracker see.
+
+    Args:
+        kind: of the world.
+        number: of the world; the same arguments give the same steps.
+        worlds: ranges that it is drawn from.
+        sensing: ranges of the sensor.
+        recipe: protocol, inputs and trackers.
+    """
+    scene = simulate_world(kind, number, worlds)
+    rng = np.random.default_rng([recipe.rows.seed, zlib.crc32(scene.name.encode())])
+    view = draw_view(scene.occupancy, sensing.views[kind], rng)
+    seen, heads = sense_world(scene, view, sensing, rng)
+    kalman, protocol = draw_tracker(recipe.rows, rng), recipe.made_with.protocol
+    tracks = follow(seen.trajectories, "kalman", kalman, recipe.standstill_mps, protocol.lost_after_s)
+    features = recipe.made_with.features
+    return extract_blocks(seen, tracks, protocol, features, truth=heads.trajectories)
