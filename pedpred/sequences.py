@@ -1,7 +1,7 @@
 """Step sequences of simulated worlds that a sensor sees: what networks with a memory are trained on.
 
-The worlds, sensors and trackers are those of `pedpred.situations`, so that both kinds of networks have the same
-education; here every step of every track is kept, since a memory reads all of them in order.
+The worlds, sensors and trackers are those of `pedpred.situations`, so that both kinds of networks learn from
+the same people; here every step of every track is kept, since a memory reads all of them in order.
 """
 
 from __future__ import annotations

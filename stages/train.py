@@ -77,7 +77,7 @@ def settings_of(
 def sets_of(cfg: DictConfig, rows: Path) -> list[str]:
     """Names of the sets to train on that have people: those of `data` or of `fold`, or all places."""
     if "data" in cfg:
-        return [cfg.data] if isinstance(cfg.data, str) else list(cfg.data)
+        return [cfg.data]
     fold = cfg.get("fold")
     named = cfg.folds.real[fold].train if fold else [f"real/{place}" for place in cfg.places]
     if rows == SEQUENCES:

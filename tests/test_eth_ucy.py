@@ -1,4 +1,4 @@
-"""Text files of the ETH/UCY comparison: a small one made here, what can be wrong with it, and the real ones."""
+"""Text files of the ETH/UCY comparison: one made here, what can be wrong with it, and the real ones."""
 
 import numpy as np
 import pytest

@@ -3,8 +3,8 @@
     0.0 1.0 13.45 3.94
 
 Each row is one person in one annotated frame: `frame id x y`, in metres. Nothing says where obstacles are, so
-that the map is free. The positions of UCY (Lerner et al. 2007) are splines through few control points: they are
-smooth, and just before a control point they know a little of the future.
+that the map is free. The positions of UCY (Lerner et al. 2007) are splines through few control points: they
+are smooth, and just before a control point they depend on where the person goes next.
 """
 
 from __future__ import annotations
