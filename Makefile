@@ -62,7 +62,7 @@ rosenv: setup
 	@.ci/ros
 
 ros: rosenv ## the ROS 2 node, publishers and recorders as processes on real middleware (no part of `make test`)
-	PEDPRED_REQUIRE_ROS=1 python -m pytest --numprocesses 2 --max-worker-restart 0 tests/test_ros_node.py
+	PEDPRED_REQUIRE_ROS=1 python -m pytest --numprocesses 2 --max-worker-restart 0 tests/test_ros_node.py tests/test_ros_viewers.py
 
 trust: setup ## damaged files, killed stages, a million frames: what is promised, tried at length (two to three hours)
 	python -m tests.trust.campaign
