@@ -1,7 +1,7 @@
 """The ROS 2 node under load: `python -m benchmarks.ros [--seconds 300] [--people 20] [--rate-hz 30]`.
 
-A publisher, the node and a recorder are processes of their own on build/ros/bin/python, which `make ros` makes,
-with real middleware and best-effort people. Measured: the time from activation to the first forecast; messages
+A publisher, the node and a recorder are processes of their own on build/ros/bin/python (see `make ros`), with
+real middleware and best-effort people. Measured: the time from activation to the first forecast; messages
 without a forecast after that; time from the sending of people to the arrival of their forecast; memory.
 """
 
