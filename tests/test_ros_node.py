@@ -156,6 +156,10 @@ def transforms(*poses):
     return transforms_bytes(*poses).hex()
 
 
+def clock(time_s):
+    return serialize(CLOCK, {"clock": header(round(time_s * 1e9), "")["stamp"]}).hex()
+
+
 def room(yaw_rad=0.0, frame="map"):
     """10 x 6 m with a wall at its left edge, turned about its corner at (-1, -3)."""
     cells = np.zeros((60, 100), np.int8)
@@ -188,7 +192,7 @@ def test_people_of_a_robot_that_drives_and_turns(place):
     """Best effort, volatile turned map, moving frames, namespace, remap and sim time, all at once."""
     start_s, frames = 1_700_000_000.0, 30
     fixed = transforms(pose("map", "odom", *ODOM), pose("base_link", "camera", *CAMERA))
-    probe = [(2, fixed), (3, room(0.5)), (0, people(start_s - 1, "camera"))]
+    probe = [(4, clock(start_s)), (2, fixed), (3, room(0.5)), (0, people(start_s - 1, "camera"))]
     send = [(0.0, 2, fixed), (0.0, 3, room(0.5))]
     for k in range(-5, 2 * frames + 5):  # 20 Hz, those of a moment later than the people
         at_s = k / 20
@@ -197,8 +201,7 @@ def test_people_of_a_robot_that_drives_and_turns(place):
         at_s = k / 10
         both = {"anna": seen(STANDING, at_s), "7": seen(WALKING + at_s * SPEED, at_s)}
         send.append((0.995 + at_s, 0, people(start_s + at_s, "camera", **both)))
-        clock = {"clock": header(round((start_s + at_s) * 1e9), "")["stamp"]}
-        send.append((1.0 + at_s, 4, serialize(CLOCK, clock).hex()))
+        send.append((1.0 + at_s, 4, clock(start_s + at_s)))
     publish = [("/robot/detections", PEOPLE_TYPE, "bv"), ("/tf", TF, "rv"), ("/tf_static", TF, "rt")]
     publish += [("/robot/map", GRID, "rv"), ("/clock", CLOCK, "bv")]
     topics = {"predictions": CLOUD, "predictions/people": PEOPLE_TYPE, "predictions/markers": MARKERS_TYPE}
