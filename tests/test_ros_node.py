@@ -245,7 +245,7 @@ def test_a_latched_map_of_before_is_used_and_updates_change_it(place):
     place.peer(publish=[("/map", GRID, "rt")], send=[(0.0, 0, room())], done="never")
     update = {"header": header(0), "x": 3, "width": 3, "height": 60, "data": np.full(180, 100, np.int8)}
     send = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(25)]
-    send.insert(10, (1.0, 1, serialize(UPDATE_TYPE, update).hex()))
+    send.append((2.5, 1, serialize(UPDATE_TYPE, update).hex()))
     publish = [("/people", PEOPLE_TYPE, "rv"), ("/map_updates", UPDATE_TYPE, "rv")]
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
     with place.node() as told:

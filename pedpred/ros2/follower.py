@@ -141,14 +141,15 @@ class Follower:
 
     def map_update_came(self, raw: bytes) -> None:
         """Change a part of the map by a map_msgs/OccupancyGridUpdate; without a map it is left out."""
-        if self._map.occupancy is None:
+        before = self._map.occupancy
+        if before is None:
             _log.warning("an update of the map is left out: the map has not come")
             return
         update = self._decoder.decode(raw, Connection("map_updates", UPDATE_TYPE))
         grid = updated_grid(self._map.grid, update)
         occupancy = map_of_grid(grid)
         self._map.grid = grid
-        if not np.array_equal(occupancy.occupied, self._map.occupancy.occupied):
+        if not np.array_equal(occupancy.occupied, before.occupied):
             self._predictor.set_map(occupancy)
             self._map.occupancy = occupancy
 
