@@ -10,7 +10,7 @@ export OMP_WAIT_POLICY := PASSIVE
 
 .DEFAULT_GOAL := help
 REV ?= HEAD
-.PHONY: help setup params tune reproduce compare judge release smoke test ros trust docs readme dist audit check
+.PHONY: help setup params tune reproduce compare judge release smoke test rosenv ros pythons trust docs readme dist audit check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -58,9 +58,14 @@ smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
 test: setup ## run the tests
 	python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
 
-ros: setup ## the ROS 2 node on real middleware (Python 3.11; no part of `make test` yet: on busy machines messages are lost)
+rosenv: setup
 	@.ci/ros
-	PEDPRED_REQUIRE_ROS=1 python -m pytest tests/test_ros_node.py
+
+ros: rosenv ## the ROS 2 node, publishers and recorders as processes on real middleware (no part of `make test`)
+	PEDPRED_REQUIRE_ROS=1 python -m pytest --numprocesses 2 --max-worker-restart 0 tests/test_ros_node.py tests/test_ros_viewers.py
+
+pythons: ## what a robot installs, tried on other versions of Python: make pythons PYTHONS="python3.12 python3.13"
+	@.ci/pythons $(PYTHONS)
 
 trust: setup ## damaged files, killed stages, a million frames: what is promised, tried at length (two to three hours)
 	python -m tests.trust.campaign

@@ -34,6 +34,8 @@ DEFINITIONS = {
     "spencer_tracking_msgs/TrackedPerson[] tracks",
     "hunav_msgs/msg/Agent": "int32 id\nstring name\ngeometry_msgs/Pose position",
     "hunav_msgs/msg/Agents": "std_msgs/Header header\nhunav_msgs/Agent[] agents",
+    "pedsim_msgs/msg/AgentState": "uint64 id\ngeometry_msgs/Pose pose",
+    "pedsim_msgs/msg/AgentStates": "std_msgs/Header header\npedsim_msgs/AgentState[] agent_states",
     "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
     "vision_msgs/msg/Detection3D": "std_msgs/Header header\nvision_msgs/BoundingBox3D bbox\nstring id",
     "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
@@ -73,6 +75,7 @@ class Store:
             "people_msgs/msg/PositionMeasurementArray": ("people_msgs/msg/PositionMeasurement", "people"),
             "spencer_tracking_msgs/msg/TrackedPersons": ("spencer_tracking_msgs/msg/TrackedPerson", "tracks"),
             "hunav_msgs/msg/Agents": ("hunav_msgs/msg/Agent", "agents"),
+            "pedsim_msgs/msg/AgentStates": ("pedsim_msgs/msg/AgentState", "agent_states"),
             "vision_msgs/msg/Detection3DArray": ("vision_msgs/msg/Detection3D", "detections"),
             "geometry_msgs/msg/PoseArray": (None, "poses"),
         }[kind]
@@ -88,6 +91,8 @@ class Store:
         if kind.endswith("TrackedPerson"):
             sure = self.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36))
             return self.make(kind, track_id=who, pose=sure)
+        if kind.endswith("AgentState"):
+            return self.make(kind, id=who, pose=pose)
         if kind.endswith("Agent"):
             return self.make(kind, id=who, name="somebody", position=pose)
         size = self.make("geometry_msgs/msg/Vector3", x=1.0, y=1.0, z=1.0)

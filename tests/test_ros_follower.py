@@ -15,12 +15,13 @@ from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros.planning import HORIZON, ROW, grid_messages
 from pedpred.ros.scene_messages import header, map_message
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
-from pedpred.ros2.follower import Follower, output_types
+from pedpred.ros2.follower import UPDATE_TYPE, Follower, output_types
 from pedpred.ros2.live_frames import KEPT_S, LiveFrames
 from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of
 from pedpred.scenes import OccupancyMap, Predictions
 
 PEOPLE, BOXES = "people_msgs/msg/People", "vision_msgs/msg/Detection3DArray"
+AGENTS = "pedsim_msgs/msg/AgentStates"
 GRID, TF = "nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage"
 STANDING = np.array([3.0, 2.0, 0.0])
 
@@ -159,6 +160,26 @@ def test_only_the_wanted_classes_are_people():
         assert set(rows_of(answered(follower, raw)["predictions"])["track_id"]) == expected
 
 
+def test_nobody_is_an_answer_too(caplog):
+    """An empty message is answered on every topic, in every frame, and warns of nothing."""
+    for kind, frame in ((PEOPLE, "map"), (PEOPLE, "camera"), ("geometry_msgs/msg/PoseArray", "map")):
+        follower = follower_of(use_map=True, people_type=kind, occupancy_cell_m=0.5)
+        answers = answered(follower, serialize(kind, {"header": header(10**9, frame)}))
+        assert answers.keys() == output_types(follower.settings, 10).keys() - {"predictions/names"}
+        assert answers["predictions"]["width"] == 0
+    assert "no map" not in caplog.text
+
+
+def test_the_robot_of_a_simulator_is_nobody():
+    agents = [
+        {"id": 3, "type": 1, "pose": {"position": {"x": 1.0}}},
+        {"id": 4, "type": 2, "pose": {"position": {"x": 5.0}}},
+    ]
+    raw = serialize(AGENTS, {"header": header(10**9, "map"), "agent_states": agents})
+    answers = answered(follower_of(people_type=AGENTS), raw)
+    assert set(rows_of(answers["predictions"])["track_id"]) == {3}
+
+
 def test_a_map_in_another_frame_begins_anew_and_the_same_map_changes_nothing(caplog):
     follower = follower_of(use_map=True)
     answered(follower, people(1.0, anna=(1.0, 0.0)))
@@ -176,7 +197,39 @@ def test_a_map_in_another_frame_begins_anew_and_the_same_map_changes_nothing(cap
     values = told_values(follower, Latencies())
     told = serialize(DIAGNOSTICS_TYPE, diagnostics_content("pedpred", 1, "x", values, 5))
     (status,) = known_types().deserialize_cdr(told, DIAGNOSTICS_TYPE).status
-    assert {pair.key: pair.value for pair in status.values}["map"] == "4 x 5 cells"
+    assert {pair.key: pair.value for pair in status.values}["map"] == "4 x 5 cells, 100.0 % blocked"
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.5])
+def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
+    """As if the map had come whole, also where it is turned; one that does not fit changes nothing."""
+    cells = np.zeros((6, 8), np.int8)
+    turn = {"z": float(np.sin(yaw_rad / 2)), "w": float(np.cos(yaw_rad / 2))}
+    info = {"resolution": 0.5, "width": 8, "height": 6, "origin": {"orientation": turn}}
+
+    def grid(cells):
+        return serialize(GRID, {"header": header(0, "map"), "info": info, "data": cells.ravel()})
+
+    def update(x, y, values, frame="map"):
+        sizes = {"x": x, "y": y, "width": values.shape[1], "height": values.shape[0]}
+        return serialize(UPDATE_TYPE, {"header": header(0, frame), "data": values.ravel(), **sizes})
+
+    part, follower, plain = (
+        np.full((2, 3), 100, np.int8),
+        follower_of(use_map=True),
+        follower_of(use_map=True),
+    )
+    follower.map_update_came(update(0, 0, part))
+    assert follower.occupancy is None
+    follower.map_came(grid(cells))
+    follower.map_update_came(update(4, 1, part))
+    cells[1:3, 4:7] = 100
+    plain.map_came(grid(cells))
+    np.testing.assert_array_equal(follower.occupancy.occupied, plain.occupancy.occupied)
+    for wrong in (update(6, 1, part), update(0, 5, part), update(-1, 0, part), update(0, 0, part, "odom")):
+        with pytest.raises(ValueRuleError, match="map"):
+            follower.map_update_came(wrong)
+    np.testing.assert_array_equal(follower.occupancy.occupied, plain.occupancy.occupied)
 
 
 def test_people_without_ids_are_refused_where_ids_are_asked_for():

@@ -22,37 +22,56 @@ from scipy.spatial.transform import Rotation
 
 from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros.planning import ROW
-from pedpred.ros.scene_messages import header
+from pedpred.ros.scene_messages import header, seconds
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE
-from pedpred.ros2.follower import MARKERS_TYPE, PEOPLE_TYPE, TEXT_TYPE
+from pedpred.ros2.follower import MARKERS_TYPE, PEOPLE_TYPE, TEXT_TYPE, UPDATE_TYPE
 from tests.test_ros_follower import people as people_bytes
 from tests.test_ros_follower import transform as pose
 from tests.test_ros_follower import transforms as transforms_bytes
 
 ROOT = Path(__file__).parents[1]
+if not os.environ.get("PEDPRED_REQUIRE_ROS"):
+    pytest.skip("processes on real middleware: make ros", allow_module_level=True)
 PYTHON = ROOT / "build/ros/bin/python"
 if not PYTHON.exists():
-    PYTHON = Path(sys.executable) if importlib.util.find_spec("rclpy") else None
-if PYTHON is None and not os.environ.get("PEDPRED_REQUIRE_ROS"):
-    pytest.skip("rclpy is not installed: make ros", allow_module_level=True)
+    assert importlib.util.find_spec("rclpy"), "rclpy is not installed: make ros"
+    PYTHON = Path(sys.executable)
 
 PEER, PACKAGES = ROOT / "tests/ros_packages/peer.py", ROOT / "tests/ros_packages"
 CLOUD, GRID, TF = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage"
+AGENTS = "pedsim_msgs/msg/AgentStates"
 CLOCK, POSES = "rosgraph_msgs/msg/Clock", "geometry_msgs/msg/PoseArray"
-LIMIT_S = 600
+LIMIT_S, COMPILING_S = 30, 300
 STANDING, WALKING, SPEED = np.array([3.0, 2.0, 0.0]), np.array([6.0, -1.0, 0.0]), np.array([-1.0, 0.4, 0.0])
-_domains = count(20 + 10 * int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]))
+_domains = count(20 + 30 * int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]))
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """What the node compiles is in the cache, so that it starts within the limit of a wait."""
+    log = tmp_path_factory.mktemp("compiled") / "log.txt"
+    with log.open("w") as out:
+        command = [PYTHON, "-m", "pedpred.command", "warm-up"]
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        done = subprocess.run(
+            command, stdout=out, stderr=out, env=environment, timeout=COMPILING_S, check=False
+        )
+    assert done.returncode == 0, log.read_text()
 
 
 @pytest.fixture
-def place(tmp_path):
+def place(tmp_path, compiled):
     """A domain of its own, so that tests beside each other do not hear each other."""
-    return Place(tmp_path, str(next(_domains)))
+    here = Place(tmp_path, str(next(_domains)))
+    yield here
+    here.close()
 
 
 class Place:
+    """Processes that hear each other; none outlives the test."""
+
     def __init__(self, folder, domain):
-        self.folder, self.plans = folder, count()
+        self.folder, self.plans, self.processes = folder, count(), []
         self.environment = os.environ | {
             "ROS_DOMAIN_ID": domain,
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -61,43 +80,66 @@ class Place:
             "PYTHONUNBUFFERED": "1",
         }
 
+    def start(self, command, told):
+        """Run a command; what it says is written to the file `told`."""
+        with told.open("w") as log:
+            process = subprocess.Popen(
+                command, stdout=log, stderr=subprocess.STDOUT, env=self.environment, cwd=self.folder
+            )
+        self.processes.append(process)
+        return process
+
+    def close(self):
+        """Kill what still runs."""
+        for process in self.processes:
+            process.kill()
+            process.wait(LIMIT_S)
+
     @contextmanager
     def node(self, *arguments, ready="forecasting people", number=signal.SIGTERM):
         """Run the node until the block ends, which a signal tells it; its log lines are in `told`."""
         told = self.folder / "node.txt"
-        with told.open("w") as log:
-            process = subprocess.Popen(
-                [PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments],
-                stdout=log, stderr=subprocess.STDOUT, env=self.environment, cwd=self.folder,
-            )  # fmt: skip
+        process = self.start([PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments], told)
+        end_s = time.monotonic() + LIMIT_S
+        while ready not in told.read_text():
+            assert process.poll() is None, told.read_text()
+            assert time.monotonic() < end_s, f"no {ready!r} within {LIMIT_S} s in {told.read_text()}"
+            time.sleep(0.05)
         try:
-            end_s = time.monotonic() + LIMIT_S
-            while ready not in told.read_text():
-                assert process.poll() is None, told.read_text()
-                assert time.monotonic() < end_s, told.read_text()
-                time.sleep(0.05)
             yield told
-            process.send_signal(number)
-            assert process.wait(LIMIT_S) == 0, told.read_text()
-            assert "Traceback" not in told.read_text()
-        finally:
-            process.kill()
-            process.wait()
+        except subprocess.TimeoutExpired as cause:
+            raise AssertionError(f"{cause}; the node said {told.read_text()}") from cause
+        assert process.poll() is None, f"the node has ended: {told.read_text()}"
+        process.send_signal(number)
+        assert process.wait(LIMIT_S) == 0, told.read_text()
+        assert "Traceback" not in told.read_text()
 
     def peer(self, **plan):
-        """Start a publisher or consumer, see ros_packages/peer.py; returns the process and its record."""
+        """Start a process of ros_packages/peer.py; returns it, its record and what it says."""
         path = self.folder / f"plan{next(self.plans)}.json"
-        out = path.with_suffix(".txt")
+        out, told = path.with_suffix(".out"), path.with_suffix(".txt")
         path.write_text(json.dumps({"out": str(out), "limit_s": LIMIT_S} | plan))
-        out.touch()
-        return subprocess.Popen([PYTHON, PEER, path], env=self.environment), out
+        return self.start([PYTHON, PEER, path], told), out, told
 
-    def exchange(self, publish, send, record, until, number, wait_for=None):
-        """Publish in one process, record in another one; returns topic -> messages as they were received."""
-        consumer, out = self.peer(record=record, until=until, count=number)
-        publisher, _ = self.peer(publish=publish, send=send, wait_for=wait_for)
-        assert publisher.wait(LIMIT_S) == 0
-        assert consumer.wait(LIMIT_S) == 0
+    def exchange(self, publish, probe, send, record, until):
+        """Publish in one process, record in another one; returns topic -> messages as they were received.
+
+        Args:
+            publish: topic, type, QoS of each publisher.
+            probe: index of a publisher and message, sent until forecasts arrive: nobody, in people.
+            send: time (s), index of a publisher, message.
+            record: topic, type, QoS.
+            until: topic -> how many messages are awaited.
+        """
+        number = next(self.plans)
+        shared = {name: str(self.folder / f"{name}{number}") for name in ("ready", "done")}
+        answers = [topic for topic, kind, _ in record if kind not in (TEXT_TYPE, DIAGNOSTICS_TYPE)]
+        recorder, out, heard_said = self.peer(record=record, until=until, answers=answers, **shared)
+        sender, _, sent_said = self.peer(publish=publish, probe=probe, send=send, **shared)
+        longest_s = 4 * LIMIT_S + send[-1][0]  # each wait of a peer ends before
+        codes = recorder.wait(longest_s), sender.wait(longest_s)
+        words = {path.name: path.read_text() for path in (heard_said, sent_said, self.folder / "node.txt")}
+        assert codes == (0, 0), "\n".join(words.values())
         kinds = {topic: kind for topic, kind, _ in record}
         heard = {topic: [] for topic in kinds}
         for line in out.read_text().splitlines():
@@ -112,6 +154,10 @@ def people(*told, **places):
 
 def transforms(*poses):
     return transforms_bytes(*poses).hex()
+
+
+def clock(time_s):
+    return serialize(CLOCK, {"clock": header(round(time_s * 1e9), "")["stamp"]}).hex()
 
 
 def room(yaw_rad=0.0, frame="map"):
@@ -145,8 +191,9 @@ def seen(place, time_s):
 def test_people_of_a_robot_that_drives_and_turns(place):
     """Best effort, volatile turned map, moving frames, namespace, remap and sim time, all at once."""
     start_s, frames = 1_700_000_000.0, 30
-    send = [(0.0, 2, transforms(pose("map", "odom", *ODOM), pose("base_link", "camera", *CAMERA)))]
-    send.append((0.0, 3, room(0.5)))
+    fixed = transforms(pose("map", "odom", *ODOM), pose("base_link", "camera", *CAMERA))
+    probe = [(4, clock(start_s)), (2, fixed), (3, room(0.5)), (0, people(start_s - 1, "camera"))]
+    send = [(0.0, 2, fixed), (0.0, 3, room(0.5))]
     for k in range(-5, 2 * frames + 5):  # 20 Hz, those of a moment later than the people
         at_s = k / 20
         send.append((1.0 + at_s, 1, transforms(pose("odom", "base_link", *robot(at_s), start_s + at_s))))
@@ -154,24 +201,24 @@ def test_people_of_a_robot_that_drives_and_turns(place):
         at_s = k / 10
         both = {"anna": seen(STANDING, at_s), "7": seen(WALKING + at_s * SPEED, at_s)}
         send.append((0.995 + at_s, 0, people(start_s + at_s, "camera", **both)))
-        clock = {"clock": header(round((start_s + at_s) * 1e9), "")["stamp"]}
-        send.append((1.0 + at_s, 4, serialize(CLOCK, clock).hex()))
+        send.append((1.0 + at_s, 4, clock(start_s + at_s)))
     publish = [("/robot/detections", PEOPLE_TYPE, "bv"), ("/tf", TF, "rv"), ("/tf_static", TF, "rt")]
     publish += [("/robot/map", GRID, "rv"), ("/clock", CLOCK, "bv")]
     topics = {"predictions": CLOUD, "predictions/people": PEOPLE_TYPE, "predictions/markers": MARKERS_TYPE}
     topics |= {"predictions/names": TEXT_TYPE, "predicted_occupancy/horizon": GRID}
     record = [(f"/robot/{topic}", kind, "rt") for topic, kind in topics.items()]
+    record.append(("/diagnostics", DIAGNOSTICS_TYPE, "rv"))
     arguments = ["-r", "__ns:=/robot", "-r", "people:=detections", "-p", "use_sim_time:=true"]
     arguments += ["-p", "occupancy_cell_m:=0.5"]
     arguments += ["-p", "transform_timeout_s:=60.0"]  # a busy machine may be slow to publish them
     with place.node(*arguments) as told:
         sent = sorted(send, key=lambda one: one[0])
-        until = "/robot/predictions"
-        heard = place.exchange(publish, sent, record, until, frames, ("/robot/detections", 1))
+        until = {"/robot/predictions": frames, "/diagnostics": 2}
+        heard = place.exchange(publish, probe, sent, record, until)
     assert "map of " in told.read_text()
     assert "no map has come" not in told.read_text()
     clouds = heard["/robot/predictions"]
-    stamps = [cloud.header.stamp.sec + cloud.header.stamp.nanosec / 1e9 for cloud in clouds]
+    stamps = [seconds(cloud.header.stamp) for cloud in clouds]
     np.testing.assert_allclose(stamps, start_s + np.arange(frames) / 10, atol=1e-6)
     assert {cloud.header.frame_id for cloud in clouds} == {"map"}
     assert {field.datatype for field in clouds[0].fields if field.name in ("x", "y", "z")} == {7}
@@ -187,26 +234,29 @@ def test_people_of_a_robot_that_drives_and_turns(place):
     (number,) = json.loads(names.data)
     rows = rows_of(clouds[-1])
     assert int(number) in rows["track_high"].astype(np.int64) * 2**32 + rows["track_id"]
+    assert start_s <= seconds(heard["/diagnostics"][-1].header.stamp) < start_s + frames / 10
     texts = {one.text for one in heard["/robot/predictions/markers"][-1].markers if one.type == 9}
     assert texts == {"anna", "7"}
     assert max(heard["/robot/predicted_occupancy/horizon"][-1].data) > 0
 
 
-def test_a_latched_map_of_before_is_used_and_diagnostics_say_so(place):
-    mapper, _ = place.peer(publish=[("/map", GRID, "rt")], send=[(0.0, 0, room())], until="/end", count=1)
-    walk = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(25)]
+def test_a_latched_map_of_before_is_used_and_updates_change_it(place):
+    """As diagnostics say: before the node starts a map is published, and later a part of it changes."""
+    place.peer(publish=[("/map", GRID, "rt")], send=[(0.0, 0, room())], done="never")
+    update = {"header": header(0), "x": 3, "width": 3, "height": 60, "data": np.full(180, 100, np.int8)}
+    send = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(25)]
+    send.append((2.5, 1, serialize(UPDATE_TYPE, update).hex()))
+    publish = [("/people", PEOPLE_TYPE, "rv"), ("/map_updates", UPDATE_TYPE, "rv")]
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
     with place.node() as told:
-        heard = place.exchange(
-            [("/people", PEOPLE_TYPE, "rv")], walk, record, "/predictions", 25, ("/people", 1)
-        )
-    mapper.kill()
-    mapper.wait()
+        until = {"/predictions": 25, "/diagnostics": 5}
+        heard = place.exchange(publish, [(0, people(99.0))], send, record, until)
     assert "no map has come" not in told.read_text()
     statuses = [status for message in heard["/diagnostics"] for status in message.status]
     assert {(status.level, status.message) for status in statuses} & {(0, "forecasts with map")}
-    values = {pair.key: pair.value for pair in statuses[-1].values}
-    assert values["map"] == "100 x 60 cells"
+    maps = [pair.value for status in statuses for pair in status.values if pair.key == "map"]
+    assert maps[0] == "100 x 60 cells, 3.0 % blocked"
+    assert maps[-1] == "100 x 60 cells, 6.0 % blocked"
 
 
 def test_without_a_map_everybody_is_told(place):
@@ -216,7 +266,8 @@ def test_without_a_map_everybody_is_told(place):
     publish = [("/people", PEOPLE_TYPE, "bv")]
     with place.node(number=signal.SIGINT) as told:
         for _ in range(2):
-            heard = place.exchange(publish, walk, record, "/predictions", 25, ("/people", 1))
+            until = {"/predictions": 25, "/diagnostics": 2}
+            heard = place.exchange(publish, [(0, people(99.0))], walk, record, until)
             times = [cloud.header.stamp.sec for cloud in heard["/predictions"]]
             assert times[0] == 100
             assert times == sorted(times)
@@ -229,32 +280,26 @@ def test_without_a_map_everybody_is_told(place):
 
 def test_what_is_missing_between_frames_is_said_and_not_repeated(place):
     walk = [(k / 20, 0, people(100.0 + k / 20, "camera", **{"5": (k / 20, 0.0)})) for k in range(40)]
-    record = [("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
+    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
+    probe, until = [(0, people(99.0, "camera"))], {"/diagnostics": 4}
     with place.node("-p", "use_map:=false") as told:
-        place.exchange([("/people", PEOPLE_TYPE, "rv")], walk, record, "/diagnostics", 4, ("/people", 1))
+        place.exchange([("/people", PEOPLE_TYPE, "rv")], probe, walk, record, until)
     lines = [line for line in told.read_text().splitlines() if "left out" in line]
     assert "no /tf leads from 'camera' to 'map': 'camera' has no parent and 'map' has no parent" in lines[0]
     assert len(lines) <= 3
 
 
 def test_people_without_ids_are_told_apart(place):
-    send = []
-    for k in range(20):
-        places = [(0.1 * k, 0.0), (4.0 - 0.1 * k, 1.0)]
-        poses = [
-            {"position": {"x": x, "y": y}, "orientation": {"w": 1.0}} for x, y in places[:: 1 - 2 * (k % 2)]
-        ]
-        content = {"header": header(100 * 10**9 + k * 10**8, "map"), "poses": poses}
-        send.append((k / 10, 0, serialize(POSES, content).hex()))
+    def poses(k, places):
+        listed = [{"position": {"x": x, "y": y}, "orientation": {"w": 1.0}} for x, y in places]
+        content = {"header": header(100 * 10**9 + k * 10**8, "map"), "poses": listed}
+        return serialize(POSES, content).hex()
+
+    both = [[(0.1 * k, 0.0), (4.0 - 0.1 * k, 1.0)][:: 1 - 2 * (k % 2)] for k in range(20)]
+    send = [(k / 10, 0, poses(k, places)) for k, places in enumerate(both)]
+    publish, record = [("/people", POSES, "bv")], [("/predictions", CLOUD, "rv")]
     with place.node("-p", "use_map:=false", "-p", f"people_type:={POSES}") as told:
-        heard = place.exchange(
-            [("/people", POSES, "bv")],
-            send,
-            [("/predictions", CLOUD, "rv")],
-            "/predictions",
-            20,
-            ("/people", 1),
-        )
+        heard = place.exchange(publish, [(0, poses(-10, []))], send, record, {"/predictions": 20})
     assert "people have no ids that say who is who" in told.read_text()
     tracks = Counter(
         track for cloud in heard["/predictions"] for track in np.unique(rows_of(cloud)["track_id"])
@@ -263,15 +308,23 @@ def test_people_without_ids_are_told_apart(place):
 
 
 def test_a_manager_starts_the_node(place):
-    """It makes no publisher before it is configured, and forecasts nobody before it is active."""
-    walk = [(k / 10, 0, people(100.0 + k / 10, **{"5": (k / 10, 0.0)})) for k in range(5)]
-    arguments = ("-p", "autostart:=false", "-p", "use_map:=false", "--log-level", "pedpred:=debug")
-    manager, out = place.peer(transitions=["configure", "activate"], node="/pedpred")
+    """It listens to agents of a simulator only when it is active."""
+
+    def agents(*k):
+        moved = [{"id": 5, "type": 1, "pose": {"position": {"x": one / 10}}} for one in k]
+        stamp = header(100 * 10**9 + sum(k) * 10**8 - (not k) * 10**9, "map")
+        return serialize(AGENTS, {"header": stamp, "agent_states": moved}).hex()
+
+    walk = [(k / 10, 0, agents(k)) for k in range(5)]
+    arguments = ["-p", f"people_type:={AGENTS}", "-p", "autostart:=false", "-p", "use_map:=false"]
+    arguments += ["--log-level", "pedpred:=debug"]
+    manager, out, said = place.peer(transitions=["configure", "activate"], node="/pedpred")
     with place.node(*arguments) as told:
-        assert manager.wait(LIMIT_S) == 0
+        assert manager.wait(2 * LIMIT_S) == 0, said.read_text()
         assert out.read_text().split() == ["configure", "True", "activate", "True"]
-        publish, record = [("/people", PEOPLE_TYPE, "rv")], [("/predictions", CLOUD, "rv")]
-        place.exchange(publish, walk, record, "/predictions", 5, ("/people", 1))
+        publish, record = [("/people", AGENTS, "rv")], [("/predictions", CLOUD, "rv")]
+        heard = place.exchange(publish, [(0, agents())], walk, record, {"/predictions": 5})
+    assert all(set(rows_of(cloud)["track_id"]) == {5} for cloud in heard["/predictions"])
     assert "forecasting people of /people" in told.read_text()
 
 
@@ -295,7 +348,13 @@ def test_a_node_that_still_compiles_ends_when_it_is_told_to(place):
 def test_a_start_that_cannot_succeed_says_why(place, arguments, problem):
     command = [PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments]
     done = subprocess.run(
-        command, env=place.environment, cwd=place.folder, capture_output=True, text=True, check=False
+        command,
+        env=place.environment,
+        cwd=place.folder,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
     )
     assert done.returncode == 1
     assert problem in done.stdout + done.stderr

@@ -1,6 +1,8 @@
 """The files of ros/pedpred_ros agree with the node."""
 
 import re
+import subprocess
+import sys
 import tomllib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -39,6 +41,30 @@ def test_rviz_and_the_costmap_layer_listen_to_what_the_node_publishes():
     (page,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs/nav2.md").read_text(), re.DOTALL)
     told = yaml.safe_load(page)["local_costmap"]["local_costmap"]["ros__parameters"]
     assert told["people_layer"].items() <= layer.items()
+
+
+_WITHOUT_READERS = """
+import sys
+for name in ("pandas", "pyarrow", "mcap", "tqdm", "shapely", "skfmm", "torch", "matplotlib"):
+    sys.modules[name] = None  # importing it is an error
+from pedpred.online import OnlinePredictor
+from pedpred.ros.message_types import serialize
+from pedpred.ros2 import diagnostics, live_frames, main
+from pedpred.ros2.follower import PEOPLE_TYPE, Follower
+from pedpred.ros2.settings import NodeSettings
+follower = Follower(OnlinePredictor.load(), NodeSettings(use_map=False))
+people = [{"name": "7", "position": {"x": 1.0}}]
+follower.people_came(serialize(PEOPLE_TYPE, {"header": {"frame_id": "map"}, "people": people}), 10**9, 0.0)
+assert {answer.topic for answer in follower.answers(0.0)} >= {"predictions", "predictions/markers"}
+"""
+
+
+def test_forecasts_of_messages_need_no_libraries_that_read_files():
+    """The predictor and what the node does between messages; its warm-up needs them still."""
+    done = subprocess.run(
+        [sys.executable, "-c", _WITHOUT_READERS], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_both_packages_have_one_version():

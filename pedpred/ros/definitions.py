@@ -71,9 +71,23 @@ def _hunav(before: str, after: str, more: dict[str, str]) -> dict[str, str]:
 _FACTORS = ("vel", "dist", *(f"{kind}_force_factor" for kind in ("social", "goal", "obstacle", "other")))
 _BEHAVIOUR = "uint8 type\nuint8 state\nuint8 configuration\nfloat32 duration\nbool once\n"
 
+_FORCES = ("desired", "obstacle", "social", "group_coherence", "group_gaze", "group_repulsion", "random")
+_PEDSIM = {
+    "pedsim_msgs/msg/AgentForce": "".join(f"geometry_msgs/Vector3 {name}_force\n" for name in _FORCES),
+    "pedsim_msgs/msg/AgentState": f"{_STAMPED}uint64 id\nuint16 type\nstring social_state\n"
+    "geometry_msgs/Pose pose\ngeometry_msgs/Twist twist\npedsim_msgs/AgentForce forces\n",
+    "pedsim_msgs/msg/AgentStates": f"{_STAMPED}pedsim_msgs/AgentState[] agent_states\n",
+}
+_MAPS = {
+    "map_msgs/msg/OccupancyGridUpdate": f"{_STAMPED}int32 x\nint32 y\nuint32 width\nuint32 height\n"
+    "int8[] data\n",
+}
+
 EDITIONS: tuple[dict[str, str], ...] = (
     {
         **_PEOPLE,
+        **_PEDSIM,
+        **_MAPS,
         **_spencer("builtin_interfaces/Duration"),
         **_vision(_NESTED, "string id\n"),
         **_hunav(

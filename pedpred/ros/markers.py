@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import radius2
 from pedpred.ros.scene_messages import Content, header, point
 from pedpred.scenes import Forecast, Predictions
+
+if TYPE_CHECKING:  # the node draws forecasts without the libraries that read files
+    from pedpred.evaluation.forecasts import EvaluationWindows
 
 Colour = tuple[float, float, float]
 """Red, green and blue, 0 to 1."""

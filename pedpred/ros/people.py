@@ -13,11 +13,18 @@ Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
 """A message -> (name, position with x and y in m) of every person in it."""
 
 _LARGEST = 2**63 - 1
+_ROBOT = 2
+"""The type of a robot among the agents of pedsim and of HuNavSim."""
 
 
 def _poses(message: Any) -> Iterator[tuple[object, Any]]:
     """Poses have no names: the index in the list identifies the person."""
     return ((index, pose.position) for index, pose in enumerate(message.poses))
+
+
+def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[tuple[object, Any]]:
+    """Agents of a simulator, without its robot."""
+    return ((agent.id, position(agent)) for agent in agents if getattr(agent, "type", 0) != _ROBOT)
 
 
 ADAPTERS: dict[str, Adapter] = {
@@ -26,7 +33,8 @@ ADAPTERS: dict[str, Adapter] = {
     "spencer_tracking_msgs/msg/TrackedPersons": lambda m: (
         (t.track_id, t.pose.pose.position) for t in m.tracks
     ),
-    "hunav_msgs/msg/Agents": lambda m: ((a.id, a.position.position) for a in m.agents),
+    "hunav_msgs/msg/Agents": lambda m: _agents(m.agents, lambda agent: agent.position.position),
+    "pedsim_msgs/msg/AgentStates": lambda m: _agents(m.agent_states, lambda agent: agent.pose.position),
     "vision_msgs/msg/Detection3DArray": lambda m: (
         (getattr(d, "id", getattr(d, "tracking_id", "")), d.bbox.center.position) for d in m.detections
     ),

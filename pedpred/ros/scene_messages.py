@@ -7,6 +7,7 @@ is in a person's tags, as text that Python reads back exactly; an unknown veloci
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -107,6 +108,31 @@ def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
     side_m = float(resolution_m or str(np.float32(info.resolution)))
     blocked = cells > _OCCUPIED / 2
     return turned_map(blocked, origin, side_m, yaw_rad) if yaw_rad else OccupancyMap(blocked, origin, side_m)
+
+
+def updated_grid(grid: Any, update: Any) -> Any:
+    """A nav_msgs/OccupancyGrid after a map_msgs/OccupancyGridUpdate; the one before stays as it is.
+
+    Args:
+        grid: the decoded map.
+        update: decoded; new values of a rectangle of its cells.
+
+    Raises:
+        ValueRuleError: the update is in another frame, not within the map, or has not one value per cell.
+    """
+    if update.header.frame_id.lstrip("/") != grid.header.frame_id.lstrip("/"):
+        rule = f"an update must be in the frame of its map, {grid.header.frame_id!r}"
+        raise ValueRuleError("frame_id", update.header.frame_id, rule)
+    cells = np.array(grid.data).reshape(grid.info.height, grid.info.width)
+    shape, (rows, columns) = (update.height, update.width), cells.shape
+    within = 0 <= update.x <= columns - update.width and 0 <= update.y <= rows - update.height
+    if not within or len(update.data) != update.height * update.width:
+        found = {"x": update.x, "y": update.y, "width": update.width, "height": update.height}
+        rule = f"an update must lie within its map of {columns} x {rows} cells, with a value for each cell"
+        raise ValueRuleError("update", found | {"values": len(update.data)}, rule)
+    part = slice(update.y, update.y + update.height), slice(update.x, update.x + update.width)
+    cells[part] = np.asarray(update.data).reshape(shape)
+    return replace(grid, data=cells.ravel())
 
 
 def _yaw(turn: Any) -> float:

@@ -70,7 +70,10 @@ def diagnostics_content(
 def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
     """What stands in the table of a status."""
     counts, there, age_s = follower.counts, follower.occupancy, follower.transform_age_s
-    size = "none" if there is None else "{} x {} cells".format(*there.occupied.shape)
+    size = "none"
+    if there is not None:
+        share = 100 * there.occupied.mean()
+        size = "{} x {} cells, {:.1f} % blocked".format(*there.occupied.shape, share)
     return {
         "map": size,
         "frame": follower.frame,

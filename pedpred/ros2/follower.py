@@ -6,7 +6,7 @@ import json
 import logging
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,13 +28,14 @@ from pedpred.ros.planning import (
     grid_topic,
     predictions_message,
 )
-from pedpred.ros.scene_messages import Content, header, map_of_grid
+from pedpred.ros.scene_messages import Content, header, map_of_grid, updated_grid
 from pedpred.ros2.live_frames import LiveFrames
 from pedpred.ros2.settings import NodeSettings
 from pedpred.scenes import Forecast, OccupancyMap
 
 PREDICTIONS, MARKERS, PEOPLE, NAMES = (f"predictions{part}" for part in ("", "/markers", "/people", "/names"))
 MARKERS_TYPE, PEOPLE_TYPE = "visualization_msgs/msg/MarkerArray", "people_msgs/msg/People"
+UPDATE_TYPE = "map_msgs/msg/OccupancyGridUpdate"
 TEXT_TYPE, BOXES_TYPE = "std_msgs/msg/String", "vision_msgs/msg/Detection3DArray"
 UNNAMED_TYPES = ("geometry_msgs/msg/PoseArray", "people_msgs/msg/PositionMeasurementArray")
 """Detections of these types say nothing, or nothing that lasts, about who is who."""
@@ -78,7 +79,7 @@ class _Map:
     frame: str
     occupancy: OccupancyMap | None = None
     raw: bytes = b""
-    came_s: float = field(default=0.0)
+    grid: Any = None
 
 
 class Follower:
@@ -133,10 +134,24 @@ class Follower:
             _log.warning("the map is in %r, forecasts were in %r: all are forgotten", frame, self._map.frame)
             self._predictor.reset()
         self._predictor.set_map(occupancy)
-        self._map = _Map(frame, occupancy, raw)
+        self._map = _Map(frame, occupancy, raw, message)
         width_m, height_m = occupancy.extent_m
         share = 100 * occupancy.occupied.mean()
         _log.info("map of %.1f x %.1f m in %r, %.1f %% blocked", width_m, height_m, frame, share)
+
+    def map_update_came(self, raw: bytes) -> None:
+        """Change a part of the map by a map_msgs/OccupancyGridUpdate; without a map it is left out."""
+        before = self._map.occupancy
+        if before is None:
+            _log.warning("an update of the map is left out: the map has not come")
+            return
+        update = self._decoder.decode(raw, Connection("map_updates", UPDATE_TYPE))
+        grid = updated_grid(self._map.grid, update)
+        occupancy = map_of_grid(grid)
+        self._map.grid = grid
+        if not np.array_equal(occupancy.occupied, before.occupied):
+            self._predictor.set_map(occupancy)
+            self._map.occupancy = occupancy
 
     def transforms_came(self, raw: bytes, clock_s: float, fixed: bool) -> None:
         """Take a tf2_msgs/TFMessage; `fixed` if it is of /tf_static."""
@@ -208,7 +223,7 @@ class Follower:
             return
         self.counts.forecasts += 1
         self.counts.people = len(forecast)
-        if self._map.occupancy is None and self.settings.use_map:
+        if self._map.occupancy is None and self.settings.use_map and len(forecast):
             _log.warning(
                 "no map has come: forecasts go through walls. Publish `map`, or set use_map to false"
             )

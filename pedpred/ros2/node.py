@@ -21,12 +21,12 @@ from pedpred.online.warming import warm_up
 from pedpred.ros.message_types import TRANSFORMS, serialize
 from pedpred.ros.planning import GRID_TYPE
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
-from pedpred.ros2.follower import PEOPLE, PREDICTIONS, Follower, output_types
+from pedpred.ros2.follower import PEOPLE, PREDICTIONS, UPDATE_TYPE, Follower, output_types
 from pedpred.ros2.log import RosHandler
 from pedpred.ros2.settings import LIVE, NodeSettings, fields_of
 
 _NO_MAP = re.compile(r"costmap|predicted_occupancy/")
-_PEOPLE_DEPTH, _TF_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 10
+_PEOPLE_DEPTH, _TF_DEPTH, _UPDATES_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 50, 10
 _RETRY_S, _DIAGNOSTICS_S = 0.02, 1.0
 _log = logging.getLogger("pedpred.ros2")
 _Done = TransitionCallbackReturn
@@ -122,6 +122,12 @@ class PedpredNode(LifecycleNode):
                 _sensor(1),
             ):  # the first hears no volatile map, the second none of before
                 self._listen(GRID_TYPE, "map", self._follower.map_came, qos)
+            try:
+                self._listen(
+                    UPDATE_TYPE, f"{topic}_updates", self._follower.map_update_came, _reliable(_UPDATES_DEPTH)
+                )
+            except ConfigError as problem:
+                _log.info("updates of the map are not heard: %s", problem)
         try:
             self._listen(TRANSFORMS, "/tf", self._moving_came, _reliable(_TF_DEPTH))
             self._listen(TRANSFORMS, "/tf_static", self._fixed_came, _latched(_TF_DEPTH))

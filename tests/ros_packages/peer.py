@@ -1,12 +1,22 @@
 """A process that publishes and records raw messages: `python peer.py PLAN`, a JSON file.
 
-    {"publish": [[topic, type, qos]], "send": [[time_s, index of publisher, hex]],
-     "record": [[topic, type, qos]], "out": file, "limit_s": number,
-     "until": topic that ends the recording, "count": after so many messages,
-     "wait_for": [topic, subscribers], "transitions": [label], "node": of whom}
+A publisher: {"publish": [[topic, type, qos]], "probe": [[index of publisher, hex]],
+    "send": [[time_s, index, hex]], "limit_s": number, "ready": file, "done": file}
+Where the plan has `ready`, it waits until somebody listens to each topic, then sends the probes again and
+again until the file is there; times of `send` count from then on. It stays until the file `done` is there:
+what is on its way may be lost with its sender.
 
-Times count from when the topic in `wait_for` has so many subscribers. A qos is two letters: r(eliable) or
-b(est effort), v(olatile) or t(ransient local). Lines of `out`: topic, seconds of the monotonic clock, hex.
+A recorder: {"record": [[topic, type, qos]], "until": {topic: count}, "out": file, "limit_s": number,
+    "answers": [topic], "ready": file, "done": file}
+It makes the file `ready` when an answer to the probes has come on each of the topics in `answers`: then all
+that lies between sender and recorder is connected. Lines of `out` are what comes afterwards: topic, seconds
+of the monotonic clock, hex; answers to probes are left out. It ends after so many messages, or with an error
+when none of them has come for `limit_s`, and then makes the file `done`.
+
+A manager: {"transitions": [label], "node": name, "out": file, "limit_s": number}
+
+A qos is two letters: r(eliable) or b(est effort), v(olatile) or t(ransient local). Every wait ends after
+`limit_s`, with an error that says what is missing.
 """
 
 import importlib
@@ -17,6 +27,8 @@ from pathlib import Path
 
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+TICK_S, PROBE_S = 0.02, 0.1
 
 
 def qos_of(letters):
@@ -30,17 +42,102 @@ def class_of(kind):
     return getattr(importlib.import_module(f"{package}.msg"), name)
 
 
-def request(node, name, label):
-    """Ask a lifecycle node for a transition; whether it succeeded."""
+def spin_until(node, limit_s, lacking, each_tick=lambda: None):
+    """Handle messages until nothing is lacking; `lacking` says what is, in words."""
+    end_s = time.monotonic() + limit_s
+    while text := lacking():
+        if time.monotonic() > end_s:
+            raise SystemExit(f"waited {limit_s} s for {text}")
+        each_tick()
+        rclpy.spin_once(node, timeout_sec=TICK_S)
+
+
+def lacks_file(path, what):
+    return "" if path.exists() else what
+
+
+def publish(node, plan):
+    sinks = [
+        node.create_publisher(class_of(kind), topic, qos_of(qos)) for topic, kind, qos in plan["publish"]
+    ]
+    limit_s = plan["limit_s"]
+    if "ready" in plan:
+
+        def unheard():
+            topics = [sink.topic_name for sink in sinks if not sink.get_subscription_count()]
+            return f"a subscriber of {', '.join(topics)}" if topics else ""
+
+        sent_s = -PROBE_S
+
+        def probe():
+            nonlocal sent_s
+            if time.monotonic() - sent_s >= PROBE_S:
+                sent_s = time.monotonic()
+                for index, text in plan["probe"]:
+                    sinks[index].publish(bytes.fromhex(text))
+
+        spin_until(node, limit_s, unheard)
+        ready = Path(plan["ready"])
+        spin_until(node, limit_s, lambda: lacks_file(ready, "the recorder to hear all probes"), probe)
+    begun_s = time.monotonic()
+    for at_s, index, text in plan["send"]:
+        while (left_s := begun_s + at_s - time.monotonic()) > 0:
+            rclpy.spin_once(node, timeout_sec=min(left_s, TICK_S))
+        sinks[index].publish(bytes.fromhex(text))
+    done = Path(plan["done"])
+    spin_until(node, 2 * limit_s, lambda: lacks_file(done, "the recorder to end"))
+
+
+def record(node, plan):
+    probes, counts, heard_s = {topic: set() for topic, _, _ in plan["record"]}, {}, {}
+    ready, limit_s = Path(plan["ready"]), plan["limit_s"]
+    with Path(plan["out"]).open("w") as out:
+
+        def note(topic, raw):
+            heard_s[topic] = time.monotonic()
+            if not ready.exists():
+                probes[topic].add(bytes(raw))
+            elif bytes(raw) not in probes[topic]:
+                counts[topic] = counts.get(topic, 0) + 1
+                out.write(f"{topic} {time.monotonic()} {raw.hex()}\n")
+
+        for topic, kind, qos in plan["record"]:
+            node.create_subscription(
+                class_of(kind), topic, lambda raw, topic=topic: note(topic, raw), qos_of(qos), raw=True
+            )
+        spin_until(node, 2 * limit_s, lambda: " ".join(t for t in plan["answers"] if not probes[t]))
+        ready.touch()
+        for topic, count in plan["until"].items():
+            heard_s[topic] = time.monotonic()
+            while counts.get(topic, 0) < count:
+                if time.monotonic() - heard_s[topic] > limit_s:
+                    heard = f"{counts.get(topic, 0)} of {count} messages on {topic}"
+                    raise SystemExit(f"heard {heard}, and none for {limit_s} s")
+                rclpy.spin_once(node, timeout_sec=TICK_S)
+
+
+def manage(node, plan):
+    """Ask a lifecycle node for transitions; write whether they succeeded."""
     from lifecycle_msgs.srv import ChangeState
 
-    client = node.create_client(ChangeState, f"{name}/change_state")
-    client.wait_for_service()
+    service = f"{plan['node']}/change_state"
+    client = node.create_client(ChangeState, service)
+    if not client.wait_for_service(plan["limit_s"]):
+        raise SystemExit(f"waited {plan['limit_s']} s for the service {service}")
+    with Path(plan["out"]).open("w") as out:
+        for label in plan["transitions"]:
+            out.write(f"{label} {changed(node, client, label, plan['limit_s'])}\n")
+
+
+def changed(node, client, label, limit_s):
+    """Ask for one transition; whether it succeeded."""
+    from lifecycle_msgs.srv import ChangeState
+
     asked = ChangeState.Request()
     asked.transition.label = label
     asked.transition.id = {"configure": 1, "activate": 3, "deactivate": 4, "cleanup": 2}[label]
     answer = client.call_async(asked)
-    rclpy.spin_until_future_complete(node, answer)
+    spin_until(node, limit_s, lambda: "" if answer.done() else f"an answer to {label}")
     return answer.result().success
 
 
@@ -48,38 +145,18 @@ def main():
     plan = json.loads(Path(sys.argv[1]).read_text())
     rclpy.init()
     node = rclpy.create_node("peer_" + Path(sys.argv[1]).stem)
-    counts = {}
-    with Path(plan["out"]).open("w") as out:
-
-        def record(topic, raw):
-            counts[topic] = counts.get(topic, 0) + 1
-            out.write(f"{topic} {time.monotonic()} {raw.hex()}\n")
-            out.flush()
-
-        for topic, kind, letters in plan.get("record", []):
-            node.create_subscription(
-                class_of(kind), topic, lambda raw, topic=topic: record(topic, raw), qos_of(letters), raw=True
-            )
-        sinks = [
-            node.create_publisher(class_of(kind), topic, qos_of(letters))
-            for topic, kind, letters in plan.get("publish", [])
-        ]
-        end_s = time.monotonic() + plan["limit_s"]
-        topic, number = plan.get("wait_for", ["", 0])
-        while number and node.count_subscribers(topic) < number and time.monotonic() < end_s:
-            rclpy.spin_once(node, timeout_sec=0.05)
-        begun_s, messages = time.monotonic(), plan.get("send", [])
-        for at_s, index, text in messages:
-            while (left_s := begun_s + at_s - time.monotonic()) > 0:
-                rclpy.spin_once(node, timeout_sec=min(left_s, 0.05))
-            sinks[index].publish(bytes.fromhex(text))
-        for label in plan.get("transitions", []):
-            out.write(f"{label} {request(node, plan['node'], label)}\n")
-        until, count = plan.get("until"), plan.get("count", 0)
-        while time.monotonic() < end_s and counts.get(until, 0) < count:
-            rclpy.spin_once(node, timeout_sec=0.05)
-    node.destroy_node()
-    rclpy.shutdown()
+    try:
+        if "transitions" in plan:
+            manage(node, plan)
+        elif "record" in plan:
+            record(node, plan)
+        else:
+            publish(node, plan)
+    finally:
+        if "record" in plan:
+            Path(plan["done"]).touch()
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 main()

@@ -1,0 +1,103 @@
+"""The ROS 2 node under load: `python -m benchmarks.ros [--seconds 300] [--people 20] [--rate-hz 30]`.
+
+A publisher, the node and a recorder are processes of their own on build/ros/bin/python (see `make ros`), with
+real middleware and best-effort people. Measured: the time from activation to the first forecast; messages
+without a forecast after that; time from the sending of people to the arrival of their forecast; memory.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.timing import keep, needed, tell
+
+ROOT = Path(__file__).resolve().parents[1]
+PYTHON, STREAM = ROOT / "build/ros/bin/python", ("-m", "benchmarks.ros_stream")
+_ACTIVE = re.compile(r"\[(\d+\.\d+)\] \[pedpred\]: forecasting people of")
+_SETTLED_S, _WATCH_S, _LIMIT_S = 10.0, 1.0, 90.0
+
+
+def resident_mib(process: subprocess.Popen) -> float:
+    """Memory of a process that is in RAM, MiB."""
+    text = Path(f"/proc/{process.pid}/status").read_text()
+    return int(re.findall(r"VmRSS:\s+(\d+)", text)[0]) / 1024
+
+
+def measure(folder: Path, people: int, rate_hz: float, seconds: float) -> dict[str, Any]:
+    """Run the three processes and measure them."""
+    environment = os.environ | {
+        "ROS_DOMAIN_ID": "99",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOG_DIR": str(folder),
+        "PYTHONPATH": f"{ROOT}:{ROOT / 'tests/ros_packages'}",
+    }
+    sent, heard, log = (folder / name for name in ("sent", "heard", "log"))
+    told = ["-m", "pedpred.ros2", "--ros-args", "-p", "use_map:=false", "--disable-rosout-logs"]
+    commands = [
+        [*STREAM, "record", heard],
+        [*STREAM, "publish", sent, str(people), str(rate_hz), str(seconds)],
+        told,
+    ]
+    with log.open("w") as out:
+        recorder, publisher, node = (
+            subprocess.Popen([PYTHON, *command], env=environment, stdout=out, stderr=subprocess.STDOUT)
+            for command in commands
+        )
+    memory_mib, begun_s = [], time.monotonic()
+    try:
+        while publisher.poll() is None and time.monotonic() < begun_s + seconds + _LIMIT_S:
+            memory_mib.append(resident_mib(node))
+            time.sleep(_WATCH_S)
+        recorder.wait(_LIMIT_S)
+    finally:
+        for process in (node, publisher, recorder):
+            process.terminate()
+            process.wait(_LIMIT_S)
+    times_ns = np.loadtxt(heard, np.int64, ndmin=2)
+    if not times_ns.size:
+        raise SystemExit(f"no forecast came; the processes said:\n{log.read_text()}")
+    active_s = float(_ACTIVE.findall(log.read_text())[0])
+    sent_ns = np.loadtxt(sent, np.int64, ndmin=1)
+    due_ns = sent_ns[sent_ns >= times_ns[0, 0]]
+    latency_ms = (times_ns[:, 1] - times_ns[:, 0]) / 1e6
+    settled = memory_mib[int(min(_SETTLED_S, seconds / 2) / _WATCH_S) :]
+    return {
+        "people": people,
+        "rate_hz": rate_hz,
+        "first_s": times_ns[0, 1] / 1e9 - active_s,
+        "messages": len(due_ns),
+        "lost": len(np.setdiff1d(due_ns, times_ns[:, 0])),
+        "median_ms": float(np.median(latency_ms)),
+        "95 %_ms": float(np.percentile(latency_ms, 95)),
+        "largest_ms": float(latency_ms.max()),
+        "memory_mib": settled[-1],
+        "grown_mib": settled[-1] - settled[0],
+    }
+
+
+def main() -> None:
+    """Measure, print, and keep the figures when asked to."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.ros", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=300.0)
+    parser.add_argument("--people", type=int, default=20)
+    parser.add_argument("--rate-hz", type=float, default=30.0)
+    parser.add_argument("--json", type=Path, help="write the figures there")
+    options = parser.parse_args()
+    needed(PYTHON, "make ros")
+    with tempfile.TemporaryDirectory() as folder:
+        row = measure(Path(folder), options.people, options.rate_hz, options.seconds)
+    tell("The node with a publisher and a recorder, best effort", [row])
+    keep(row, options.json)
+
+
+if __name__ == "__main__":
+    main()
