@@ -144,8 +144,8 @@ def risk_at(step, x, y, to_x, to_y, people, radius_m):  # pragma: no cover (comp
             d = math.hypot(d_x, d_y)
             if not d < radius_m + people.far_m[n, k, step]:
                 continue
-            xx, xy, yy = people.covariance[n, k, step]
-            share = people.weight[n, k] * overlap(d_x, d_y, xx, xy, yy, radius_m)
+            spread = people.covariance[n, k, step]
+            share = people.weight[n, k] * overlap(d_x, d_y, spread[0], spread[1], spread[2], radius_m)
             anyway += share
             b_x = people.mean[n, k, max(step - 1, 0), 0] - x + to_x  # where a runner was before this step
             b_y = people.mean[n, k, max(step - 1, 0), 1] - y + to_y
