@@ -320,6 +320,7 @@ def test_an_episode_depends_on_seed_and_number_only():
 
 def test_a_place_where_nobody_can_be_met_is_refused():
     scene = crossing_scene(2.0)
+    place = Place.of(scene, DT_S)
+    far = DriveSettings(episodes=EpisodeSettings(distance_m=(50.0, 60.0)))
     with pytest.raises(ValueRuleError, match="no way of 50 to 60 m met anybody"):
-        far = DriveSettings(episodes=EpisodeSettings(distance_m=(50.0, 60.0)))
-        draw_episode(Place.of(scene, DT_S), 0, far)
+        draw_episode(place, 0, far)

@@ -109,10 +109,14 @@ class Crowd(Protocol):
     track_id: np.ndarray
 
     @property
-    def position(self) -> np.ndarray: ...  # pragma: no cover
+    def position(self) -> np.ndarray:
+        """See above."""
+        ...  # pragma: no cover
 
     @property
-    def there_s(self) -> np.ndarray: ...  # pragma: no cover
+    def there_s(self) -> np.ndarray:
+        """See above."""
+        ...  # pragma: no cover
 
     def meet(self, state: tuple[float, ...], velocity: np.ndarray) -> None:
         """Learn where the robot is, and its velocity, m/s."""

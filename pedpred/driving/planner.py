@@ -22,7 +22,7 @@ import numpy as np
 
 from pedpred.compiled import compiled
 from pedpred.driving.course import Course, ahead_at, value_at
-from pedpred.driving.risk import Steps, contact_m, expected, risk_at
+from pedpred.driving.risk import Steps, contact_m, expected, risk_at, within_reach
 from pedpred.driving.robot import Robot, advance
 from pedpred.fields import check_ranges
 from pedpred.scenes import Forecast
@@ -90,9 +90,11 @@ def _assess(commands, start, limits, course, people, weights, limit):  # pragma:
     """
     count, steps = commands.shape[:2]
     cost = np.full(count, np.inf)
+    touch_m = weights.touch_m
+    near = within_reach(people, start[0], start[1], limits.speed_mps, weights.dt_s, touch_m)
     for c in range(count):
         state = start
-        exposure, near, reached_s = 0.0, 0.0, -1.0
+        exposure, narrow, reached_s = 0.0, 0.0, -1.0
         wall = value_at(course.distance, course.origin, course.cell_m, start[0], start[1])
         for s in range(steps):
             x, y = state[0], state[1]
@@ -101,11 +103,11 @@ def _assess(commands, start, limits, course, people, weights, limit):  # pragma:
             wall = value_at(course.distance, course.origin, course.cell_m, state[0], state[1])
             if wall < weights.wall_m and wall < before - 1e-9:
                 break
-            near += max(0.0, weights.comfortable_m - wall)
+            narrow += max(0.0, weights.comfortable_m - wall)
             if reached_s < 0.0:
                 if math.hypot(course.goal[0] - state[0], course.goal[1] - state[1]) < weights.near_m:
                     reached_s = (s + 1) * weights.dt_s
-                anybody, ahead = risk_at(s, state[0], state[1], to_x, to_y, people, weights.touch_m)
+                anybody, ahead = risk_at(s, state[0], state[1], to_x, to_y, people, near, touch_m)
                 if ahead > limit:
                     break
                 exposure += anybody
@@ -116,7 +118,7 @@ def _assess(commands, start, limits, course, people, weights, limit):  # pragma:
             widest = limits.speed_mps if limits.holonomic else limits.turn_radps
             change = abs(commands[c, 0, 0] - start[3]) / limits.speed_mps
             change += abs(commands[c, 0, 1] - start[4]) / widest
-            spent = weights.exposure * exposure + weights.wall * near
+            spent = weights.exposure * exposure + weights.wall * narrow
             cost[c] = reached_s + weights.dt_s * spent + weights.change * change
     return cost
 

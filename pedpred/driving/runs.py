@@ -31,7 +31,9 @@ class Places(Protocol):
     """Where episodes take place: a `Recording` or `Worlds`."""
 
     @property
-    def name(self) -> str: ...  # pragma: no cover
+    def name(self) -> str:
+        """For tables."""
+        ...  # pragma: no cover
 
     def digest(self) -> bytes:
         """Bytes that identify it."""
