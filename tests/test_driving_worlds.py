@@ -11,6 +11,7 @@ from pedpred.driving.loop import ROBOT, drive
 from pedpred.driving.worlds import KINDS, Worlds, draw_world
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
+from tests.conftest import ROOT
 
 FAR = (-500.0, -500.0, 0.0, 0.0, 0.0)
 FIRST_S = 20.1  # of the recording, from the beginning of the warm-up
@@ -99,3 +100,15 @@ def test_a_robot_that_is_shown_is_none_of_the_forecast_people(predictor, corrido
 def test_an_unknown_kind_is_refused():
     with pytest.raises(ValueRuleError, match="corridor, room, square"):
         Worlds("forest", react=True)
+
+
+def test_the_planning_example_of_the_page_brakes_for_who_crosses():
+    pieces = (ROOT / "docs/robot.md").read_text().split("```python\n")[1:]
+    (code,) = (piece.partition("```")[0] for piece in pieces if "def risk" in piece)
+    assert len(code.splitlines()) <= 60
+    names = {}
+    exec(code, names)
+    risks = {speed: names["risk"](way) for speed, way in names["ways"].items()}
+    assert all(0.0 <= found <= 1.0 for found in risks.values())
+    assert risks[1.2] > 0.1
+    assert names["speed"] < 1.2

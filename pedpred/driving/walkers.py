@@ -24,7 +24,20 @@ from pedpred.simulation.worlds.world import STEP_S
 
 
 @compiled
-def _walk_on(step, until, entered, since_s, people, inside, robots, hold, dt_s, world, state, rng):
+def _walk_on(
+    step: int,
+    until: int,
+    entered: np.ndarray,
+    since_s: np.ndarray,
+    people: np.ndarray,
+    inside: int,
+    robots: int,
+    hold: int,
+    dt_s: float,
+    world: FixedWorld,
+    state: State,
+    rng: np.random.Generator,
+) -> int:  # pragma: no cover (compiled)
     """Let people come, walk and leave, as `simulation.worlds.walking.walk` does; return how many are inside.
 
     Args:
