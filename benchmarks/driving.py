@@ -6,8 +6,8 @@ The same episodes are driven with the network's modes and with changes of what t
 * `mixed`: one more mode of weight 0.2, the Kalman filter's forecast with its covariance;
 * `new`: the Kalman filter's forecast in place of the network's while a person is known for less than 0.8 s.
 
-A second table has a row for each collision at fault: for how long the person was known, and what was forecast
-for the moment of the collision some time before it.
+A second table has a row for each collision at fault: for how long the person was known, and how likely the
+robot's place at that moment seemed to overlap the person some time before it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pedpred.driving.episodes import DriveSettings, Episode, Place, Recording
 from pedpred.driving.forecasters import METHODS, TrackedPeople
 from pedpred.driving.loop import Drive
 from pedpred.driving.measures import find_contacts, measure
-from pedpred.driving.risk import contact_m
+from pedpred.driving.risk import Steps, contact_m, expected, overlap
 from pedpred.driving.runs import Runner
 from pedpred.driving.table import Condition
 from pedpred.online import OnlinePredictor
@@ -84,28 +84,36 @@ def drives(
         yield place, episode, runner.driven(place, episode, Condition(variant, risk), keep=True)
 
 
-def causes(episode: Episode, done: Drive, radius_m: float) -> Iterator[dict[str, Any]]:
+def causes(episode: Episode, done: Drive, radius_m: float, noise_m: float) -> Iterator[dict[str, Any]]:
     """What was known and forecast of each person who was hit at the robot's fault."""
     found = find_contacts(done, radius_m)
     ids = episode.crowd().track_id
-    for time_s, column in zip(found.time_s[found.fault], found.person[found.fault], strict=True):
+    faults = (values[found.fault] for values in (found.time_s, found.person, found.speed_mps))
+    for time_s, column, speed_mps in zip(*faults, strict=True):
         at = episode.watching + round(time_s / done.dt_s)
         seen = [tick for tick in range(at) if ids[column] in done.detections[tick][0]]
         row: dict[str, Any] = {
             "episode": episode.number,
             "known, s": (at - seen[0]) * done.dt_s if seen else 0.0,
             "seen in the last 1 s, %": 100 * sum(tick >= at - 10 for tick in seen) / 10,
+            "relative, m/s": float(speed_mps),
         }
         robot = done.state[min(round(time_s / done.dt_s), len(done.state) - 1), :2]
         for lead_s in _LEADS_S:
             forecast = done.forecasts[max(at - round(lead_s / done.dt_s), 0)]
             which = np.flatnonzero(forecast.track_id == ids[column])
-            near = np.nan
+            risk = np.nan
             if len(which):
-                step = round(lead_s / forecast.dt_s) - 1
-                away = forecast.predictions.path[which[0], :, step] - robot
-                near = forecast.predictions.weight[which[0]][np.hypot(*away.T) < contact_m(radius_m)].sum()
-            row[f"weight of modes in contact, {lead_s} s before"] = near
+                people = expected(forecast, Steps(lead_s, 1), noise_m)
+                n = which[0]
+                away, spread, weight = (
+                    people.mean[n, :, 0] - robot,
+                    people.covariance[n, :, 0],
+                    people.weight[n],
+                )
+                each = zip(weight, away, spread, strict=True)
+                risk = sum(w * overlap(*d, *c, contact_m(radius_m)) for w, d, c in each)
+            row[f"probability {lead_s} s before"] = float(risk)
         yield row
 
 
@@ -125,9 +133,9 @@ def main() -> None:
     for variant in given.variant or _VARIANTS:
         figures = []
         for place, episode, done in drives(runner, range(given.episodes), given.risk, variant):
-            robot = runner.settings.robot
+            robot, noise_m = runner.settings.robot, runner.settings.sensor.noise_m
             figures.append(measure(done, episode.route_m, robot, place.walls))
-            hits += [{"variant": variant} | row for row in causes(episode, done, robot.radius_m)]
+            hits += [{"variant": variant} | row for row in causes(episode, done, robot.radius_m, noise_m)]
         row = {"variant": variant, "at fault, %": 100 * np.mean([own.faults > 0 for own in figures])}
         row["collisions, %"] = 100 * np.mean([own.contacts > 0 for own in figures])
         row["reached, %"] = 100 * np.mean([own.reached for own in figures])

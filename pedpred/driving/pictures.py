@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -42,7 +43,7 @@ def curves_figure(rows: Sequence[Row]) -> Figure:
             for values, scale, middle in ((hit, 100, share), (time_s, 1, mean_s))
         )
         up, aside = beyond
-        bars = {"elinewidth": 0.7, "capsize": 2, "marker": "o", "markersize": 4}
+        bars: dict[str, Any] = {"elinewidth": 0.7, "capsize": 2, "marker": "o", "markersize": 4}
         axes.errorbar(mean_s, share, up, aside, color=_COLOUR[method], label=method, **bars)
         for one, x, y in zip(own, mean_s, share, strict=True):
             if len(own) > 1:
