@@ -13,7 +13,6 @@ from pedpred.driving.forecasters import METHODS, NAMES, TRUTH, forecaster_of
 from pedpred.driving.loop import Drive, drive
 from pedpred.driving.measures import find_contacts, measure
 from pedpred.driving.people import RecordedPeople, Window
-from pedpred.driving.planner import PlannerSettings
 from pedpred.driving.risk import contact_m, overlap
 from pedpred.driving.robot import KINDS, Robot, advance
 from pedpred.driving.sensor import Faults, SensorSettings, visible
@@ -63,7 +62,8 @@ def episode_to(goal, window=NOBODY, start=(-4.0, 0.0), ground=None, watching=20,
 
 def driven(predictor, method, episode, choice=CALM, ground=None):
     place = empty_map() if ground is None else ground
-    return drive(episode, forecaster_of(method, predictor, place, episode.window), place, choice)
+    crowd = episode.crowd()
+    return drive(episode, crowd, forecaster_of(method, predictor, place, crowd), place, choice)
 
 
 def kind_of(name):
@@ -309,7 +309,7 @@ def test_people_are_where_they_were_recorded():
 def test_an_episode_depends_on_seed_and_number_only():
     place = Place.of(crossing_scene(), DT_S)
     drawn = [
-        draw_episode(place, number, seed, Robot(), PlannerSettings(), EpisodeSettings())
+        draw_episode(place, number, DriveSettings(seed=seed))
         for number, seed in ((3, 0), (3, 0), (4, 0), (3, 1))
     ]
     assert drawn[0].tick == drawn[1].tick
@@ -320,7 +320,7 @@ def test_an_episode_depends_on_seed_and_number_only():
 
 def test_a_place_where_nobody_can_be_met_is_refused():
     scene = crossing_scene(2.0)
+    place = Place.of(scene, DT_S)
+    far = DriveSettings(episodes=EpisodeSettings(distance_m=(50.0, 60.0)))
     with pytest.raises(ValueRuleError, match="no way of 50 to 60 m met anybody"):
-        draw_episode(
-            Place.of(scene, DT_S), 0, 0, Robot(), PlannerSettings(), EpisodeSettings(distance_m=(50.0, 60.0))
-        )
+        draw_episode(place, 0, far)

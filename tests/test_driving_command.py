@@ -45,9 +45,45 @@ def test_an_episode_is_recorded_with_the_robot(tmp_path):
     people = scene.trajectories
     robot = people.track_id == people.track_id.max()
     assert np.hypot(*np.ptp(people.position[robot], axis=0)) > 3.0
-    for wrong in (["--record", "episode.csv"], ["--record", "other.mcap", "--method", "true_future"]):
-        with pytest.raises(SystemExit, match=r"--record|--method"):
+    for wrong in (
+        ["--record", "episode.csv"],
+        ["--record", "other.mcap", "--method", "true_future"],
+        ["--curves", "curves.svg"],
+        ["--world", "corridor"],
+    ):
+        with pytest.raises(SystemExit, match=r"--record|--method|--curves|--world"):
             main(["drive", CORNER, *wrong])
+    with pytest.raises(SystemExit, match="name either a scene or --world"):
+        main(["drive"])
+
+
+def test_pictures_are_the_same_bytes_each_time(tmp_path):
+    methods = "--method", "kalman", "--method", "true_future", "--risk", "0.05", "0.3"
+    for name in ("one", "two"):
+        driven(tmp_path / "table.csv", "--episodes", "2", *methods, "--curves", str(tmp_path / f"{name}.png"))
+        main(["drive", CORNER, *methods[:-1], "--record", str(tmp_path / f"{name}_episode.png")])
+    for kind in ("", "_episode"):
+        one, two = ((tmp_path / f"{name}{kind}.png").read_bytes() for name in ("one", "two"))
+        assert one == two
+
+
+def test_worlds_are_driven_in_like_a_scene(tmp_path, capsys):
+    table = tmp_path / "worlds.csv"
+    asked = [
+        "drive",
+        "--world",
+        "square",
+        "--episodes",
+        "1",
+        "--method",
+        "true_future",
+        "--table",
+        str(table),
+    ]
+    main([*asked, "--people", "ignore"])
+    assert "square_ignore" in capsys.readouterr().out
+    with pytest.raises(SystemExit, match="another recording, map, robot"):
+        main(asked)
 
 
 def row(condition, episode, faults, time_s):

@@ -19,6 +19,8 @@ from pedpred.command.prediction import predict
 from pedpred.driving.forecasters import NAMES
 from pedpred.driving.robot import KINDS, Robot
 from pedpred.driving.sensor import SensorSettings
+from pedpred.driving.worlds import KINDS as WORLDS
+from pedpred.driving.worlds import REACTIONS
 from pedpred.errors import FileError, OutputError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.files import check_output
@@ -57,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
     _model(command, f"{_TRACKER}; or `tune`: fit it to the recording itself")
     _conditions(command)
     _measures(command)
-    command = _add(commands, drive)
+    command = _add(commands, drive, scenes="?")
     _drives(command)
     about = "Compile loops now, so that no later command and no robot waits for it."
     command = commands.add_parser("warm-up", help=about, description=about)
@@ -75,7 +77,11 @@ def check(given: argparse.Namespace) -> None:
     scenes = given.scene if isinstance(given.scene, list) else [given.scene]
     theirs = getattr(given, "forecasts", [])
     named = [getattr(given, name, None) for name in ("map", "model", "tracker")]
-    inputs = [*scenes, *(path for path in named if isinstance(path, Path)), *theirs]
+    inputs = [
+        *(path for path in scenes if path),
+        *(path for path in named if isinstance(path, Path)),
+        *theirs,
+    ]
     for path in inputs:
         if not path.exists():
             raise FileError(path, "", "there is no such file or folder", "Correct the name")
@@ -90,6 +96,8 @@ def check(given: argparse.Namespace) -> None:
     if given.action is drive:
         check_drive(given)
         _check_output(given.table, inputs)
+        if given.curves is not None:
+            _check_output(given.curves, inputs)
         if given.record is not None:
             _check_output(given.record, inputs)
             refuse_overwriting(given.record, given.force)
@@ -214,12 +222,19 @@ def _measures(command: argparse.ArgumentParser) -> None:
 
 
 def _drives(command: argparse.ArgumentParser) -> None:
+    world = "drive in simulated worlds of this kind, one for each episode, in place of a scene"
+    command.add_argument("--world", choices=WORLDS, help=world)
+    reaction = "whether simulated people respect the robot as one of them (default react)"
+    command.add_argument("--people", choices=REACTIONS, default=REACTIONS[0], help=reaction)
+    shown = "tell the forecaster where the robot is, as one more person"
+    command.add_argument("--shown", action="store_true", help=shown)
     table = "drives are kept there, and not repeated (default: NAME_drives.csv in the current folder)"
     command.add_argument("--table", type=_path, metavar="CSV", help=table)
     command.add_argument("--episodes", type=_number(int, 1, 1e6), default=100, help="number (default 100)")
     command.add_argument("--method", choices=NAMES, action="append", help="may be repeated (default: all)")
-    limit = "limit of the probability to overlap somebody; may be repeated (default 0.02, 0.1, 0.3)"
-    command.add_argument("--risk", type=_number(float, 0.0, 0.99), action="append", help=limit)
+    limit = "limits of the probability to overlap somebody, one or several (default 0.02 0.05 0.1 0.2 0.4)"
+    rate = _number(float, 0.0, 0.99)
+    command.add_argument("--risk", type=rate, action="extend", nargs="+", metavar="P", help=limit)
     seed = "of episodes and sensor (default 0)"
     command.add_argument("--seed", type=_number(int, 0, 2**63), default=0, help=seed)
     _network(command)
@@ -240,8 +255,10 @@ def _drives(command: argparse.ArgumentParser) -> None:
     command.add_argument("--missed", type=_number(float, 0.0, 0.99), default=sensor.missed, help=missed)
     processes = "worker processes (default 1)"
     command.add_argument("--processes", type=_number(int, 1, 1000), default=1, help=processes)
-    record = "write one episode of one method (default: modes) as MCAP instead"
-    command.add_argument("--record", type=_path, metavar="NAME.mcap", help=record)
+    picture = "draw collisions over the time to the goal there, a curve for each method"
+    command.add_argument("--curves", type=_path, metavar="NAME.png", help=picture)
+    record = "write one episode instead: of one method (default: modes) as MCAP, or a picture of several"
+    command.add_argument("--record", type=_path, metavar="NAME.mcap|NAME.png", help=record)
     which = "number of the episode to record (default 0)"
     command.add_argument("--episode", type=_number(int, 0, 1e6), default=0, help=which)
     command.add_argument("--force", action="store_true", help="replace an existing recording")

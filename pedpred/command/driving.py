@@ -1,27 +1,27 @@
-"""`pedpred drive`: a robot drives among the people of a scene, with several forecasters."""
+"""`pedpred drive`: a robot drives among recorded or simulated people, with several forecasters."""
 
 from __future__ import annotations
 
 import argparse
 import logging
 import sys
+import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
 from pedpred.command.conversion import layout_of, read_given
-from pedpred.driving.episodes import DriveSettings, draw_episode
-from pedpred.driving.forecasters import NAMES, TRUTH, forecaster_of
+from pedpred.driving.episodes import DriveSettings, Recording
+from pedpred.driving.forecasters import NAMES, TRUTH
 from pedpred.driving.loop import Drive
-from pedpred.driving.loop import drive as drive_episode
 from pedpred.driving.planner import PlannerSettings
 from pedpred.driving.robot import Robot
-from pedpred.driving.runs import Runner, checksum, conditions, run
+from pedpred.driving.runs import Places, Runner, checksum, conditions, run
 from pedpred.driving.sensor import SensorSettings
 from pedpred.driving.table import Condition, Episodes, Row, equal_time, read_table, summary, write_table
+from pedpred.driving.worlds import REACTIONS, Worlds
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.online.replay import as_windows
 from pedpred.online.shipped import default_model
@@ -31,25 +31,26 @@ from pedpred.scenes import Scene, Trajectories
 
 _log = logging.getLogger(__name__)
 _COLOUR = (0.84, 0.37, 0.0)
-_SAVED_EVERY = 10  # episodes
+_SAVED_EVERY_S = 10.0
+_RISKS = (0.02, 0.05, 0.1, 0.2, 0.4)
 
 
 def drive(given: argparse.Namespace) -> None:
-    """Let a robot drive among the people of a scene with several forecasters, and count collisions."""
+    """Let a robot drive among the people of a scene, or of simulated worlds, and count collisions."""
     settings = DriveSettings(
         robot=Robot(given.robot, given.radius_m, given.speed_mps),
         planner=PlannerSettings(),
         sensor=SensorSettings(given.range_m, np.deg2rad(given.view_deg), given.noise_m, given.missed),
         seed=given.seed,
+        shown=given.shown,
     )
     model = given.model or default_model()
-    scene = read_given(given)
-    methods, risks = given.method or NAMES, given.risk or [0.02, 0.1, 0.3]
-    asked = conditions(methods, risks)
+    places: Places = Recording(read_given(given)) if given.world is None else _worlds(given)
+    asked = conditions(given.method or NAMES, given.risk or _RISKS)
     if given.record is not None:
-        _record(scene, settings, model, asked[0], given)
+        _record(Runner(places, settings, model), asked, given)
         return
-    rows = _known(given.table, checksum(scene, settings, model))
+    rows = _known(given.table, checksum(places, settings, model))
     done = {(row.episode, row.condition) for row in rows}
     wanted = {
         number: missing
@@ -57,17 +58,24 @@ def drive(given: argparse.Namespace) -> None:
         if (missing := [one for one in asked if (number, one) not in done])
     }
     cycles: list[float] = []
-    drives = run(scene, settings, model, wanted, given.processes)
+    drives = run(places, settings, model, wanted, given.processes)
+    saved_s = time.monotonic()
     try:
-        for new, own_s in tqdm(drives, total=len(wanted), desc=f"drive {scene.name}", unit="episode"):
+        for new, own_s in tqdm(drives, total=len(wanted), desc=f"drive {places.name}", unit="episode"):
             rows, cycles = rows + new, cycles + own_s
-            if len(cycles) // len(asked) % _SAVED_EVERY == 0:
+            if time.monotonic() - saved_s > _SAVED_EVERY_S:
                 write_table(given.table, rows)
+                saved_s = time.monotonic()
     finally:
         write_table(given.table, rows)
     rows = [row for row in rows if row.condition in asked and row.episode < given.episodes]
     sys.stdout.write(summary(rows))
     sys.stdout.write(_compared(rows))
+    if given.curves is not None:
+        from pedpred.driving.pictures import curves_figure  # heavy, and for pictures alone
+        from pedpred.report.canvas import write_png
+
+        write_png(curves_figure(rows), given.curves)
     if cycles:
         _log.info("forecast and plan: %.1f ms a cycle (median)", 1e3 * float(np.median(cycles)))
 
@@ -97,24 +105,27 @@ def _compared(rows: Sequence[Row]) -> str:
     )
 
 
-def _record(
-    scene: Scene, settings: DriveSettings, model: Path, condition: Condition, given: argparse.Namespace
-) -> None:
-    """Write one episode as MCAP: the people, the robot as the track with the largest id, and forecasts."""
-    settings = replace(settings, planner=replace(settings.planner, risk=condition.risk))
-    runner = Runner(scene, settings, model)
-    place, predictor = runner.place, runner.predictor
-    asked = settings.robot, settings.planner, settings.episodes
-    episode = draw_episode(place, given.episode, settings.seed, *asked)
-    forecaster = forecaster_of(condition.method, predictor, place.occupancy, episode.window)
-    done = drive_episode(episode, forecaster, place.occupancy, settings, keep=True)
-    watched = episode.watching * done.dt_s
-    seen = replace(scene, trajectories=_with_robot(done, episode.window.track_id, watched))
+def _record(runner: Runner, asked: Sequence[Condition], given: argparse.Namespace) -> None:
+    """Write one episode: a picture of all conditions, or an MCAP of the first one.
+
+    The MCAP holds the people, the robot as the track with the largest id, and forecasts.
+    """
+    place, episode = runner.places.draw(given.episode, runner.settings)
+    if given.record.suffix == ".png":
+        from pedpred.driving.pictures import episode_figure  # heavy, and for pictures alone
+        from pedpred.report.canvas import write_png
+
+        drives = {one: runner.driven(place, episode, one) for one in asked}
+        write_png(episode_figure(place, episode, drives, runner.settings.robot), given.record)
+        return
+    done = runner.driven(place, episode, asked[0], keep=True)
+    watched, method = episode.watching * done.dt_s, asked[0].method
+    seen = Scene(place.name, _with_robot(done, episode.crowd().track_id, watched), place.occupancy, done.dt_s)
     forecasts = [one for one in done.forecasts if len(one) and one.time_s >= watched - 1e-6]
-    windows = as_windows(seen, forecasts, condition.method, predictor.protocol)
-    write_recording(seen, given.record, windows, {condition.method: _COLOUR}, condition.method)
+    windows = as_windows(seen, forecasts, method, runner.predictor.protocol)
+    write_recording(seen, given.record, windows, {method: _COLOUR}, method)
     write_layout(seen.occupancy, set(), layout_of(given.record))
-    _log.info("%s: episode %d, %s, in %s", scene.name, given.episode, condition.method, given.record)
+    _log.info("%s: episode %d, %s, in %s", place.name, given.episode, method, given.record)
 
 
 def _with_robot(done: Drive, track_id: np.ndarray, start_s: float) -> Trajectories:
@@ -129,18 +140,30 @@ def _with_robot(done: Drive, track_id: np.ndarray, start_s: float) -> Trajectori
     )
 
 
+def _worlds(given: argparse.Namespace) -> Worlds:
+    return Worlds(given.world, given.people == REACTIONS[0])
+
+
 def check_drive(given: argparse.Namespace) -> None:
     """Check what only `pedpred drive` needs.
 
     Raises:
-        ValueRuleError: a recording has another suffix than .mcap, or is one of the true future.
+        ValueRuleError: both a scene and a world are named, or neither; a recording has another suffix than
+            .mcap or .png, or is one of the true future; a picture is no .png.
     """
+    if (given.scene is None) == (given.world is None):
+        raise ValueRuleError("scene", str(given.scene), "name either a scene or --world")
     if given.table is None:
-        given.table = Path(f"{given.scene.stem}_drives.csv")
+        name = given.scene.stem if given.world is None else _worlds(given).name
+        given.table = Path(f"{name}_drives.csv")
+    if given.curves is not None and given.curves.suffix != ".png":
+        raise ValueRuleError("--curves", str(given.curves), "the name of a picture ends in .png")
     if given.record is None:
         return
-    if given.record.suffix != ".mcap":
-        raise ValueRuleError("--record", str(given.record), "the name of a recording ends in .mcap")
-    given.method = given.method or ["modes"]
-    if given.method[0] == TRUTH:
+    if given.record.suffix not in (".mcap", ".png"):
+        raise ValueRuleError("--record", str(given.record), "its name ends in .mcap or .png")
+    picture = given.record.suffix == ".png"
+    given.method = given.method or (["kalman", "modes", TRUTH] if picture else ["modes"])
+    given.risk = given.risk or [0.1]
+    if not picture and given.method[0] == TRUTH:
         raise ValueRuleError("--method", TRUTH, "it makes no forecasts that a recording holds")

@@ -1,1 +1,1 @@
-"""A robot that drives among recorded people, with a forecaster in the loop: does it collide less?"""
+"""A robot that drives among recorded or simulated people: does a forecaster make it collide less?"""

@@ -9,10 +9,11 @@ import numpy as np
 from scipy import ndimage
 
 from pedpred.driving.course import Course, Walls, course_to, route, value_at, walls_of
-from pedpred.driving.people import RecordedPeople, Window
+from pedpred.driving.people import Crowd, RecordedPeople, Replay, Window
 from pedpred.driving.planner import PlannerSettings
 from pedpred.driving.robot import Robot
 from pedpred.driving.sensor import Faults, SensorSettings
+from pedpred.driving.walkers import Walkers
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges
 from pedpred.scenes import OccupancyMap, Scene
@@ -44,7 +45,7 @@ class EpisodeSettings:
 
 @dataclass(frozen=True)
 class Place:
-    """A recording in which robots drive.
+    """A recording, or a simulated world, in which robots drive.
 
     Attributes:
         name: of the scene.
@@ -91,9 +92,10 @@ class Episode:
         course: to the goal.
         route_m: length of the route.
         watching: instants at which the robot stands and watches.
-        window: the people of the episode, and of some seconds after it.
+        window: the recorded people of the episode, and of some seconds after it.
         faults: of the sensor.
         ticks: instants at most, those of watching included.
+        walkers: people who react, at the first instant; None: the recorded ones.
     """
 
     number: int
@@ -106,25 +108,45 @@ class Episode:
     window: Window
     faults: Faults
     ticks: int
+    walkers: Walkers | None = None
+
+    def crowd(self) -> Crowd:
+        """The people of one drive, at its first instant."""
+        return Replay(self.window) if self.walkers is None else self.walkers.copied()
+
+    def among(self, walkers: Walkers, settings: DriveSettings, key: list[int]) -> Episode:
+        """The same episode among people who react; `key`: seeds of the sensor's faults."""
+        rng = np.random.default_rng([*key, 1])
+        return replace(self, walkers=walkers, faults=Faults.draw(self.ticks, len(walkers.track_id), rng))
 
 
 def draw_episode(
-    place: Place, number: int, seed: int, robot: Robot, planner: PlannerSettings, settings: EpisodeSettings
+    place: Place, number: int, drives: DriveSettings, tries: int = _TRIES, last_s: float = np.inf
 ) -> Episode:
     """Draw an episode from (seed, number) alone: all methods get the same one.
 
     Start and goal are places where people were, the instant is one at which somebody was there. On an
     undisturbed way the robot would come within 0.8 m of somebody.
 
+    Args:
+        place: where.
+        number: of the episode.
+        drives: robot, planner, episodes and seed.
+        tries: so many ways are tried.
+        last_s: no episode begins later, s from the start of the recording.
+
     Raises:
         ValueRuleError: no such episode is found.
     """
-    rng = np.random.default_rng([seed, number])
+    robot, planner, settings = drives.robot, drives.planner, drives.episodes
+    rng = np.random.default_rng([drives.seed, number])
     watching, dt_s = round(settings.watching_s / planner.dt_s), planner.dt_s
-    for _ in range(_TRIES):
+    low_m, high_m = settings.distance_m
+    for _ in range(tries):
         (tick, _), (_, start), (_, goal) = (place.people.anywhere(rng) for _ in range(3))
-        low_m, high_m = settings.distance_m
-        if not low_m <= np.hypot(*(goal - start)) <= high_m or not _has_room(place.walls, start, goal, robot):
+        if not low_m <= np.hypot(*(goal - start)) <= high_m or tick * dt_s > last_s:
+            continue
+        if not _has_room(place.walls, start, goal, robot):
             continue
         if _nearest_m(place.people.window(tick, watching + 10).position[watching - 1 :], start) < _CLEAR_M:
             continue
@@ -143,9 +165,7 @@ def draw_episode(
         return Episode(
             number, tick, start, heading, course, float(lengths[-1]), watching, window, faults, ticks
         )
-    rule = (
-        f"in {_TRIES} tries no way of {settings.distance_m[0]:g} to {settings.distance_m[1]:g} m met anybody"
-    )
+    rule = f"in {tries} tries no way of {low_m:g} to {high_m:g} m met anybody"
     raise ValueRuleError("scene", place.name, rule)
 
 
@@ -178,6 +198,7 @@ class DriveSettings:
         sensor: on the robot.
         episodes: which are drawn.
         seed: of all random numbers.
+        shown: whether the forecaster is told where the robot is, as one more person.
     """
 
     robot: Robot = Robot()  # noqa: RUF009
@@ -185,3 +206,25 @@ class DriveSettings:
     sensor: SensorSettings = SensorSettings()  # noqa: RUF009
     episodes: EpisodeSettings = EpisodeSettings()
     seed: int = 0
+    shown: bool = False
+
+
+class Recording:
+    """All episodes take place in one scene, among its recorded people."""
+
+    def __init__(self, scene: Scene):
+        self.name, self._scene = scene.name, scene
+        self._place: Place | None = None
+
+    def digest(self) -> bytes:
+        """Bytes that identify it."""
+        people, ground = self._scene.trajectories, self._scene.occupancy
+        arrays = people.time_s, people.track_id, people.position, ground.occupied, ground.origin
+        about = repr((self.name, ground.resolution_m)).encode()
+        return b"".join(np.ascontiguousarray(values).tobytes() for values in arrays) + about
+
+    def draw(self, number: int, settings: DriveSettings) -> tuple[Place, Episode]:
+        """Draw an episode from (seed, number) alone."""
+        if self._place is None:
+            self._place = Place.of(self._scene, settings.planner.dt_s)
+        return self._place, draw_episode(self._place, number, settings)

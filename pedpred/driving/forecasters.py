@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from pedpred.driving.people import Window
+from pedpred.driving.people import Crowd
 from pedpred.online import OnlinePredictor
 from pedpred.online.frame import Frame
 from pedpred.online.past import slots_for
@@ -98,20 +98,22 @@ class PointForecasts:
 
 
 class TrueFuture:
-    """Where everybody really goes, seen or not: no forecaster can be better. It alone is given the future."""
+    """Where everybody really goes, seen or not: no forecaster can be better. It alone is given the future.
 
-    def __init__(self, window: Window):
-        self._window = window
+    People who react to the robot go there if it keeps its velocity.
+    """
+
+    def __init__(self, crowd: Crowd):
+        self._crowd = crowd
 
     def update(self, time_s: float, track_id: np.ndarray, position: np.ndarray) -> Forecast:
         """See `Forecaster`; the detections do not matter."""
-        dt_s, everybody = self._window.dt_s, self._window.position
-        now = round(time_s / dt_s)
-        path = everybody[now : now + 1 + round(_HORIZON_S / dt_s)]
+        dt_s = self._crowd.dt_s
+        path = self._crowd.ahead(round(_HORIZON_S / dt_s))
         who = np.isfinite(path[1:, :, 0]).any(axis=0)
         ahead = path[1:, who].transpose(1, 0, 2)
         pace = np.diff(path[:, who], axis=0).transpose(1, 0, 2) / dt_s
-        return Forecast(time_s, self._window.track_id[who], pace, Predictions.single(ahead, dt_s))
+        return Forecast(time_s, self._crowd.track_id[who], pace, Predictions.single(ahead, dt_s))
 
 
 METHODS: dict[str, Callable[[OnlinePredictor], Forecaster]] = {
@@ -130,7 +132,7 @@ NAMES = (*METHODS, TRUTH)
 
 
 def forecaster_of(
-    method: str, predictor: OnlinePredictor, occupancy: OccupancyMap, window: Window
+    method: str, predictor: OnlinePredictor, occupancy: OccupancyMap, crowd: Crowd
 ) -> Forecaster:
     """Make a forecaster that has seen nobody yet.
 
@@ -138,10 +140,10 @@ def forecaster_of(
         method: one of `NAMES`.
         predictor: it is reset.
         occupancy: the walls.
-        window: the people of the episode; only `TRUTH` gets them.
+        crowd: the people of the drive; only `TRUTH` gets them.
     """
     if method == TRUTH:
-        return TrueFuture(window)
+        return TrueFuture(crowd)
     predictor.reset()
     predictor.set_map(occupancy)
     return METHODS[method](predictor)

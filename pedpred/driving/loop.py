@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pedpred.driving.episodes import DriveSettings, Episode
 from pedpred.driving.forecasters import Forecaster
+from pedpred.driving.people import Crowd
 from pedpred.driving.planner import Planner
 from pedpred.driving.robot import advance
 from pedpred.driving.sensor import visible
 from pedpred.scenes import Forecast, OccupancyMap
+
+ROBOT = -1
+"""Track id of a robot that is shown to the forecaster."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,7 @@ class Drive:
 
 def drive(
     episode: Episode,
+    crowd: Crowd,
     forecaster: Forecaster,
     occupancy: OccupancyMap,
     settings: DriveSettings,
@@ -51,36 +56,74 @@ def drive(
 
     Args:
         episode: what is to be done.
+        crowd: its people, at the first instant.
         forecaster: that has seen nobody yet; it gets detections only.
         occupancy: the walls, which hide people.
         settings: of robot, planner and sensor.
         keep: whether to keep forecasts and detections.
     """
     robot, sensor, limits = settings.robot, settings.sensor, settings.robot.limits
-    dt_s, window, goal = settings.planner.dt_s, episode.window, episode.course.goal
+    dt_s, goal = settings.planner.dt_s, episode.course.goal
     planner = Planner(robot, episode.course, settings.planner)
     state = (float(episode.start[0]), float(episode.start[1]), episode.heading_rad, 0.0, 0.0)
     states, cycles, forecasts, detections, reached = [state], [], [], [], False
+    people, there_s = [], []
     for tick in range(episode.ticks):
-        here = window.position[tick]
+        crowd.meet(state, _velocity(state, settings))
+        here = crowd.position
         seen = visible(state, here, occupancy, sensor) & (episode.faults.missed[tick] >= sensor.missed)
         detected = here[seen] + sensor.noise_m * episode.faults.noise[tick, seen]
         begun_s = time.perf_counter()
-        forecast = forecaster.update(tick * dt_s, window.track_id[seen], detected)
+        forecast = _forecast(forecaster, tick * dt_s, crowd.track_id[seen], detected, state, settings)
         if keep:
             forecasts.append(forecast)
-            detections.append((window.track_id[seen], detected))
+            detections.append((crowd.track_id[seen], detected))
         if tick < episode.watching:
+            crowd.advance()
             continue
+        people.append(here)
+        there_s.append(crowd.there_s)
         a, b = planner.command(state, forecast, max(sensor.noise_m, 0.01))
         cycles.append(time.perf_counter() - begun_s)
+        crowd.advance()
         state = advance(state, float(a), float(b), limits, dt_s)
         states.append(state)
         reached = bool(np.hypot(goal[0] - state[0], goal[1] - state[1]) < settings.planner.near_m)
         if reached:
             break
-    rows = slice(episode.watching, episode.watching + len(states))
+    people.append(crowd.position)
+    there_s.append(crowd.there_s)
     return Drive(
-        np.array(states), window.position[rows], window.there_s[rows], dt_s, reached, np.array(cycles),
+        np.array(states), np.array(people), np.array(there_s), dt_s, reached, np.array(cycles),
         tuple(forecasts), tuple(detections),
     )  # fmt: skip
+
+
+def _velocity(state: tuple[float, ...], settings: DriveSettings) -> np.ndarray:
+    """Of the robot, world frame, m/s. [2]."""
+    _, _, heading, a, b = state
+    if settings.robot.limits.holonomic:
+        return np.array([a, b])
+    return a * np.array([np.cos(heading), np.sin(heading)])
+
+
+def _forecast(
+    forecaster: Forecaster,
+    time_s: float,
+    track_id: np.ndarray,
+    position: np.ndarray,
+    state: tuple[float, ...],
+    settings: DriveSettings,
+) -> Forecast:
+    """Forecast the people; a robot that is shown is one of the detections, and none of the forecasts."""
+    if not settings.shown:
+        return forecaster.update(time_s, track_id, position)
+    track_id, position = np.append(ROBOT, track_id), np.concatenate([[state[:2]], position])
+    found = forecaster.update(time_s, track_id, position)
+    people = found.track_id != ROBOT
+    return replace(
+        found,
+        track_id=found.track_id[people],
+        velocity=found.velocity[people],
+        predictions=found.predictions.select(people),
+    )

@@ -1,8 +1,9 @@
-"""Recorded people on the clock of a robot."""
+"""People on the clock of a robot: what a drive asks of them, and recorded ones."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -51,7 +52,7 @@ class RecordedPeople:
         first = np.flatnonzero(births(trajectories.track_id[order], time_s, position, LOST_AFTER_S))
         ends = np.append(first, len(time_s))[1:]
         start_s = float(time_s.min(initial=np.inf))
-        self.dt_s, self._start_s = dt_s, start_s
+        self.dt_s, self.start_s = dt_s, start_s
         self._first_tick: list[int] = []
         self._paths: list[np.ndarray] = []
         for a, b in zip(first, ends, strict=True):
@@ -92,3 +93,68 @@ class RecordedPeople:
             ]
         there_s = (tick + np.arange(count)[:, None] - self._begin[who]) * self.dt_s
         return Window(self.dt_s, who, position, there_s)
+
+
+class Crowd(Protocol):
+    """The people of one drive, as its time goes on.
+
+    Attributes:
+        dt_s: time between two instants, s.
+        track_id: rising. [N]
+        position: where they are now, world frame, m; NaN: not there. [N, 2]
+        there_s: for how long each person has been there, s. [N]
+    """
+
+    dt_s: float
+    track_id: np.ndarray
+
+    @property
+    def position(self) -> np.ndarray:
+        """See above."""
+        ...  # pragma: no cover
+
+    @property
+    def there_s(self) -> np.ndarray:
+        """See above."""
+        ...  # pragma: no cover
+
+    def meet(self, state: tuple[float, ...], velocity: np.ndarray) -> None:
+        """Learn where the robot is, and its velocity, m/s."""
+        ...  # pragma: no cover
+
+    def advance(self) -> None:
+        """Go on to the next instant."""
+        ...  # pragma: no cover
+
+    def ahead(self, ticks: int) -> np.ndarray:
+        """Where they are now and will be, world frame, m. [1 + ticks, N, 2]."""
+        ...  # pragma: no cover
+
+
+class Replay:
+    """The people of a window, a `Crowd`: they walk as they were recorded, whatever the robot does."""
+
+    def __init__(self, window: Window):
+        self.dt_s, self.track_id = window.dt_s, window.track_id
+        self._window, self._now = window, 0
+
+    @property
+    def position(self) -> np.ndarray:
+        """See `Crowd`."""
+        return self._window.position[self._now]
+
+    @property
+    def there_s(self) -> np.ndarray:
+        """See `Crowd`."""
+        return self._window.there_s[self._now]
+
+    def meet(self, state: tuple[float, ...], velocity: np.ndarray) -> None:
+        """Do not care where the robot is."""
+
+    def advance(self) -> None:
+        """See `Crowd`."""
+        self._now += 1
+
+    def ahead(self, ticks: int) -> np.ndarray:
+        """See `Crowd`."""
+        return self._window.position[self._now : self._now + 1 + ticks]

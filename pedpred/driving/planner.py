@@ -22,7 +22,7 @@ import numpy as np
 
 from pedpred.compiled import compiled
 from pedpred.driving.course import Course, ahead_at, value_at
-from pedpred.driving.risk import Steps, contact_m, expected, risk_at
+from pedpred.driving.risk import Steps, contact_m, expected, risk_at, within_reach
 from pedpred.driving.robot import Robot, advance
 from pedpred.fields import check_ranges
 from pedpred.scenes import Forecast
@@ -76,8 +76,8 @@ class _Weights(NamedTuple):
 
 
 @compiled
-def _assess(commands, start, limits, course, people, weights):  # pragma: no cover (compiled)
-    """Risk and cost of each manoeuvre, [C] each; the risk is 2 where it touches a wall.
+def _assess(commands, start, limits, course, people, weights, limit):  # pragma: no cover (compiled)
+    """Cost of each manoeuvre; infinite where it touches a wall or its risk is above the limit. [C].
 
     Args:
         commands: of `Robot.manoeuvres`. [C, S, 2]
@@ -86,12 +86,15 @@ def _assess(commands, start, limits, course, people, weights):  # pragma: no cov
         course: to the goal.
         people: where they are expected.
         weights: of the cost, with dt and distances from the robot's middle.
+        limit: of the risk.
     """
     count, steps = commands.shape[:2]
-    risk, cost = np.zeros(count), np.zeros(count)
+    cost = np.full(count, np.inf)
+    touch_m = weights.touch_m
+    near = within_reach(people, start[0], start[1], limits.speed_mps, weights.dt_s, touch_m)
     for c in range(count):
         state = start
-        exposure, near, reached_s = 0.0, 0.0, -1.0
+        exposure, narrow, reached_s = 0.0, 0.0, -1.0
         wall = value_at(course.distance, course.origin, course.cell_m, start[0], start[1])
         for s in range(steps):
             x, y = state[0], state[1]
@@ -99,28 +102,25 @@ def _assess(commands, start, limits, course, people, weights):  # pragma: no cov
             to_x, to_y, before = state[0] - x, state[1] - y, wall
             wall = value_at(course.distance, course.origin, course.cell_m, state[0], state[1])
             if wall < weights.wall_m and wall < before - 1e-9:
-                risk[c] = 2.0
                 break
-            near += max(0.0, weights.comfortable_m - wall)
+            narrow += max(0.0, weights.comfortable_m - wall)
             if reached_s < 0.0:
                 if math.hypot(course.goal[0] - state[0], course.goal[1] - state[1]) < weights.near_m:
                     reached_s = (s + 1) * weights.dt_s
-                anybody, ahead = risk_at(s, state[0], state[1], to_x, to_y, people, weights.touch_m)
-                risk[c] = max(risk[c], ahead)
+                anybody, ahead = risk_at(s, state[0], state[1], to_x, to_y, people, near, touch_m)
+                if ahead > limit:
+                    break
                 exposure += anybody
-        if reached_s < 0.0:
-            left_m = value_at(course.to_go, course.origin, course.cell_m, state[0], state[1])
-            reached_s = steps * weights.dt_s + left_m / limits.speed_mps
-        change = abs(commands[c, 0, 0] - start[3]) / limits.speed_mps
-        change += abs(commands[c, 0, 1] - start[4]) / (
-            limits.speed_mps if limits.holonomic else limits.turn_radps
-        )
-        cost[c] = (
-            reached_s
-            + weights.dt_s * (weights.exposure * exposure + weights.wall * near)
-            + weights.change * change
-        )
-    return risk, cost
+        else:
+            if reached_s < 0.0:
+                left_m = value_at(course.to_go, course.origin, course.cell_m, state[0], state[1])
+                reached_s = steps * weights.dt_s + left_m / limits.speed_mps
+            widest = limits.speed_mps if limits.holonomic else limits.turn_radps
+            change = abs(commands[c, 0, 0] - start[3]) / limits.speed_mps
+            change += abs(commands[c, 0, 1] - start[4]) / widest
+            spent = weights.exposure * exposure + weights.wall * narrow
+            cost[c] = reached_s + weights.dt_s * spent + weights.change * change
+    return cost
 
 
 class Planner:
@@ -156,7 +156,7 @@ class Planner:
         going_on = np.append(self._under_way[1:], np.zeros((1, 2)), axis=0)
         offered = np.concatenate([offered, going_on[None]])
         people = expected(forecast, self._steps, noise_m)
-        risk, cost = _assess(offered, state, self._robot.limits, self._course, people, self._weights)
-        allowed = risk <= self._settings.risk
-        self._under_way = offered[np.argmin(np.where(allowed, cost, np.inf)) if allowed.any() else 0]
+        limits, limit = self._robot.limits, self._settings.risk
+        cost = _assess(offered, state, limits, self._course, people, self._weights, limit)
+        self._under_way = offered[np.argmin(cost)]  # the first one, to brake, if none is allowed
         return self._under_way[0]

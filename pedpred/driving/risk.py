@@ -123,7 +123,35 @@ def overlap(x, y, xx, xy, yy, radius_m):  # pragma: no cover (compiled)
 
 
 @compiled
-def risk_at(step, x, y, to_x, to_y, people, radius_m):  # pragma: no cover (compiled)
+def within_reach(people, x, y, speed_mps, dt_s, radius_m):  # pragma: no cover (compiled)
+    """Whom a robot can overlap at each step of a plan, mode by mode.
+
+    Args:
+        people: an `Expected`.
+        x: of the robot now, world frame, m.
+        y: the same.
+        speed_mps: its largest speed.
+        dt_s: time between two steps, s.
+        radius_m: R.
+
+    Returns:
+        Number of pairs of a person and a mode at each step [S], and the pairs, person by person [S, N K, 2].
+    """
+    persons, modes, steps = people.far_m.shape
+    count, pairs = np.zeros(steps, np.int64), np.empty((steps, persons * modes, 2), np.int64)
+    for n in range(persons):
+        for k in range(modes):
+            for s in range(steps):
+                d_x, d_y = people.mean[n, k, s, 0] - x, people.mean[n, k, s, 1] - y
+                reach = radius_m + people.far_m[n, k, s] + (s + 1) * dt_s * speed_mps
+                if d_x * d_x + d_y * d_y < reach * reach:
+                    pairs[s, count[s], 0], pairs[s, count[s], 1] = n, k
+                    count[s] += 1
+    return count, pairs
+
+
+@compiled
+def risk_at(step, x, y, to_x, to_y, people, near, radius_m):  # pragma: no cover (compiled)
     """Probabilities that a robot overlaps somebody at a step: anybody, and somebody whom it drives towards.
 
     Args:
@@ -133,29 +161,31 @@ def risk_at(step, x, y, to_x, to_y, people, radius_m):  # pragma: no cover (comp
         to_x: how far it has moved in this step, m.
         to_y: the same.
         people: an `Expected`.
+        near: pairs of `within_reach`.
         radius_m: R.
     """
-    free, free_ahead = 1.0, 1.0
-    moved = math.hypot(to_x, to_y)
-    for n in range(people.mean.shape[0]):
-        anyway, ahead = 0.0, 0.0
-        for k in range(people.mean.shape[1]):
-            d_x, d_y = people.mean[n, k, step, 0] - x, people.mean[n, k, step, 1] - y
-            d = math.hypot(d_x, d_y)
-            if not d < radius_m + people.far_m[n, k, step]:
-                continue
-            xx, xy, yy = people.covariance[n, k, step]
-            share = people.weight[n, k] * overlap(d_x, d_y, xx, xy, yy, radius_m)
-            anyway += share
-            b_x = people.mean[n, k, max(step - 1, 0), 0] - x + to_x  # where a runner was before this step
-            b_y = people.mean[n, k, max(step - 1, 0), 1] - y + to_y
-            now, before = d_x * to_x + d_y * to_y, b_x * to_x + b_y * to_y
-            behind = now < -0.3 * d * moved and not before > -0.3 * math.hypot(b_x, b_y) * moved
-            if moved > 1e-9 and not behind:
-                ahead += share
-        free *= 1.0 - min(anyway, 1.0)
-        free_ahead *= 1.0 - min(ahead, 1.0)
-    return 1.0 - free, 1.0 - free_ahead
+    free, free_ahead, anyway, ahead, person = 1.0, 1.0, 0.0, 0.0, -1
+    moved = math.sqrt(to_x * to_x + to_y * to_y)
+    count, pairs = near
+    for z in range(count[step]):
+        n, k = pairs[step, z, 0], pairs[step, z, 1]
+        d_x, d_y = people.mean[n, k, step, 0] - x, people.mean[n, k, step, 1] - y
+        square, reach = d_x * d_x + d_y * d_y, radius_m + people.far_m[n, k, step]
+        if not square < reach * reach:
+            continue
+        if n != person:
+            free, free_ahead = free * (1.0 - min(anyway, 1.0)), free_ahead * (1.0 - min(ahead, 1.0))
+            anyway, ahead, person = 0.0, 0.0, n
+        spread = people.covariance[n, k, step]
+        share = people.weight[n, k] * overlap(d_x, d_y, spread[0], spread[1], spread[2], radius_m)
+        anyway += share
+        b_x = people.mean[n, k, max(step - 1, 0), 0] - x + to_x  # where a runner was before this step
+        b_y = people.mean[n, k, max(step - 1, 0), 1] - y + to_y
+        now, before = d_x * to_x + d_y * to_y, b_x * to_x + b_y * to_y
+        behind = now < -0.3 * math.sqrt(square) * moved and not before > -0.3 * math.hypot(b_x, b_y) * moved
+        if moved > 1e-9 and not behind:
+            ahead += share
+    return 1.0 - free * (1.0 - min(anyway, 1.0)), 1.0 - free_ahead * (1.0 - min(ahead, 1.0))
 
 
 def contact_m(robot_m: float) -> float:

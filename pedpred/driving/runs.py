@@ -8,17 +8,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
-from pedpred.driving.episodes import DriveSettings, Place, draw_episode
+from pedpred.driving.episodes import DriveSettings, Episode, Place
 from pedpred.driving.forecasters import HARD, forecaster_of
-from pedpred.driving.loop import drive
+from pedpred.driving.loop import Drive, drive
 from pedpred.driving.measures import measure
 from pedpred.driving.table import Condition, Row
 from pedpred.files import read_bytes
 from pedpred.online import OnlinePredictor, OnlineSettings
-from pedpred.scenes import Scene
 
 
 def conditions(methods: Sequence[str], risks: Sequence[float]) -> list[Condition]:
@@ -27,13 +27,27 @@ def conditions(methods: Sequence[str], risks: Sequence[float]) -> list[Condition
     return list(dict.fromkeys(pairs))
 
 
-def checksum(scene: Scene, settings: DriveSettings, model: Path) -> str:
+class Places(Protocol):
+    """Where episodes take place: a `Recording` or `Worlds`."""
+
+    @property
+    def name(self) -> str:
+        """For tables."""
+        ...  # pragma: no cover
+
+    def digest(self) -> bytes:
+        """Bytes that identify it."""
+        ...  # pragma: no cover
+
+    def draw(self, number: int, settings: DriveSettings) -> tuple[Place, Episode]:
+        """Draw an episode, and the place where it is, from (seed, number) alone."""
+        ...  # pragma: no cover
+
+
+def checksum(places: Places, settings: DriveSettings, model: Path) -> str:
     """Identify everything that a row of the table depends on, besides its condition and episode."""
-    people, ground = scene.trajectories, scene.occupancy
     found = hashlib.sha256(repr(replace(settings, planner=replace(settings.planner, risk=0.0))).encode())
-    for values in (people.time_s, people.track_id, people.position, ground.occupied, ground.origin):
-        found.update(np.ascontiguousarray(values).tobytes())
-    found.update(repr((scene.name, ground.resolution_m)).encode())
+    found.update(places.digest())
     files = [*model.iterdir(), *Path(__file__).parent.glob("*.py")]
     for path in sorted(path for path in files if path.is_file()):
         found.update(read_bytes(path))
@@ -41,18 +55,18 @@ def checksum(scene: Scene, settings: DriveSettings, model: Path) -> str:
 
 
 class Runner:
-    """Drives episodes at one place."""
+    """Drives episodes."""
 
-    def __init__(self, scene: Scene, settings: DriveSettings, model: Path):
-        """Prepare the place.
+    def __init__(self, places: Places, settings: DriveSettings, model: Path):
+        """Load the network.
 
         Args:
-            scene: whose people walk there.
+            places: where.
             settings: of all drives; each condition replaces the limit of risk.
             model: folder of the network.
         """
-        self.settings, self._sum = settings, checksum(scene, settings, model)
-        self.place = Place.of(scene, settings.planner.dt_s)
+        self.settings, self.places = settings, places
+        self._sum = checksum(places, settings, model)
         online = OnlineSettings(detection_noise_m=settings.sensor.noise_m)
         self.predictor = OnlinePredictor.load(model, online)
 
@@ -62,24 +76,28 @@ class Runner:
         Returns:
             A row of each; median time of a cycle of each, s.
         """
-        own, place = self.settings, self.place
-        episode = draw_episode(place, number, own.seed, own.robot, own.planner, own.episodes)
-        rows, cycles = [], []
+        place, episode = self.places.draw(number, self.settings)
+        rows, cycles, own = [], [], self.settings
         for condition in wanted:
-            settings = replace(own, planner=replace(own.planner, risk=condition.risk))
-            forecaster = forecaster_of(condition.method, self.predictor, place.occupancy, episode.window)
-            done = drive(episode, forecaster, place.occupancy, settings)
+            done = self.driven(place, episode, condition)
             found = measure(done, episode.route_m, own.robot, place.walls)
-            rows.append(Row(place.name, own.robot.kind, condition, number, self._sum, found))
+            rows.append(Row(self.places.name, own.robot.kind, condition, number, self._sum, found))
             cycles.append(float(np.median(done.cycle_s)))
         return rows, cycles
+
+    def driven(self, place: Place, episode: Episode, condition: Condition, keep: bool = False) -> Drive:
+        """Drive one episode under one condition; `keep`: with its forecasts and detections."""
+        settings = replace(self.settings, planner=replace(self.settings.planner, risk=condition.risk))
+        crowd = episode.crowd()
+        forecaster = forecaster_of(condition.method, self.predictor, place.occupancy, crowd)
+        return drive(episode, crowd, forecaster, place.occupancy, settings, keep)
 
 
 _runner: list[Runner] = []  # of a worker process
 
 
-def _prepare(scene: Scene, settings: DriveSettings, model: Path) -> None:
-    _runner[:] = [Runner(scene, settings, model)]
+def _prepare(places: Places, settings: DriveSettings, model: Path) -> None:
+    _runner[:] = [Runner(places, settings, model)]
 
 
 def _work(job: tuple[int, Sequence[Condition]]) -> tuple[list[Row], list[float]]:
@@ -87,7 +105,7 @@ def _work(job: tuple[int, Sequence[Condition]]) -> tuple[list[Row], list[float]]
 
 
 def run(
-    scene: Scene,
+    places: Places,
     settings: DriveSettings,
     model: Path,
     wanted: Mapping[int, Sequence[Condition]],
@@ -96,18 +114,18 @@ def run(
     """Drive episodes and yield what `Runner.rows` returns, in their order, whatever the number of processes.
 
     Args:
-        scene: whose people walk there.
+        places: where.
         settings: of all drives.
         model: folder of the network.
         wanted: number of an episode -> conditions.
         processes: workers.
     """
     if processes == 1 or len(wanted) < 2:
-        runner = Runner(scene, settings, model)
+        runner = Runner(places, settings, model)
         yield from (runner.rows(*job) for job in wanted.items())
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, context, _prepare, (scene, settings, model)) as workers:
+    with ProcessPoolExecutor(processes, context, _prepare, (places, settings, model)) as workers:
         try:
             yield from workers.map(_work, wanted.items())
         finally:
