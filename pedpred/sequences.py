@@ -14,7 +14,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable, extract_blocks
-from pedpred.fields import check_choice
+from pedpred.fields import check_choice, check_mapping
 from pedpred.simulation.worlds.sensing import SensingSettings, sense_world
 from pedpred.simulation.worlds.settings import WorldSettings
 from pedpred.simulation.worlds.views import draw_view
@@ -36,11 +36,14 @@ class SequenceSets:
     train: str
 
     def __post_init__(self) -> None:
+        check_mapping("worlds", self.worlds)
         for kind, count in self.worlds.items():
             check_choice("worlds", kind, DRAWN_KINDS)
             if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 1_000_000:
                 raise ValueRuleError(f"worlds.{kind}", count, "it must be a whole number in [1, 1000000]")
-        if not (self.train.startswith("[simulated/") and self.train.endswith("]")):
+        if not (
+            isinstance(self.train, str) and self.train.startswith("[simulated/") and self.train[-1] == "]"
+        ):
             raise ValueRuleError("train", self.train, "it must be a list such as [simulated/main]")
 
 

@@ -11,7 +11,7 @@ from tools.staleness import family, pipeline, stale
 
 pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
 LSTM = {"pretrain_autoencoder", "encode_simulated", "encode_real", "train_corridor", "train_main", "finetune"}
-LSTM |= {"features_simulated", "features_real", "evaluate_main", "evaluate_fold"}
+LSTM |= {"features_simulated", "features_real", "sequences", "evaluate_main", "evaluate_fold"}
 MIXTURE = {
     "situations_simulated",
     "situations_real",
