@@ -67,6 +67,16 @@ def test_pictures_are_the_same_bytes_each_time(tmp_path):
         assert one == two
 
 
+def test_without_matplotlib_a_picture_is_refused_before_work_begins(tmp_path, monkeypatch):
+    from pedpred.command import driving
+
+    monkeypatch.setattr(driving, "find_spec", lambda name: None)
+    arguments = [str(ROOT / "examples/corner"), "--table", str(tmp_path / "drives.csv"), "--episodes", "1"]
+    with pytest.raises(SystemExit, match=r"pip install matplotlib"):
+        main(["drive", *arguments, "--curves", str(tmp_path / "curves.png")])
+    assert not list(tmp_path.iterdir())
+
+
 def test_worlds_are_driven_in_like_a_scene(tmp_path, capsys):
     table = tmp_path / "worlds.csv"
     asked = [

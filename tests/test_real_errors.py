@@ -54,6 +54,8 @@ def raw_rows(folder, settings):
     if "recording" not in settings:
         return np.loadtxt(folder / "obsmat.txt")[:, [1, 0, 2, 4]], settings["frame_rate_hz"]
     path = folder / f"{settings['recording']}.txt"
+    if "frame_rate_hz" in settings:
+        return np.loadtxt(path)[:, [1, 0, 2, 3]], settings["frame_rate_hz"]
     (rate_hz,) = [float(line.split(":")[1]) for line in path.read_text().splitlines() if "framerate" in line]
     return np.loadtxt(path)[:, :4], rate_hz
 

@@ -7,6 +7,7 @@ import logging
 import sys
 import time
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from pedpred.driving.runs import Places, Runner, checksum, conditions, run
 from pedpred.driving.sensor import SensorSettings
 from pedpred.driving.table import Condition, Episodes, Row, equal_time, read_table, summary, write_table
 from pedpred.driving.worlds import REACTIONS, Worlds
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import OutputError, StorageError, ValueRuleError
 from pedpred.online.replay import as_windows
 from pedpred.online.shipped import default_model
 from pedpred.ros import write_recording
@@ -150,6 +151,7 @@ def check_drive(given: argparse.Namespace) -> None:
     Raises:
         ValueRuleError: both a scene and a world are named, or neither; a recording has another suffix than
             .mcap or .png, or is one of the true future; a picture is no .png.
+        OutputError: a picture is asked for, but matplotlib is not installed.
     """
     if (given.scene is None) == (given.world is None):
         raise ValueRuleError("scene", str(given.scene), "name either a scene or --world")
@@ -158,6 +160,9 @@ def check_drive(given: argparse.Namespace) -> None:
         given.table = Path(f"{name}_drives.csv")
     if given.curves is not None and given.curves.suffix != ".png":
         raise ValueRuleError("--curves", str(given.curves), "the name of a picture ends in .png")
+    pictures = [path for path in (given.curves, given.record) if path is not None and path.suffix == ".png"]
+    if pictures and find_spec("matplotlib") is None:
+        raise OutputError(pictures[0], "pictures need matplotlib", "Install it: pip install matplotlib")
     if given.record is None:
         return
     if given.record.suffix not in (".mcap", ".png"):
