@@ -50,7 +50,7 @@ def test_frames_become_seconds_and_the_map_is_free(tmp_path):
         ([*ROWS, "20 1 2.5"], "line 4: 3 columns, expected 4: frame id x y"),
         ([*ROWS, "20 1 nan 3"], "line 4: x = 'nan', but it must be finite"),
         ([*ROWS, "20.5 1 2 3"], "line 4: frame = 20.5, but it must be a whole number"),
-        ([*ROWS, "20 1 1e5 3000"], "people are in an area of"),
+        ([*ROWS, "20 1 1e5 3000"], "it may have at most 4000000 cells"),
     ],
 )
 def test_a_wrong_row_is_named(tmp_path, rows, message):

@@ -18,36 +18,24 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import SourceError
-from pedpred.fields import check_ranges, parsed
+from pedpred.fields import parsed
 from pedpred.files import translate_errors
-from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.scenes import Scene, Trajectories
+from pedpred.sources.ewap import EwapSettings, free_ground
 from pedpred.storage.text import check_unique, read_numbers, text_rows
 
 COLUMNS = ("frame", "id", "x", "y")
-_MOST_CELLS = 4_000_000
 
 
 @dataclass(frozen=True)
-class EthUcySettings:
+class EthUcySettings(EwapSettings):
     """What the files do not say.
 
     Attributes:
         recording: name of the file.
-        frame_rate_hz: of the video.
-        annotation_frames: frames between two annotations.
-        resolution_m: side of a cell of the map.
-        margin_m: free ground kept around all annotations.
     """
 
     recording: str
-    frame_rate_hz: float
-    annotation_frames: int
-    resolution_m: float
-    margin_m: float
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"frame_rate_hz": "[0.001, 1e6]", "annotation_frames": "[1, 1000000]"})
-        check_ranges(self, {"resolution_m": "[0.001, 100]", "margin_m": "[0, 1000]"})
 
 
 def read_text(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
@@ -71,14 +59,5 @@ def read_text(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
     position = np.stack([columns["x"], columns["y"]], axis=-1)
     with translate_errors(partial(SourceError, path, None)):
         trajectories = Trajectories(columns["frame"] / how.frame_rate_hz, columns["id"], position)
-    ground = _free_ground(path, position, how.resolution_m, how.margin_m)
+        ground = free_ground(position, how.resolution_m, how.margin_m)
     return Scene(name, trajectories, ground, how.annotation_frames / how.frame_rate_hz)
-
-
-def _free_ground(path: Path, position: np.ndarray, resolution_m: float, margin_m: float) -> OccupancyMap:
-    first = np.floor((position.min(axis=0) - margin_m) / resolution_m)
-    shape = np.ceil((position.max(axis=0) + margin_m) / resolution_m) - first
-    if not shape.prod() <= _MOST_CELLS:
-        size = (shape * resolution_m).round(1).tolist()
-        raise SourceError(path, None, f"people are in an area of {size} m, more than {_MOST_CELLS} cells")
-    return OccupancyMap(np.zeros(shape.astype(int), dtype=bool), first * resolution_m, resolution_m)

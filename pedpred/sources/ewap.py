@@ -175,6 +175,26 @@ def _check_in_picture(
         raise SourceError(folder / "obsmat.txt", int(rows.line[row]), problem)
 
 
+def free_ground(points: np.ndarray, resolution_m: float, margin_m: float) -> OccupancyMap:
+    """Make a map without obstacles around some points; its origin is a multiple of the resolution.
+
+    Args:
+        points: world frame, m. [M, 2]
+        resolution_m: side of a cell, m.
+        margin_m: ground kept around all points, m.
+
+    Raises:
+        ValueRuleError: the map would be absurdly large.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):  # what is infinitely far is refused below
+        first = np.floor((points.min(axis=0) - margin_m) / resolution_m)
+        shape = np.ceil((points.max(axis=0) + margin_m) / resolution_m) - first
+        cells, size = shape.prod(), (shape * resolution_m).round(1).tolist()
+    if not cells <= _MOST_CELLS:
+        raise ValueRuleError("map size [m]", size, f"it may have at most {_MOST_CELLS} cells")
+    return OccupancyMap(np.zeros(shape.astype(int), dtype=bool), first * resolution_m, resolution_m)
+
+
 def occupancy_from_image(
     blocked: np.ndarray, homography: Homography, points: np.ndarray, resolution_m: float, margin_m: float
 ) -> OccupancyMap:
@@ -194,13 +214,7 @@ def occupancy_from_image(
         ValueRuleError: the map would be absurdly large.
     """
     covered = np.concatenate([points, homography.to_world(np.argwhere(blocked))])
-    with np.errstate(invalid="ignore", over="ignore"):  # what is infinitely far is refused below
-        first = np.floor((covered.min(axis=0) - margin_m) / resolution_m)
-        shape = np.ceil((covered.max(axis=0) + margin_m) / resolution_m) - first
-        cells, size = shape.prod(), (shape * resolution_m).round(1).tolist()
-    if not cells <= _MOST_CELLS:
-        raise ValueRuleError("map size [m]", size, f"it may have at most {_MOST_CELLS} cells")
-    occupancy = OccupancyMap(np.zeros(shape.astype(int), dtype=bool), first * resolution_m, resolution_m)
+    occupancy = free_ground(covered, resolution_m, margin_m)
     centers = occupancy.center_of(np.moveaxis(np.indices(occupancy.occupied.shape), 0, -1))
     pixels = np.rint(homography.to_image(centers))
     inside = ((pixels >= 0) & (pixels < blocked.shape)).all(axis=-1)
