@@ -8,8 +8,10 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, summarise_methods
 from pedpred.evaluation.literature import ask_about_stretches, find_stretches, score_stretches
 from pedpred.scenes import Scene, Trajectories
+from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanSettings
-from tests.worlds import empty_map, recorded
+from tests.conftest import raw_folder
+from tests.worlds import PLACES, empty_map, recorded
 
 SETTINGS = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initial_speed_mps=1.0)
 
@@ -80,15 +82,21 @@ def test_forecasts_see_the_window_alone():
         np.testing.assert_allclose(paths(whole, method)[11], paths(part, method)[0], atol=1e-9)
 
 
-@pytest.mark.parametrize(("place", "ade_m", "fde_m"), [("eth", 0.678, 1.344), ("hotel", 0.344, 0.657)])
-def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_m, fde_m):
-    trajectories = recorded(ewap_folder, place).trajectories
+def last_step_errors(track_id, position):
+    """Errors of constant velocity in all windows, m; rows rise in time, tracks have no holes. [W, 12]."""
     errors = []
-    for track in np.unique(trajectories.track_id):
-        path = trajectories.position[trajectories.track_id == track]  # in time's order, and without holes
+    for track in np.unique(track_id):
+        path = position[track_id == track]
         for k in range(len(path) - 19):
             going = path[k + 7] + np.outer(np.arange(1, 13), path[k + 7] - path[k + 6])
             errors.append(np.hypot(*(going - path[k + 8 : k + 20]).T))
+    return errors
+
+
+@pytest.mark.parametrize(("place", "ade_m", "fde_m"), [("eth", 0.678, 1.344), ("hotel", 0.344, 0.657)])
+def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_m, fde_m):
+    trajectories = recorded(ewap_folder, place).trajectories
+    errors = last_step_errors(trajectories.track_id, trajectories.position)
     found = find_stretches(trajectories, 8, 12, 0.4)
     figures, tracked = (measured(found)[method] for method in ("cv", "kalman_cv"))
     assert figures["windows"] == len(errors)
@@ -96,3 +104,26 @@ def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_
     assert figures["fde_m"] == pytest.approx(np.mean(errors, axis=0)[-1], abs=1e-5)
     assert figures["fde_m"] == pytest.approx(fde_m, abs=5e-4)
     assert tracked["ade_m"] < figures["ade_m"]
+
+
+@pytest.mark.parametrize(
+    ("recordings", "windows", "ade_m", "fde_m"),
+    [
+        (["zara01"], 2356, 0.427, 0.952),
+        (["zara02"], 5910, 0.324, 0.724),
+        (["students001", "students003"], 24334, 0.524, 1.165),  # "univ"
+    ],
+)
+def test_windows_and_constant_velocity_of_ucy_are_those_of_the_field(recordings, windows, ade_m, fde_m):
+    folder, raw, ours = raw_folder("eth_ucy"), [], []
+    for place in recordings:
+        frame, track, *position = np.loadtxt(folder / f"{PLACES[place]['settings']['recording']}.txt").T
+        order = np.argsort(frame, kind="stable")
+        raw += last_step_errors(track[order], np.stack(position, axis=1)[order])
+        scene = read_text(folder, place, PLACES[place]["settings"])
+        found = find_stretches(scene.trajectories, 8, 12, 0.4)
+        ours.append(np.linalg.norm(paths(found, "cv") - found.truth, axis=-1))
+    errors = np.concatenate(ours)
+    assert len(errors) == len(raw) == windows
+    np.testing.assert_allclose([errors.mean(), errors[:, -1].mean()], [ade_m, fde_m], atol=5e-4)
+    np.testing.assert_allclose(errors.mean(axis=0), np.mean(raw, axis=0), atol=1e-6)

@@ -183,9 +183,10 @@ def literature_section(
         rows.append(Row([Cell(row["name"]), *cells, Cell(row["remark"])]))
     text = (
         "Most publications see 8 annotations, 0.4 s apart, and forecast the next 12. Here are the simple "
-        "methods on the native annotations, full windows only. The networks are not in the table: they "
-        "forecast another horizon in other steps. Published rows are quoted from others and were trained on "
-        "the other scenes; people who are not seen for all 20 annotations are left out here."
+        "methods on the native annotations, full windows only; the scene that the literature calls univ is "
+        "students001 and students003 together. The networks are not in the table: they forecast another "
+        "horizon in other steps. Published rows are quoted from others and were trained on the other scenes; "
+        "people who are not seen for all 20 annotations are left out here."
     )
     table = Table(["method", *columns, "remark"], rows)
     return [Section("Beside the literature", [Text(text), table], "literature")]
