@@ -70,9 +70,15 @@ def _code(code: CodeType, documentation: str | None = None) -> tuple[Any, ...]:
     if documentation is not None and consts[:1] == [documentation]:
         consts[0] = ""
     return (
-        *(code.co_code, code.co_exceptiontable, code.co_flags, code.co_argcount, code.co_kwonlyargcount),
+        *(
+            code.co_code,
+            getattr(code, "co_exceptiontable", b""),
+            code.co_flags,
+            code.co_argcount,
+            code.co_kwonlyargcount,
+        ),
         *(code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars),
-        [_value(const, code.co_qualname) for const in consts],
+        [_value(const, code.co_name) for const in consts],
     )
 
 

@@ -6,20 +6,16 @@ the same people; here every step of every track is kept, since a memory reads al
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-
-import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable, extract_blocks
 from pedpred.fields import check_choice, check_mapping
-from pedpred.simulation.worlds.sensing import SensingSettings, sense_world
+from pedpred.simulation.worlds.sensing import SensingSettings
 from pedpred.simulation.worlds.settings import WorldSettings
-from pedpred.simulation.worlds.views import draw_view
 from pedpred.simulation.worlds.world import DRAWN_KINDS, simulate_world
-from pedpred.situations import Recipe, draw_tracker
+from pedpred.situations import Recipe, watch_scene
 from pedpred.tracking import follow
 
 
@@ -59,11 +55,7 @@ def collect_world_steps(
         sensing: ranges of the sensor.
         recipe: protocol, inputs and trackers.
     """
-    scene = simulate_world(kind, number, worlds)
-    rng = np.random.default_rng([recipe.rows.seed, zlib.crc32(scene.name.encode())])
-    view = draw_view(scene.occupancy, sensing.views[kind], rng)
-    seen, heads = sense_world(scene, view, sensing, rng)
-    kalman, protocol = draw_tracker(recipe.rows, rng), recipe.made_with.protocol
-    tracks = follow(seen.trajectories, "kalman", kalman, recipe.standstill_mps, protocol.lost_after_s)
-    features = recipe.made_with.features
-    return extract_blocks(seen, tracks, protocol, features, truth=heads.trajectories)
+    watched = watch_scene(simulate_world(kind, number, worlds), kind, sensing, recipe)
+    (seen, heads), protocol = watched.sensed, recipe.made_with.protocol
+    tracks = follow(seen.trajectories, "kalman", watched.kalman, recipe.standstill_mps, protocol.lost_after_s)
+    return extract_blocks(seen, tracks, protocol, recipe.made_with.features, truth=heads.trajectories)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -18,7 +19,7 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor, frames_between
 from pedpred.simulation.worlds.drawing import check_intervals, log_uniform, uniform
 from pedpred.simulation.worlds.floors import Area
-from pedpred.simulation.worlds.sensing import SensingSettings, sense_world
+from pedpred.simulation.worlds.sensing import SensedWorld, SensingSettings, sense_world
 from pedpred.simulation.worlds.settings import WorldSettings
 from pedpred.simulation.worlds.views import draw_view
 from pedpred.simulation.worlds.world import KINDS, RECORD_S, simulate_world
@@ -199,6 +200,37 @@ class ViewingSettings:
         check_intervals(self, {"[0, 100]": "thinned_noise_m noise_m"})
 
 
+class WatchedScene(NamedTuple):
+    """A simulated scene as one robot sees it.
+
+    Attributes:
+        view: what the sensor sees of the ground.
+        sensed: detections, and the true heads of the people.
+        kalman: filters of the tracker.
+        rng: source of all further randomness.
+    """
+
+    view: Area
+    sensed: SensedWorld
+    kalman: KalmanBank
+    rng: np.random.Generator
+
+
+def watch_scene(scene: Scene, kind: str, sensing: SensingSettings, recipe: Recipe) -> WatchedScene:
+    """Draw a view, a sensor and a tracker from the seed of the rows and the name of a scene alone.
+
+    Args:
+        scene: true positions and velocities at equal steps.
+        kind: of world; it decides where sensors stand.
+        sensing: ranges of the sensor.
+        recipe: seed, and ranges of the tracker.
+    """
+    rng = np.random.default_rng([recipe.rows.seed, zlib.crc32(scene.name.encode())])
+    view = draw_view(scene.occupancy, sensing.views[kind], rng)
+    sensed = sense_world(refine(scene, RECORD_S), view, sensing, rng)
+    return WatchedScene(view, sensed, draw_tracker(recipe.rows, rng), rng)
+
+
 def collect_world_rows(
     number: int, chosen: SimulatedSet, worlds: WorldSettings, sensing: SensingSettings, recipe: Recipe
 ) -> Rows:
@@ -215,14 +247,12 @@ def collect_scene_rows(scene: Scene, chosen: SimulatedSet, sensing: SensingSetti
         sensing: ranges of the sensor.
         recipe: protocol, inputs and variation of the rows.
     """
-    rng = np.random.default_rng([recipe.rows.seed, zlib.crc32(scene.name.encode())])
-    view = draw_view(scene.occupancy, sensing.views[chosen.kind], rng)
-    seen, heads = sense_world(refine(scene, RECORD_S), view, sensing, rng)
-    kalman = draw_tracker(recipe.rows, rng)
-    rows = training_rows(seen, heads.trajectories, kalman, chosen.rows, recipe, rng)
+    watched = watch_scene(scene, chosen.kind, sensing, recipe)
+    (seen, heads), rng = watched.sensed, watched.rng
+    rows = training_rows(seen, heads.trajectories, watched.kalman, chosen.rows, recipe, rng)
     if rng.random() >= chosen.true_share:
         return rows
-    states = select_true_states(scene, view, recipe.made_with.protocol.dt_s)
+    states = select_true_states(scene, watched.view, recipe.made_with.protocol.dt_s)
     exact = training_rows(states, scene.trajectories, None, chosen.true_rows, recipe, rng)
     return {name: np.concatenate([rows[name], exact[name]]) for name in rows}
 

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from pedpred.driving.episodes import DriveSettings
 from pedpred.driving.forecasters import METHODS, TRUTH, forecaster_of
 from pedpred.driving.loop import ROBOT, drive
-from pedpred.driving.worlds import KINDS, Worlds, draw_world
+from pedpred.driving.worlds import CHANGES, KINDS, TRAINED_ON, Worlds, draw_world, ranges
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
 from tests.conftest import ROOT
@@ -40,6 +41,18 @@ def test_people_far_from_the_robot_walk_as_if_it_were_not_there(kind):
         np.testing.assert_array_equal(there, people.position[rows])
         assert np.isfinite(walkers.position[:, 0]).sum() == rows.sum()
         walkers.advance()
+
+
+def test_the_ranges_say_only_what_differs_from_those_of_training():
+    def differs(usual, changes):
+        if isinstance(changes, dict):
+            assert all(differs(usual[name], value) for name, value in changes.items())
+        return usual != changes
+
+    usual, changes = (yaml.safe_load(path.read_text()) for path in (TRAINED_ON[1], CHANGES))
+    assert differs(usual, changes)
+    assert ranges().square.side_m == tuple(changes["square"]["side_m"])
+    assert ranges().square.posts == tuple(usual["square"]["posts"])
 
 
 def test_people_go_around_a_robot_that_stands_in_their_way():

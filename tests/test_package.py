@@ -23,6 +23,7 @@ for k in range(10):
     forecast = predictor.update(k / 10, [4, 7], [[0.13 * k, 0.0], [4.0 - 0.12 * k, 0.2]])
 assert forecast.position.shape == (2, 10, 2)
 """
+RANGES = "from pedpred.driving.worlds import TRAINED_ON, ranges; assert TRAINED_ON[0].exists() and ranges()"
 
 
 def run(*command, cwd):
@@ -40,6 +41,7 @@ def test_a_wheel_forecasts_in_an_empty_environment(tmp_path):
     options = ("--quiet", "--no-compile", "--constraint", ROOT / "constraints.txt")
     run(empty / "bin" / "python", "-m", "pip", "install", *options, wheel, cwd=tmp_path)
     run(empty / "bin" / "python", "-I", "-c", TEN_LINES, ROOT, cwd=tmp_path)
+    run(empty / "bin" / "python", "-I", "-c", RANGES, cwd=tmp_path)
     run(empty / "bin" / "pedpred", "predict", ROOT / "examples" / "crossing" / "tracks.csv", cwd=tmp_path)
     assert (tmp_path / "tracks_forecasts.mcap").read_bytes().startswith(b"\x89MCAP")
 

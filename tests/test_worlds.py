@@ -27,7 +27,7 @@ from pedpred.simulation.worlds.journeys import form_groups, single
 from pedpred.simulation.worlds.models import draw_model
 from pedpred.simulation.worlds.people import draw_traits
 from pedpred.simulation.worlds.views import draw_view
-from pedpred.simulation.worlds.walking import SPEED_CAP
+from pedpred.simulation.worlds.walking import SPEED_CAP, FixedWorld
 from pedpred.simulation.worlds.world import draw_routes, record_walking
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.scenes import assert_same
@@ -197,7 +197,8 @@ def one_way(per_s, collision_free, groups=0.0, standing_s=0.0, seconds=40.0):
     people = replace(people, paces={"usual": 1.0, "slow": 0.0, "fast": 0.0})
     traits = draw_traits(journeys.group, people, collision_free, True, False, rng)
     ground, routes = draw_routes(free, np.array([[28.0, 1.5]]), WORLDS.guidance, rng)
-    return record_walking(journeys, traits, calm(collision_free), ground, routes, (0.0, seconds), rng)
+    world = FixedWorld(journeys, traits, calm(collision_free), ground, routes)
+    return record_walking(world, 0.0, seconds, rng)
 
 
 @pytest.mark.parametrize("collision_free", [False, True])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor, nn
@@ -33,7 +33,7 @@ class NetworkSettings(Protocol):
     """Frozen settings of an architecture."""
 
     @classmethod
-    def parse(cls, plain: Mapping[str, Any]) -> Self:
+    def parse(cls, plain: Mapping[str, Any]) -> NetworkSettings:
         """Build from plain dictionaries (configuration or a checkpoint)."""
 
     def plain(self) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import shutil
 import tarfile
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
-from typing import IO, Self, cast
+from typing import IO, cast
 
 from tqdm import tqdm
 
@@ -43,7 +43,7 @@ class _Member(tarfile.TarInfo):
     """A member whose further header, which is read into memory, has a bound."""
 
     @classmethod
-    def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> Self:
+    def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> _Member:
         """Read a header block.
 
         Raises:

@@ -18,13 +18,13 @@ from pedpred.scenes import Trajectories
 from pedpred.sources.archive_table import COLUMNS
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometry_wkt import parse_wkt
+from pedpred.sources.rates import agreed_rate
 from pedpred.sources.walls import Walls
 from pedpred.storage.tables import TableOptions
 from pedpred.storage.text import MOST_NUMBERS
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 _LONGEST_S = 120.0
-_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
 _LARGEST_WHOLE = 2**53
 
 
@@ -52,18 +52,12 @@ def read(path: Path, options: TableOptions) -> Trajectories:
             raise SourceError(path, None, problem)
     if not len(whole["id"]):
         raise SourceError(path, None, "no detections, trajectory is empty")
-    said = float(about["fps"]) if about["fps"] else options.rate_hz
-    if said is None:
-        raise SourceError(path, None, "trajectory has no fps", "Say how many frames a second has: --rate")
-    if options.rate_hz not in (None, said):
-        problem = f"fps = {said:g}, but --rate says {options.rate_hz:g}"
-        raise SourceError(path, None, problem, "Leave --rate out")
-    if not _SLOWEST_HZ <= said <= _FASTEST_HZ:
-        raise SourceError(path, None, f"fps = {said:g} is no rate")
+    said = float(about["fps"]) if about["fps"] else None
+    rate_hz = agreed_rate(path, said, options, "trajectory has no fps")
     frame, track_id = (whole[name].astype(np.int64) for name in ("frame", "id"))
     position = np.stack([columns[name].astype(np.float64) for name in ("x", "y")], axis=1)
     with translate_errors(partial(SourceError, path, None)):
-        return Trajectories(frame / said, track_id, position)
+        return Trajectories(frame / rate_hz, track_id, position)
 
 
 def read_walls(path: Path) -> Walls | None:

@@ -16,11 +16,11 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.rates import check_rate
 from pedpred.storage.tables import TableOptions
 from pedpred.storage.text import Row, check_unique, check_width, number, read_numbers, text_lines
 
 _WANTED = {"trackId": "track_id", "frame": "frame", "xCenter": "x_m", "yCenter": "y_m"}
-_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
 
 
 def fits(begins: Beginning) -> bool:
@@ -58,10 +58,8 @@ def read(path: Path, options: TableOptions) -> Trajectories:
 def _rate_hz(path: Path) -> float:
     titles, rows = _opened(path, ("frameRate",))
     line, fields = next(rows, (1, [""] * len(titles)))
-    rate_hz = number(path, line, "frameRate", fields[titles.index("frameRate")])
-    if not _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
-        raise SourceError(path, line, f"frameRate = {rate_hz:g} is no rate")
-    return rate_hz
+    said = number(path, line, "frameRate", fields[titles.index("frameRate")])
+    return check_rate(path, line, "frameRate", said)
 
 
 def _opened(path: Path, needed: Sequence[str]) -> tuple[Sequence[str], Iterator[Row]]:

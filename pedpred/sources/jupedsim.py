@@ -29,14 +29,13 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.sources.geometry_xml import read_xml
 from pedpred.sources.plausibility import ids_come_first
 from pedpred.sources.walls import occupancy_of
-from pedpred.storage.tables import UNITS
+from pedpred.storage.tables import FASTEST_HZ, SLOWEST_HZ, UNITS
 from pedpred.storage.text import Row, check_unique, read_numbers, text_rows
 
 _log = logging.getLogger(__name__)
 COLUMNS = ("id", "frame", "x", "y")
 _NAMES = ("track_id", "frame", "x_m", "y_m")
 _MOST_COMMENTS = 1000
-_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
 _RATE = re.compile(r"(?:frame[ _-]?rate|fps)\W*(\d+(?:\.\d+)?)", re.IGNORECASE)
 _UNIT = re.compile(r"(?:\b[xy]\s*[/\[(_]\s*|\bin )(c|centi|m|milli)?(?:m|met(?:er|re)s?)\b", re.IGNORECASE)
 
@@ -65,7 +64,7 @@ class LaboratorySettings:
         check_ranges(self, {"resolution_m": "[0.001, 100]", "thickness_m": "(0, 1000]"})
         check_ranges(self, {"open_end_m": "[0, 1000]"})
         if self.frame_rate_hz is not None:
-            check_ranges(self, {"frame_rate_hz": f"[{_SLOWEST_HZ}, {_FASTEST_HZ}]"})
+            check_ranges(self, {"frame_rate_hz": f"[{SLOWEST_HZ}, {FASTEST_HZ}]"})
         if self.open_ends != ():
             finite("open_ends", self.open_ends, (None, 2, 2))
 
@@ -155,7 +154,7 @@ def _frame_rate_hz(path: Path, comments: list[str], given: float | None) -> floa
     if not rates:
         remedy = "Say it: --rate, frame_rate_hz in the settings of a place, or a first line `# framerate: 16`"
         raise SourceError(path, None, "no comment says the frame rate", remedy)
-    if len(rates) > 1 or not _SLOWEST_HZ <= min(rates) <= _FASTEST_HZ:
+    if len(rates) > 1 or not SLOWEST_HZ <= min(rates) <= FASTEST_HZ:
         found_hz = " and ".join(f"{rate:g}" for rate in sorted(rates))
         raise SourceError(path, None, f"frame rate {found_hz} Hz, expected one from 0.001 to 1000000 Hz")
     return rates.pop()

@@ -19,6 +19,7 @@ from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometry_wkt import parse_wkt
+from pedpred.sources.rates import agreed_rate
 from pedpred.sources.walls import Walls
 from pedpred.storage.tables import TableOptions
 from pedpred.storage.text import MOST_NUMBERS
@@ -27,7 +28,6 @@ MAGIC = b"SQLite format 3\0"
 _COLUMNS = {"frame": "integer", "id": "integer", "pos_x": "real", "pos_y": "real"}
 _BLOCK_ROWS, _MOST_GEOMETRIES = 2**14, 1000
 _LONGEST_VALUE_BYTES, _MOST_STEPS, _STEPS_AT_ONCE = 2**24, 500, 10**6
-_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
 
 
 def fits(begins: Beginning) -> bool:
@@ -137,24 +137,11 @@ def _numbers(path: Path, block: list[tuple[object, ...]], before: int) -> tuple[
 
 
 def _rate_hz(path: Path, database: sqlite3.Connection, options: TableOptions) -> float:
-    """The rate that the file or the caller says.
-
-    Raises:
-        SourceError: none or both do, and they differ, or it is no rate.
-    """
-    said = options.rate_hz
+    """The rate that the file or the caller says; errors of `agreed_rate`."""
+    said = None
     if "metadata" in _tables(database):
         _check_columns(path, database, "metadata", ["key", "value"])
         found = database.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
         if found is not None:
             said = float(found[0])
-            if options.rate_hz not in (None, said):
-                problem = f"fps = {said:g}, but --rate says {options.rate_hz:g}"
-                raise SourceError(path, None, problem, "Leave --rate out")
-    if said is None:
-        raise SourceError(
-            path, None, "no fps in the table metadata", "Say how many frames a second has: --rate"
-        )
-    if not _SLOWEST_HZ <= said <= _FASTEST_HZ:
-        raise SourceError(path, None, f"fps = {said:g} is no rate")
-    return said
+    return agreed_rate(path, said, options, "no fps in the table metadata")

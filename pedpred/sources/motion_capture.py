@@ -23,6 +23,7 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.rates import check_rate
 from pedpred.storage.tables import TableOptions
 from pedpred.storage.text import MOST_NUMBERS, Row, check_width, number, text_lines
 
@@ -32,7 +33,6 @@ _TITLE = re.compile(r"(?P<body>.+?)(?P<marker> - \d+ | Centroid_| )(?P<axis>[XY]
 _PERSON = "Helmet"
 _MM = 1e-3
 _MOST_HEAD_LINES = 100
-_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
 
 
 @dataclass(frozen=True)
@@ -188,10 +188,7 @@ def _rate_hz(path: Path, export: _Export, options: TableOptions) -> float:
         raise SourceError(
             path, None, "neither times nor FREQUENCY", "Say how many frames a second has: --rate"
         )
-    rate_hz = number(path, 1, "FREQUENCY", said)
-    if not _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
-        raise SourceError(path, None, f"FREQUENCY = {rate_hz:g} is no rate")
-    return rate_hz
+    return check_rate(path, None, "FREQUENCY", number(path, 1, "FREQUENCY", said))
 
 
 def _is_number(field: str) -> bool:

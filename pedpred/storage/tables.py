@@ -39,6 +39,9 @@ NAMES = {
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 """Units of length by their names in files, m."""
 
+SLOWEST_HZ, FASTEST_HZ = 1e-3, 1e6
+"""Rates of frames that a table may have."""
+
 IN_SECONDS = "Times are seconds; call the column time_ms, or frame and give --rate"
 
 _KNOWN = {alias: name for name, aliases in NAMES.items() for alias in aliases}
@@ -51,7 +54,6 @@ _CLOCKS = ("time_s", "time_ms", "frame")
 _SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
 _LONG_AGO_S = 1e8  # Unix times are later
-_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1e6
 _LARGEST_PIXEL_M = 10.0
 
 
@@ -74,7 +76,7 @@ class TableOptions:
     def __post_init__(self) -> None:
         if self.columns is not None:
             titles_of_tracks(self.columns)
-        if self.rate_hz is not None and not _SLOWEST_HZ <= self.rate_hz <= _FASTEST_HZ:
+        if self.rate_hz is not None and not SLOWEST_HZ <= self.rate_hz <= FASTEST_HZ:
             raise ValueRuleError("rate_hz", self.rate_hz, "it must be a number from 0.001 to 1000000 Hz")
         if self.unit is not None:
             check_choice("unit", self.unit, list(UNITS))

@@ -49,6 +49,8 @@ class State(NamedTuple):
         wander: standard normal processes of direction and speed. [N, 2]
         until: end of the present or last stop, s. [N]
         leg: index of the present target in the plan. [N] int64
+        since_s: when each of them came; inf: not yet. [N]
+        people: its first entries are the numbers of those who are there. [N] int64
     """
 
     position: np.ndarray
@@ -60,6 +62,8 @@ class State(NamedTuple):
     wander: np.ndarray
     until: np.ndarray
     leg: np.ndarray
+    since_s: np.ndarray
+    people: np.ndarray
 
     @classmethod
     def before(cls, journeys: Journeys) -> State:
@@ -76,6 +80,8 @@ class State(NamedTuple):
             wander=wander,
             until=np.zeros(count),
             leg=np.zeros(count, dtype=np.int64),
+            since_s=np.full(count, np.inf),
+            people=np.zeros(count, dtype=np.int64),
         )
 
 

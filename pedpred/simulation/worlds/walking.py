@@ -87,19 +87,17 @@ def _start(n, now, state, world, rng):
 
 
 @compiled
-def _let_in(now, entered, people, inside, state, world, rng):
-    """Let in everybody whose time has come and whose place is free; return how many people are inside then.
-
-    The first entries of `people` are the numbers of those inside.
-    """
+def _let_in(now, inside, state, world, rng):
+    """Let in everybody whose time has come and whose place is free; return how many are inside then."""
     start_s, entry = world.journeys.start_s, world.journeys.entry
     for n in range(len(start_s)):
         if start_s[n] > now:
             break
-        if entered[n]:
+        if state.since_s[n] <= now:
             continue
-        if _is_free(entry[n, 0], entry[n, 1], people[:inside], state.position, world.model.spacing_m):
-            entered[n], people[inside] = True, n
+        people = state.people[:inside]
+        if _is_free(entry[n, 0], entry[n, 1], people, state.position, world.model.spacing_m):
+            state.since_s[n], state.people[inside] = now, n
             inside += 1
             _start(n, now, state, world, rng)
     return inside
@@ -254,40 +252,60 @@ def _step(n, dt, state, most, ground):
 
 
 @compiled
-def walk(world, state, clock, rng):
-    """Simulate people who come, walk and leave.
+def walk_on(first, end, inside, robots, world, state, clock, rng):
+    """Let people come, walk and leave; return how many are inside then.
 
-    The arguments are a `FixedWorld`, a `State`, which is changed in place, a `Clock` and a random generator.
-    Random accelerations are held for `clock.hold` steps.
-
-    Returns:
-        A row for everybody present after each `clock.every` steps: the number k of this record, at the time
-        (k + 1) every dt [R], the person [R], its leg [R], and (x, y, v_x, v_y), m and m/s [R, 4].
+    Args:
+        first: number of the first step.
+        end: number of the step after the last one.
+        inside: how many people are there, see `State.people`.
+        robots: how many of them, the first, are robots: others see them, and they go on at their velocity.
+        world: a `FixedWorld`.
+        state: a `State`, which is changed in place.
+        clock: a `Clock`; random accelerations are held for `clock.hold` steps.
+        rng: source of all randomness.
     """
-    count = len(world.journeys.start_s)
-    entered, people, inside = np.zeros(count, np.bool_), np.empty(count, np.int64), 0
-    most = clock.steps // clock.every * count
-    keys, values, rows = np.empty((most, 3), np.int32), np.empty((most, 4)), 0
-    for step in range(clock.steps):
-        now, renew = step * clock.dt_s, step % clock.hold == 0
-        inside = _let_in(now, entered, people, inside, state, world, rng)
-        z = 0
+    people, dt = state.people, clock.dt_s
+    for step in range(first, end):
+        now, renew = step * dt, step % clock.hold == 0
+        inside = _let_in(now, inside, state, world, rng)
+        z = robots
         while z < inside:
             n = people[z]
             if _reach_target(n, now, state, world) and world.model.leave:
                 inside -= 1
                 people[z] = people[inside]
                 continue
-            _decide(n, now, clock.dt_s, renew, state, world, rng)
+            _decide(n, now, dt, renew, state, world, rng)
             z += 1
-        for n in people[:inside]:
-            _accelerate(n, now, clock.dt_s, people[:inside], state, world)
-        for n in people[:inside]:
-            _step(n, clock.dt_s, state, SPEED_CAP * world.traits.desired_speed[n], world.ground)
-        if (step + 1) % clock.every == 0:
-            for n in people[:inside]:
-                keys[rows, 0], keys[rows, 1], keys[rows, 2] = (step + 1) // clock.every - 1, n, state.leg[n]
-                for k in range(2):
-                    values[rows, k], values[rows, k + 2] = state.position[n, k], state.velocity[n, k]
-                rows += 1
+        for n in people[robots:inside]:
+            _accelerate(n, now, dt, people[:inside], state, world)
+        for n in people[:robots]:
+            for k in range(2):
+                state.position[n, k] += state.velocity[n, k] * dt
+        for n in people[robots:inside]:
+            _step(n, dt, state, SPEED_CAP * world.traits.desired_speed[n], world.ground)
+    return inside
+
+
+@compiled
+def walk(world, state, clock, rng):
+    """Simulate people who come, walk and leave; the arguments are those of `walk_on`.
+
+    Returns:
+        A row for everybody present after each `clock.every` steps: the number k of this record, at the time
+        (k + 1) every dt [R], the person [R], its leg [R], and (x, y, v_x, v_y), m and m/s [R, 4].
+    """
+    records, inside, rows = clock.steps // clock.every, 0, 0
+    most = records * len(state.people)
+    keys, values = np.empty((most, 3), np.int32), np.empty((most, 4))
+    for record in range(records):
+        inside = walk_on(
+            record * clock.every, (record + 1) * clock.every, inside, 0, world, state, clock, rng
+        )
+        for n in state.people[:inside]:
+            keys[rows, 0], keys[rows, 1], keys[rows, 2] = record, n, state.leg[n]
+            for k in range(2):
+                values[rows, k], values[rows, k + 2] = state.position[n, k], state.velocity[n, k]
+            rows += 1
     return keys[:rows, 0], keys[:rows, 1], keys[:rows, 2], values[:rows]

@@ -20,10 +20,10 @@ from pedpred.simulation.worlds.bottlenecks import BottleneckSettings, set_up_bot
 from pedpred.simulation.worlds.corridors import CorridorSettings, set_up_corridor
 from pedpred.simulation.worlds.drawing import uniform
 from pedpred.simulation.worlds.floors import CELL_M, close_openings, show_on_map
-from pedpred.simulation.worlds.journeys import Journeys, Stage, State
+from pedpred.simulation.worlds.journeys import Stage, State
 from pedpred.simulation.worlds.lone import LoneSettings, simulate_lone_people
-from pedpred.simulation.worlds.models import WalkingModel, draw_model
-from pedpred.simulation.worlds.people import Traits, draw_traits
+from pedpred.simulation.worlds.models import draw_model
+from pedpred.simulation.worlds.people import draw_traits
 from pedpred.simulation.worlds.rooms import RoomSettings, set_up_room
 from pedpred.simulation.worlds.settings import GuidanceSettings, WorldSettings
 from pedpred.simulation.worlds.squares import SquareSettings, set_up_square
@@ -31,6 +31,13 @@ from pedpred.simulation.worlds.walking import FixedWorld, walk
 
 STEP_S = 0.05
 RECORD_S = 0.1
+_SET_UP: dict[str, Callable[[Any, float, np.random.Generator], Stage]] = {
+    "corridor": set_up_corridor,
+    "bottleneck": set_up_bottleneck,
+    "room": set_up_room,
+    "square": set_up_square,
+}
+"""What draws ground and people of a kind, from the settings of the kind and the simulated time."""
 
 
 def simulate_world(kind: str, seed: int, settings: WorldSettings) -> Scene:
@@ -56,36 +63,37 @@ def simulate_world(kind: str, seed: int, settings: WorldSettings) -> Scene:
     return KINDS[kind].simulate(getattr(settings, kind), settings, f"{kind}_{seed}", rng)
 
 
-def _simulate_visitors(
-    set_up: Callable[[Any, float, np.random.Generator], Stage],
-    own: Any,
-    settings: WorldSettings,
-    name: str,
-    rng: np.random.Generator,
-) -> Scene:
-    """Simulate people who come, walk and leave, on ground that is drawn with them.
+def draw_visited_world(
+    kind: str, settings: WorldSettings, rng: np.random.Generator
+) -> tuple[OccupancyMap, FixedWorld]:
+    """Draw ground, and people who will come, walk and leave.
 
     Args:
-        set_up: draws ground and people from `own` and the simulated time.
-        own: settings of the kind.
-        settings: of all kinds.
-        name: of the scene.
+        kind: of world, one with people who come and leave.
+        settings: ranges that all is drawn from.
         rng: source of all randomness.
+
+    Returns:
+        The map, and all that does not change while people walk.
     """
-    floor, visitors, whole_map, closed_m = set_up(own, settings.warm_up_s + own.duration_s, rng)
+    own = getattr(settings, kind)
+    floor, visitors, whole_map, closed_m = _SET_UP[kind](own, settings.warm_up_s + own.duration_s, rng)
     occupied = ~floor.free if whole_map else show_on_map(floor.free, rng)
     if closed_m > 0:
         occupied = close_openings(occupied, closed_m)
-    model = draw_model(
-        settings.model, visitors.dense, visitors.spacing_m, visitors.reach_m, visitors.leave, rng
-    )
-    traits = draw_traits(
-        visitors.journeys.group, settings.people, model.collision_free, visitors.dense, visitors.stops, rng
-    )
+    journeys, dense = visitors.journeys, visitors.dense
+    model = draw_model(settings.model, dense, visitors.spacing_m, visitors.reach_m, visitors.leave, rng)
+    traits = draw_traits(journeys.group, settings.people, model.collision_free, dense, visitors.stops, rng)
     ground, routes = draw_routes(floor.free, visitors.target, settings.guidance, rng)
-    seconds = (settings.warm_up_s, own.duration_s)
-    trajectories = record_walking(visitors.journeys, traits, model, ground, routes, seconds, rng)
-    return Scene(name, trajectories, OccupancyMap(occupied, np.zeros(2), CELL_M), RECORD_S)
+    world = FixedWorld(journeys, traits, model, ground, routes)
+    return OccupancyMap(occupied, np.zeros(2), CELL_M), world
+
+
+def _simulate_visitors(
+    kind: str, own: Any, settings: WorldSettings, name: str, rng: np.random.Generator
+) -> Scene:
+    occupancy, world = draw_visited_world(kind, settings, rng)
+    return Scene(name, record_walking(world, settings.warm_up_s, own.duration_s, rng), occupancy, RECORD_S)
 
 
 def _simulate_lone(own: LoneSettings, _: WorldSettings, name: str, rng: np.random.Generator) -> Scene:
@@ -110,29 +118,19 @@ def draw_routes(
 
 
 def record_walking(
-    journeys: Journeys,
-    traits: Traits,
-    model: WalkingModel,
-    ground: Ground,
-    routes: Routes,
-    seconds: tuple[float, float],
-    rng: np.random.Generator,
+    world: FixedWorld, skipped_s: float, recorded_s: float, rng: np.random.Generator
 ) -> Trajectories:
-    """Let people walk and record them.
+    """Let people walk, and record them after a while.
 
     Args:
-        journeys: of all people.
-        traits: of all people.
-        model: how they walk.
-        ground: obstacles.
-        routes: to the targets.
-        seconds: warm-up, which is not recorded, and recorded time.
+        world: ground, and everybody who comes.
+        skipped_s: time before the record.
+        recorded_s: its length.
         rng: source of all randomness.
     """
-    every, skipped = round(RECORD_S / STEP_S), round(seconds[0] / RECORD_S)
-    steps = (skipped + round(seconds[1] / RECORD_S)) * every
-    clock = Clock(STEP_S, steps, every, every)
-    world = FixedWorld(journeys, traits, model, ground, routes)
+    every, skipped = round(RECORD_S / STEP_S), round(skipped_s / RECORD_S)
+    steps = (skipped + round(recorded_s / RECORD_S)) * every
+    clock, journeys = Clock(STEP_S, steps, every, every), world.journeys
     record, person, leg, state = walk(world, State.before(journeys), clock, rng)
     kept = record >= skipped
     record, person, leg, state = record[kept] - skipped, person[kept], leg[kept], state[kept]
@@ -141,8 +139,8 @@ def record_walking(
         track_id=person,
         position=state[:, :2],
         velocity=state[:, 2:],
-        goal=routes.target[journeys.plan[person, leg]],
-        desired_speed_mps=traits.desired_speed[person],
+        goal=world.routes.target[journeys.plan[person, leg]],
+        desired_speed_mps=world.traits.desired_speed[person],
         group_id=journeys.group[person],
     )
 
@@ -161,10 +159,10 @@ class Kind(NamedTuple):
 
 
 KINDS: dict[str, Kind] = {
-    "corridor": Kind(CorridorSettings, partial(_simulate_visitors, set_up_corridor)),
-    "bottleneck": Kind(BottleneckSettings, partial(_simulate_visitors, set_up_bottleneck)),
-    "room": Kind(RoomSettings, partial(_simulate_visitors, set_up_room)),
-    "square": Kind(SquareSettings, partial(_simulate_visitors, set_up_square)),
+    "corridor": Kind(CorridorSettings, partial(_simulate_visitors, "corridor")),
+    "bottleneck": Kind(BottleneckSettings, partial(_simulate_visitors, "bottleneck")),
+    "room": Kind(RoomSettings, partial(_simulate_visitors, "room")),
+    "square": Kind(SquareSettings, partial(_simulate_visitors, "square")),
     "lone": Kind(LoneSettings, _simulate_lone),
     "arrangement": Kind(Arrangement, simulate_arrangement),
 }

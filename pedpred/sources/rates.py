@@ -1,0 +1,41 @@
+"""How many frames a second has, as a file or its user says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pedpred.errors import SourceError
+from pedpred.storage.tables import FASTEST_HZ, SLOWEST_HZ, TableOptions
+
+
+def check_rate(path: Path, line: int | None, name: str, rate_hz: float) -> float:
+    """Return the rate that a file says under some name.
+
+    Raises:
+        SourceError: it is no rate.
+    """
+    if not SLOWEST_HZ <= rate_hz <= FASTEST_HZ:
+        raise SourceError(path, line, f"{name} = {rate_hz:g} is no rate")
+    return rate_hz
+
+
+def agreed_rate(path: Path, said: float | None, options: TableOptions, missing: str) -> float:
+    """Return the rate that a file says as `fps`, or else the options.
+
+    Args:
+        path: of the file.
+        said: by the file; None: nothing.
+        options: what the user says.
+        missing: what is wrong if nobody says it.
+
+    Raises:
+        SourceError: nobody says it, both do and differ, or it is no rate.
+    """
+    if said is None:
+        if options.rate_hz is None:
+            raise SourceError(path, None, missing, "Say how many frames a second has: --rate")
+        return options.rate_hz
+    if options.rate_hz not in (None, said):
+        problem = f"fps = {said:g}, but --rate says {options.rate_hz:g}"
+        raise SourceError(path, None, problem, "Leave --rate out")
+    return check_rate(path, None, "fps", said)
