@@ -27,7 +27,7 @@ from pedpred.online.settings import OnlineSettings
 from pedpred.scenes import OccupancyMap, Scene
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import scene_folders
-from pedpred.storage.tables import TableOptions
+from pedpred.tables.options import TableOptions
 from pedpred.tracking import tune_kalman
 
 NOISES_M = (0.0, 0.02, 0.05, 0.1)

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 
 from pedpred.scenes import Trajectories
-from pedpred.storage.tables import TableOptions
+from pedpred.tables.options import TableOptions
 
 RATE_HZ = 5.0
 FRAMES = np.arange(1, 21)

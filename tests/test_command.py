@@ -19,7 +19,7 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.storage.scenes import read_scene, write_map, write_scene
-from pedpred.storage.tables import TableOptions
+from pedpred.tables.options import TableOptions
 from tests.conftest import ROOT
 from tests.scenes import assert_same
 from tests.test_recording import decoded

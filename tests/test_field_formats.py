@@ -11,7 +11,7 @@ from pedpred.command import main
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.sources.single_file import FORMATS, format_of, read_file
 from pedpred.storage.scenes import read_scene
-from pedpred.storage.tables import TableOptions
+from pedpred.tables.options import TableOptions
 from tests.field_formats import (
     OPTIONS,
     PEOPLE,
@@ -71,7 +71,7 @@ def test_what_a_file_was_taken_for_is_said(tmp_path, name, capsys):
 def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch, name):
     path = WRITERS[name](tmp_path)
     for module in (
-        "storage.text",
+        "tables.text",
         *(f"sources.{own}" for own in ("jupedsim_database", "vadere", "motion_capture", "data_archive")),
     ):
         monkeypatch.setattr(f"pedpred.{module}.MOST_NUMBERS", 20)

@@ -9,7 +9,8 @@ from pedpred.errors import SourceError, ValueRuleError
 from pedpred.scenes import Trajectories
 from pedpred.sources.plausibility import check_speeds, ids_come_first
 from pedpred.sources.single_file import read_file
-from pedpred.storage.tables import UNITS, TableOptions
+from pedpred.tables.options import TableOptions
+from pedpred.tables.units import UNITS
 
 RATE_HZ = 25.0
 

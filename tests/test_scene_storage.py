@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.sources.scene_folder import read_own
 from pedpred.storage.scenes import (
     read_map,
     read_scene,
@@ -136,7 +137,7 @@ def test_damage_is_named(folder, damage, named):
 def test_tracks_may_be_a_csv_table_and_the_map_missing(tmp_path, scene):
     """Then the same people walk on free ground that holds them all."""
     write_as_table(scene, tmp_path / "place")
-    own = read_scene(tmp_path / "place")
+    own = read_own(tmp_path / "place")
     assert_same(own.trajectories, scene.trajectories)
     assert not own.occupancy.occupied.any()
     inside = own.occupancy.cell_of(own.trajectories.position)
@@ -145,12 +146,12 @@ def test_tracks_may_be_a_csv_table_and_the_map_missing(tmp_path, scene):
 
 def test_a_folder_holds_its_tracks_once(folder):
     """Otherwise a corrected table would lose against the Parquet file of an earlier conversion."""
-    scene = read_scene(folder)
+    scene = read_own(folder)
     write_as_table(scene, folder)
     with pytest.raises(StorageError, match=r"tracks\.csv, file: tracks\.parquet would contradict it"):
         write_scene(scene, folder)
-    assert_same(read_scene(folder).trajectories, scene.trajectories)
+    assert_same(read_own(folder).trajectories, scene.trajectories)
     write_scene(scene, folder.parent / "again")
     (folder.parent / "again" / "tracks.parquet").rename(folder / "tracks.parquet")
     with pytest.raises(StorageError, match=r"tracks\.csv, file: tracks\.parquet is here too"):
-        read_scene(folder)
+        read_own(folder)

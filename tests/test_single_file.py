@@ -12,7 +12,7 @@ from pedpred.sources.scene_folder import read_folder
 from pedpred.sources.single_file import read_file
 from pedpred.sources.trajnet import read_ndjson
 from pedpred.storage.scenes import read_scene
-from pedpred.storage.tables import TableOptions
+from pedpred.tables.options import TableOptions
 from tests.scenes import assert_same
 
 ROWS = [(k, who, 0.5 * k + who, -0.25 * k) for k in range(5) for who in (3, 7)]
@@ -137,7 +137,7 @@ def test_the_name_of_an_output_says_what_it_is(tmp_path, command, name):
 
 
 def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch):
-    monkeypatch.setattr("pedpred.storage.text.MOST_NUMBERS", 20)
+    monkeypatch.setattr("pedpred.tables.text.MOST_NUMBERS", 20)
     write_table(tmp_path / "walk.csv", [(k / 2, *rest) for k, *rest in ROWS])
     (tmp_path / "walk.tsv").write_text((tmp_path / "walk.csv").read_text())
     (tmp_path / "walk.txt").write_text("\n".join(f"{who} {k} {x} {y}" for k, who, x, y in ROWS))

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 from pedpred.errors import FileError, SourceError, StorageError, ValueRuleError
 from pedpred.scenes import Trajectories
-from pedpred.storage import text
-from pedpred.storage.tables import NAMES, TableOptions, read_table
 from pedpred.storage.tracks import read_parquet_tracks, tracks_table, write_parquet_tracks
+from pedpred.tables import text
+from pedpred.tables.options import TableOptions
+from pedpred.tables.reading import read_table
+from pedpred.tables.titles import NAMES
 from tests.scenes import assert_same, scenes
 
 ROWS = [(0.5 * k, who, 0.5 * k + who, -0.25 * k) for k in range(5) for who in (3, 7)]

@@ -22,7 +22,7 @@ from pedpred.fields import parsed
 from pedpred.scenes import Scene
 from pedpred.simulation.worlds import DRAWN_KINDS, WorldSettings, simulate_world
 from pedpred.storage.scenes import scene_folders
-from pedpred.storage.tables import TableOptions
+from pedpred.tables.options import TableOptions
 from pedpred.tracking.tracks import births
 
 _STEP_S = 0.2

@@ -26,7 +26,7 @@ from pedpred.evaluation import EvaluationSettings
 from pedpred.files import check_output
 from pedpred.online.network import read_description
 from pedpred.online.warming import warm_up
-from pedpred.storage.tables import UNITS
+from pedpred.tables.units import UNITS
 
 _SCENE = (
     "a scene folder, an MCAP recording, a ROS bag, a table (.csv, .tsv, .txt) with time, id, x, y, a text "

@@ -18,9 +18,10 @@ from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometries import is_geometry, read_ground, read_walls
+from pedpred.sources.scene_folder import read_own
 from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
-from pedpred.storage.scenes import read_scene, write_scene
-from pedpred.storage.tables import TableOptions
+from pedpred.storage.scenes import write_scene
+from pedpred.tables.options import TableOptions
 
 _OPEN_END_M = 6.0
 """Length of corridors beyond open ends of geometries, m."""
@@ -189,7 +190,7 @@ def read_any(
     elif _is_foreign(path) or (path.is_file() and (topic is not None or map_topic is not None)):
         return read_bag(path, topic, transform, map_topic)
     elif path.is_dir():
-        scene = read_scene(path)
+        scene = read_own(path)
     else:
         return read_recording(path, transform)
     if transform is None:

@@ -15,8 +15,10 @@ from pedpred.online.replay import as_windows, replay_scene
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
 from pedpred.sources.plausibility import check_speeds
 from pedpred.sources.single_file import check_clock
-from pedpred.storage.tables import TableOptions, titles_of_tracks, tracks_in_rows
-from pedpred.storage.text import Row
+from pedpred.tables.options import TableOptions
+from pedpred.tables.reading import tracks_in_rows
+from pedpred.tables.text import Row
+from pedpred.tables.titles import titles_of_tracks
 
 _TABLE = Path("table")
 _METHOD = "pedpred"

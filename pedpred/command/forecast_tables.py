@@ -13,7 +13,8 @@ from pedpred.errors import SourceError
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.files import atomic_write, translate_errors
 from pedpred.storage.columns import column_names, count_rows, read_columns
-from pedpred.storage.text import MOST_NUMBERS, read_numbers, text_lines
+from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.text import read_numbers, text_lines
 
 COLUMNS = ("track", "time", "mode", "weight", "step", "x", "y")
 """A row per step of each mode: whose forecast, made when (s), and where the person will be (world, m)."""

@@ -13,7 +13,8 @@ import numpy as np
 
 from pedpred.errors import SourceError
 from pedpred.sources.trajnet import track_rows
-from pedpred.storage.text import MOST_NUMBERS, read_numbers
+from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.text import read_numbers
 
 _FIELDS = {
     "p": "track_id",

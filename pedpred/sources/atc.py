@@ -11,7 +11,8 @@ from pathlib import Path
 
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
-from pedpred.storage.tables import TableOptions, read_table
+from pedpred.tables.options import TableOptions
+from pedpred.tables.reading import read_table
 
 _COLUMNS = ("time", "id", "x", "y", "height", "speed", "direction", "facing")
 _FIRST_S, _LAST_S = 1e9, 4e9

@@ -20,8 +20,8 @@ from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometry_wkt import parse_wkt
 from pedpred.sources.rates import agreed_rate
 from pedpred.sources.walls import Walls
-from pedpred.storage.tables import TableOptions
-from pedpred.storage.text import MOST_NUMBERS
+from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.options import TableOptions
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 _LONGEST_S = 120.0

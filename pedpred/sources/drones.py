@@ -17,8 +17,8 @@ from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.rates import check_rate
-from pedpred.storage.tables import TableOptions
-from pedpred.storage.text import Row, check_unique, check_width, number, read_numbers, text_lines
+from pedpred.tables.options import TableOptions
+from pedpred.tables.text import Row, check_unique, check_width, number, read_numbers, text_lines
 
 _WANTED = {"trackId": "track_id", "frame": "frame", "xCenter": "x_m", "yCenter": "y_m"}
 

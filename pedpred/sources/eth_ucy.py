@@ -22,7 +22,7 @@ from pedpred.fields import parsed
 from pedpred.files import translate_errors
 from pedpred.scenes import Scene, Trajectories
 from pedpred.sources.ewap import EwapSettings, free_ground
-from pedpred.storage.text import check_unique, read_numbers, text_rows
+from pedpred.tables.text import check_unique, read_numbers, text_rows
 
 COLUMNS = ("frame", "id", "x", "y")
 

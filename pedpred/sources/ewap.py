@@ -26,7 +26,7 @@ from pedpred.fields import check_ranges, parsed
 from pedpred.files import read_picture, translate_errors
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
-from pedpred.storage.text import check_unique, numbers, read_numbers, text_rows
+from pedpred.tables.text import check_unique, numbers, read_numbers, text_rows
 
 COLUMNS = ("frame", "id", "pos_x", "pos_z", "pos_y", "v_x", "v_z", "v_y")
 ALONE = -1

@@ -29,8 +29,8 @@ from pedpred.errors import SourceError, brief
 from pedpred.files import read_bytes, translate_errors
 from pedpred.sources.doors import cut_doors
 from pedpred.sources.walls import Rings, Walls
-from pedpred.storage.tables import UNITS
-from pedpred.storage.text import numbers
+from pedpred.tables.text import numbers
+from pedpred.tables.units import UNITS
 
 _LARGEST_BYTES = 2**22
 _FARTHEST = 1e8  # surveyors' coordinates stay below

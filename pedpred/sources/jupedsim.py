@@ -29,8 +29,9 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.sources.geometry_xml import read_xml
 from pedpred.sources.plausibility import ids_come_first
 from pedpred.sources.walls import occupancy_of
-from pedpred.storage.tables import FASTEST_HZ, SLOWEST_HZ, UNITS
-from pedpred.storage.text import Row, check_unique, read_numbers, text_rows
+from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ
+from pedpred.tables.text import Row, check_unique, read_numbers, text_rows
+from pedpred.tables.units import UNITS
 
 _log = logging.getLogger(__name__)
 COLUMNS = ("id", "frame", "x", "y")

@@ -21,8 +21,8 @@ from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometry_wkt import parse_wkt
 from pedpred.sources.rates import agreed_rate
 from pedpred.sources.walls import Walls
-from pedpred.storage.tables import TableOptions
-from pedpred.storage.text import MOST_NUMBERS
+from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.options import TableOptions
 
 MAGIC = b"SQLite format 3\0"
 _COLUMNS = {"frame": "integer", "id": "integer", "pos_x": "real", "pos_y": "real"}

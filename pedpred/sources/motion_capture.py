@@ -24,8 +24,9 @@ from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.rates import check_rate
-from pedpred.storage.tables import TableOptions
-from pedpred.storage.text import MOST_NUMBERS, Row, check_width, number, text_lines
+from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.options import TableOptions
+from pedpred.tables.text import Row, check_width, number, text_lines
 
 _log = logging.getLogger(__name__)
 _QTM, _MAGNI = "NO_OF_FRAMES", "FILE_ID"

@@ -12,7 +12,7 @@ import numpy as np
 
 from pedpred.errors import SourceError
 from pedpred.scenes import Trajectories
-from pedpred.storage.tables import UNITS
+from pedpred.tables.units import UNITS
 
 _log = logging.getLogger(__name__)
 _CLEAR = 2.0

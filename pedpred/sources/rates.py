@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pedpred.errors import SourceError
-from pedpred.storage.tables import FASTEST_HZ, SLOWEST_HZ, TableOptions
+from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions
 
 
 def check_rate(path: Path, line: int | None, name: str, rate_hz: float) -> float:

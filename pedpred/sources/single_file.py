@@ -26,7 +26,9 @@ from pedpred.sources.beginnings import Beginning
 from pedpred.sources.jupedsim import read_tracks
 from pedpred.sources.plausibility import check_speeds
 from pedpred.sources.walls import Walls, occupancy_of
-from pedpred.storage.tables import IN_SECONDS, TableOptions, has_header, read_table
+from pedpred.tables.clocks import IN_SECONDS
+from pedpred.tables.options import TableOptions
+from pedpred.tables.reading import has_header, read_table
 
 CELL_M, WALL_M = 0.05, 3.0
 """Of maps made from geometries, m: side of a cell, thickness of walls."""

@@ -19,8 +19,8 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
-from pedpred.storage.tables import TableOptions
-from pedpred.storage.text import Row, check_unique, check_width, read_numbers, text_rows
+from pedpred.tables.options import TableOptions
+from pedpred.tables.text import Row, check_unique, check_width, read_numbers, text_rows
 
 _COLUMNS = ("track", "xmin", "ymin", "xmax", "ymax", "frame", "lost", "occluded", "generated", "label")
 _NAMES = {"track": "track_id", "frame": "frame"} | {name: name for name in _COLUMNS[1:5]}

@@ -19,8 +19,9 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
-from pedpred.storage.tables import TableOptions, tracks_in_rows
-from pedpred.storage.text import Row
+from pedpred.tables.options import TableOptions
+from pedpred.tables.reading import tracks_in_rows
+from pedpred.tables.text import Row
 
 _COLUMNS = ("time", "id", "x", "y")
 _CHUNK_BYTES, _LONGEST_ELEMENT_BYTES, _DEEPEST = 2**16, 2**20, 8

@@ -18,8 +18,8 @@ from pedpred.files import translate_errors
 from pedpred.plain import parse_json
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
-from pedpred.storage.tables import TableOptions
-from pedpred.storage.text import Row, check_unique, read_numbers, text_lines
+from pedpred.tables.options import TableOptions
+from pedpred.tables.text import Row, check_unique, read_numbers, text_lines
 
 _FIELDS = {"f": "frame", "p": "track_id", "x": "x_m", "y": "y_m"}
 

@@ -18,8 +18,9 @@ from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.scenes.scene import LATEST_S
 from pedpred.sources.beginnings import Beginning
-from pedpred.storage.tables import TableOptions
-from pedpred.storage.text import MOST_NUMBERS, read_numbers, text_rows
+from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.options import TableOptions
+from pedpred.tables.text import read_numbers, text_rows
 
 _WANTED = {
     "pedestrianId": "track_id",

@@ -14,8 +14,9 @@ from pathlib import Path
 from pedpred.errors import SourceError
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
-from pedpred.storage.tables import TableOptions, tracks_in_rows
-from pedpred.storage.text import Row, text_lines
+from pedpred.tables.options import TableOptions
+from pedpred.tables.reading import tracks_in_rows
+from pedpred.tables.text import Row, text_lines
 
 _HEADER = "$PEDESTRIAN:"
 _TITLES = {"SIMSEC": "time", "NO": "id", "COORDCENTX": "x", "COORDCENTY": "y"}

@@ -1,6 +1,7 @@
 """Scenes on disk: one folder with `tracks.parquet`, `map.yaml` + `map.pgm`, `scene.json`.
 
-pedpred writes all of them. A folder of your own may have `tracks.csv` instead, and no map.
+pedpred writes all of them. A folder of your own may have no map, and other tracks, which
+`pedpred.sources.scene_folder` reads.
 
 A scene *set* is a folder of scene folders (the arrangements of one simulated set).
 """
@@ -26,7 +27,6 @@ from pedpred.files import (
 from pedpred.geometry import Homography
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.storage.maps import read_map, write_map
-from pedpred.storage.tables import read_table
 from pedpred.storage.tracks import read_parquet_tracks, write_parquet_tracks
 
 SCENE_SCHEMA = 1
@@ -61,8 +61,12 @@ def write_scene(scene: Scene, folder: Path) -> None:
     write_json(folder / "scene.json", about)
 
 
-def read_scene(folder: Path) -> Scene:
+def read_scene(folder: Path, trajectories: Trajectories | None = None) -> Scene:
     """Read one scene folder.
+
+    Args:
+        folder: as `write_scene` makes it.
+        trajectories: those of the scene; None: they are in its `tracks.parquet`.
 
     Raises:
         StorageError: a file is missing or cannot be understood; it names file and field.
@@ -71,7 +75,8 @@ def read_scene(folder: Path) -> Scene:
     about = read_json(path, _wording(path, "file"))
     if about.get("schema") != SCENE_SCHEMA:
         raise StorageError(path, "schema", f"{brief(about.get('schema'))}, expected {SCENE_SCHEMA}", _REMEDY)
-    trajectories = _read_tracks(folder)
+    if trajectories is None:
+        trajectories = read_parquet_tracks(folder / "tracks.parquet")
     free = not (folder / "map.yaml").exists()
     occupancy = OccupancyMap.free_around(trajectories.position) if free else read_map(folder)
     with translate_errors(_wording(path, "scene")):
@@ -96,16 +101,6 @@ def scene_folders(folder: Path) -> list[Path]:
 def read_scenes(folder: Path) -> Iterator[Scene]:
     """All scenes of a scene folder or a scene set, one at a time."""
     return (read_scene(path) for path in scene_folders(folder))
-
-
-def _read_tracks(folder: Path) -> Trajectories:
-    """Read the file that holds the tracks; a folder with two would show whichever is out of date."""
-    path, table = folder / "tracks.parquet", folder / "tracks.csv"
-    if table.exists():
-        if path.exists():
-            raise StorageError(table, "file", f"{path.name} is here too, and only one can be right", _ONE)
-        return read_table(table)
-    return read_parquet_tracks(path)
 
 
 def _write_picture(picture: np.ndarray, path: Path) -> None:

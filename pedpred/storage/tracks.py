@@ -14,7 +14,9 @@ from pedpred.errors import StorageError
 from pedpred.files import atomic_write, translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.storage.columns import column_names, count_rows, read_columns
-from pedpred.storage.text import MOST_NUMBERS
+
+MOST_NUMBERS = 10_000_000
+"""Limit for the numbers of a table, 80 MB: two million detections with time, id, x and y."""
 
 _PAIRS = {"position": ("x_m", "y_m"), "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
 _COLUMNS = {field.name: _PAIRS.get(field.name, (field.name,)) for field in fields(Trajectories)}

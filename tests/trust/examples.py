@@ -41,7 +41,7 @@ from pedpred.storage.situations import (
     write_situations,
     write_situations_manifest,
 )
-from pedpred.storage.tables import TableOptions
+from pedpred.tables.options import TableOptions
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.field_formats import BINARY, PIXEL_M, WRITERS
 from tests.forecasts import windows_with

@@ -19,7 +19,7 @@ from pedpred.files import write_json
 from pedpred.metrics.paths import displacement
 from pedpred.online.assessment import assess
 from pedpred.scenes import Scene
-from pedpred.storage.scenes import read_scene
+from pedpred.sources.scene_folder import read_own
 from tests.simulated import SETTINGS, scene_of, short
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -49,7 +49,7 @@ def measured() -> dict[str, dict[str, float]]:
     """Compute all errors: {scene: {method: m}}."""
     (arrangement,) = short(SECONDS, drawn=["office"])
     office = scene_of(arrangement)
-    crossing = read_scene(ROOT / "examples" / "crossing")
+    crossing = read_own(ROOT / "examples" / "crossing")
     return {
         "crossing": as_on_a_robot(crossing),
         "office": as_on_a_robot(office) | {"social_force": by_its_own_forces(office)},

@@ -12,12 +12,10 @@ import numpy as np
 
 from pedpred.errors import SourceError, brief
 from pedpred.files import read_lines, translate_errors
+from pedpred.storage.tracks import MOST_NUMBERS
 
 Row = tuple[int, Sequence[str]]
 """Line number (from 1) and fields of a line."""
-
-MOST_NUMBERS = 10_000_000
-"""Limit for the numbers of a table, 80 MB: two million detections with time, id, x and y."""
 
 _WHOLE = ("id", "track_id", "frame", "group_id", "person_id")
 _EXACT = 2**53  # floats of larger whole numbers are rounded
@@ -39,6 +37,14 @@ def text_lines(path: Path) -> Iterator[tuple[int, str]]:
 def text_rows(path: Path) -> Iterator[Row]:
     """Line number and blank-separated fields of each line that has any; errors of `text_lines`."""
     return ((line, content.split()) for line, content in text_lines(path))
+
+
+def is_number(field: str) -> bool:
+    """Whether a field is a finite number."""
+    try:
+        return np.isfinite(float(field))
+    except ValueError:
+        return False
 
 
 def number(path: Path, line: int, column: str, field: str) -> float:

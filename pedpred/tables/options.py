@@ -1,0 +1,44 @@
+"""What a table does not say itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pedpred.errors import ValueRuleError
+from pedpred.fields import check_choice
+from pedpred.tables.titles import titles_of_tracks
+from pedpred.tables.units import UNITS
+
+SLOWEST_HZ, FASTEST_HZ = 1e-3, 1e6
+"""Rates of frames that a table may have."""
+
+_LARGEST_PIXEL_M = 10.0
+
+
+@dataclass(frozen=True)
+class TableOptions:
+    """What a table does not say itself.
+
+    Attributes:
+        columns: their names in order, in place of a header; None: the header has them.
+        rate_hz: of frame numbers; None: the file says it, or has times.
+        unit: of lengths, a key of `UNITS`; None: the file says it, or they are metres.
+        pixel_m: side of a pixel, m, where people were annotated in a picture.
+    """
+
+    columns: tuple[str, ...] | None = None
+    rate_hz: float | None = None
+    unit: str | None = None
+    pixel_m: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.columns is not None:
+            titles_of_tracks(self.columns)
+        if self.rate_hz is not None and not SLOWEST_HZ <= self.rate_hz <= FASTEST_HZ:
+            raise ValueRuleError("rate_hz", self.rate_hz, "it must be a number from 0.001 to 1000000 Hz")
+        if self.unit is not None:
+            check_choice("unit", self.unit, list(UNITS))
+        if self.pixel_m is not None and not 0.0 < self.pixel_m <= _LARGEST_PIXEL_M:
+            raise ValueRuleError(
+                "pixel_m", self.pixel_m, f"it must be positive, at most {_LARGEST_PIXEL_M} m"
+            )
