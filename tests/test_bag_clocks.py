@@ -148,6 +148,12 @@ def test_ids_that_say_nothing_are_refused(ids, message, store, tmp_path):
         read_bag(bag(store, tmp_path / "hall", *steps))
 
 
+def test_ids_that_change_with_every_message_are_refused(store, tmp_path):
+    steps = [(k / 10, {f"{k}-{n}": (k / 10, 3.0 * n) for n in range(2)}) for k in range(10)]
+    with pytest.raises(SourceError, match=r"20 ids in 10 messages.*nobody is followed.*topic of a tracker"):
+        read_bag(bag(store, tmp_path / "hall", *steps))
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32), st.integers(2, 6), st.floats(0.05, 0.4))
 def test_ids_of_a_tracker_are_never_taken_for_places_in_a_list(seed, people, step_s):
