@@ -78,3 +78,10 @@ def test_only_pixels_have_a_homography_and_not_with_a_size(tmp_path):
         main(["info", str(write_stanford(tmp_path)), *own, "--scale", "0.03"])
     with pytest.raises(ValueRuleError, match="omit one"):
         PictureOptions(pixel_m=0.1, homography=Homography(np.eye(3)))
+
+
+def test_labels_need_no_quotes(tmp_path):
+    path = write_stanford(tmp_path)
+    path.write_text(path.read_text().replace('"', ""))
+    found = read_file(path, PictureOptions(pixel_m=PIXEL_M)).trajectories
+    np.testing.assert_allclose(found.position, PEOPLE.position, atol=1e-4)

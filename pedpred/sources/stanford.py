@@ -28,7 +28,7 @@ from pedpred.storage.text import Row, check_unique, check_width, number, read_nu
 
 _COLUMNS = ("track", "xmin", "ymin", "xmax", "ymax", "frame", "lost", "occluded", "generated", "label")
 _NAMES = {"track": "track_id", "frame": "frame"} | {name: name for name in _COLUMNS[1:5]}
-_ROW = re.compile(r'\d+( -?\d+(\.\d+)?){4} \d+ [01] [01] [01] "\w+"')
+_ROW = re.compile(r'\d+( -?\d+(\.\d+)?){4} \d+ [01] [01] [01] ("\w+"|[A-Z]\w+)')
 _USUAL_HZ = 30.0
 _LOOKED_AT = 10
 _NUMBERS, _SEPARATORS = 9, re.compile(r"[\[\](),;]")
