@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from pedpred.errors import NO_ROOM, ROOM_REMEDY, FileError, OutputError, PedpredError, ShapeError
 from pedpred.plain import parse_json, parse_yaml
@@ -126,6 +126,14 @@ def _mapping(content: Any) -> dict[str, Any]:
     return content
 
 
+def _opened_picture(path: Path) -> Image.Image:
+    try:
+        return Image.open(path, formats=_PICTURES)
+    except UnidentifiedImageError as cause:
+        kinds = ", ".join(_PICTURES)
+        raise ValueError(f"no picture, or of another kind than {kinds}: convert it to PNG") from cause
+
+
 @contextmanager
 def open_picture(path: Path, wording: Wording) -> Iterator[Image.Image]:
     """Open a picture whose pixels are not decoded yet; errors inside the block name the file.
@@ -133,7 +141,7 @@ def open_picture(path: Path, wording: Wording) -> Iterator[Image.Image]:
     Raises:
         FileError: the file is missing, no picture, damaged or has more than `MOST_PIXELS`.
     """
-    with translate_errors(wording), Image.open(path, formats=_PICTURES) as image:
+    with translate_errors(wording), _opened_picture(path) as image:
         if math.prod(image.size) > MOST_PIXELS:
             raise ShapeError(path.name, image.size, f"at most {MOST_PIXELS} pixels")
         yield image

@@ -80,6 +80,39 @@ def test_transforms_of_the_first_time_do_not_move_people_of_the_second(store, tm
     assert np.ptp(people.position[later & (people.track_id == -1)], axis=0).max() < 1e-9
 
 
+@pytest.mark.parametrize("moved_s", [0.0, 0.03])
+def test_a_loop_shorter_than_a_gap_mixes_nobody(moved_s, store, tmp_path, caplog):
+    """Stretches of 1.5 s, whose stamps are the same or lie between those before."""
+    loops = [walk(100.0 + moved_s * loop, 15, first_m=5.0 * loop) for loop in range(4)]
+    people = read_bag(bag(store, tmp_path / "hall", *(one for loop in loops for one in loop))).trajectories
+    assert "time goes back 3 times" in caplog.text
+    assert len(people) == 4 * 2 * 15
+    for track in np.unique(people.track_id):
+        own = people.position[people.track_id == track]
+        assert np.allclose(np.linalg.norm(np.diff(own, axis=0), axis=1), 0.1)
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.integers(5, 40), st.floats(0.02, 0.5), st.integers(1, 20), st.integers(0, 2**32))
+def test_short_loops_are_told_from_late_messages(count, step_s, loops, seed):
+    rng = np.random.default_rng(seed)
+    one = step_s * np.arange(count)
+    looped = np.concatenate([one + 0.9 * step_s * rng.random() for _ in range(loops)])
+    np.testing.assert_array_equal(find_passes(looped), np.repeat(np.arange(loops), count))
+    late = step_s * np.arange(4 * count)
+    block = rng.integers(1, min(count, int(1.9 / step_s)) + 1)
+    start = rng.integers(0, len(late) - block)
+    assert not find_passes(late[rolled(len(late), start, block, -1)]).any()
+    assert not find_passes(late[rolled(len(late), start, block, 1)]).any()
+
+
+def rolled(count, start, block, way):
+    """Rows, of which the first one of a block comes last, or the last one first."""
+    rows = np.arange(count)
+    rows[start : start + block] = np.roll(rows[start : start + block], way)
+    return rows
+
+
 @settings(max_examples=50, deadline=None)
 @given(
     st.lists(st.integers(20, 60), min_size=1, max_size=4),
@@ -145,6 +178,12 @@ def test_names_that_count_a_list_are_no_better(first, store, tmp_path):
 def test_ids_that_say_nothing_are_refused(ids, message, store, tmp_path):
     steps = [(k / 10, [(name, (k / 10, 3.0 * n)) for n, name in enumerate(ids)]) for k in range(10)]
     with pytest.raises(SourceError, match=rf"{message}.*topic of a tracker"):
+        read_bag(bag(store, tmp_path / "hall", *steps))
+
+
+def test_ids_that_change_with_every_message_are_refused(store, tmp_path):
+    steps = [(k / 10, {f"{k}-{n}": (k / 10, 3.0 * n) for n in range(2)}) for k in range(10)]
+    with pytest.raises(SourceError, match=r"20 ids in 10 messages.*nobody is followed.*topic of a tracker"):
         read_bag(bag(store, tmp_path / "hall", *steps))
 
 

@@ -243,12 +243,26 @@ def test_a_picture_of_any_suffix_is_a_map_where_a_file_describes_it(tmp_path):
         (tmp_path / name).rename(tmp_path / "map.pgm")
 
 
-@pytest.mark.parametrize("name", ["walk.ndjson", "walk.mcap", "scene"])
-def test_a_unit_for_what_has_metres_is_refused(tmp_path, name):
+def test_a_unit_for_what_has_metres_is_refused(tmp_path):
     (tmp_path / "walk.ndjson").write_text('{"scene": {"fps": 2.5}}')
+    with pytest.raises(ValueRuleError, match=r"--unit = 'mm'.*unit is known"):
+        read_any(tmp_path / "walk.ndjson", options=TableOptions(unit="mm"))
+
+
+@pytest.mark.parametrize("name", ["walk.mcap", "walk.bag", "scene"])
+@pytest.mark.parametrize(
+    ("option", "given"),
+    {
+        "--unit": {"unit": "mm"},
+        "--scale": {"pixel_m": 0.1},
+        "--rate": {"rate_hz": 10.0},
+        "--columns": {"columns": ("time", "id", "x", "y")},
+    }.items(),
+)
+def test_an_option_without_a_meaning_is_refused(tmp_path, name, option, given):
     (tmp_path / "scene").mkdir()
-    with pytest.raises(ValueRuleError, match=r"--unit = 'mm'.*(has metres|unit is known)"):
-        read_any(tmp_path / name, options=TableOptions(unit="mm"))
+    with pytest.raises(ValueRuleError, match=rf"{option} = .*{name} says times and lengths itself"):
+        read_any(tmp_path / name, options=TableOptions(**given))
 
 
 def test_a_table_of_forecasts_has_no_occupancy(tmp_path):

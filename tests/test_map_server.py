@@ -317,3 +317,10 @@ def test_what_is_missing_is_named_with_what_is_usual(key, tmp_path):
     Image.fromarray(GREY).save(tmp_path / "map.pgm")
     path.write_text(path.read_text() + str(error.value).split("such as ")[1] + "\n")
     read_map_file(path)
+
+
+@pytest.mark.parametrize("name", ["map.tiff", "map.gif", "map.webp"])
+def test_a_picture_of_another_kind_is_to_be_converted(tmp_path, name):
+    write(tmp_path, name=name, image=name)
+    with pytest.raises(StorageError, match=rf"{name}.*of another kind than PNG, .*convert it to PNG"):
+        read_map(tmp_path)

@@ -76,7 +76,7 @@ def check(given: argparse.Namespace) -> None:
     """
     scenes = given.scene if isinstance(given.scene, list) else [given.scene]
     theirs = getattr(given, "forecasts", [])
-    named = [getattr(given, name, None) for name in ("map", "model", "tracker")]
+    named = [getattr(given, name, None) for name in ("map", "model", "tracker", "homography")]
     inputs = [
         *(path for path in scenes if path),
         *(path for path in named if isinstance(path, Path)),
@@ -171,6 +171,8 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.add_argument("--unit", choices=list(UNITS), help=long)
     side = "side of a pixel where people were annotated in pictures (Stanford Drone Dataset), m"
     command.add_argument("--scale", type=_number(float, 1e-6, 10.0), metavar="METRES_PER_PIXEL", help=side)
+    flat = "in place of --scale: a text with 3 x 3 numbers, which map (x, y, 1) in pixels to metres"
+    command.add_argument("--homography", type=_path, metavar="FILE", help=flat)
     replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml, .wkt); replaces the map "
     replaced += "(default: that of the recording, or the map.yaml beside a table)"
     command.add_argument("--map", type=_path, help=replaced)

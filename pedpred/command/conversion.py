@@ -20,12 +20,16 @@ from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometries import is_geometry, read_ground, read_walls
 from pedpred.sources.scene_folder import read_own
 from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
+from pedpred.sources.stanford import PictureOptions, read_homography
 from pedpred.storage.scenes import write_scene
 from pedpred.tables.options import TableOptions
 
 _OPEN_END_M = 6.0
 """Length of corridors beyond open ends of geometries, m."""
 _MAP_BESIDE, _MOST_OUTSIDE = "map.yaml", 0.5
+
+_FOR_FILES = {"--unit": "unit", "--scale": "pixel_m", "--rate": "rate_hz", "--columns": "columns"}
+"""Options that have a meaning for files of tracks alone, and their fields of `TableOptions`."""
 
 _log = logging.getLogger(__name__)
 _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id", "person_id")
@@ -75,7 +79,7 @@ def read_given(given: argparse.Namespace) -> Scene:
     """Read the scene that the arguments name, on the map that they name; a misplaced map is warned about.
 
     Raises:
-        ValueRuleError: open ends are given without a geometry file.
+        ValueRuleError: open ends are given without a geometry file, or another option has no meaning.
     """
     replaced = given.map is not None or given.no_map
     ground = "" if replaced else given.map_topic
@@ -91,9 +95,21 @@ def read_given(given: argparse.Namespace) -> Scene:
     return scene
 
 
-def _options(given: argparse.Namespace) -> TableOptions:
+def _options(given: argparse.Namespace) -> PictureOptions:
+    """What the arguments say about a file of tracks.
+
+    Raises:
+        ValueRuleError: a homography is given for something else than pixels.
+    """
     columns = None if given.columns is None else tuple(given.columns.split(","))
-    return TableOptions(columns, given.rate, given.unit, given.scale)
+    options = PictureOptions(columns, given.rate, given.unit, given.scale)
+    if given.homography is None:
+        return options
+    is_tracks = not given.scene.is_dir() and not _is_named(given.scene)
+    if not is_tracks or not format_of(given.scene, options).pixels:
+        rule = f"the positions in {given.scene} are no pixels"
+        raise ValueRuleError("--homography", str(given.homography), rule)
+    return replace(options, homography=read_homography(given.homography))
 
 
 def _kind(given: argparse.Namespace) -> str:
@@ -180,13 +196,13 @@ def read_any(
         StorageError, SourceError: the file is missing, damaged or of another format.
         ValueRuleError: an option has no meaning for the format.
     """
-    options = options or TableOptions()
     if not path.is_dir() and not _is_named(path):
         scene = read_file(path, options)
-    elif options.unit is not None:
-        raise ValueRuleError("--unit", options.unit, f"{path} has metres; it is for tables and texts")
-    elif options.pixel_m is not None:
-        raise ValueRuleError("--scale", options.pixel_m, f"{path} has metres; it is for pixels")
+    elif surplus := [name for name, field in _FOR_FILES.items() if getattr(options, field, None) is not None]:
+        value = getattr(options, _FOR_FILES[surplus[0]])
+        raise ValueRuleError(
+            surplus[0], value, f"{path} says times and lengths itself; it is for tables and texts"
+        )
     elif _is_foreign(path) or (path.is_file() and (topic is not None or map_topic is not None)):
         return read_bag(path, topic, transform, map_topic)
     elif path.is_dir():

@@ -37,9 +37,9 @@ def read_bag(
 ) -> Scene:
     """Read the people and the map of a bag.
 
-    Times are the messages' stamps, or the bag's own where all stamps are zero. Where stamps go back by more
-    than `LOST_AFTER_S`, as in a recording that was played twice, the rest follows later with other ids.
-    People in a frame that /tf moves are brought into the map's frame or, without a map, into `map` or the
+    Times are the messages' stamps, or the bag's own where all stamps are zero. Where stamps go back
+    (`find_passes`), as in a recording that was played twice, the rest follows later with other ids. People in
+    a frame that /tf moves are brought into the map's frame or, without a map, into `map` or the
     topmost frame. Velocities in messages are not read: the tracker estimates them.
 
     Detections without a place, without a transform at their time, with a false stamp, and second ones of a

@@ -25,12 +25,16 @@ def check_identity(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: S
         position: of the people in each message, m. [n, 2] each
 
     Raises:
-        ValueRuleError: nobody has an id, most messages give one to several people, or ids are places in a
-            list, so that people become each other when one of them leaves.
+        ValueRuleError: nobody has an id, no id is in two messages, most messages give one to several people,
+            or ids are places in a list, so that people become each other when one of them leaves.
     """
     named = [each for each in ids if each]
     if named and not any(name for each in named for name in each):
         raise ValueRuleError("id", "", f"it must say who is who: {_REMEDY}")
+    count = sum(len(set(each)) for each in named)
+    if len(named) > 1 and len(set().union(*named)) == count:
+        found = f"{count} ids in {len(named)} messages"
+        raise ValueRuleError("id", found, f"each is there once, so nobody is followed: {_REMEDY}")
     several = [each for each in named if len(each) > 1]
     shared = [each for each in several if len(set(each)) < len(each)]
     if 2 * len(shared) > len(several):

@@ -85,7 +85,9 @@ class Trajectories:
         order = np.lexsort((self.time_s, self.track_id))
         same = np.diff(self.track_id[order]) == 0
         if not same.any():
-            raise ValueRuleError("track_id", len(self), "no pedestrian was detected twice")
+            found = f"{len(self)} ids in {len(self)} detections"
+            rule = "no pedestrian was detected twice; ids must stay with people"
+            raise ValueRuleError("track_id", found, rule)
         return float(np.median(np.diff(self.time_s[order])[same]))
 
     def select(self, rows: np.ndarray) -> Trajectories:

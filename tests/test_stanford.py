@@ -1,0 +1,87 @@
+"""Pixels of the Stanford Drone Dataset on the ground: by their size, or by a homography."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pedpred.command import main
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.geometry import Homography
+from pedpred.sources.single_file import read_file
+from pedpred.sources.stanford import PictureOptions, read_homography
+from tests.field_formats import PEOPLE, PIXEL_M, ROWS, lines, write_stanford, write_sumo
+
+INCLINED = np.array([[0.05, 0.01, -3.0], [0.002, -0.06, 20.0], [1e-4, 8e-4, 1.0]])
+
+
+def annotated(folder, to_pixels):
+    """The usual people, in a picture that shows the ground (x, y) at some pixels (x, y)."""
+    boxes = []
+    for k, who, *place in ROWS:
+        x, y = to_pixels(np.array(place))
+        boxes.append(f'{who} {x - 8:.6f} {y - 9:.6f} {x + 8:.6f} {y + 9:.6f} {6 * k} 0 0 0 "Pedestrian"')
+    return lines(folder / "annotations.txt", *boxes)
+
+
+def shown(place):
+    seen = np.linalg.inv(INCLINED) @ [*place, 1.0]
+    return seen[:2] / seen[2]
+
+
+@pytest.mark.parametrize("text", ["{}", "# H\n{}", "{} {} {}, 1", "1\n2\n3", "nan " * 9, "1 2 3\n" * 3])
+def test_a_file_without_an_invertible_matrix_is_refused(tmp_path, text):
+    (tmp_path / "H.txt").write_text(text)
+    with pytest.raises(SourceError, match=r"H\.txt.*"):
+        read_homography(tmp_path / "H.txt")
+
+
+@given(
+    st.sampled_from(["{} {} {}\n" * 3, "{},{},{}\n" * 3, "[[{}, {}, {}],\n" + " [{}, {}, {}],\n" * 2 + "]"])
+)
+def test_a_matrix_may_be_written_in_every_usual_way(tmp_path_factory, form):
+    path = tmp_path_factory.getbasetemp() / "H.txt"
+    path.write_text(form.format(*INCLINED.ravel().tolist()))
+    np.testing.assert_array_equal(read_homography(path).matrix[:, [1, 0, 2]], INCLINED)
+
+
+def test_an_inclined_camera_is_undone(tmp_path, capsys):
+    path = annotated(tmp_path, shown)
+    np.savetxt(tmp_path / "H.txt", INCLINED, fmt="%.17g")
+    options = PictureOptions(homography=read_homography(tmp_path / "H.txt"))
+    np.testing.assert_allclose(read_file(path, options).trajectories.position, PEOPLE.position, atol=1e-4)
+    main(["info", str(path), "--homography", str(tmp_path / "H.txt")])
+    assert "Stanford Drone Dataset" in capsys.readouterr().out
+
+
+def test_a_scale_is_a_homography_of_a_camera_that_looks_down(tmp_path):
+    path = write_stanford(tmp_path)
+    np.savetxt(tmp_path / "H.txt", np.diag([PIXEL_M, -PIXEL_M, 1.0]))
+    by_size = read_file(path, PictureOptions(pixel_m=PIXEL_M)).trajectories
+    found = read_file(path, PictureOptions(homography=read_homography(tmp_path / "H.txt"))).trajectories
+    np.testing.assert_allclose(found.position, by_size.position)
+
+
+def test_people_beyond_the_horizon_are_refused(tmp_path):
+    path = annotated(tmp_path, lambda place: 100 * place)
+    flat = Homography(np.array([[1.0, 0, 0], [0, 1.0, 0], [0, -1.0 / 500, 1.0]])[:, [1, 0, 2]])
+    with pytest.raises(SourceError, match=r"annotations\.txt, line \d+: the pixel x = .*horizon"):
+        read_file(path, PictureOptions(homography=flat))
+
+
+def test_only_pixels_have_a_homography_and_not_with_a_size(tmp_path):
+    np.savetxt(tmp_path / "H.txt", INCLINED)
+    own = ["--homography", str(tmp_path / "H.txt")]
+    with pytest.raises(SystemExit, match=r"--homography.*are no pixels"):
+        main(["info", str(write_sumo(tmp_path)), *own])
+    with pytest.raises(SystemExit, match=r"pixel_m.*omit one"):
+        main(["info", str(write_stanford(tmp_path)), *own, "--scale", "0.03"])
+    with pytest.raises(ValueRuleError, match="omit one"):
+        PictureOptions(pixel_m=0.1, homography=Homography(np.eye(3)))
+
+
+def test_labels_need_no_quotes(tmp_path):
+    path = write_stanford(tmp_path)
+    path.write_text(path.read_text().replace('"', ""))
+    found = read_file(path, PictureOptions(pixel_m=PIXEL_M)).trajectories
+    np.testing.assert_allclose(found.position, PEOPLE.position, atol=1e-4)
