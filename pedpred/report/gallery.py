@@ -13,6 +13,7 @@ from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.report.charts import box_plot
 from pedpred.report.curves import training_figure
+from pedpred.report.displacement import displacement_section
 from pedpred.report.document import Picture, Pictures, Section, Text
 from pedpred.report.error_plots import calibration_figure, horizon_figure, with_covariances
 from pedpred.report.instants import Instant, before_obstacle, choose, mutual_avoidance
@@ -94,6 +95,10 @@ def draw_gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     return [
         Section("Error over the horizon", [Pictures(horizons)], "horizon"),
         *calibration_section(results, methods, _calibration(windows, results, methods)),
+        *displacement_section(
+            {place: [windows[name] for name in own if name in windows] for place, own in tested.items()},
+            methods,
+        ),
         Section("Instants, chosen by rule", [Text(legend), Pictures(snapshots)]),
         *reconstructions_section(evaluated.autoencoder, windows),
         _places(scenes, SHOWN_S[kind]),

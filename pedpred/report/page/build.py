@@ -95,6 +95,7 @@ def _sections(contents: Contents) -> list[Section]:
         *literature_section(contents.literature, contents.published, methods),
         *_merged("horizon", galleries),
         *_merged("calibration", galleries),
+        *_merged("displacement", galleries),
         Section("Pictures", [*unnamed, *contents.further], "pictures"),
         *_merged("training", galleries),
         *latency_section(contents.latency),
