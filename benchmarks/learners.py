@@ -27,7 +27,7 @@ from pedpred.models.registry import parse_settings
 from pedpred.training.distributed import DistributedContext
 from pedpred.training.instants import InstantLearner, InstantSettings
 from pedpred.training.loop import Learner
-from pedpred.training.sequences import SequenceLearner, SequenceSettings
+from pedpred.training.sequences import NamedSets, SequenceLearner, SequenceSettings
 
 TRACKS, TRACK_STEPS = 1000, 60
 SITUATIONS = 50_000
@@ -60,7 +60,7 @@ def cases() -> dict[str, Callable[[DistributedContext], Case]]:
         RowFormat(protocol, kind, parse_features(kind, plain(cfg.features[kind])))
         for kind in ("lstm", "mixture")
     )
-    recurrent = parsed(SequenceSettings, plain(cfg.training.main))
+    recurrent = parsed_together([SequenceSettings, NamedSets], plain(cfg.training.main))[0]
     alone = plain(cfg.training.situations) | {"shares": {"random": 1.0}, "validation_share": 0.0}
     situations = parsed(InstantSettings, alone)
 

@@ -53,7 +53,8 @@ def epoch(rows: int) -> list[str]:
     lengths = [f"training.corridor.{key}={steps}" for key in ("steps", "validate_every")]
     sizes = [f"training.corridor.lanes={LANES}", f"training.corridor.sub_sequence={SUB_SEQUENCE}"]
     sizes.append(f"training.corridor.validation_share={HELD_OUT}")
-    return ["+phase=corridor", "+data=simulated/main", "+name=lstm", *lengths, *sizes]
+    sizes.append("training.corridor.sets=[simulated/main]")
+    return ["+phase=corridor", "+name=lstm", *lengths, *sizes]
 
 
 def rows_of(folder: Path) -> int:

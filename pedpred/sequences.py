@@ -21,15 +21,13 @@ from pedpred.tracking import follow
 
 @dataclass(frozen=True)
 class SequenceSets:
-    """Which worlds, and what the main training reads.
+    """Which worlds there are.
 
     Attributes:
         worlds: kind of world -> number of worlds.
-        train: sets of data/features that the main training reads, as a list in brackets.
     """
 
     worlds: Mapping[str, int]
-    train: str
 
     def __post_init__(self) -> None:
         check_mapping("worlds", self.worlds)
@@ -37,10 +35,6 @@ class SequenceSets:
             check_choice("worlds", kind, DRAWN_KINDS)
             if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 1_000_000:
                 raise ValueRuleError(f"worlds.{kind}", count, "it must be a whole number in [1, 1000000]")
-        if not (
-            isinstance(self.train, str) and self.train.startswith("[simulated/") and self.train[-1] == "]"
-        ):
-            raise ValueRuleError("train", self.train, "it must be a list such as [simulated/main]")
 
 
 def collect_world_steps(

@@ -155,9 +155,11 @@ def _training(cfg: Params) -> None:
         parsed(DeviceSettings, {name: value for name, value in own.items() if name not in PHASES})
     for phase in PHASES:
         with configured(f"training.{phase}"):
-            settings, _ = settings_of(phase, own[phase])
+            settings, data = settings_of(phase, own[phase])
         shares = getattr(settings, "shares", ())
         _names(f"training.{phase}.shares", shares, cfg["situations"]["simulated"])
+        simulated = [f"simulated/{name}" for name in (*cfg["simulations"], "worlds")]
+        _names(f"training.{phase}.sets", getattr(data, "sets", ()), simulated)
 
 
 def _features(cfg: Params) -> None:

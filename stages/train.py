@@ -21,6 +21,7 @@ from pedpred.training import InstantSettings, SequenceSettings
 from pedpred.training.distributed import DeviceSettings, distributed_context
 from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
 from pedpred.training.instants import RealShare, mix_shares
+from pedpred.training.sequences import NamedSets
 
 SEQUENCES, INSTANTS = Path("data/features"), Path("data/situations")
 
@@ -32,18 +33,20 @@ class Phase:
     Attributes:
         previous: checkpoint of the phase before; {name}: the network. None starts with random weights.
         rows: folder of the sets that are read: sequences for networks with a memory, or instants.
+        data: class of what the row says about its sets.
     """
 
     previous: str | None
     rows: Path
+    data: type[NamedSets] | type[RealShare] | None = None
 
 
 PHASES = {
-    "corridor": Phase("models/autoencoder", SEQUENCES),
-    "main": Phase("models/corridor/{name}", SEQUENCES),
+    "corridor": Phase("models/autoencoder", SEQUENCES, NamedSets),
+    "main": Phase("models/corridor/{name}", SEQUENCES, NamedSets),
     "finetune": Phase("models/main/{name}", SEQUENCES),
     "situations": Phase(None, INSTANTS),
-    "adaptation": Phase("models/main/{name}", INSTANTS),
+    "adaptation": Phase("models/main/{name}", INSTANTS, RealShare),
 }
 
 
@@ -65,19 +68,16 @@ def architecture_of(cfg: DictConfig, name: str) -> NetworkSettings:
 
 def settings_of(
     phase: str, options: Mapping[str, object]
-) -> tuple[SequenceSettings | InstantSettings, float]:
-    """Read a row of `training`, and how much of the rows of an adaptation is real."""
-    if PHASES[phase].rows == SEQUENCES:
-        return parsed(SequenceSettings, options), 0.0
-    kinds = [InstantSettings, RealShare] if phase == "adaptation" else [InstantSettings]
-    settings, *share = parsed_together(kinds, options)
-    return settings, share[0].real_share if share else 0.0
+) -> tuple[SequenceSettings | InstantSettings, NamedSets | RealShare | None]:
+    """Read a row of `training`: how to train, and what it says about its sets."""
+    how = SequenceSettings if PHASES[phase].rows == SEQUENCES else InstantSettings
+    data = PHASES[phase].data
+    settings, *about = parsed_together([how] if data is None else [how, data], options)
+    return settings, about[0] if about else None
 
 
 def sets_of(cfg: DictConfig, rows: Path) -> list[str]:
-    """Names of the sets to train on that have people: those of `data` or of `fold`, or all places."""
-    if "data" in cfg:
-        return [cfg.data]
+    """Names of the sets of `fold`, or of all places, that have people."""
     fold = cfg.get("fold")
     named = cfg.folds.real[fold].train if fold else [f"real/{place}" for place in cfg.places]
     if rows == SEQUENCES:
@@ -87,21 +87,25 @@ def sets_of(cfg: DictConfig, rows: Path) -> list[str]:
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Train network `name` in `phase` on the set `data`, on the sets of `fold`, or on all places.
+    """Train network `name` in `phase` on the sets that its row names, on those of `fold`, or on all places.
 
     A phase that learns from instants adds its simulated sets. A sequence without any set is a copy of the
     phase before. Several processes: `torchrun -m stages.train`.
     """
     name, phase = stage_key(cfg), one_of("phase", cfg.phase, PHASES)
     with configured(f"training.{cfg.phase}"):
-        settings, real_share = settings_of(cfg.phase, plain(cfg.training[cfg.phase]))
+        settings, data = settings_of(cfg.phase, plain(cfg.training[cfg.phase]))
     architecture, device = architecture_of(cfg, name), device_of(cfg)
-    sets = [] if cfg.phase == "situations" else sets_of(cfg, phase.rows)
+    if isinstance(data, NamedSets):
+        sets = list(data.sets)
+    else:
+        sets = [] if cfg.phase == "situations" else sets_of(cfg, phase.rows)
     title = f"{cfg.phase} of {name} on {', '.join(sets) or 'simulated situations'}"
     out, curve_path = outputs_of(cfg, name)
     previous = None if phase.previous is None else Path(phase.previous.format(name=name))
     if isinstance(settings, InstantSettings):
         shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
+        real_share = data.real_share if isinstance(data, RealShare) else 0.0
         settings = replace(settings, shares=mix_shares(shares, sets, real_share))
         sets = list(settings.shares)
     elif not sets:

@@ -29,6 +29,7 @@ READS = {"settings": NETWORK["settings"] | {"channels_read": ["state", "crowd"]}
 METHOD = {"where": ["real"], "settings": {"baseline": "kalman_cv"}}
 SHOWN = {"label": "Toy network", "colour": "#123456", "role": "network"}
 SMALL = [f"training.{p}.{k}" for p in ("corridor", "finetune") for k in ("steps=8", "validate_every=4")]
+SMALL += ["training.corridor.sets=[real/toy]"]
 OTHERS = [f"~folds.real.{fold}" for fold in PARAMS["folds"]["real"]]
 LEARNED = [f"{group}.{name}" for group in ("networks", "memoryless") for name in PARAMS["methods"][group]]
 OTHERS += [f"methods.{name}.where=[]" for name in LEARNED]
@@ -42,7 +43,7 @@ RUNS = [
     ("fetch", TOY),
     ("ingest", TOY),
     ("features", TOY | {"kind": "real"}),
-    ("train", TOY | {"phase": "corridor", "data": "real/toy", "out": "models/main/toy"}),
+    ("train", TOY | {"phase": "corridor", "out": "models/main/toy"}),
     ("train", TOY | {"phase": "finetune", "fold": "toy"}),
     *(("evaluate_baseline", {"name": name}) for name in ("cv", "kalman_cv", "again")),
     ("evaluate", TOY | {"networks": "folds/toy"}),

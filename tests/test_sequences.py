@@ -91,19 +91,13 @@ def test_targets_are_the_true_paths_whatever_the_sensor_adds(education):
 
 
 @pytest.mark.parametrize(
-    ("worlds", "train", "field"),
+    ("worlds", "field"),
     [
-        ({"corridor": 0}, "[simulated/main]", r"worlds\.corridor"),
-        ({"arrangement": 3}, "[simulated/main]", "worlds"),
-        ({"corridor": 1.5}, "[simulated/main]", r"worlds\.corridor"),
-        ({"corridor": 1}, "simulated/main", "train"),
+        ({"corridor": 0}, r"worlds\.corridor"),
+        ({"arrangement": 3}, "worlds"),
+        ({"corridor": 1.5}, r"worlds\.corridor"),
     ],
 )
-def test_settings_have_ranges(worlds, train, field):
+def test_settings_have_ranges(worlds, field):
     with pytest.raises(ValueRuleError, match=field):
-        SequenceSets(worlds, train)
-
-
-def test_the_configured_sets_are_understood():
-    sets = parsed(SequenceSets, plain(PARAMS.sequences))
-    assert sets.train.strip("[]").split(",") == ["simulated/main", "simulated/worlds"]
+        SequenceSets(worlds)

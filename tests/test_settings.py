@@ -133,11 +133,8 @@ def test_an_unknown_part_is_refused():
 
 
 STAGES = [
-    *(
-        ("train +phase=corridor +name=lstm +data=simulated/corridor", "training.corridor", "steps", v)
-        for v in (-5, 2.5)
-    ),
-    ("train +phase=main +name=lstm +data=simulated/main", "training.main", "lr", "nan"),
+    *(("train +phase=corridor +name=lstm", "training.corridor", "steps", v) for v in (-5, 2.5)),
+    ("train +phase=main +name=lstm", "training.main", "lr", "nan"),
     ("train +phase=situations +name=mixture", "training.situations", "seed", -1),
     ("pretrain_autoencoder", "autoencoder", "clip_norm", 0),
     ("simulate +name=corridor", "simulations.corridor", "pedestrians", 0.5),

@@ -14,6 +14,7 @@ from torch.nn.utils import clip_grad_norm_
 
 from pedpred.datasets.lanes import SplitSettings, split_sequences, stream_lanes
 from pedpred.datasets.rows import TrainingRows, load_sequences
+from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges, parsed
 from pedpred.models.contract import Loss, RecurrentNetwork, detach, reset, select
 from pedpred.models.lstm.augmentation import Augmentation, AugmentedBatch, augment, look_up
@@ -24,6 +25,22 @@ from pedpred.training.schedule import FitSettings
 
 _SEED_DISTANCE = 1_000_003
 """Between the seeds of two processes, so that they do not drop the same units."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NamedSets:
+    """What a phase is trained on, whatever the fold.
+
+    Attributes:
+        sets: kind/name of each, below data/features.
+    """
+
+    sets: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {})
+        if not self.sets:
+            raise ValueRuleError("sets", self.sets, "it must name a set such as simulated/main")
 
 
 @dataclass(frozen=True, kw_only=True)
