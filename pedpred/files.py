@@ -21,13 +21,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image
 
 from pedpred.errors import NO_ROOM, ROOM_REMEDY, FileError, OutputError, PedpredError, ShapeError
 from pedpred.plain import parse_json, parse_yaml
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 MOST_PIXELS = 2**26
 """Limit for a picture or a map: 400 m x 400 m in cells of 5 cm."""
@@ -133,6 +135,8 @@ def open_picture(path: Path, wording: Wording) -> Iterator[Image.Image]:
     Raises:
         FileError: the file is missing, no picture, damaged or has more than `MOST_PIXELS`.
     """
+    from PIL import Image  # late: a robot has no Pillow
+
     with translate_errors(wording), Image.open(path, formats=_PICTURES) as image:
         if math.prod(image.size) > MOST_PIXELS:
             raise ShapeError(path.name, image.size, f"at most {MOST_PIXELS} pixels")
