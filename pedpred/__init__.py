@@ -37,4 +37,8 @@ def __getattr__(name: str) -> Any:
             return "unknown"
     if name not in _HOMES:
         raise AttributeError(f"module 'pedpred' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    try:
+        return getattr(import_module(_HOMES[name]), name)
+    except ModuleNotFoundError as cause:
+        remedy = f"{cause}: pip install 'pedpred[files]'"
+        raise ModuleNotFoundError(remedy, name=cause.name, path=cause.path) from cause

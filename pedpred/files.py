@@ -21,13 +21,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 
 from pedpred.errors import NO_ROOM, ROOM_REMEDY, FileError, OutputError, PedpredError, ShapeError
 from pedpred.plain import parse_json, parse_yaml
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 MOST_PIXELS = 2**26
 """Limit for a picture or a map: 400 m x 400 m in cells of 5 cm."""
@@ -127,6 +129,8 @@ def _mapping(content: Any) -> dict[str, Any]:
 
 
 def _opened_picture(path: Path) -> Image.Image:
+    from PIL import Image, UnidentifiedImageError  # late: a robot has no Pillow
+
     try:
         return Image.open(path, formats=_PICTURES)
     except UnidentifiedImageError as cause:

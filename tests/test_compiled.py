@@ -10,6 +10,7 @@ import pytest
 MANY = """
 import os, sys, threading
 import numpy as np
+import scipy.linalg  # numba loads it, if it is there, and its BLAS has threads that wait
 from benchmarks.features import both_grids
 from pedpred.features import Pedestrians
 from pedpred.scenes import OccupancyMap

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from pedpred import config
+from pedpred.command.libraries import LIBRARIES
 
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
@@ -58,20 +59,29 @@ def test_what_may_run_on_the_robot_imports_without_torch():
     assert subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=False).returncode == 0
 
 
-def test_what_runs_on_a_robot_needs_the_light_install_alone():
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+CALLED = {"PIL": "pillow", "skfmm": "scikit-fmm", "yaml": "pyyaml"}
+
+
+def bare(requirements):
+    """Names of packages without versions."""
+    return {re.match(r"[\w-]+", requirement)[0] for requirement in requirements}
+
+
+def test_what_the_commands_and_a_robot_import_is_what_the_extra_files_installs():
     """Every package that the command, the online predictor or a reader of bags imports is a dependency.
 
     But for that of archives in HDF5, which few people have, and of pictures of drives: the reader and
-    `pedpred drive` say what to install.
+    `pedpred drive` say what to install. `test_package.py` shows that a robot needs no extra.
     """
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = [*project["dependencies"], *project["optional-dependencies"]["hdf5"], "matplotlib"]
-    called = {"PIL": "pillow", "skfmm": "scikit-fmm", "yaml": "pyyaml"}
+    extras = PROJECT["optional-dependencies"]
+    wanted = [*PROJECT["dependencies"], *extras["files"], *extras["hdf5"], "matplotlib"]
     files = [path for room in ("command", "online", "ros") for path in (ROOT / "pedpred" / room).glob("*.py")]
     embedding = {ROOT / name for path in files for name in code_behind(path)}
     outside = {module.partition(".")[0] for path in embedding for module, _ in imported(path)} - {"pedpred"}
-    needed = {called.get(name, name) for name in outside - sys.stdlib_module_names}
-    assert needed == {re.match(r"[\w-]+", requirement)[0] for requirement in wanted}
+    needed = {CALLED.get(name, name) for name in outside - sys.stdlib_module_names}
+    assert needed == bare(wanted)
+    assert {CALLED.get(name, name) for name in LIBRARIES} == bare(extras["files"])
 
 
 # Stages depend on exactly the code that they import

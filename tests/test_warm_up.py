@@ -13,7 +13,8 @@ from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.online.assessment import assess
 from pedpred.online.replay import replay_scene
-from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.ros.assignment import NearestTracks
+from pedpred.scenes import OccupancyMap, Scene, Trajectories, predicted_occupancy
 from tests.conftest import ROOT
 
 
@@ -82,8 +83,8 @@ def recording():
 
 
 def law(*models):
-    """Run in a process of its own: `warm_up`, then everything."""
-    pedpred.warm_up()
+    """Run in a process of its own: the command `pedpred warm-up`, then everything."""
+    main(["warm-up"])
     known = specialisations()
     once = [(module, name) for module, name, _ in known if name != "_walk"]  # constants of its calls make two
     assert len(once) == len(set(once)) > 15
@@ -105,11 +106,36 @@ def test_after_it_nothing_is_compiled(model, mixture):
     assert done.returncode == 0, done.stderr[-3000:]
 
 
+def law_of_updates(model):
+    """Run in a process of its own: `warm_up` with a model, then what a robot does with it."""
+    pedpred.warm_up(model)
+    known = specialisations()
+    stream(model)
+    tracks = NearestTracks()
+    for k in range(3):
+        tracks.assign(0.1 * k, np.array([[0.1 * k, 0.0], [2.0, 1.0]])[: k + 1])
+    predictor = OnlinePredictor.load(model)
+    for k in range(10):
+        forecast = predictor.update(0.1 * k, [1, 2], [[0.1 * k, 0.0], [2.0, 1.0]])
+    predicted_occupancy(forecast.predictions, OccupancyMap.free_around(np.zeros((1, 2)), cell_m=0.2))
+    assert specialisations() == known, specialisations() - known
+
+
+@pytest.mark.parametrize("kind", ["model", "mixture"])
+def test_after_warm_up_with_a_model_no_update_compiles(kind, request):
+    folder = request.getfixturevalue(kind)[0]
+    script = f"from tests.test_warm_up import law_of_updates\nlaw_of_updates({str(folder)!r})"
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+
+
 def test_the_command_says_what_it_did(model, monkeypatch, caplog, tmp_path):
     monkeypatch.setattr(shipped, "_INSTALLED", model[0])
     with caplog.at_level(logging.INFO):
         main(["warm-up"])
         main(["warm-up", "--model", str(model[0])])
-    assert caplog.text.count("loops are compiled (") == 2
+    assert caplog.text.count("loops are compiled (") == 4  # what updates call, then the rest
     with pytest.raises(SystemExit, match="there is no such file or folder"):
         main(["warm-up", "--model", str(tmp_path / "none")])

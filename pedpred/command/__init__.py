@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import logging
+import sys
+from collections.abc import Sequence
 
 from pedpred.errors import user_errors
 
@@ -10,9 +13,29 @@ from pedpred.errors import user_errors
 @user_errors()
 def main(arguments: list[str] | None = None) -> None:
     """Run a command; errors that a user can fix print their message without a traceback."""
-    from pedpred.command.arguments import check, parser  # takes seconds, in which Ctrl-C ends quietly too
+    from pedpred.command.libraries import missing_libraries  # takes seconds, in which Ctrl-C ends quietly too
 
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    given = parser().parse_args(arguments)
-    check(given)
-    given.action(given)
+    given = sys.argv[1:] if arguments is None else arguments
+    if missing := missing_libraries():
+        _run_on_a_robot(given, missing)
+        return
+    from pedpred.command.arguments import check, parser
+
+    asked = parser().parse_args(given)
+    check(asked)
+    asked.action(asked)
+
+
+def _run_on_a_robot(given: Sequence[str], missing: Sequence[str]) -> None:
+    """Run what needs no libraries that read files."""
+    from pedpred.command.warming import add_model, add_warm_up
+
+    remedy = f"Other commands need {', '.join(missing)}: pip install 'pedpred[files]'."
+    top = argparse.ArgumentParser(prog="pedpred", description=__doc__, epilog=remedy)
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+    add_model(add_warm_up(commands))
+    if given and given[0] not in ("warm-up", "-h", "--help"):
+        raise SystemExit(f"pedpred: {given[0]} is not installed. {remedy}")
+    asked = top.parse_args(given)
+    asked.action(asked)

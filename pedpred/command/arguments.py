@@ -16,6 +16,7 @@ from pedpred.command.conversion import convert, info, layout_of, refuse_overwrit
 from pedpred.command.driving import check_drive, drive
 from pedpred.command.evaluation import evaluate
 from pedpred.command.prediction import predict
+from pedpred.command.warming import add_model, add_warm_up, named_path
 from pedpred.driving.forecasters import NAMES
 from pedpred.driving.robot import KINDS, Robot
 from pedpred.driving.sensor import SensorSettings
@@ -25,7 +26,6 @@ from pedpred.errors import FileError, OutputError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.files import check_output
 from pedpred.online.network import read_description
-from pedpred.online.warming import warm_up
 from pedpred.tables.units import UNITS
 
 _SCENE = (
@@ -61,10 +61,7 @@ def parser() -> argparse.ArgumentParser:
     _measures(command)
     command = _add(commands, drive, scenes="?")
     _drives(command)
-    about = "Compile loops now, so that no later command and no robot waits for it."
-    command = commands.add_parser("warm-up", help=about, description=about)
-    _network(command)
-    command.set_defaults(action=lambda given: warm_up(given.model), scene=[])
+    add_model(add_warm_up(commands))
     return top
 
 
@@ -147,17 +144,11 @@ def _number(kind: type, least: float, most: float) -> Callable[[str], float]:
     return number
 
 
-def _path(text: str) -> Path:
-    if not text.strip():
-        raise argparse.ArgumentTypeError("the name is empty")
-    return Path(text)
-
-
 def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: str | None = None) -> Any:
     """Add a subcommand named after its function, which reads one scene or several."""
     command = commands.add_parser(action.__name__, help=action.__doc__, description=action.__doc__)
     command.set_defaults(action=action)
-    command.add_argument("scene", type=_path, nargs=scenes, help=_SCENE)
+    command.add_argument("scene", type=named_path, nargs=scenes, help=_SCENE)
     command.add_argument("--topic", help="of a bag's people, if several topics carry people")
     grids = "of a bag's map, if it is not called map (default: the one that is no costmap)"
     command.add_argument("--map-topic", help=grids)
@@ -175,7 +166,7 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.add_argument("--homography", type=_path, metavar="FILE", help=flat)
     replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml, .wkt); replaces the map "
     replaced += "(default: that of the recording, or the map.yaml beside a table)"
-    command.add_argument("--map", type=_path, help=replaced)
+    command.add_argument("--map", type=named_path, help=replaced)
     command.add_argument("--no-map", action="store_true", help="without obstacles, even if a map is there")
     end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"
     ends = ("X1", "Y1", "X2", "Y2")
@@ -186,17 +177,15 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
 
 
 def _output(command: argparse.ArgumentParser, what: str, required: bool = True) -> None:
-    command.add_argument("-o", "--output", type=_path, required=required, help=what)
+    command.add_argument("-o", "--output", type=named_path, required=required, help=what)
     command.add_argument("--force", action="store_true", help="replace an existing file")
 
 
-def _network(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--model", type=_path, help="a model folder (default: the one of the package)")
-
-
 def _model(command: argparse.ArgumentParser, tracker: str) -> None:
-    _network(command)
-    command.add_argument("--tracker", type=lambda text: text if text == "tune" else _path(text), help=tracker)
+    add_model(command)
+    command.add_argument(
+        "--tracker", type=lambda text: text if text == "tune" else named_path(text), help=tracker
+    )
 
 
 def _conditions(command: argparse.ArgumentParser) -> None:
@@ -205,13 +194,15 @@ def _conditions(command: argparse.ArgumentParser) -> None:
         "measure somebody else's forecasts too: a table (.csv, .parquet) with track, time, mode, weight, "
     )
     theirs += "step, x, y, or the .ndjson predictions of TrajNet++; may be repeated"
-    command.add_argument("--forecasts", type=_path, action="append", default=[], metavar="FILE", help=theirs)
+    command.add_argument(
+        "--forecasts", type=named_path, action="append", default=[], metavar="FILE", help=theirs
+    )
     step = "time between two steps of such a table, s (default: that of the model)"
     command.add_argument("--step-s", type=_number(float, 0.01, 10.0), help=step)
 
 
 def _measures(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--json", type=_path, help="write all figures there")
+    command.add_argument("--json", type=named_path, help="write all figures there")
     usual = EvaluationSettings()
     slow = f"slower pedestrians count as standing, m/s (default {usual.moving_mps:g})"
     speed, near_m = _number(float, 1e-6, 1e6), _number(float, 1e-6, 1e6)
@@ -231,7 +222,7 @@ def _drives(command: argparse.ArgumentParser) -> None:
     shown = "tell the forecaster where the robot is, as one more person"
     command.add_argument("--shown", action="store_true", help=shown)
     table = "drives are kept there, and not repeated (default: NAME_drives.csv in the current folder)"
-    command.add_argument("--table", type=_path, metavar="CSV", help=table)
+    command.add_argument("--table", type=named_path, metavar="CSV", help=table)
     command.add_argument("--episodes", type=_number(int, 1, 1e6), default=100, help="number (default 100)")
     command.add_argument("--method", choices=NAMES, action="append", help="may be repeated (default: all)")
     limit = "limits of the probability to overlap somebody, one or several (default 0.02 0.05 0.1 0.2 0.4)"
@@ -239,7 +230,7 @@ def _drives(command: argparse.ArgumentParser) -> None:
     command.add_argument("--risk", type=rate, action="extend", nargs="+", metavar="P", help=limit)
     seed = "of episodes and sensor (default 0)"
     command.add_argument("--seed", type=_number(int, 0, 2**63), default=0, help=seed)
-    _network(command)
+    add_model(command)
     robot, sensor = Robot(), SensorSettings()
     command.add_argument("--robot", choices=KINDS, default=robot.kind, help=f"(default {robot.kind})")
     length = _number(float, 0.05, 10.0)
@@ -258,9 +249,9 @@ def _drives(command: argparse.ArgumentParser) -> None:
     processes = "worker processes (default 1)"
     command.add_argument("--processes", type=_number(int, 1, 1000), default=1, help=processes)
     picture = "draw collisions over the time to the goal there, a curve for each method"
-    command.add_argument("--curves", type=_path, metavar="NAME.png", help=picture)
+    command.add_argument("--curves", type=named_path, metavar="NAME.png", help=picture)
     record = "write one episode instead: of one method (default: modes) as MCAP, or a picture of several"
-    command.add_argument("--record", type=_path, metavar="NAME.mcap|NAME.png", help=record)
+    command.add_argument("--record", type=named_path, metavar="NAME.mcap|NAME.png", help=record)
     which = "number of the episode to record (default 0)"
     command.add_argument("--episode", type=_number(int, 0, 1e6), default=0, help=which)
     command.add_argument("--force", action="store_true", help="replace an existing recording")

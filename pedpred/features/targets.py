@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from pedpred.scenes import Trajectories
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, births, last_rows
@@ -13,6 +12,8 @@ from pedpred.tracking.tracks import TIME_TOLERANCE_S, births, last_rows
 
 def _true_path(time_s: np.ndarray, position: np.ndarray, query_s: np.ndarray) -> np.ndarray:
     """Interpolate the positions [A, 2] of one track at some times [...], clipped to its span. m, [..., 2]."""
+    from scipy.interpolate import CubicSpline  # late: a robot has no SciPy
+
     query_s = np.clip(query_s, time_s[0], time_s[-1])
     if len(time_s) == 1:
         return np.broadcast_to(position[0], (*query_s.shape, 2))

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
 
 from pedpred.compiled import compiled
 from pedpred.scenes import Predictions
@@ -54,6 +53,8 @@ def mixture_nll(predictions: Predictions, truth: np.ndarray) -> np.ndarray:
     Returns:
         NaN from a method without covariances. [W, P]
     """
+    from scipy.special import logsumexp  # late: a robot has no SciPy
+
     if predictions.covariance is None:
         return np.full(truth.shape[:2], np.nan)
     distance2 = squared_mahalanobis(truth[:, None] - predictions.path, predictions.covariance)

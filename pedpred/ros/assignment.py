@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
 
+from pedpred.tracking.matching import cheapest_pairs, distances_m
 from pedpred.tracking.tracks import LOST_AFTER_S
 
 _GATE_M, _GATE_MPS, _LARGEST_GATE_M = 0.5, 1.5, 2.0
@@ -39,9 +38,9 @@ class NearestTracks:
         expected = self._position + gap_s[:, None] * self._velocity
         track_id = np.zeros(len(position), np.int64)
         placed = np.flatnonzero(np.isfinite(position).all(axis=1))
-        apart = cdist(expected, position[placed])
+        apart = distances_m(expected, position[placed])
         gate = np.minimum(_GATE_M + _GATE_MPS * gap_s, _LARGEST_GATE_M)[:, None]
-        person, found = linear_sum_assignment(np.where(apart <= gate, apart, 2.0 * _LARGEST_GATE_M))
+        person, found = cheapest_pairs(np.where(apart <= gate, apart, 2.0 * _LARGEST_GATE_M))
         near = apart[person, found] <= gate[person, 0]
         person, found = person[near], placed[found[near]]
         track_id[found] = self._track_id[person]

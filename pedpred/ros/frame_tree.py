@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
+from pedpred.ros.rotations import NO_TURN, angle_rad, between, composed, inverse, normalised, rotated
 from pedpred.ros.scene_messages import seconds
 from pedpred.scenes import rule_of
 
@@ -127,23 +127,23 @@ class FrameTree:
         found = place.astype(np.float64)
         for edge in pairwise(up):
             turn, offset = self._poses(edge, time_s, heard_s)
-            found = turn.apply(found) + offset
+            found = rotated(turn, found) + offset
         for edge in reversed(list(pairwise(down))):
             turn, offset = self._poses(edge, time_s, heard_s)
-            found = turn.inv().apply(found - offset)
+            found = rotated(inverse(turn), found - offset)
         return found
 
     def _poses(
         self, edge: tuple[str, str], time_s: np.ndarray, heard_s: tuple[float, float]
-    ) -> tuple[Rotation, np.ndarray]:
-        """Pose of a frame in its parent at some times: turn [N], and offset, NaN where unknown, m. [N, 3]."""
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Pose of a frame in its parent at some times: turn [N, 4], and offset, NaN if unknown, m. [N, 3]."""
         if edge in self._fixed:
             turn, offset = (part[-1:] for part in self._known(edge)[1:])
             last = np.zeros(len(time_s), np.int64)
             return turn[last], offset[last]
         known_s, turn, offset = self._known(edge, heard_s)
         if not len(known_s):
-            return Rotation.identity(len(time_s)), np.full((len(time_s), 3), np.nan)
+            return np.tile(NO_TURN, (len(time_s), 1)), np.full((len(time_s), 3), np.nan)
         moved = _moves(turn, offset)
         rows = np.r_[0, np.arange(len(known_s)), len(known_s) - 1]  # the first and the last one hold a little
         held_s = [HELD_S if len(moved) and moved[end] else LONGEST_GAP_S for end in (0, -1)]
@@ -154,29 +154,27 @@ class FrameTree:
         )
         at_s = np.clip(time_s, known_s[0], known_s[-1])
         after = np.clip(np.searchsorted(known_s, at_s), 1, len(known_s) - 1)
-        part = ((at_s - known_s[after - 1]) / (known_s[after] - known_s[after - 1]))[:, None]
-        between = (1.0 - part) * offset[after - 1] + part * offset[after]
+        part = (at_s - known_s[after - 1]) / (known_s[after] - known_s[after - 1])
+        place = (1.0 - part[:, None]) * offset[after - 1] + part[:, None] * offset[after]
         unknown = (_moves(turn, offset) & (np.diff(known_s) > LONGEST_GAP_S))[after - 1]
-        between[unknown | (time_s < known_s[0]) | (time_s > known_s[-1])] = np.nan
-        return Slerp(known_s, turn)(at_s), between
+        place[unknown | (time_s < known_s[0]) | (time_s > known_s[-1])] = np.nan
+        return between(turn[after - 1], turn[after], part), place
 
     def _known(
         self, edge: tuple[str, str], heard_s: tuple[float, float] = _ALWAYS
-    ) -> tuple[np.ndarray, Rotation, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times, turns and offsets of an edge in order of time; of two at one time the last one."""
         child, parent = edge
         samples = np.asarray(self._samples[child][parent]).reshape(-1, _COLUMNS)
         stamped = 1 if samples[:, 1].any() else 0
         samples = samples[(heard_s[0] <= samples[:, 0]) & (samples[:, 0] <= heard_s[1])][::-1]
         known_s, rows = np.unique(samples[:, stamped], return_index=True)
-        quaternions = samples[rows, 5:]
-        turn = Rotation.from_quat(quaternions) if len(rows) else Rotation.identity(0)
-        return known_s, turn, samples[rows, 2:5]
+        return known_s, normalised(samples[rows, 5:]), samples[rows, 2:5]
 
 
-def _moves(turn: Rotation, offset: np.ndarray) -> np.ndarray:
+def _moves(turn: np.ndarray, offset: np.ndarray) -> np.ndarray:
     """Between which poses a frame moves. [S - 1] bool."""
     if len(offset) < 2:
         return np.zeros(0, bool)
     far = np.linalg.norm(np.diff(offset, axis=0), axis=1) > _SAME_M
-    return np.asarray(far | ((turn[1:] * turn[:-1].inv()).magnitude() > _SAME_RAD))
+    return np.asarray(far | (angle_rad(composed(turn[1:], inverse(turn[:-1]))) > _SAME_RAD))

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
 
 from pedpred.errors import ValueRuleError
+from pedpred.tracking.matching import cheapest_pairs, distances_m
 from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
 
 _REMEDY = "record the topic of a tracker, whose ids stay with people, such as people_msgs/People with names"
@@ -80,8 +79,8 @@ def _keeps_order(expected: np.ndarray, new: np.ndarray, moving: bool, farthest_m
     changed = moving and len(expected) != len(new) and moves.sum() > _SAVED_M
     if not changed and not (moves > farthest_m).any():
         return True
-    apart = cdist(expected, new)
+    apart = distances_m(expected, new)
     if not np.isfinite(apart).all():
         return True
-    best = apart[linear_sum_assignment(apart)]
+    best = apart[cheapest_pairs(apart)]
     return bool(moves.sum() - best.sum() <= _SAVED_M or not (changed or best.max() <= farthest_m))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.ndimage import convolve
 
+from pedpred.compiled import compiled
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.scenes.occupancy import OccupancyMap
 from pedpred.scenes.predictions import Predictions
@@ -94,8 +94,23 @@ def _cover(
         + (inverse[:, 1:, 1:] * dy[:, None] ** 2)
     )
     scale = weight / (2 * np.pi * np.sqrt(np.linalg.det(covariance)))
-    share = convolve(np.tensordot(scale, np.exp(-0.5 * distance2), 1), body, mode="constant")
+    share = _convolved(np.tensordot(scale, np.exp(-0.5 * distance2), 1), body)
     inside = np.s_[max(left, 0) : max(right, 0), max(bottom, 0) : max(top, 0)]
     window = free[inside]
     cut = share[max(-left, 0) :, max(-bottom, 0) :][: window.shape[0], : window.shape[1]]
     window *= 1.0 - np.minimum(cut, 1.0)
+
+
+@compiled
+def _convolved(density, body):  # pragma: no cover (compiled)
+    """Convolve a density [X, Y] with a body [D, D] that is its own mirror image; it is 0 outside. [X, Y]."""
+    width, height = density.shape
+    rim = len(body) // 2
+    found = np.zeros((width, height))
+    for x in range(width):
+        for i in range(max(rim - x, 0), min(len(body), width + rim - x)):
+            for j in range(len(body)):
+                share, shift = body[i, j], j - rim
+                for y in range(max(0, -shift), min(height, height - shift)):
+                    found[x, y] += share * density[x + i - rim, y + shift]
+    return found

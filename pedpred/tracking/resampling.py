@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S, births
@@ -24,6 +23,8 @@ def resampled(scene: Scene, dt_s: float, lost_after_s: float = LOST_AFTER_S) -> 
         dt_s: time between the new states, s.
         lost_after_s: an id that reappears after a longer gap, or jumps, counts as a new person, s.
     """
+    from scipy.interpolate import CubicSpline  # late: a robot has no SciPy
+
     trajectories = scene.trajectories
     order = np.lexsort((trajectories.time_s, trajectories.track_id))
     track_id, time_s, position = (

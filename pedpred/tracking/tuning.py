@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
@@ -57,6 +56,7 @@ def tune_kalman(trajectories: Trajectories, ahead: int) -> KalmanSettings:
     Raises:
         ValueRuleError: nobody is detected twice.
     """
+    from scipy.optimize import minimize  # late: a robot has no SciPy
 
     def settings(logarithms: np.ndarray) -> KalmanSettings:
         return KalmanSettings(*np.maximum(np.exp(logarithms), LEAST).tolist())
