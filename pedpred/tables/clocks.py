@@ -29,8 +29,8 @@ def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_
     """
     if "frame" in columns:
         if rate_hz is None:
-            remedy = "Say how many frames a second has: --rate"
-            raise SourceError(path, None, "frame numbers, but no rate", remedy)
+            problem = "frame numbers, but no rate, and no comment says the frame rate"
+            raise SourceError(path, None, problem, "Say how many frames a second has: --rate")
         columns["time_s"] = columns.pop("frame") / rate_hz
     elif unit is not None:
         columns["time_s"] = columns["time_s"] / PER_SECOND[unit]

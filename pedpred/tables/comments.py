@@ -19,7 +19,9 @@ NO_RATE = (
 )
 """Problem and remedy where nobody says how many frames a second has."""
 
-_RATE = re.compile(r"(?:frame[ _-]?rate|fps)\W*(\d+(?:\.\d+)?)", re.IGNORECASE)
+_RATE = re.compile(
+    r"(?:frame[ _-]?rate|fps)\W*(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)\s*(?:fps|frames per second)\b", re.IGNORECASE
+)
 _BEFORE = (
     r"\b[xy]\s*[/\[(_:=]?\s*",
     r"\b(?:in|is|are)\s+",
@@ -37,7 +39,7 @@ def frame_rate_hz(path: Path, comments: Sequence[str], given: float | None) -> f
     Raises:
         SourceError: they differ, or it is out of range.
     """
-    found = {float(match[1]) for comment in comments if (match := _RATE.search(comment))}
+    found = {float(match[1] or match[2]) for comment in comments if (match := _RATE.search(comment))}
     rates = found | ({float(given)} if given else set())
     if len(rates) > 1 or not all(SLOWEST_HZ <= rate <= FASTEST_HZ for rate in rates):
         found_hz = " and ".join(f"{rate:g}" for rate in sorted(rates))

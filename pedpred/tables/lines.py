@@ -1,7 +1,7 @@
 """Lines of a text with columns: comments, a header, and fields between separators.
 
-Commas, semicolons, tabs or blanks separate fields; quotes hold fields together. Lines that begin with `#` are
-comments, unless one is the header.
+Commas, semicolons, tabs or blanks separate fields; quotes hold fields together. Lines that begin with `#`,
+`%` or `//` are comments, unless one is the header.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pedpred.tables.text import Row, check_width, is_number, text_lines
 from pedpred.tables.titles import titles_of_tracks
 
 _SEPARATORS = (";", "\t", ",")
+_COMMENTS = ("#", "%", "//", "sep=")  # with the last, spreadsheets say the separator
 _UTF8 = "Save it as text in UTF-8"
 _FEWEST = 3
 """Numbers with decimal commas that a line with blanks between them has at least."""
@@ -62,7 +63,7 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
     comments: list[str] = []
     lines = text_lines(path, _UTF8)
     for line, text in lines:
-        comment = text.lstrip().startswith("#")
+        comment = _is_comment(text)
         separator = _separator(text)
         titles = _titles(text, separator)
         if comment and (columns or not header or not _names_tracks(titles)):
@@ -78,13 +79,20 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
 
 
 def has_header(path: Path) -> bool:
-    """Whether the first line that is no comment begins with a word.
+    """Whether the first line that is no comment begins with a word, or a comment before it has its titles.
 
     Raises:
         SourceError: the file is missing or no text.
     """
-    first = next((text for _, text in text_lines(path, _UTF8) if not text.lstrip().startswith("#")), "0")
-    return not _is_numeric(_split(first, _separator(first))[0])
+    widths = set()
+    for _, text in text_lines(path, _UTF8):
+        separator = _separator(text)
+        if not _is_comment(text):
+            fields = _split(text, separator)
+            return not _is_numeric(fields[0]) or len(fields) in widths
+        if _names_tracks(titles := _titles(text, separator)):
+            widths = {len(titles)}
+    return False
 
 
 def of_width(path: Path, rows: Iterable[Row], titles: Sequence[str]) -> Iterator[Row]:
@@ -109,7 +117,7 @@ def _rows(
 ) -> Iterator[Row]:
     """Fields of the lines; `own`: the first row says how they are separated, and not the header."""
     for line, text in lines:
-        if text.lstrip().startswith("#"):
+        if _is_comment(text):
             if len(comments) < MOST_COMMENTS:
                 comments.append(text.strip())
             continue
@@ -120,7 +128,7 @@ def _rows(
 
 def _titles(text: str, separator: str | None) -> list[str]:
     """Titles in a line; between blanks, a unit in brackets belongs to the title before it."""
-    plain = text.lstrip().lstrip("#")
+    plain = text.lstrip().lstrip("#%/")
     joined = plain if separator else re.sub(r"\s+(?=[\[(])", "", plain)
     return [title.strip() for title in _split(joined, separator)]
 
@@ -134,6 +142,10 @@ def _holds_numbers(fields: Sequence[str], columns: Sequence[str] | None) -> bool
         for title, field in zip(columns, fields, strict=False)
         if title in titles_of_tracks(columns)
     )
+
+
+def _is_comment(text: str) -> bool:
+    return text.lstrip().startswith(_COMMENTS)
 
 
 def _is_numeric(field: str) -> bool:

@@ -66,7 +66,8 @@ def number(path: Path, line: int, column: str, field: str, remedy: str = _FETCHE
     try:
         value = float(field)
     except ValueError as cause:
-        raise SourceError(path, line, f"{column} = {brief(field.strip())} is not a number", remedy) from cause
+        what = "Write times as seconds" if ":" in field else remedy
+        raise SourceError(path, line, f"{column} = {brief(field.strip())} is not a number", what) from cause
     if not math.isfinite(value):
         raise SourceError(path, line, f"{column} = {brief(field.strip())}, but it must be finite", remedy)
     return value

@@ -42,9 +42,12 @@ _BESIDE = {
 }
 _NUMBER, _PLACE, _CLOCK = (set(words.split()) for words in _BESIDE.values())
 _FILLERS = {"in"}
+_LETTERS = {"m", "s"}  # no unit before another word without a sign between them
 _DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
 _KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *LENGTH_WORDS, *TIME_WORDS, *_FILLERS}
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
+_SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
+"""Signs that change what a title means, such as those of inches and degrees."""
 _SHORTEST_ALONE = 3
 """A unit of time may stand alone in a title (`sec`), but no letter or two (`s`), which may mean anything."""
 
@@ -72,7 +75,13 @@ def meaning_of(title: str) -> Meaning | None:
     words = _words(title)
     said = {_QUANTITY[word] for word in words if word in _QUANTITY}
     units = [word for word in words if word in LENGTH_WORDS or word in TIME_WORDS]
-    if not words or len(units) > 1 or not set(words) <= _KNOWN or len(words) != len(set(words)):
+    if (
+        not words
+        or _SIGN.search(title)
+        or len(units) > 1
+        or not set(words) <= _KNOWN
+        or len(words) != len(set(words))
+    ):
         return None
     name = _name(said, set(words), units)
     words_of_lengths = LENGTH_WORDS if name in LENGTHS else TIME_WORDS if name == "time_s" else {}
@@ -104,7 +113,8 @@ def _words(title: str) -> list[str]:
     words: list[str] = []
     for found in _WORD.findall(title.replace("\u00b5", "u").replace("\u03bc", "u")):
         word = found.lower()
-        parts = [(word[:k], word[k:]) for k in range(1, len(word)) if {word[:k], word[k:]} <= _KNOWN]
+        pairs = [(word[:k], word[k:]) for k in range(1, len(word)) if word[:k] not in _LETTERS]
+        parts = [pair for pair in pairs if set(pair) <= _KNOWN]
         words += [word] if word in _KNOWN or len(parts) != 1 else parts[0]
     return words
 
