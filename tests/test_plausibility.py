@@ -146,11 +146,10 @@ def test_ids_that_are_words_are_numbered_in_the_order_of_appearance(tmp_path, ca
     assert "Helmet_2 is 0, 12 is 1" in caplog.text
 
 
-def test_a_word_among_numbers_is_an_error(tmp_path):
+def test_a_word_among_numbers_makes_all_ids_names(tmp_path):
     path = tmp_path / "hall.csv"
-    path.write_text("time,id,x,y\n0,1,0,0\n0.5,x1,0.5,0\n")
-    with pytest.raises(SourceError, match=r"line 3.*id = 'x1'"):
-        read_file(path)
+    path.write_text("time,id,x,y\n0,7,0,0\n0,x1,5,0\n0.5,7,0.5,0\n0.5,x1,5.5,0\n")
+    np.testing.assert_array_equal(read_file(path).trajectories.track_id, [0, 1, 0, 1])
 
 
 def test_rows_about_something_else_are_passed_over(tmp_path):

@@ -101,11 +101,16 @@ def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separ
         ("time,t,id,x,y\n0,0,1,2,3\n", "columns time and t are both time_s"),
         ("0,1,2,3\n", "line 1: no header, the first line is '0,1,2,3'.*--columns time,id,x,y"),
         ("time,id,x,y\n0,1,2,left\n", "line 2: y = 'left' is not a number"),
-        ("time;id;x;y\n0;1;2,5;3\n", "line 2: x = '2,5' is not a number"),
+        ("time;id;x;y\n0;1;1.002,5;3\n", "line 2: x = '1.002,5' is not a number"),
+        ("time;id;x;y\n0;1;2,5;3\n1;1;2.5;3\n", "line 3: .* commas in line 2 and points in line 3.*without"),
+        ("time,id,x,y\n0,1,2,5,3\n", "line 2: 5 columns, .*decimal ones.*semicolons"),
         ("time,id,x,y\n0,1,inf,3\n", "line 2: x = 'inf', but it must be finite"),
         ("time,id,x,y\n0,1.5,2,3\n", "line 2: id = 1.5, but it must be a whole number"),
         (f"time,id,x,y\n0,{2**63},2,3\n", "line 2: id = 9223372036854775808, but .* 64 bits"),
-        ("time,id,x,y\n0,1,2,3\n\n1,1,2,3\n0,1,2,3\n", "line 5: .* again, first in line 2"),
+        (
+            "time,id,x,y\n0,1,2,3\n\n1,1,2,3\n0,1,2,4\n",
+            "line 5: .* again, first in line 2",
+        ),
         ("time,id,x,y\n0,1,2," + "3" * 70_000, "line 2"),
     ],
 )

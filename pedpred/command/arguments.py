@@ -163,7 +163,7 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     side = "side of a pixel where people were annotated in pictures (Stanford Drone Dataset), m"
     command.add_argument("--scale", type=_number(float, 1e-6, 10.0), metavar="METRES_PER_PIXEL", help=side)
     flat = "in place of --scale: a text with 3 x 3 numbers, which map (x, y, 1) in pixels to metres"
-    command.add_argument("--homography", type=_path, metavar="FILE", help=flat)
+    command.add_argument("--homography", type=named_path, metavar="FILE", help=flat)
     replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml, .wkt); replaces the map "
     replaced += "(default: that of the recording, or the map.yaml beside a table)"
     command.add_argument("--map", type=named_path, help=replaced)

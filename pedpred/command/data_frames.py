@@ -39,7 +39,7 @@ def predict(
             columns may be called in CSV files. Ids may be anything that is not missing.
         occupancy: static obstacles in the same frame, or the path of a map; None: free ground.
         rate_hz: frames per second, where there are frames.
-        unit: of lengths, "m", "cm" or "mm".
+        unit: of lengths: "m", "cm", "mm", "ft" or "inch".
         model: a model folder; None: the default one.
 
     Returns:

@@ -12,6 +12,7 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 
 _LOOKED_AT_BYTES = 2**16
+_PAIRS = 16  # bytes of which each second one is 0 in UTF-16
 _TABLE = "Save it as CSV with the columns time,id,x,y"
 _OTHERS = {
     (b"\x1f\x8b",): ("a gzip archive", "Unpack it"),
@@ -81,5 +82,9 @@ class Beginning:
             )
         if b"\0" not in self.raw:
             return None
+        if any(set(self.raw[first:_PAIRS:2]) == {0} for first in (0, 1)):
+            return SourceError(
+                self.path, None, "this is text in UTF-16, which is not read", "Save it as UTF-8"
+            )
         problem = f"neither text nor a known recording; it begins with the bytes {self.raw[:8].hex(' ')}"
         return SourceError(self.path, None, problem, "Convert it to a table with the columns time,id,x,y")

@@ -11,8 +11,6 @@ geometry that comes with the text.
 
 from __future__ import annotations
 
-import logging
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -27,18 +25,14 @@ from pedpred.fields import check_ranges, finite, parsed
 from pedpred.files import translate_errors
 from pedpred.scenes import Scene, Trajectories
 from pedpred.sources.geometry_xml import read_xml
-from pedpred.sources.plausibility import ids_come_first
 from pedpred.sources.walls import occupancy_of
+from pedpred.tables.comments import MOST_COMMENTS, NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ
 from pedpred.tables.text import Row, check_unique, read_numbers, text_rows
 from pedpred.tables.units import UNITS
 
-_log = logging.getLogger(__name__)
 COLUMNS = ("id", "frame", "x", "y")
 _NAMES = ("track_id", "frame", "x_m", "y_m")
-_MOST_COMMENTS = 1000
-_RATE = re.compile(r"(?:frame[ _-]?rate|fps)\W*(\d+(?:\.\d+)?)", re.IGNORECASE)
-_UNIT = re.compile(r"(?:\b[xy]\s*[/\[(_]\s*|\bin )(c|centi|m|milli)?(?:m|met(?:er|re)s?)\b", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -92,19 +86,15 @@ def read_laboratory(folder: Path, name: str, settings: Mapping[str, Any]) -> Sce
         return Scene(name, trajectories, occupancy, trajectories.usual_interval_s())
 
 
-def read_tracks(
-    path: Path, frame_rate_hz: float | None = None, unit: str | None = None, any_order: bool = False
-) -> Trajectories:
+def read_tracks(path: Path, rate_hz: float | None = None) -> Trajectories:
     """Read the text alone.
 
     Args:
         path: the file.
-        frame_rate_hz: needed if no comment has it.
-        unit: of lengths; None: what a comment says, else metres.
-        any_order: the first two columns may also be frame and id; how people move decides.
+        rate_hz: frames per second, needed if no comment has it.
 
     Raises:
-        SourceError: the file is missing or wrong; it names line and value. Or its order stays open.
+        SourceError: the file is missing or wrong; it names line and value.
     """
     comments: list[str] = []
     rows = _without_comments(text_rows(path), comments)
@@ -117,27 +107,14 @@ def read_tracks(
     titles = (*COLUMNS, "z", *(f"column_{n}" for n in range(6, len(first) + 1)))[: len(first)]
     wanted = dict(zip(COLUMNS, _NAMES, strict=True))
     columns = read_numbers(path, chain([(line, first)], rows), titles, wanted)
-    position = _unit_m(path, comments, unit) * np.stack([columns["x_m"], columns["y_m"]], axis=-1)
-    if any_order and not _ids_come_first(path, columns, position, titles):
-        columns["track_id"], columns["frame"] = columns["frame"], columns["track_id"]
     check_unique(path, columns, "track_id", "frame")
-    rate_hz = _frame_rate_hz(path, comments, frame_rate_hz)
+    unit = unit_of_lengths(path, comments, None) or "m"
+    position = UNITS[unit] * np.stack([columns["x_m"], columns["y_m"]], axis=-1)
+    rate_hz = frame_rate_hz(path, comments, rate_hz)
+    if rate_hz is None:
+        raise SourceError(path, None, *NO_RATE)
     with translate_errors(partial(SourceError, path, None)):
         return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
-
-
-def _ids_come_first(
-    path: Path, columns: Mapping[str, np.ndarray], position: np.ndarray, titles: Sequence[str]
-) -> bool:
-    """Whether ids come before frames; where that stays open, people are asked."""
-    found = ids_come_first(columns["track_id"], columns["frame"], position)
-    if found is None:
-        one, other = (",".join([*order, *titles[2:]]) for order in (("id", "frame"), ("frame", "id")))
-        problem = "without a header, the first two columns could be id and frame, or frame and id"
-        raise SourceError(path, None, problem, f"Say which: --columns {one}, or --columns {other}")
-    if not found:
-        _log.info("%s: each line is frame, id, x, y, as people move", path)
-    return found
 
 
 def _without_comments(rows: Iterable[Row], comments: list[str]) -> Iterator[Row]:
@@ -145,26 +122,5 @@ def _without_comments(rows: Iterable[Row], comments: list[str]) -> Iterator[Row]
     for line, fields in rows:
         if not fields[0].startswith("#"):
             yield line, fields
-        elif len(comments) < _MOST_COMMENTS:
+        elif len(comments) < MOST_COMMENTS:
             comments.append(" ".join(fields))
-
-
-def _frame_rate_hz(path: Path, comments: list[str], given: float | None) -> float:
-    found = {float(match[1]) for comment in comments if (match := _RATE.search(comment))}
-    rates = found | ({float(given)} if given else set())
-    if not rates:
-        remedy = "Say it: --rate, frame_rate_hz in the settings of a place, or a first line `# framerate: 16`"
-        raise SourceError(path, None, "no comment says the frame rate", remedy)
-    if len(rates) > 1 or not SLOWEST_HZ <= min(rates) <= FASTEST_HZ:
-        found_hz = " and ".join(f"{rate:g}" for rate in sorted(rates))
-        raise SourceError(path, None, f"frame rate {found_hz} Hz, expected one from 0.001 to 1000000 Hz")
-    return rates.pop()
-
-
-def _unit_m(path: Path, comments: list[str], given: str | None) -> float:
-    found = {f"{match[1] or ''}"[:1].lower() + "m" for text in comments for match in _UNIT.finditer(text)}
-    units = found | ({given} if given else set())
-    if len(units) > 1:
-        said = " and ".join(sorted(units))
-        raise SourceError(path, None, f"lengths are said to be {said}", "Correct the comment, or --unit")
-    return UNITS[units.pop()] if units else 1.0

@@ -1,6 +1,7 @@
-"""Whether tracks can be those of people: which of two columns holds ids, and the unit of lengths.
+"""Whether tracks can be those of people: which columns hold ids and times, and the unit of lengths.
 
-Files without a header say neither. People walk steadily, and not faster than some metres a second.
+Files without a header say neither, and a header can be wrong. People walk steadily, and not faster than some
+metres a second.
 """
 
 from __future__ import annotations
@@ -17,10 +18,19 @@ from pedpred.tables.units import UNITS
 _log = logging.getLogger(__name__)
 _CLEAR = 2.0
 """In one reading people must go shorter steps, or be seen more often, than in the other by this factor."""
+_FAR = 4.0
+"""Of tracks that are too fast, steps must be shorter by this factor."""
 _FASTEST_MPS, _SLOWEST_MPS = 6.0, 0.05
 """Between these lies the speed that 99 % of the time is not exceeded, where people walk."""
 _USUAL_MPS = 3.0
 """Where it lies at most in the unit that is meant."""
+_LIKELY = ("m", "ft", "cm", "mm")
+"""Units that are proposed, from the longest."""
+_DEGREES_PER_S = 2e-4
+"""Longitude and latitude of people who walk change by less, degrees/s."""
+_REGULAR, _IRREGULAR = 1e-3, 0.1
+"""A clock's steps differ by less than the first share of their median, others by more than the second."""
+_FEWEST_STEPS = 5
 _SPAN_S = 0.4
 """Speeds are measured over this time at least, so that noise and short steps do not count."""
 
@@ -80,18 +90,90 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> 
         return
     usual_mps = float(np.percentile(speed_mps, 99))
     if usual_mps > _FASTEST_MPS:
-        likely = next((unit for unit, size_m in UNITS.items() if usual_mps * size_m <= _USUAL_MPS), "mm")
+        likely = next((unit for unit in _LIKELY if usual_mps * UNITS[unit] <= _USUAL_MPS), "mm")
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), nobody walks so fast"
         if not sure:
-            remedy = (
-                f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, or correct --rate"
-            )
+            remedy = f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, "
+            remedy += "or correct --rate or the order of --columns"
             raise SourceError(path, None, problem, remedy)
         _log.warning("%s: %s", path, problem)
     elif usual_mps < _SLOWEST_MPS:
         _log.warning(
             "%s: nobody moves faster than %.2g m/s; are lengths metres, times seconds?", path, usual_mps
         )
+
+
+def check_degrees(path: Path, people: Trajectories, sure: bool = False) -> None:
+    """Check that positions are no longitudes and latitudes.
+
+    Args:
+        path: the file, for errors.
+        people: what was read from it, taken as metres and seconds.
+        sure: the caller has said the unit, so that nothing is refused.
+
+    Raises:
+        SourceError: they look like degrees.
+    """
+    speed_mps, largest = _speeds_mps(people), np.sort(np.abs(people.position).max(axis=0, initial=0.0))
+    slow = len(speed_mps) > 0 and 0.0 < np.percentile(speed_mps, 99) < _DEGREES_PER_S
+    if slow and not sure and largest[0] <= 90.0 and largest[1] <= 180.0:
+        place = ", ".join(f"{value:.10g}" for value in people.position[0])
+        problem = f"positions such as {place} look like degrees of longitude and latitude"
+        remedy = "Project them to metres first, such as to UTM; --unit m insists on metres"
+        raise SourceError(path, None, problem, remedy)
+
+
+def check_titles(path: Path, people: Trajectories) -> None:
+    """Check that the titles of a table are not those of other columns.
+
+    Raises:
+        SourceError: nobody moves like this, but people would if two titles were exchanged.
+    """
+    problem = None
+    if _are_exchanged(people):
+        problem = "tracks jump; people would walk if the columns of ids and of times or frames were exchanged"
+    for title, values in zip("xy", people.position.T, strict=True):
+        if _is_clock(people, values):
+            problem = f"{title} advances like a clock, and the times do not: the columns look exchanged"
+        elif _holds_ids(people, values):
+            problem = f"{title} holds few whole numbers, most ids are seen once: the columns look exchanged"
+    if problem:
+        remedy = "Correct the titles, or name all columns in order, such as --columns id,frame,x,y"
+        raise SourceError(path, None, problem, remedy)
+
+
+def _are_exchanged(people: Trajectories) -> bool:
+    """Whether steps would be shorter with ids and times exchanged, and tracks are brief or too fast."""
+    as_titled = _motion(people.track_id, people.time_s, people.position)
+    exchanged = _motion(people.time_s, people.track_id, people.position)
+    if not _clearly_less(exchanged[0], as_titled[0]):
+        return False
+    fast = as_titled[0] > _FASTEST_MPS * people.usual_interval_s()
+    if fast and as_titled[0] > _FAR * exchanged[0]:
+        return True
+    return bool(_clearly_less(as_titled[1], exchanged[1]))
+
+
+def _is_clock(people: Trajectories, values: np.ndarray) -> bool:
+    """Whether every track has values at regular steps, one after the other, and times at irregular ones."""
+    steps = []
+    for column in (values, people.time_s):
+        order = np.lexsort((column, people.track_id))
+        steps.append(np.diff(column[order])[np.diff(people.track_id[order]) == 0])
+    if len(steps[0]) < _FEWEST_STEPS:
+        return False
+    spread = [np.ptp(np.percentile(step, [5, 95])) / max(float(np.median(step)), 1e-12) for step in steps]
+    return bool(spread[0] < _REGULAR and np.median(steps[0]) > 0.0 and spread[1] > _IRREGULAR)
+
+
+def _holds_ids(people: Trajectories, values: np.ndarray) -> bool:
+    """Whether values are few whole numbers, each more often than an id, which is there once or twice."""
+    if not len(values) or (values != np.round(values)).any():
+        return False
+    seen, often = (
+        np.median(np.unique(column, return_counts=True)[1]) for column in (people.track_id, values)
+    )
+    return bool(seen <= 2 and often >= 3 * seen and len(np.unique(values)) > 1)
 
 
 def _speeds_mps(people: Trajectories) -> np.ndarray:

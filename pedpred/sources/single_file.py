@@ -23,18 +23,20 @@ from pedpred.sources import (
     viswalk,
 )
 from pedpred.sources.beginnings import Beginning
-from pedpred.sources.jupedsim import read_tracks
-from pedpred.sources.plausibility import check_speeds
+from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles
+from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
 from pedpred.tables.clocks import IN_SECONDS
+from pedpred.tables.lines import has_header
 from pedpred.tables.options import TableOptions
-from pedpred.tables.reading import has_header, read_table
+from pedpred.tables.reading import read_table
 
 CELL_M, WALL_M = 0.05, 3.0
 """Of maps made from geometries, m: side of a cell, thickness of walls."""
 
 _LONGEST_S = 5.0
 """Longest usual time between two detections of a pedestrian that can be seconds."""
+_ONCE = "A track needs several detections. If another column holds the ids, name all in order: --columns"
 _TOO_LONG = {5e6: "nanoseconds", 5e3: "microseconds", _LONGEST_S: "milliseconds or frame numbers"}
 
 
@@ -67,8 +69,8 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
         options: what the file does not say itself.
 
     Raises:
-        SourceError: the file cannot be understood, nobody is detected twice, its times are no seconds, or
-            people would move at impossible speeds.
+        SourceError: the file cannot be understood, nobody is detected twice, its times are no seconds,
+            positions are degrees, titles are exchanged, or people would move at impossible speeds.
         ValueRuleError: an option has no meaning for this format.
     """
     options = options or TableOptions()
@@ -83,8 +85,11 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
     try:
         dt_s = trajectories.usual_interval_s()
     except ValueRuleError as cause:
-        raise SourceError(path, None, str(cause), "A track needs several detections") from cause
+        raise SourceError(path, None, str(cause), _ONCE) from cause
     check_clock(path, dt_s)
+    check_degrees(path, trajectories, sure=options.unit is not None)
+    if kind is _TABLE and options.columns is None:
+        check_titles(path, trajectories)
     check_speeds(path, trajectories, sure=options.unit is not None)
     walls = kind.walls(path)
     if walls is None:
@@ -125,11 +130,7 @@ def check_clock(path: Path, dt_s: float) -> None:
             raise SourceError(path, None, problem, IN_SECONDS)
 
 
-def _read_text(path: Path, options: TableOptions) -> Trajectories:
-    return read_tracks(path, options.rate_hz, options.unit, any_order=True)
-
-
-_TEXT = Format("text with id frame x y or frame id x y", lambda begins: False, _read_text, any_unit=True)
+_TEXT = Format("text with id frame x y or frame id x y", lambda begins: False, read_untitled, any_unit=True)
 _TABLE = Format("table", lambda begins: False, read_table, any_unit=True)
 """What other texts are, with and without a header."""
 

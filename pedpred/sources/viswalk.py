@@ -41,7 +41,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     if missing := [title for title in _TITLES if title not in recorded]:
         problem = f"the attribute {missing[0]} was not recorded; found were {'; '.join(recorded)[:200]}"
         raise SourceError(path, None, problem, f"Record {', '.join(_TITLES)}")
-    titles = [_TITLES.get(title, f"-{title}") for title in recorded]  # no other title can be mistaken
+    titles = [_TITLES.get(title, f"${title}") for title in recorded]  # no other title can be mistaken
     return tracks_in_rows(path, titles, _rows(lines), options)
 
 

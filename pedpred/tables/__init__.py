@@ -1,1 +1,1 @@
-"""Detections in text: what columns are called, units, clocks, ids, rows that are left out."""
+"""Detections in text: lines and their fields, titles, units, clocks, ids, rows that are left out."""

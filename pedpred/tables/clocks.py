@@ -1,4 +1,4 @@
-"""Times in seconds from milliseconds or frame numbers."""
+"""Times in seconds from other units or from frame numbers."""
 
 from __future__ import annotations
 
@@ -8,25 +8,35 @@ import numpy as np
 
 from pedpred.errors import SourceError
 from pedpred.scenes.scene import LATEST_S
+from pedpred.tables.units import PER_SECOND
 
-IN_SECONDS = "Times are seconds; call the column time_ms, or frame and give --rate"
-
+IN_SECONDS = "Times are seconds; call the column time_ms, time_us or time_ns, or frame and give --rate"
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
 _LONG_AGO_S = 1e8  # Unix times are later
 
 
-def set_time(path: Path, columns: dict[str, np.ndarray], rate_hz: float | None) -> None:
-    """Make `time_s` of milliseconds or frames."""
-    if "time_ms" in columns:
-        columns["time_s"] = columns.pop("time_ms") / 1000.0
-    elif "frame" in columns:
+def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_hz: float | None) -> None:
+    """Make `time_s` of times in a unit, or of `frame`.
+
+    Args:
+        path: the file, for errors.
+        columns: with `time_s` in the unit, or `frame`; changed.
+        unit: of times; None: seconds.
+        rate_hz: frames per second; None: unknown.
+
+    Raises:
+        SourceError: a rate is missing, or times are too large to be seconds.
+    """
+    if "frame" in columns:
         if rate_hz is None:
-            remedy = "Say how many frames a second has: --rate"
-            raise SourceError(path, None, "frame numbers, but no rate", remedy)
+            problem = "frame numbers, but no rate, and no comment says the frame rate"
+            raise SourceError(path, None, problem, "Say how many frames a second has: --rate")
         columns["time_s"] = columns.pop("frame") / rate_hz
+    elif unit is not None:
+        columns["time_s"] = columns["time_s"] / PER_SECOND[unit]
     largest = np.abs(columns["time_s"]).max(initial=0.0)
     if largest >= LATEST_S:
-        unit = next(
+        looks = next(
             (unit for unit, parts in _PARTS.items() if largest >= _LONG_AGO_S * parts), "milliseconds"
         )
-        raise SourceError(path, None, f"the time {largest:.10g} looks like {unit}", IN_SECONDS)
+        raise SourceError(path, None, f"the time {largest:.10g} looks like {looks}", IN_SECONDS)

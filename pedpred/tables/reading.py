@@ -1,16 +1,13 @@
 """Tables of tracks as text: a line per detection, columns named by a header or by the caller.
 
-Separators are commas, semicolons, tabs or blanks; lines that begin with `#` are comments, unless they are the
-header. Columns with other names than those of `NAMES` and of `Trajectories` are not used. Lengths are metres
-unless the titles of x and y, such as `x [cm]` or `y_mm`, or the caller say otherwise. Ids may be words, which
-are numbered.
+`lines` finds the fields, `titles` what they mean, `detections` which rows count; `ids`, `decimals`, `clocks`
+and `units` say what values mean. What was taken for what is logged.
 """
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator, Sequence
-from itertools import chain
+import logging
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from pedpred.errors import SourceError, ValueRuleError
@@ -18,17 +15,23 @@ from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.storage.tracks import tracks_of
 from pedpred.tables.clocks import set_time
-from pedpred.tables.ids import with_numbered_ids
+from pedpred.tables.comments import frame_rate_hz, unit_of_lengths
+from pedpred.tables.decimals import with_decimal_points
+from pedpred.tables.detections import with_positions, without_copies, without_other_rows
+from pedpred.tables.ids import Ids
+from pedpred.tables.lines import Lines, lines_of, of_width
 from pedpred.tables.options import TableOptions
-from pedpred.tables.text import Row, check_unique, is_number, read_numbers, text_lines
-from pedpred.tables.titles import LENGTHS, titles_of_tracks, unit_of
+from pedpred.tables.text import OWN_FILE, Row, read_numbers
+from pedpred.tables.titles import LENGTHS, meaning_of, titles_of_tracks
 from pedpred.tables.units import UNITS
 
-_SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
+_NAME = "Name all columns in order, such as --columns time,id,x,y"
+_LONGEST_TITLES = 200
+_log = logging.getLogger(__name__)
 
 
 def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
-    """Read the detections in a table.
+    """Read the detections in a table; rows without a position are missing ones.
 
     Args:
         path: the file.
@@ -38,14 +41,16 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
         SourceError: it is no such table; it names the line and the value, or what was found as header.
     """
     options = options or TableOptions()
-    header, rows = _opened(path, options)
-    return tracks_in_rows(path, header, rows, options)
+    lines = lines_of(path, options.columns)
+    if not lines.titles:
+        raise SourceError(path, lines.line, f"no header, the first line is {lines.begins[:80]!r}", _NAME)
+    return _read(path, lines.titles, lines.rows, options, lines)
 
 
 def tracks_in_rows(
-    path: Path, header: Sequence[str], rows: Iterator[Row], options: TableOptions
+    path: Path, header: Sequence[str], rows: Iterable[Row], options: TableOptions
 ) -> Trajectories:
-    """Read the detections in rows of text, from whatever file.
+    """Read the detections in rows of text, from whatever file; every one has a position.
 
     Args:
         path: the file, for errors.
@@ -56,76 +61,83 @@ def tracks_in_rows(
     Raises:
         SourceError: columns are missing, or a value is wrong; it names the line.
     """
+    return _read(path, header, rows, options)
+
+
+def _read(
+    path: Path,
+    titles: Sequence[str],
+    rows: Iterable[Row],
+    options: TableOptions,
+    lines: Lines | None = None,
+) -> Trajectories:
+    """Read rows; without `lines`, those of a file that was parsed elsewhere."""
+    comments = lines.comments if lines else ()
     try:
-        wanted = titles_of_tracks(header)
+        wanted = titles_of_tracks(titles)
     except ValueRuleError as cause:
-        raise SourceError(
-            path, None, cause.rule, "Rename columns, or name all in order: --columns"
-        ) from cause
-    (id_title,) = (title for title, name in wanted.items() if name == "track_id")
-    rows = with_numbered_ids(path, rows, header.index(id_title), [header.index(title) for title in wanted])
-    columns = read_numbers(path, rows, header, wanted)
+        raise SourceError(path, None, cause.rule, f"Rename columns in the file. Or: {_NAME}") from cause
+    at = {name: titles.index(title) for title, name in wanted.items()}
+    ids = Ids(path, titles[at["track_id"]])
+    clock = "time_s" if "time_s" in at else "frame"
+    others = [column for name, column in at.items() if name != clock]
+    rows = without_other_rows(path, of_width(path, rows, titles), others)
+    if lines is not None:
+        places = [at[name] for name in LENGTHS]
+        rows = with_positions(path, rows, places, at["track_id"])
+        rows = with_decimal_points(path, rows, [*places, at[clock]], lines.separator)
+    columns = read_numbers(path, ids.numbered(rows, at["track_id"]), titles, wanted, OWN_FILE)
+    units = _units(path, wanted, unit_of_lengths(path, comments, options.unit))
     for name in LENGTHS:
-        columns[name] *= UNITS[unit_of(path, wanted, options.unit)]
+        columns[name] *= UNITS[units[name] or "m"]
+    units |= {clock: _said(titles[at[clock]])}
     with translate_errors(lambda problem: SourceError(path, None, problem)):
-        set_time(path, columns, options.rate_hz)
-        check_unique(path, columns, "track_id", "time_s")
+        rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
+        set_time(path, columns, units[clock], rate_hz)
+        columns = without_copies(path, columns, list(ids.first_lines))
+        columns["track_id"] = ids.of_tracks()[columns["track_id"]]
         del columns["line"]
+        if lines is not None:
+            _tell(path, titles, wanted, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
         return tracks_of(columns, path)
 
 
-def has_header(path: Path) -> bool:
-    """Whether the first line that is no comment begins with a word.
+def _said(title: str) -> str | None:
+    """The unit in a title."""
+    meaning = meaning_of(title)
+    return meaning.unit if meaning else None
+
+
+def _units(path: Path, wanted: Mapping[str, str], stated: str | None) -> dict[str, str | None]:
+    """Units of x and y: those in their titles, or that of comments or the caller; None: metres.
 
     Raises:
-        SourceError: the file is missing or no text.
+        SourceError: they differ, or one has a unit and the other none.
     """
-    first = next((text for _, text in text_lines(path) if not text.startswith("#")), "0")
-    return not is_number(_split(first, _separator(first))[0])
+    titles = {name: title for title, name in wanted.items() if name in LENGTHS}
+    said = {name: _said(title) for name, title in titles.items()}
+    units = {unit for unit in said.values() if unit}
+    if stated and units - {stated}:
+        found = " and ".join(sorted(units | {stated}))
+        remedy = "Correct titles, comments or --unit"
+        raise SourceError(path, None, f"lengths are said to be {found}", remedy)
+    if not stated and None in said.values() and units - {"m"}:
+        bare = next(titles[name] for name, unit in said.items() if unit is None)
+        other = next(title for title in titles.values() if title != bare)
+        problem = f"column {other} has the unit {units.pop()}, column {bare} has none"
+        raise SourceError(path, None, problem, "Write the unit into both titles, or give --unit")
+    return {name: unit or stated for name, unit in said.items()}
 
 
-def _opened(path: Path, options: TableOptions) -> tuple[Sequence[str], Iterator[Row]]:
-    """Find the titles of the columns; the rows are read on demand."""
-    lines = text_lines(path)
-    for line, text in lines:
-        separator = _separator(text)
-        titles = [title.strip() for title in _split(text.lstrip("#"), separator)]
-        if text.startswith("#") and (options.columns or not _names_tracks(titles)):
-            continue
-        is_header = not _holds_numbers(titles, options.columns)
-        if not is_header and options.columns is None:
-            problem = f"no header, the first line is {text.strip()[:80]!r}"
-            raise SourceError(path, line, problem, "Name the columns in order, such as --columns time,id,x,y")
-        given = lines if is_header else chain([(line, text)], lines)
-        rows = ((n, _split(other, separator)) for n, other in given if not other.startswith("#"))
-        return options.columns or titles, rows
-    raise SourceError(path, None, "no detections, the file is empty")
-
-
-def _holds_numbers(fields: Sequence[str], columns: Sequence[str] | None) -> bool:
-    """Whether a line is no header: all its fields are numbers, or one in a column that the caller names."""
-    if columns is None:
-        return all(map(is_number, fields))
-    return any(
-        is_number(field)
-        for title, field in zip(columns, fields, strict=False)
-        if title in titles_of_tracks(columns)
-    )
-
-
-def _separator(text: str) -> str | None:
-    return next((separator for separator in _SEPARATORS if separator in text), None)
-
-
-def _split(text: str, separator: str | None) -> Sequence[str]:
-    """Fields of a line; None: blanks separate them."""
-    if '"' in text:
-        return next(csv.reader([text], delimiter=separator or " ", skipinitialspace=True))
-    return text.split(separator)
-
-
-def _names_tracks(titles: Sequence[str]) -> bool:
-    try:
-        return bool(titles_of_tracks(titles))
-    except ValueRuleError:
-        return False
+def _tell(
+    path: Path, titles: Sequence[str], wanted: Mapping[str, str], units: Mapping[str, str | None]
+) -> None:
+    """Log which columns were read, in which units."""
+    default = {"time_s": "s", "x_m": "m", "y_m": "m"}
+    read = []
+    for title, name in wanted.items():
+        unit = units.get(name) or default.get(name)
+        read.append(f"{name.removesuffix('_s').removesuffix('_m')} = {title}{f' ({unit})' if unit else ''}")
+    others = [title or "(no title)" for title in titles if title not in wanted]
+    unused = f"; not used: {', '.join(others)[:_LONGEST_TITLES]}" if others else ""
+    _log.info("%s: columns %s%s", path, ", ".join(read), unused)

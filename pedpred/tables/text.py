@@ -17,20 +17,30 @@ from pedpred.storage.tracks import MOST_NUMBERS
 Row = tuple[int, Sequence[str]]
 """Line number (from 1) and fields of a line."""
 
+OWN_FILE = "Correct the line, or remove it"
+"""What to do about a wrong line in a file of one's own."""
+
+_FETCHED = "Correct the file or fetch it again"
 _WHOLE = ("id", "track_id", "frame", "group_id", "person_id")
 _EXACT = 2**53  # floats of larger whole numbers are rounded
 _BLOCK_ROWS = 2**14
 
 
-def text_lines(path: Path) -> Iterator[tuple[int, str]]:
+def text_lines(path: Path, remedy: str = _FETCHED) -> Iterator[tuple[int, str]]:
     """Line number (from 1) and content of each line that is not blank.
+
+    Args:
+        path: the file.
+        remedy: what to do if it is no text.
 
     Raises:
         SourceError: the file is missing, or no text.
     """
     if not path.exists():
         raise SourceError(path, None, "the file is missing")
-    with translate_errors(lambda problem: SourceError(path, None, f"not a readable text file ({problem})")):
+    with translate_errors(
+        lambda problem: SourceError(path, None, f"not a readable text file ({problem})", remedy)
+    ):
         yield from read_lines(path)
 
 
@@ -47,7 +57,7 @@ def is_number(field: str) -> bool:
         return False
 
 
-def number(path: Path, line: int, column: str, field: str) -> float:
+def number(path: Path, line: int, column: str, field: str, remedy: str = _FETCHED) -> float:
     """The finite number in a field.
 
     Raises:
@@ -56,13 +66,14 @@ def number(path: Path, line: int, column: str, field: str) -> float:
     try:
         value = float(field)
     except ValueError as cause:
-        raise SourceError(path, line, f"{column} = {brief(field.strip())} is not a number") from cause
+        what = "Write times as seconds" if ":" in field else remedy
+        raise SourceError(path, line, f"{column} = {brief(field.strip())} is not a number", what) from cause
     if not math.isfinite(value):
-        raise SourceError(path, line, f"{column} = {brief(field.strip())}, but it must be finite")
+        raise SourceError(path, line, f"{column} = {brief(field.strip())}, but it must be finite", remedy)
     return value
 
 
-def whole_number(path: Path, line: int, column: str, field: str) -> int:
+def whole_number(path: Path, line: int, column: str, field: str, remedy: str = _FETCHED) -> int:
     """The whole number of 64 bits in a field, exactly.
 
     Raises:
@@ -71,16 +82,20 @@ def whole_number(path: Path, line: int, column: str, field: str) -> int:
     try:
         value = int(field)
     except ValueError:
-        fraction = number(path, line, column, field)
+        fraction = number(path, line, column, field, remedy)
         if not fraction.is_integer() or abs(fraction) > _EXACT:
-            raise SourceError(path, line, f"{column} = {fraction!r}, but it must be a whole number") from None
+            problem = f"{column} = {fraction!r}, but it must be a whole number"
+            raise SourceError(path, line, problem, remedy) from None
         value = int(fraction)
     if not -(2**63) <= value < 2**63:
-        raise SourceError(path, line, f"{column} = {value}, but it must be a whole number of 64 bits")
+        problem = f"{column} = {value}, but it must be a whole number of 64 bits"
+        raise SourceError(path, line, problem, remedy)
     return value
 
 
-def check_width(path: Path, line: int, fields: Sequence[str], columns: Sequence[str]) -> None:
+def check_width(
+    path: Path, line: int, fields: Sequence[str], columns: Sequence[str], remedy: str = _FETCHED
+) -> None:
     """Check that a line has a field for each column.
 
     Raises:
@@ -88,7 +103,7 @@ def check_width(path: Path, line: int, fields: Sequence[str], columns: Sequence[
     """
     if len(fields) != len(columns):
         problem = f"{len(fields)} columns, expected {len(columns)}: {' '.join(columns)}"
-        raise SourceError(path, line, problem)
+        raise SourceError(path, line, problem, remedy)
 
 
 def numbers(path: Path, line: int, fields: Sequence[str], columns: Sequence[str]) -> list[float]:
@@ -98,7 +113,11 @@ def numbers(path: Path, line: int, fields: Sequence[str], columns: Sequence[str]
 
 
 def read_numbers(
-    path: Path, rows: Iterable[Row], titles: Sequence[str], wanted: Mapping[str, str]
+    path: Path,
+    rows: Iterable[Row],
+    titles: Sequence[str],
+    wanted: Mapping[str, str],
+    remedy: str = _FETCHED,
 ) -> dict[str, np.ndarray]:
     """Read some columns of a table.
 
@@ -107,6 +126,7 @@ def read_numbers(
         rows: its lines.
         titles: of all columns, as the file has them.
         wanted: title -> name of the columns to read; names of ids and frames hold whole numbers.
+        remedy: what to do about a wrong line.
 
     Returns:
         Name -> column, [M] int64 or float64, and `line`.
@@ -125,16 +145,18 @@ def read_numbers(
         if count > most_rows:
             raise SourceError(path, block[-1][0], f"more than {most_rows} rows", "Divide the file")
         for line, fields in block:
-            check_width(path, line, fields, titles)
+            check_width(path, line, fields, titles, remedy)
         lines = [line for line, _ in block]
         parts["line"].append(np.array(lines))
         for title, column in zip(titles, zip(*(fields for _, fields in block), strict=True), strict=True):
-            if title in wanted:
-                parts[wanted[title]].append(_parsed(path, lines, title, column, wanted[title] in _WHOLE))
+            if name := wanted.get(title):
+                parts[name].append(_parsed(path, lines, title, column, name in _WHOLE, remedy))
     return {name: np.concatenate(parts.pop(name)) for name in list(parts)}
 
 
-def _parsed(path: Path, lines: list[int], title: str, column: Sequence[str], whole: bool) -> np.ndarray:
+def _parsed(
+    path: Path, lines: list[int], title: str, column: Sequence[str], whole: bool, remedy: str
+) -> np.ndarray:
     """Convert a column at once, or field by field where that fails, to name the line."""
     convert: Callable[[str], float] = int if whole else float
     try:
@@ -143,7 +165,7 @@ def _parsed(path: Path, lines: list[int], title: str, column: Sequence[str], who
             return values
     except (ValueError, OverflowError):
         pass
-    slow = partial(whole_number if whole else number, path)
+    slow = partial(whole_number if whole else number, path, remedy=remedy)
     return np.array([slow(line, title, field) for line, field in zip(lines, column, strict=True)])
 
 

@@ -1,29 +1,122 @@
-"""What the columns of a table hold, by their titles."""
+"""What the columns of a table hold, by the words of their titles.
+
+A title names a quantity (time, frame, id, x, y), perhaps its unit, and words that change nothing:
+`time [ms]`, `pos_x_m`, `personID`, `x in cm`, `world x (ft)`. A title with any other word, such as `speed_x`
+or `vehicle_id`, is that of a column that is not used.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.storage.tracks import TRACK_COLUMNS
+from pedpred.tables.units import LENGTH_WORDS, PER_SECOND, TIME_WORDS
 
 NAMES = {
     "time_s": ("t", "time", "time_s", "timestamp"),
-    "time_ms": ("t_ms", "time_ms", "timestamp_ms"),
     "frame": ("frame", "frame_id"),
     "track_id": ("id", "track", "track_id", "ped_id", "agent_id"),
     "x_m": ("x", "x_m", "pos_x"),
     "y_m": ("y", "y_m", "pos_y"),
 }
-"""What the columns may be called; upper and lower case are the same."""
+"""Plain titles, also with a unit. Where one is there, other words for the same are not used."""
 
-_KNOWN = {alias: name for name, aliases in NAMES.items() for alias in aliases}
-_KNOWN |= {name: name for name in TRACK_COLUMNS}
 LENGTHS = ("x_m", "y_m")
-_WITH_UNIT = re.compile(r"(.*?)\s*[ _/\[(]\s*(cm|mm|m)[\])]?")
-_CLOCKS = ("time_s", "time_ms", "frame")
+_SAY = {
+    "time": "t time times timestamp timestamps stamp",
+    "frame": "frame frames",
+    "id": "id ids uid identifier identity",
+    "who": "track trajectory ped pedestrian person agent object obj subject human participant walker people",
+    "x": "x",
+    "y": "y",
+}
+_QUANTITY = {word: quantity for quantity, words in _SAY.items() for word in words.split()}
+_BESIDE = {
+    "number": "number no nr num index",
+    "place": "pos position coord coords coordinate coordinates location loc center centre centroid point "
+    "world map local global ground utm head",
+    "clock": "timestep simulation sim unix epoch ros elapsed relative absolute",
+}
+_NUMBER, _PLACE, _CLOCK = (set(words.split()) for words in _BESIDE.values())
+_FILLERS = {"in"}
+_LETTERS = {"m", "s"}  # no unit before another word without a sign between them
+_DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
+_KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *LENGTH_WORDS, *TIME_WORDS, *_FILLERS}
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
+_SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
+"""Signs that change what a title means, such as those of inches and degrees."""
+_SHORTEST_ALONE = 3
+"""A unit of time may stand alone in a title (`sec`), but no letter or two (`s`), which may mean anything."""
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a column holds.
+
+    Attributes:
+        name: `frame`, or a column of `Trajectories`.
+        unit: of lengths or times, where the title says it.
+        plain: whether the title is one of `NAMES`, perhaps with a unit.
+    """
+
+    name: str
+    unit: str | None = None
+    plain: bool = True
+
+
+def meaning_of(title: str) -> Meaning | None:
+    """What a column holds by its title; None: nothing that is used."""
+    lower = title.strip().lower()
+    if lower in TRACK_COLUMNS and lower not in NAMES:
+        return Meaning(lower)
+    words = _words(title)
+    said = {_QUANTITY[word] for word in words if word in _QUANTITY}
+    units = [word for word in words if word in LENGTH_WORDS or word in TIME_WORDS]
+    if (
+        not words
+        or _SIGN.search(title)
+        or len(units) > 1
+        or not set(words) <= _KNOWN
+        or len(words) != len(set(words))
+    ):
+        return None
+    name = _name(said, set(words), units)
+    words_of_lengths = LENGTH_WORDS if name in LENGTHS else TIME_WORDS if name == "time_s" else {}
+    if name is None or any(unit not in words_of_lengths for unit in units):
+        return None
+    core = "_".join(word for word in words if word not in units and word not in _FILLERS)
+    return Meaning(name, words_of_lengths[units[0]] if units else None, core in NAMES[name])
+
+
+def _name(said: set[str], words: set[str], units: Sequence[str]) -> str | None:
+    """The column that the quantities in a title mean, if its other words go with it."""
+    axes = said & {"x", "y"}
+    rest = words - set(_QUANTITY) - set(units) - _FILLERS
+    if axes:
+        fits = len(axes) == 1 and said <= {*axes, "who"} and rest <= _PLACE
+        return f"{axes.pop()}_m" if fits else None
+    if "frame" in said:
+        return "frame" if said <= {"frame", "id"} and rest <= _NUMBER else None
+    if "time" in said:
+        return "time_s" if said <= {"time"} and rest <= _CLOCK else None
+    if said:
+        return "track_id" if rest <= _NUMBER else None
+    alone = len(words) == 1 and len(units) == 1 and len(units[0]) >= _SHORTEST_ALONE and units[0] != "min"
+    return "time_s" if alone and units[0] in TIME_WORDS else None
+
+
+def _words(title: str) -> list[str]:
+    """The words of a title in lower case; a word that is not known may be two (`xcm`, `trackid`)."""
+    words: list[str] = []
+    for found in _WORD.findall(title.replace("\u00b5", "u").replace("\u03bc", "u")):
+        word = found.lower()
+        pairs = [(word[:k], word[k:]) for k in range(1, len(word)) if word[:k] not in _LETTERS]
+        parts = [pair for pair in pairs if set(pair) <= _KNOWN]
+        words += [word] if word in _KNOWN or len(parts) != 1 else parts[0]
+    return words
 
 
 def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
@@ -32,42 +125,38 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
     Raises:
         ValueRuleError: one is missing or there twice.
     """
-    named: dict[str, str] = {}
-    for title in titles:
-        if name := _name_of(title):
-            if name in named:
-                raise ValueRuleError("columns", titles, f"columns {named[name]} and {title} are both {name}")
-            named[name] = title
-    clock = next((name for name in _CLOCKS if name in named), "time_s")
-    for name in (clock, "track_id", "x_m", "y_m"):
-        if name not in named:
-            aliases = [alias for n in (_CLOCKS if name == clock else (name,)) for alias in NAMES[n]]
-            rule = f"no column for {name}, which may be called {', '.join(aliases)}"
-            found = " | ".join(titles)[:200]
-            separators = "commas, semicolons, tabs or blanks between them"
-            raise ValueRuleError("columns", titles, f"{rule}. Found were {found}; expected {separators}")
-    return {title: name for name, title in named.items() if name == clock or name not in _CLOCKS}
+    meant = {title: meaning for title in titles if (meaning := meaning_of(title))}
+    if not any(meaning.name == "track_id" for meaning in meant.values()):
+        meant |= {title: Meaning("track_id") for title, m in meant.items() if m.name == "person_id"}
+    clock = _clock(meant)
+    wanted: dict[str, str] = {}
+    for name in ("time_s", "frame", *TRACK_COLUMNS[1:]):
+        found = [title for title in titles if title in meant and meant[title].name == name]
+        if name in ("time_s", "frame"):
+            found = [title for title in found if (name, meant[title].unit or "s") == clock]
+        found = [title for title in found if meant[title].plain] or found
+        if len(found) > 1:
+            rule = f"columns {found[0]} and {found[1]} are both {name}"
+            raise ValueRuleError("columns", titles, rule)
+        wanted |= dict.fromkeys(found, name)
+    for name in (clock[0], "track_id", *LENGTHS):
+        if name not in wanted.values():
+            raise ValueRuleError("columns", titles, _missing(name, titles))
+    return {title: wanted[title] for title in titles if title in wanted}
 
 
-def _name_of(title: str) -> str | None:
-    """The name of a column by its title; those of lengths may say a unit."""
-    if name := _KNOWN.get(title.lower()):
-        return name
-    match = _WITH_UNIT.fullmatch(title.lower())
-    name = _KNOWN.get(match[1]) if match else None
-    return name if name in LENGTHS else None
+def _clock(meant: dict[str, Meaning]) -> tuple[str, str]:
+    """Name and unit of the clock that is used: the coarsest of the times before frame numbers."""
+    said = {(meaning.name, meaning.unit or "s") for meaning in meant.values()}
+    clocks = [*(("time_s", unit) for unit in PER_SECOND), ("frame", "s")]
+    return next((clock for clock in clocks if clock in said), clocks[0])
 
 
-def unit_of(path: Path, wanted: Mapping[str, str], given: str | None) -> str:
-    """The unit of lengths that the titles or the caller say; metres if nobody does.
-
-    Raises:
-        SourceError: they differ.
-    """
-    titles = [title for title, name in wanted.items() if name in LENGTHS]
-    said = {match[2] for title in titles if (match := _WITH_UNIT.fullmatch(title.lower()))}
-    units = said | ({given} if given else set())
-    if len(units) > 1:
-        found = " and ".join(sorted(units))
-        raise SourceError(path, None, f"lengths are said to be {found}", "Correct titles or --unit")
-    return units.pop() if units else "m"
+def _missing(name: str, titles: Sequence[str]) -> str:
+    kinds = ("time_s", "frame") if name in ("time_s", "frame") else (name,)
+    aliases = ", ".join(alias for kind in kinds for alias in NAMES[kind])
+    rule = f"no column for {name}, which may be called {aliases}"
+    found = " | ".join(titles)[:200]
+    if name in LENGTHS and (degrees := [title for title in titles if _DEGREES & set(_words(title))]):
+        return f"{rule}. {degrees[0]} is in degrees: project positions to metres first. Found were {found}"
+    return f"{rule}. Found were {found}; expected commas, semicolons, tabs or blanks between them"

@@ -1,4 +1,31 @@
-"""Units of length."""
+"""Units of length and of time, and the words for them."""
 
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+from __future__ import annotations
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "inch": 0.0254}
 """Units of length by their names in files, m."""
+
+PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "min": 1 / 60}
+"""Units of time by their names in files: how many a second has."""
+
+_PREFIXES = {"": "", "c": "centi", "m": "milli"}
+LENGTH_WORDS = {
+    word: f"{short}m"
+    for short, long in _PREFIXES.items()
+    for word in (f"{short}m", *(f"{long}{metre}" for metre in ("meter", "meters", "metre", "metres")))
+}
+LENGTH_WORDS |= {"ft": "ft", "feet": "ft", "inch": "inch", "inches": "inch"}
+"""Word -> unit of length."""
+
+TIME_WORDS = {
+    word: unit
+    for unit, words in {
+        "s": "s sec secs second seconds",
+        "ms": "ms msec msecs millis millisecond milliseconds",
+        "us": "us usec usecs micros microsecond microseconds",
+        "ns": "ns nsec nsecs nanos nanosecond nanoseconds",
+        "min": "min mins minute minutes",
+    }.items()
+    for word in words.split()
+}
+"""Word -> unit of time."""

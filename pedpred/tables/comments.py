@@ -1,0 +1,63 @@
+"""What comments of a text say about its rows: frames per second, unit of lengths."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from pedpred.errors import SourceError
+from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ
+from pedpred.tables.units import LENGTH_WORDS
+
+MOST_COMMENTS = 1000
+"""More are not looked at."""
+
+NO_RATE = (
+    "no comment says the frame rate",
+    "Say it: --rate, frame_rate_hz in the settings of a place, or a first line `# framerate: 16`",
+)
+"""Problem and remedy where nobody says how many frames a second has."""
+
+_RATE = re.compile(
+    r"(?:frame[ _-]?rate|fps)\W*(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)\s*(?:fps|frames per second)\b", re.IGNORECASE
+)
+_BEFORE = (
+    r"\b[xy]\s*[/\[(_:=]?\s*",
+    r"\b(?:in|is|are)\s+",
+    r"\b(?:units?|lengths?|positions?|coordinates?|distances?)\s*[:=(\[/]\s*",
+    r"^[#\s]*(?=\w+\s*$)",
+)
+_UNIT = re.compile(
+    rf"(?:{'|'.join(_BEFORE)})({'|'.join(sorted(LENGTH_WORDS, key=len, reverse=True))})\b", re.IGNORECASE
+)
+
+
+def frame_rate_hz(path: Path, comments: Sequence[str], given: float | None) -> float | None:
+    """Frames per second that comments or the caller say; None: nobody does.
+
+    Raises:
+        SourceError: they differ, or it is out of range.
+    """
+    found = {float(match[1] or match[2]) for comment in comments if (match := _RATE.search(comment))}
+    rates = found | ({float(given)} if given else set())
+    if len(rates) > 1 or not all(SLOWEST_HZ <= rate <= FASTEST_HZ for rate in rates):
+        found_hz = " and ".join(f"{rate:g}" for rate in sorted(rates))
+        problem = f"frame rate {found_hz} Hz, expected one from 0.001 to 1000000 Hz"
+        raise SourceError(path, None, problem, "Correct the comment, or --rate")
+    return rates.pop() if rates else None
+
+
+def unit_of_lengths(path: Path, comments: Sequence[str], given: str | None) -> str | None:
+    """The unit of lengths that comments or the caller say; None: nobody does.
+
+    Raises:
+        SourceError: they differ.
+    """
+    units = {LENGTH_WORDS[match[1].lower()] for text in comments for match in _UNIT.finditer(text)}
+    if given is not None:
+        units = units & {given} if len(units) > 1 and given in units else units | {given}
+    if len(units) > 1:
+        said = " and ".join(sorted(units))
+        raise SourceError(path, None, f"lengths are said to be {said}", "Correct the comment, or --unit")
+    return units.pop() if units else None

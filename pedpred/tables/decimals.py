@@ -1,0 +1,49 @@
+"""Decimal commas, as in `1,5`, where commas do not separate columns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from pedpred.errors import SourceError
+from pedpred.tables.text import Row
+
+_REMEDY = "Write all numbers with decimal points and without thousands separators"
+_COMMA = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*")
+
+
+def has_decimal_comma(field: str) -> bool:
+    """Whether a field is a number with a decimal comma."""
+    return bool(_COMMA.fullmatch(field))
+
+
+def with_decimal_points(
+    path: Path, rows: Iterable[Row], used: Sequence[int], separator: str | None
+) -> Iterator[Row]:
+    """Write decimal commas in the used columns as points.
+
+    Args:
+        path: the file, for errors.
+        rows: its lines.
+        used: columns of numbers.
+        separator: of fields.
+
+    Raises:
+        SourceError: a comma may also separate thousands: numbers have points too, or commas separate fields.
+    """
+    comma = point = None
+    for line, fields in rows:
+        for at in used:
+            if "." in fields[at]:
+                point = line
+            if has_decimal_comma(fields[at]):
+                comma = line
+                if separator == ",":
+                    problem = f"the comma in {fields[at].strip()} may be a decimal one, or separate thousands"
+                    raise SourceError(path, line, problem, _REMEDY)
+                fields = [*fields[:at], fields[at].replace(",", "."), *fields[at + 1 :]]
+        if comma and point:
+            problem = f"numbers have commas in line {comma} and points in line {point}"
+            raise SourceError(path, line, problem, _REMEDY)
+        yield line, fields

@@ -1,0 +1,98 @@
+"""Which rows of a table are detections."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pedpred.errors import SourceError
+from pedpred.tables.text import Row
+
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
+_log = logging.getLogger(__name__)
+
+
+@dataclass
+class _Count:
+    """Rows that were left out."""
+
+    rows: int = 0
+    first_line: int | None = None
+
+    def add(self, line: int) -> None:
+        self.rows += 1
+        self.first_line = self.first_line or line
+
+    def __str__(self) -> str:
+        return f"{self.rows} {'row' if self.rows == 1 else 'rows'}, the first in line {self.first_line}"
+
+
+def without_other_rows(path: Path, rows: Iterable[Row], used: Sequence[int]) -> Iterator[Row]:
+    """Leave out rows without a value in all used columns but the clock: they are about something else."""
+    others = _Count()
+    for line, fields in rows:
+        if any(fields[at].strip() for at in used):
+            yield line, fields
+        else:
+            others.add(line)
+    if others.rows:
+        _log.info("%s: rows with nothing but a time are about something else, and left out: %s", path, others)
+
+
+def with_positions(path: Path, rows: Iterable[Row], places: Sequence[int], who: int) -> Iterator[Row]:
+    """Leave out rows of somebody without a position, which is how missing detections are often written.
+
+    Args:
+        path: the file.
+        rows: its lines.
+        places: the columns of x and y.
+        who: the column of ids.
+    """
+    missing = _Count()
+    for line, fields in rows:
+        if any(fields[at].strip().lower() in _MISSING for at in places) and fields[who].strip():
+            missing.add(line)
+        else:
+            yield line, fields
+    if missing.rows:
+        _log.warning("%s: rows without a position are missing detections, and left out: %s", path, missing)
+
+
+def without_copies(path: Path, columns: dict[str, np.ndarray], names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Leave out rows that say the same as an earlier one.
+
+    Args:
+        path: the file, for errors.
+        columns: [M] each, with `line`, `time_s`, `track_id`.
+        names: of people by `track_id`.
+
+    Raises:
+        SourceError: somebody is at two places at once; it names both lines.
+    """
+    order = np.lexsort((columns["time_s"], columns["track_id"]))  # stable: the earlier line comes first
+    one, other = order[:-1], order[1:]
+    again = (columns["track_id"][one] == columns["track_id"][other]) & (
+        columns["time_s"][one] == columns["time_s"][other]
+    )
+    same = np.ones_like(again)
+    for name, column in columns.items():
+        if name != "line":
+            same &= column[one] == column[other]
+    if (again & ~same).any():
+        pair = np.flatnonzero(again & ~same)
+        first = int(pair[np.argmin(columns["line"][other[pair]])])
+        line, before = (int(columns["line"][row]) for row in (other[first], one[first]))
+        who, time_s = names[columns["track_id"][one[first]]], columns["time_s"][one[first]]
+        problem = f"track_id {who} and time_s {time_s:.10g} again, first in line {before}, at another place"
+        remedy = "Remove one of the lines. If it was recorded in several runs, make a file for each"
+        raise SourceError(path, line, problem, remedy)
+    copies = _Count(int(again.sum()), int(columns["line"][other[again]].min(initial=2**62)))
+    if not copies.rows:
+        return columns
+    _log.warning("%s: rows that repeat another one are left out: %s", path, copies)
+    kept = np.sort(np.delete(order, np.flatnonzero(again) + 1))
+    return {name: column[kept] for name, column in columns.items()}

@@ -1,0 +1,176 @@
+"""Lines of a text with columns: comments, a header, and fields between separators.
+
+Commas, semicolons, tabs or blanks separate fields; quotes hold fields together. Lines that begin with `#`,
+`%` or `//` are comments, unless one is the header.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.tables.comments import MOST_COMMENTS
+from pedpred.tables.decimals import has_decimal_comma
+from pedpred.tables.text import Row, check_width, is_number, text_lines
+from pedpred.tables.titles import titles_of_tracks
+
+_SEPARATORS = (";", "\t", ",")
+_COMMENTS = ("#", "%", "//", "sep=")  # with the last, spreadsheets say the separator
+_UTF8 = "Save it as text in UTF-8"
+_FEWEST = 3
+"""Numbers with decimal commas that a line with blanks between them has at least."""
+_WIDTH = "Each line must have a value for each title, also where one is empty"
+_COMMAS = "Where commas are decimal ones, separate values by semicolons"
+
+
+@dataclass(frozen=True)
+class Lines:
+    """A text with columns.
+
+    Attributes:
+        line: number of the first line that is no comment, or of the header.
+        begins: that line.
+        separator: of that line; None: blanks.
+        titles: of the columns; empty: the text has no header.
+        rows: what follows, read on demand.
+        comments: those that were met so far; all when the rows are read.
+    """
+
+    line: int
+    begins: str
+    separator: str | None
+    titles: Sequence[str]
+    rows: Iterator[Row]
+    comments: Sequence[str]
+
+
+def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = True) -> Lines:
+    """Open a text.
+
+    Args:
+        path: the file.
+        columns: titles, in place of those of a header.
+        header: whether there may be one.
+
+    Raises:
+        SourceError: it is empty, or no text.
+    """
+    comments: list[str] = []
+    lines = text_lines(path, _UTF8)
+    for line, text in lines:
+        comment = _is_comment(text)
+        separator = _separator(text)
+        titles = _titles(text, separator)
+        if comment and (columns or not header or not _names_tracks(titles)):
+            if len(comments) < MOST_COMMENTS:
+                comments.append(text.strip())
+            continue
+        has_titles = header and (comment or not _holds_numbers(titles, columns))
+        given = lines if has_titles else chain([(line, text)], lines)
+        rows = _rows(given, None if comment else separator, comment, comments)
+        named = columns or (titles if has_titles else ())
+        return Lines(line, text.strip(), separator, named, rows, comments)
+    raise SourceError(path, None, "no detections, the file is empty", "Name a file with tracks")
+
+
+def has_header(path: Path) -> bool:
+    """Whether the first line that is no comment begins with a word, or a comment before it has its titles.
+
+    Raises:
+        SourceError: the file is missing or no text.
+    """
+    widths = set()
+    for _, text in text_lines(path, _UTF8):
+        separator = _separator(text)
+        if not _is_comment(text):
+            fields = _split(text, separator)
+            return not _is_numeric(fields[0]) or len(fields) in widths
+        if _names_tracks(titles := _titles(text, separator)):
+            widths = {len(titles)}
+    return False
+
+
+def of_width(path: Path, rows: Iterable[Row], titles: Sequence[str]) -> Iterator[Row]:
+    """Check that each row has a field for each title; an empty field at the end may be there or not.
+
+    Raises:
+        SourceError: one has not; it names the line.
+    """
+    width = len(titles)
+    for line, fields in rows:
+        if len(fields) == width + 1 and not fields[-1].strip():
+            fields = fields[:-1]
+        elif len(fields) == width - 1 and not titles[-1]:
+            fields = [*fields, ""]
+        if len(fields) != width:
+            check_width(path, line, fields, titles, f"{_WIDTH}. {_COMMAS}" if len(fields) > width else _WIDTH)
+        yield line, fields
+
+
+def _rows(
+    lines: Iterable[tuple[int, str]], separator: str | None, own: bool, comments: list[str]
+) -> Iterator[Row]:
+    """Fields of the lines; `own`: the first row says how they are separated, and not the header."""
+    for line, text in lines:
+        if _is_comment(text):
+            if len(comments) < MOST_COMMENTS:
+                comments.append(text.strip())
+            continue
+        if own:
+            separator, own = _separator(text), False
+        yield line, _split(text, separator)
+
+
+def _titles(text: str, separator: str | None) -> list[str]:
+    """Titles in a line; between blanks, a unit in brackets belongs to the title before it."""
+    plain = text.lstrip().lstrip("#%/")
+    joined = plain if separator else re.sub(r"\s+(?=[\[(])", "", plain)
+    return [title.strip() for title in _split(joined, separator)]
+
+
+def _holds_numbers(fields: Sequence[str], columns: Sequence[str] | None) -> bool:
+    """Whether a line is no header: all its fields are numbers, or one in a column that the caller names."""
+    if columns is None:
+        return all(map(_is_numeric, fields))
+    return any(
+        _is_numeric(field)
+        for title, field in zip(columns, fields, strict=False)
+        if title in titles_of_tracks(columns)
+    )
+
+
+def _is_comment(text: str) -> bool:
+    return text.lstrip().startswith(_COMMENTS)
+
+
+def _is_numeric(field: str) -> bool:
+    return is_number(field) or has_decimal_comma(field)
+
+
+def _separator(text: str) -> str | None:
+    """What separates the fields of a line; None: blanks, also where each comma is a decimal one."""
+    found = next((separator for separator in _SEPARATORS if separator in text), None)
+    if found == ",":
+        fields = text.split()
+        if len(fields) >= _FEWEST and all(map(_is_numeric, fields)):
+            return None
+    return found
+
+
+def _split(text: str, separator: str | None) -> Sequence[str]:
+    """Fields of a line; None: blanks separate them."""
+    if '"' in text:
+        return next(csv.reader([text.strip()], delimiter=separator or " ", skipinitialspace=True))
+    return text.split(separator)
+
+
+def _names_tracks(titles: Sequence[str]) -> bool:
+    try:
+        return bool(titles_of_tracks(titles))
+    except ValueRuleError:
+        return False
