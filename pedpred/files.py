@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from pedpred.errors import NO_ROOM, ROOM_REMEDY, FileError, OutputError, PedpredError, ShapeError
 from pedpred.plain import parse_json, parse_yaml
@@ -127,6 +127,8 @@ def _mapping(content: Any) -> dict[str, Any]:
 
 
 def _opened_picture(path: Path) -> Image.Image:
+    from PIL import Image, UnidentifiedImageError
+
     try:
         return Image.open(path, formats=_PICTURES)
     except UnidentifiedImageError as cause:

@@ -81,7 +81,7 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> 
     usual_mps = float(np.percentile(speed_mps, 99))
     if usual_mps > _FASTEST_MPS:
         likely = next((unit for unit, size_m in UNITS.items() if usual_mps * size_m <= _USUAL_MPS), "mm")
-        problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), nobody walks so fast"
+        problem = f"people move at up to {usual_mps:.0f} m/s (1 % are faster), nobody walks so fast"
         if not sure:
             remedy = (
                 f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, or correct --rate"
