@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -29,6 +30,8 @@ from pedpred.scenes import Trajectories, rule_of
 
 _ROBOTS = ("base_link", "base_footprint")
 """Frames of robots (REP 105): they move."""
+_CARRIED = re.compile(r"base_|_link|laser|lidar|velodyne|ouster|livox|camera|optical|scan|realsense|zed")
+"""In names of frames that robots carry, mostly."""
 _TOLD = 5
 _ROBOT_REMEDY = "a robot's frame moves: record /tf up to the map's frame too"
 
@@ -147,7 +150,7 @@ class People:
         targets = {frame: _target(frame, grid, tree, transform) for frame in frames}
         check_frames(set(targets.values()), grid, transform)
         for frame in frames - {grid}:
-            if targets[frame].rpartition("/")[2] in _ROBOTS and transform is None:
+            if _CARRIED.search(targets[frame]) and transform is None:
                 self._warn(f"people are in {frame!r}, and nothing says how that moves: {_ROBOT_REMEDY}")
         found = self._placed(tree, targets)
         return found if transform is None else [transform.to_map(places) for places in found]
