@@ -50,11 +50,31 @@ def test_messages_that_come_late_are_sorted(store, tmp_path):
 
 def test_a_false_stamp_costs_its_message_alone(store, tmp_path, caplog):
     steps = walk(100.0)
-    steps[7], steps[20] = (0.0, steps[7][1]), (900.0, steps[20][1])
+    steps[7], steps[20] = (1.0, steps[7][1]), (900.0, steps[20][1])
     people = read_bag(bag(store, tmp_path / "hall", *steps)).trajectories
     assert np.unique(people.track_id).tolist() == [3, 8]
     assert len(people) == 2 * 38
-    assert "2 messages left out, whose stamps jump away and back, the first at 0.0 s" in caplog.text
+    assert "2 of 40 messages, whose stamps jump away and back, the first at 1.0 s" in caplog.text
+
+
+@pytest.mark.parametrize("rows", [[0, 1, 2], [5, 11, 12], range(18)])
+def test_messages_without_a_stamp_are_left_out(rows, store, tmp_path, caplog):
+    steps = walk(100.0)
+    for row in rows:
+        steps[row] = 0.0, steps[row][1]
+    people = read_bag(bag(store, tmp_path / "hall", *steps)).trajectories
+    assert len(people) == 2 * (40 - len(rows))
+    assert people.time_s.min() >= 100
+    assert f"{len(rows)} of 40 messages, which have no stamp" in caplog.text
+
+
+@pytest.mark.parametrize("stamp_s", [0.0, 77.0])
+def test_where_stamps_stand_still_the_bags_own_times_count(stamp_s, store, tmp_path, caplog):
+    """A node that never sets the stamp, or that sets it once."""
+    steps = [(stamp_s, people) for _, people in walk(100.0)]
+    people = read_bag(bag(store, tmp_path / "hall", *steps)).trajectories
+    np.testing.assert_allclose(np.unique(people.time_s), np.arange(1, 41) / 1e9)
+    assert "times are those at which the bag was written" in caplog.text
 
 
 def test_two_clocks_on_one_topic_are_refused(store, tmp_path):
@@ -203,6 +223,26 @@ def test_ids_of_a_tracker_are_never_taken_for_places_in_a_list(seed, people, ste
         ids.append([str(who) for who in there])
         places.append(start[there] + now * velocity[there] + rng.normal(0, 0.02, (len(there), 2)))
     check_identity(ids, time_s, places)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_list_in_order_of_place_is_noticed_when_people_pass_each_other(axis, store, tmp_path):
+    found = []
+    for k in range(40):
+        here = sorted([(k / 8, 0.0), (5 - k / 8, 1.2)], key=lambda place: place[0])
+        here = [place if axis == 0 else place[::-1] for place in here]
+        poses = [store.pose(*place) for place in here]
+        found.append(("/poses", POSES, store.make(POSES, header=store.header(k / 10, "map"), poses=poses)))
+    store.write(tmp_path / "hall", found)
+    with pytest.raises(SourceError, match="places in a list"):
+        read_bag(tmp_path / "hall")
+
+
+def test_who_has_no_id_is_left_out(store, tmp_path, caplog):
+    steps = [(k / 10, [("3", (k / 10, 0.0)), ("" if k % 4 else "5", (0.0, k / 10))]) for k in range(20)]
+    people = read_bag(bag(store, tmp_path / "hall", *steps)).trajectories
+    assert np.unique(people.track_id, return_counts=True)[1].tolist() == [20, 5]
+    assert "left out: 15 of 40 detections, which have no id" in caplog.text
 
 
 @settings(max_examples=60, deadline=None)

@@ -167,3 +167,9 @@ def test_detections_without_a_transform_at_their_time_are_left_out(store, tmp_pa
 def test_a_robots_frame_without_transforms_is_warned_about(store, tmp_path, caplog):
     read_bag(write(store, tmp_path / "hall", messages(store, tf_s=np.zeros(0))))
     assert "people are in 'base_link', and nothing says how that moves" in caplog.text
+
+
+@pytest.mark.parametrize("frame", ["laser", "robot1/velodyne", "camera_depth_optical_frame", "odom", "hall"])
+def test_a_sensors_frame_without_transforms_is_warned_about(frame, store, tmp_path, caplog):
+    read_bag(write(store, tmp_path / "hall", messages(store, frame, tf_s=np.zeros(0))))
+    assert ("nothing says how that moves" in caplog.text) == (frame not in ("odom", "hall"))

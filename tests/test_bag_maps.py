@@ -9,6 +9,7 @@ from pedpred.command import main
 from pedpred.errors import SourceError
 from pedpred.ros import read_bag
 from pedpred.storage.scenes import read_scene, write_map
+from tests.test_bag_definitions import Filled
 from tests.test_bags import Store, check
 from tests.worlds import walled_scene
 
@@ -48,6 +49,25 @@ def test_a_bag_with_costmaps_alone_has_no_map_and_says_so(ros2, tmp_path, caplog
     assert "/global_costmap/costmap" in caplog.text
     assert "--map-topic" in caplog.text
     check(read_bag(path, map_topic="/global_costmap/costmap"))
+
+
+def test_the_topic_map_comes_before_others_of_that_name(ros2, tmp_path):
+    check(read_bag(bag(ros2, tmp_path / "hall", "/map", "/robot/map", "/lidar")))
+
+
+def test_a_map_changes_by_its_updates(ros2, tmp_path):
+    """The latest whole map counts, and what came after it."""
+    store, kind = Filled(0), "map_msgs/msg/OccupancyGridUpdate"
+
+    def update(x, value):
+        sizes = {"x": x, "y": 0, "width": 1, "height": 2, "data": np.full(2, value, np.int8)}
+        return "/map_updates", kind, store.make(kind, header=store.header(0.0, "map"), **sizes)
+
+    whole = "/map", GRID, store.grid()
+    seen = [("/people", PEOPLE, store.people(PEOPLE, time_s)) for time_s in (0.0, 0.5, 1.0)]
+    store.write(tmp_path / "hall", [update(2, 100), whole, update(0, 100), whole, *seen, update(2, 100)])
+    occupied = read_bag(tmp_path / "hall").occupancy.occupied
+    assert np.argwhere(occupied).tolist() == [[1, 0], [2, 0], [2, 1]]
 
 
 def test_several_maps_are_asked_about(ros2, tmp_path):

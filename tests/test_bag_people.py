@@ -26,6 +26,7 @@ from pedpred.ros import (
 from pedpred.scenes import Trajectories, checked_placement
 from pedpred.storage.scenes import read_scene, write_scene
 from pedpred.storage.tracks import tracks_table
+from tests.test_bag_definitions import Filled
 from tests.test_bags import Store
 from tests.worlds import walled_scene
 
@@ -180,3 +181,59 @@ def test_a_map_is_refused_before_its_cells_are_decoded():
     info = sized(9000, 9000)
     with pytest.raises(ShapeError, match="at most 67108864 cells"):
         map_of_grid(Message(info=info))  # it has no data
+
+
+# Classes
+
+
+def boxes(path, *labels, **classes):
+    """Somebody of each class in a bag, who could also be a person."""
+    store, kind = Filled(0), "vision_msgs/msg/Detection3DArray"
+
+    def hypothesis(label, score):
+        inner = store.make("vision_msgs/msg/ObjectHypothesis", class_id=label, score=score)
+        return store.make("vision_msgs/msg/ObjectHypothesisWithPose", hypothesis=inner)
+
+    messages = []
+    for k in range(10):
+        header, several = store.header(k / 10, "map"), []
+        for number, label in enumerate(labels):
+            centre = store.make("vision_msgs/msg/BoundingBox3D", center=store.pose(k / 10, 3.0 * number))
+            results = [hypothesis("person", 0.3), hypothesis(label, 0.6)] if label else []
+            given = {"header": header, "bbox": centre, "id": str(number + 7), "results": results}
+            several.append(store.make("vision_msgs/msg/Detection3D", **given))
+        messages.append(("/boxes", kind, store.make(kind, header=header, detections=several)))
+    store.write(path, messages)
+    return np.unique(read_bag(path, **classes).trajectories.track_id).tolist()
+
+
+@pytest.mark.parametrize(
+    ("labels", "classes", "tracks"),
+    [
+        (("person", "chair"), {}, [7]),
+        (("PEDESTRIAN", "CAR", ""), {}, [7, 9]),
+        (("human.pedestrian.adult", "Person_sitting", "manhole"), {}, [7, 8]),
+        (("0", "56", "0"), {"classes": ["0"]}, [7, 9]),
+        (("chair", "person"), {"classes": ["Chair", "person"]}, [7, 8]),
+        (("chair", "person"), {"classes": [""]}, [7, 8]),
+    ],
+)
+def test_only_people_are_taken_among_classes(labels, classes, tracks, tmp_path, caplog):
+    assert boxes(tmp_path / "hall", *labels, **classes) == tracks
+    assert ("left out: detections that are no people" in caplog.text) == (len(tracks) < len(labels))
+
+
+def test_classes_without_people_are_asked_about(tmp_path, capsys):
+    with pytest.raises(SourceError, match=r"class_id = \{'0': 10, '56': 10\}, but none is.*--class"):
+        boxes(tmp_path / "hall", "0", "56")
+    main(["info", str(tmp_path / "hall"), "--class", "0"])
+    assert "10 of 1 tracks" in capsys.readouterr().out
+
+
+def test_impossible_speeds_and_times_are_doubted(store, tmp_path, caplog):
+    far = [(k / 10, {"3": (100.0 * k, 0.0)}) for k in range(20)]
+    assert len(read_bag(bag(store, tmp_path / "mm", *far)).trajectories) == 20
+    assert "nobody walks so fast" in caplog.text
+    slow = [(100.0 * k, {"3": (0.1 * k, 0.0)}) for k in range(20)]
+    with pytest.raises(SourceError, match=r"usually 100 s between two detections.*seconds and nanoseconds"):
+        read_bag(bag(store, tmp_path / "ms", *slow))

@@ -150,8 +150,12 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.set_defaults(action=action)
     command.add_argument("scene", type=named_path, nargs=scenes, help=_SCENE)
     command.add_argument("--topic", help="of a bag's people, if several topics carry people")
-    grids = "of a bag's map, if it is not called map (default: the one that is no costmap)"
+    grids = "of a bag's map, if it is not called map (default: the one that is no costmap); '': no map"
     command.add_argument("--map-topic", help=grids)
+    kinds = "class of people among a bag's detections (default: person, people, pedestrian or human); "
+    command.add_argument(
+        "--class", dest="classes", action="append", metavar="CLASS", help=f"{kinds}may be repeated"
+    )
     pose = "pose of the people's frame in the map's frame, if they differ, m, m, rad"
     command.add_argument("--transform", type=float, nargs=3, metavar=("X", "Y", "YAW"), help=pose)
     named = "columns of a table in order, in place of its header, such as time,id,x,y; others are ignored"

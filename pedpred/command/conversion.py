@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,9 +16,11 @@ from pedpred.command.maps import map_at
 from pedpred.errors import ValueRuleError
 from pedpred.ros import Transform, is_bag, is_recording, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
+from pedpred.ros.people import PERSON_CLASSES
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometries import is_geometry, read_ground, read_walls
+from pedpred.sources.plausibility import check_speeds
 from pedpred.sources.scene_folder import read_own
 from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
 from pedpred.sources.stanford import PictureOptions, read_homography
@@ -47,7 +50,7 @@ def info(given: argparse.Namespace) -> None:
         "name": scene.name,
         "read as": _kind(given),
         "detections": f"{len(trajectories)} of {tracks} tracks, {instants} instants",
-        "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:g} s between two detections",
+        "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:.3g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
         f"{100 * occupancy.occupied.mean():.1f} % occupied",
         "on the map": str(placement(trajectories.position, occupancy)),
@@ -84,7 +87,8 @@ def read_given(given: argparse.Namespace) -> Scene:
     replaced = given.map is not None or given.no_map
     ground = "" if replaced else given.map_topic
     transform = None if given.transform is None else Transform(*given.transform)
-    scene = read_any(given.scene, given.topic, _options(given), transform, ground)
+    classes = given.classes or PERSON_CLASSES
+    scene = read_any(given.scene, given.topic, _options(given), transform, ground, classes)
     if ground := _ground_given(given):
         scene = replace(scene, occupancy=ground)
     elif not given.no_map and not scene.occupancy.occupied.any():
@@ -182,6 +186,7 @@ def read_any(
     options: TableOptions | None = None,
     transform: Transform | None = None,
     map_topic: str | None = None,
+    classes: Sequence[str] = PERSON_CLASSES,
 ) -> Scene:
     """Read a scene folder, a file of tracks, a recording or a ROS bag.
 
@@ -191,6 +196,7 @@ def read_any(
         options: what a file of tracks does not say itself.
         transform: of the people's frame, where it is not the map's.
         map_topic: of a bag's map, see `read_bag`.
+        classes: of people among a bag's detections, see `read_bag`.
 
     Raises:
         StorageError, SourceError: the file is missing, damaged or of another format.
@@ -204,11 +210,11 @@ def read_any(
             surplus[0], value, f"{path} says times and lengths itself; it is for tables and texts"
         )
     elif _is_foreign(path) or (path.is_file() and (topic is not None or map_topic is not None)):
-        return read_bag(path, topic, transform, map_topic)
-    elif path.is_dir():
-        scene = read_own(path)
+        return read_bag(path, topic, transform, map_topic, classes)
     else:
-        return read_recording(path, transform)
+        scene = read_own(path) if path.is_dir() else read_recording(path, transform)
+        check_speeds(path, scene.trajectories, sure=True)
+        transform = transform if path.is_dir() else None
     if transform is None:
         return scene
     people = transform.moved(scene.trajectories)

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import SourceError, brief
+from pedpred.errors import SourceError, ValueRuleError, brief
 from pedpred.files import translate_errors
-from pedpred.ros.decoding import CDR, ROS1
+from pedpred.ros.bag_reader import BagReader
+from pedpred.ros.decoding import CDR, ROS1, Connection
 from pedpred.ros.detections import Instant, People
 from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
-from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES
-from pedpred.ros.people import ADAPTERS
-from pedpred.ros.scene_messages import map_of_grid
+from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
+from pedpred.ros.people import ADAPTERS, PERSON_CLASSES
+from pedpred.ros.scene_messages import map_of_grid, updated_grid
 from pedpred.ros.storages import opened
-from pedpred.scenes import OccupancyMap, Scene
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.sources.plausibility import check_speeds
 
 _log = logging.getLogger(__name__)
 _GRID = TYPES[MAP]
@@ -28,34 +30,42 @@ _MAP_REMEDY = "Choose one: --map-topic"
 _NO_MAP = re.compile(r"costmap|^/predicted_occupancy/")
 """Topics of grids that are no map: costs for planners, and where people are going to be."""
 _TRANSFORMS = (TRANSFORMS, "tf/msg/tfMessage")
+_LONGEST_S = 5.0
+"""Longest usual time between two detections of a person that can be seconds."""
 _FOLLOWED = (".zstd", ".zst", ".active")
 """Suffixes that follow that of a bag."""
 
 
 def read_bag(
-    path: Path, topic: str | None = None, transform: Transform | None = None, map_topic: str | None = None
+    path: Path,
+    topic: str | None = None,
+    transform: Transform | None = None,
+    map_topic: str | None = None,
+    classes: Collection[str] = PERSON_CLASSES,
 ) -> Scene:
     """Read the people and the map of a bag.
 
-    Times are the messages' stamps, or the bag's own where all stamps are zero. Where stamps go back
-    (`find_passes`), as in a recording that was played twice, the rest follows later with other ids. People in
-    a frame that /tf moves are brought into the map's frame or, without a map, into `map` or the
+    Times are the messages' stamps, or the bag's own where stamps are zero or do not go on. Where stamps go
+    back (`find_passes`), as in a recording that was played twice, the rest follows later with other ids.
+    People in a frame that /tf moves are brought into the map's frame or, without a map, into `map` or the
     topmost frame. Velocities in messages are not read: the tracker estimates them.
 
-    Detections without a place, without a transform at their time, with a false stamp, and second ones of a
-    track in one instant, are left out with a warning. A bag that is cut, or was not closed, is read up to the
-    cut, with a warning.
+    Detections without a place, an id, a stamp or a transform at their time, with a false stamp, of other
+    classes than people, and second ones of a track in one instant, are left out with a warning. A bag that is
+    cut, or was not closed, is read up to the cut, with a warning, and so is one in which people move
+    impossibly fast.
 
     Args:
         path: a .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
         topic: of the people; optional where only one topic carries people.
         transform: of the people's frame, where it is not the map's; if it moves, of the topmost.
-        map_topic: of the map; None: the topic that is called map, or the only one that is neither a costmap
-            nor predicted occupancy; "": the bag's maps are left out.
+        map_topic: of the map; None: /map, or the only topic that is called map, or the only one that is
+            neither a costmap nor predicted occupancy; "": the bag's maps are left out.
+        classes: who is a person, where detections have classes.
 
     Returns:
-        The scene, named after the file. The last message of the map's topic counts; without one the ground
-        is free.
+        The scene, named after the file. The last message of the map's topic counts, with the updates after
+        it; without one the ground is free.
 
     Raises:
         SourceError: the file is no bag, no topic or several topics carry people, several carry a map, people
@@ -66,25 +76,55 @@ def read_bag(
         connections = bag.connections
         sources = _people_topic(path, connections, topic)
         maps = _map_topic(path, connections, map_topic)
-        grid, instants = None, []
-        for connection, received_ns, raw in bag.messages(connections=[*sources, *maps]):
-            if connection.msgtype == _GRID:
-                grid = connection, raw
-            else:
-                instants.append(
-                    Instant.of(bag.decode(raw, connection), connection.msgtype, received_ns / 1e9)
-                )
-        ground = None if grid is None else bag.decode(grid[1], grid[0])
-        people = People(instants, partial(_log.warning, "%s: %s", path))
-        frame = None if ground is None else frame_name(ground.header.frame_id)
-        position = people.in_one_frame(frame, transform, partial(_transforms, bag))
-        trajectories = people.trajectories(position)
-        occupancy = OccupancyMap.free_around(trajectories.position) if ground is None else map_of_grid(ground)
-        name = Path(path.stem) if path.suffix in _FOLLOWED else path
-        return Scene(name.stem, trajectories, occupancy, trajectories.usual_interval_s())
+        ground, instants = _read(bag, [*sources, *maps, *_updates_of(maps, connections)], classes)
+        with translate_errors(partial(problem, remedy="")):
+            people = People(instants, partial(_log.warning, "%s: %s", path))
+            frame = None if ground is None else frame_name(ground.header.frame_id)
+            position = people.in_one_frame(frame, transform, partial(_transforms, bag))
+            trajectories = people.trajectories(position)
+            dt_s = _checked_interval_s(path, trajectories)
+            free = partial(OccupancyMap.free_around, trajectories.position)
+            name = Path(path.stem) if path.suffix in _FOLLOWED else path
+            return Scene(name.stem, trajectories, free() if ground is None else map_of_grid(ground), dt_s)
 
 
-def _transforms(bag: Any) -> FrameTree:
+def _read(
+    bag: BagReader, connections: Sequence[Connection], classes: Collection[str]
+) -> tuple[Any, list[Instant]]:
+    """The last map with the updates after it, None where there is none, and all messages of people."""
+    latest, ground, instants = None, None, []
+    for connection, received_ns, raw in bag.messages(connections=connections):
+        if connection.msgtype == _GRID:
+            latest, ground = (raw, connection), None
+        elif connection.msgtype != UPDATE_TYPE:
+            message = bag.decode(raw, connection)
+            instants.append(Instant.of(message, connection.msgtype, received_ns / 1e9, classes))
+        elif latest is not None:
+            ground = updated_grid(ground or bag.decode(*latest), bag.decode(raw, connection))
+    return ground or (latest and bag.decode(*latest)), instants
+
+
+def _updates_of(maps: Sequence[Connection], connections: Sequence[Connection]) -> list[Connection]:
+    """The connections on which a map changes after it was published as a whole."""
+    topics = {f"{one.topic}_updates" for one in maps}
+    return [one for one in connections if one.msgtype == UPDATE_TYPE and one.topic in topics]
+
+
+def _checked_interval_s(path: Path, people: Trajectories) -> float:
+    """The usual time between two detections of a track, s; people who are impossibly fast are warned about.
+
+    Raises:
+        ValueRuleError: nobody was detected twice, or times are no seconds.
+    """
+    dt_s = people.usual_interval_s()
+    if dt_s >= _LONGEST_S:
+        rule = "a track must be seen every few seconds: stamps count seconds and nanoseconds"
+        raise ValueRuleError("stamp", f"usually {dt_s:g} s between two detections", rule)
+    check_speeds(path, people, sure=True)
+    return dt_s
+
+
+def _transforms(bag: BagReader) -> FrameTree:
     """All transforms of a bag."""
     tree = FrameTree()
     topics = [one for one in bag.connections if one.msgtype in _TRANSFORMS]
@@ -94,7 +134,7 @@ def _transforms(bag: Any) -> FrameTree:
     return tree
 
 
-def _people_topic(path: Path, connections: Sequence[Any], topic: str | None) -> list[Any]:
+def _people_topic(path: Path, connections: Sequence[Connection], topic: str | None) -> list[Connection]:
     """The connections that people are taken from: all publishers of one topic."""
     read = [c for c in connections if c.encoding in (CDR, ROS1)]
     carriers = [c for c in read if c.msgtype in ADAPTERS and topic in (None, c.topic)]
@@ -107,14 +147,14 @@ def _people_topic(path: Path, connections: Sequence[Any], topic: str | None) -> 
     raise SourceError(path, None, f"{lack}, among {brief(found)}", _REMEDY)
 
 
-def _map_topic(path: Path, connections: Sequence[Any], topic: str | None) -> list[Any]:
+def _map_topic(path: Path, connections: Sequence[Connection], topic: str | None) -> list[Connection]:
     """The connections that the map is taken from; none without a map."""
     grids = [c for c in connections if c.msgtype == _GRID and c.encoding in (CDR, ROS1)]
     names = sorted({c.topic for c in grids})
     if topic is None:
-        maps = [name for name in names if name.rpartition("/")[2] == "map"]
+        called_map = [name for name in names if name.rpartition("/")[2] == MAP[1:]]
         others = [name for name in names if not _NO_MAP.search(name)]
-        chosen = maps or others
+        chosen = [MAP] if MAP in names else called_map or others
         if len(chosen) > 1:
             raise SourceError(path, None, f"several topics carry a map: {brief(chosen)}", _MAP_REMEDY)
         if names and not chosen:

@@ -12,6 +12,13 @@ _LEAP = 3.0  # usual steps; longer ones lead from one clock to another
 _APART_S = 2 * LOST_AFTER_S
 
 
+def find_missing(stamp_s: np.ndarray) -> np.ndarray:
+    """Which stamps are zero because nobody has set them: those where all others are far from it. [K] bool."""
+    zero = stamp_s == 0.0
+    others = stamp_s[~zero]
+    return zero if len(others) and others.min() > LOST_AFTER_S else np.zeros_like(zero)
+
+
 def find_false(stamp_s: np.ndarray) -> np.ndarray:
     """Which stamps are far from those before and after, which agree; none if many are. [K] -> [K] bool."""
     false = np.zeros(len(stamp_s), bool)

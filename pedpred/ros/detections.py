@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.ros.clocks import find_false, find_passes, in_a_row
+from pedpred.ros.clocks import find_false, find_missing, find_passes, in_a_row
 from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.identity import check_identity
-from pedpred.ros.people import ADAPTERS, TrackNumbers, find_usable
+from pedpred.ros.people import (
+    ADAPTERS,
+    LABELLED,
+    PERSON_CLASSES,
+    TrackNumbers,
+    find_usable,
+    is_person,
+    labels_of,
+)
 from pedpred.ros.scene_messages import seconds
 from pedpred.scenes import Trajectories, rule_of
 
 _ROBOTS = ("base_link", "base_footprint")
 """Frames of robots (REP 105): they move."""
+_CARRIED = re.compile(r"base_|_link|laser|lidar|velodyne|ouster|livox|camera|optical|scan|realsense|zed")
+"""In names of frames that robots carry, mostly."""
+_TOLD = 5
 _ROBOT_REMEDY = "a robot's frame moves: record /tf up to the map's frame too"
 
 
@@ -32,6 +46,7 @@ class Instant:
         frame: of the places, without a leading slash.
         ids: who.
         place: where, m. [n, 3]
+        others: classes of the detections that are no people, and are left out.
     """
 
     stamp_s: float
@@ -39,17 +54,30 @@ class Instant:
     frame: str
     ids: tuple[str, ...]
     place: np.ndarray
+    others: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, message: Any, kind: str, received_s: float) -> Instant:
-        """Take what counts of a decoded message; an unknown height is 0, and a place without numbers NaN."""
+    def of(
+        cls, message: Any, kind: str, received_s: float, classes: Collection[str] = PERSON_CLASSES
+    ) -> Instant:
+        """Take what counts of a decoded message; an unknown height is 0, and a place without numbers NaN.
+
+        Args:
+            message: decoded.
+            kind: its type.
+            received_s: when the bag received it, s.
+            classes: who is a person, where detections have classes.
+        """
         people = list(ADAPTERS[kind](message))
+        labels = labels_of(message) if kind == LABELLED else [""] * len(people)
+        others = tuple(label for label in labels if not is_person(label, classes))
+        people = [one for one, label in zip(people, labels, strict=True) if is_person(label, classes)]
         place = np.array([(at.x, at.y, at.z) for _, at in people], np.float64).reshape(-1, 3)
         possible = rule_of("position", place)[1]
         place = np.where(possible, place, [np.nan, np.nan, 0.0])
         header = message.header
         ids = tuple(str(name) for name, _ in people)
-        return cls(seconds(header.stamp), received_s, frame_name(header.frame_id), ids, place)
+        return cls(seconds(header.stamp), received_s, frame_name(header.frame_id), ids, place, others)
 
 
 class People:
@@ -61,23 +89,45 @@ class People:
     """
 
     def __init__(self, instants: Sequence[Instant], warn: Callable[[str], object]):
+        self._warn = warn
+        self._tell_others(instants)
         stamp_s = np.array([each.stamp_s for each in instants], np.float64)
         received_s = np.array([each.received_s for each in instants], np.float64)
-        if received_s.any() and not stamp_s.any():
-            warn("all stamps are zero, so times are those at which the bag was written")
+        if received_s.any() and _stands_still(instants):
+            lack = "most stamps are those of the message before" if stamp_s.any() else "all stamps are zero"
+            warn(f"{lack}, so times are those at which the bag was written")
             stamp_s = received_s
-        false = find_false(stamp_s)
+        missing = find_missing(stamp_s)
+        if missing.any():
+            warn(f"left out: {missing.sum()} of {len(missing)} messages, which have no stamp")
+        false = np.zeros(len(stamp_s), bool)
+        false[~missing] = find_false(stamp_s[~missing])
         if false.any():
             first = stamp_s[false][0]
-            warn(f"{false.sum()} messages left out, whose stamps jump away and back, the first at {first} s")
-        self._warn = warn
-        self._instants = [each for each, bad in zip(instants, false, strict=True) if not bad]
-        self._stamp_s, self._received_s = stamp_s[~false], received_s[~false]
+            text = f"left out: {false.sum()} of {len(false)} messages, whose stamps jump away and back"
+            warn(f"{text}, the first at {first} s")
+        kept = ~(missing | false)
+        self._instants = [each for each, sound in zip(instants, kept, strict=True) if sound]
+        self._stamp_s, self._received_s = stamp_s[kept], received_s[kept]
         self._passes = find_passes(self._stamp_s)
         self._time_s = in_a_row(self._stamp_s, self._passes)
         if back := int(self._passes.max(initial=0)):
             first = self._stamp_s[np.argmax(self._passes > 0)]
             warn(f"time goes back {back} times, first to {first} s: what follows comes later, with other ids")
+
+    def _tell_others(self, instants: Sequence[Instant]) -> None:
+        """Tell which classes are left out.
+
+        Raises:
+            ValueRuleError: nobody is left.
+        """
+        others = Counter(label for each in instants for label in each.others)
+        if others and not any(each.ids for each in instants):
+            rule = "none is a class of people: name the one that is (--class)"
+            raise ValueRuleError("class_id", dict(others), rule)
+        if others:
+            found = ", ".join(f"{count} of {label!r}" for label, count in others.most_common(_TOLD))
+            self._warn(f"left out: detections that are no people, {found}")
 
     def in_one_frame(
         self, grid: str | None, transform: Transform | None, transforms: Callable[[], FrameTree]
@@ -100,7 +150,7 @@ class People:
         targets = {frame: _target(frame, grid, tree, transform) for frame in frames}
         check_frames(set(targets.values()), grid, transform)
         for frame in frames - {grid}:
-            if targets[frame].rpartition("/")[2] in _ROBOTS and transform is None:
+            if _CARRIED.search(targets[frame]) and transform is None:
                 self._warn(f"people are in {frame!r}, and nothing says how that moves: {_ROBOT_REMEDY}")
         found = self._placed(tree, targets)
         return found if transform is None else [transform.to_map(places) for places in found]
@@ -145,7 +195,7 @@ class People:
         Raises:
             ValueRuleError: ids do not say who is who.
         """
-        ids = [each.ids for each in self._instants]
+        ids, position = self._named([each.ids for each in self._instants], position)
         check_identity(ids, self._time_s, position)
         numbers, counts = TrackNumbers(), [len(each) for each in ids]
         track_id = np.array(
@@ -162,6 +212,24 @@ class People:
         if left_out:
             self._warn(left_out)
         return Trajectories(time_s[kept], track_id[kept], places[kept])
+
+    def _named(
+        self, ids: list[tuple[str, ...]], position: Sequence[np.ndarray]
+    ) -> tuple[list[tuple[str, ...]], list[np.ndarray]]:
+        """Those who have an id, unless nobody has."""
+        named = [np.array([bool(name) for name in each], bool) for each in ids]
+        count = sum(int(there.sum()) for there in named)
+        if nameless := sum(map(len, ids)) - count if count else 0:
+            self._warn(f"left out: {nameless} of {nameless + count} detections, which have no id")
+            ids = [tuple(name for name in each if name) for each in ids]
+            position = [places[there] for places, there in zip(position, named, strict=True)]
+        return ids, list(position)
+
+
+def _stands_still(instants: Sequence[Instant]) -> bool:
+    """Whether most messages have the stamp of the one before, and people in common with it."""
+    pairs = [(one, other) for one, other in pairwise(instants) if set(one.ids) & set(other.ids)]
+    return 2 * sum(one.stamp_s == other.stamp_s for one, other in pairs) > len(pairs)
 
 
 def _target(frame: str, grid: str | None, tree: FrameTree, transform: Transform | None) -> str:

@@ -13,6 +13,9 @@ from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
 
 _REMEDY = "record the topic of a tracker, whose ids stay with people, such as people_msgs/People with names"
 _LONGEST_S, _SAVED_M, _MOST_PEOPLE = 1.0, 0.5, 500
+_SWAP_MPS, _FITS_SHARE = 4.0, 0.2
+"""Two people have swapped places if each is farther from the expected one than such a speed explains, and if
+in exchange each is this much nearer to it."""
 
 
 def check_identity(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Sequence[np.ndarray]) -> None:
@@ -57,7 +60,8 @@ def _check_places(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Se
         if not 0 < gap_s <= _LONGEST_S or max(len(old), len(new)) > _MOST_PEOPLE:
             continue
         expected = old if known is None else old + gap_s * known
-        if not _keeps_order(expected, new, known is not None, FASTEST_MPS * gap_s + JUMP_M):
+        swap_m = max(_SAVED_M, _SWAP_MPS * gap_s)
+        if not _keeps_order(expected, new, known is not None, FASTEST_MPS * gap_s + JUMP_M, swap_m):
             found = f"{len(old)} people, then {len(new)} at {time_s[after]:g} s"
             rule = f"ids must stay with people, and here they are places in a list: {_REMEDY}"
             raise ValueRuleError("id", found, rule)
@@ -65,7 +69,9 @@ def _check_places(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Se
             velocity = (new - old) / gap_s
 
 
-def _keeps_order(expected: np.ndarray, new: np.ndarray, moving: bool, farthest_m: float) -> bool:
+def _keeps_order(
+    expected: np.ndarray, new: np.ndarray, moving: bool, farthest_m: float, swap_m: float
+) -> bool:
     """Whether people are about where they are expected, rather than where others are.
 
     Args:
@@ -73,14 +79,18 @@ def _keeps_order(expected: np.ndarray, new: np.ndarray, moving: bool, farthest_m
         new: where those of this one are, m. [k, 2]
         moving: whether `expected` includes how they move.
         farthest_m: nobody moves farther.
+        swap_m: nobody is farther from the expected place, if it includes how he or she moves.
     """
     both = min(len(expected), len(new))
     moves = np.linalg.norm(new[:both] - expected[:both], axis=1)
     changed = moving and len(expected) != len(new) and moves.sum() > _SAVED_M
-    if not changed and not (moves > farthest_m).any():
+    odd = moves > (swap_m if moving and len(expected) == len(new) else np.inf)
+    if not changed and not odd.any() and not (moves > farthest_m).any():
         return True
     apart = distances_m(expected, new)
     if not np.isfinite(apart).all():
         return True
     best = apart[cheapest_pairs(apart)]
+    if odd.sum() > 1 and (best[odd] < _FITS_SHARE * moves[odd]).all():
+        return False
     return bool(moves.sum() - best.sum() <= _SAVED_M or not (changed or best.max() <= farthest_m))

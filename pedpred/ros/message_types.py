@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pedpred.ros.definitions import EDITIONS
 
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TRANSFORMS, UPDATE_TYPE = "tf2_msgs/msg/TFMessage", "map_msgs/msg/OccupancyGridUpdate"
 MAP, PEOPLE, MARKERS, FRAMES = "/map", "/people", "/markers", "/tf_static"
 
 TYPES = {

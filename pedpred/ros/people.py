@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,9 @@ from pedpred.scenes import rule_of
 Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
 """A message -> (name, position with x and y in m) of every person in it."""
 
+PERSON_CLASSES = ("person", "people", "pedestrian", "human")
+"""The classes that are people, unless others are wanted."""
+_WORD = re.compile(r"[^\W\d_]+")
 _LARGEST = 2**63 - 1
 _ROBOT = 2
 """The type of a robot among the agents of pedsim and of HuNavSim."""
@@ -41,6 +45,32 @@ ADAPTERS: dict[str, Adapter] = {
     "geometry_msgs/msg/PoseArray": _poses,
 }
 """The supported message types. All have a header with stamp and frame."""
+
+LABELLED = "vision_msgs/msg/Detection3DArray"
+"""The one whose detections have classes."""
+
+
+def labels_of(message: Any) -> list[str]:
+    """The likeliest class of each detection of a vision_msgs/Detection3DArray; empty where it has none."""
+    likely = [max(_hypotheses(one), key=lambda each: each.score, default=None) for one in message.detections]
+    return ["" if one is None else str(getattr(one, "class_id", getattr(one, "id", ""))) for one in likely]
+
+
+def _hypotheses(detection: Any) -> list[Any]:
+    """Classes with scores, of every edition of the package."""
+    return [getattr(result, "hypothesis", result) for result in getattr(detection, "results", ())]
+
+
+def is_person(label: str, wanted: Collection[str] = PERSON_CLASSES) -> bool:
+    """Whether a class is one of those wanted: itself, or a word in it as in `human.pedestrian`.
+
+    Args:
+        label: the class; where it is empty, nobody says that it is no person.
+        wanted: classes, in small or capital letters; without any but empty ones, all are persons.
+    """
+    names = {name.casefold() for name in wanted} - {""}
+    given = label.casefold()
+    return not names or not given or given in names or not names.isdisjoint(_WORD.findall(given))
 
 
 class TrackNumbers:

@@ -18,7 +18,7 @@ from pedpred.ros.decoding import Connection, Decoder
 from pedpred.ros.detections import Instant
 from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.markers import forecast_message, names_markers
-from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES
+from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import TrackNumbers, find_usable
 from pedpred.ros.planning import (
     GRID_TYPE,
@@ -35,8 +35,7 @@ from pedpred.scenes import Forecast, OccupancyMap
 
 PREDICTIONS, MARKERS, PEOPLE, NAMES = (f"predictions{part}" for part in ("", "/markers", "/people", "/names"))
 MARKERS_TYPE, PEOPLE_TYPE = "visualization_msgs/msg/MarkerArray", "people_msgs/msg/People"
-UPDATE_TYPE = "map_msgs/msg/OccupancyGridUpdate"
-TEXT_TYPE, BOXES_TYPE = "std_msgs/msg/String", "vision_msgs/msg/Detection3DArray"
+TEXT_TYPE = "std_msgs/msg/String"
 UNNAMED_TYPES = ("geometry_msgs/msg/PoseArray", "people_msgs/msg/PositionMeasurementArray")
 """Detections of these types say nothing, or nothing that lasts, about who is who."""
 
@@ -169,12 +168,12 @@ class Follower:
         self.heard_s = now_s
         kind = self.settings.people_type
         message = self._decoder.decode(raw, Connection("people", kind))
-        if kind == BOXES_TYPE:
-            boxes = [box for box in message.detections if self._is_person(box)]
-            message = replace(message, detections=boxes)
         stamp = message.header.stamp
         time_ns = stamp.sec * 10**9 + stamp.nanosec
-        instant = Instant.of(message, kind, clock_ns / 1e9)
+        instant = Instant.of(message, kind, clock_ns / 1e9, self.settings.class_ids)
+        if instant.others:
+            text = "left out: detections of class %s; parameter class_ids says who is a person"
+            _log.info(text, sorted(set(instant.others)))
         if not time_ns:
             _log.warning("people have no stamp: the time of their arrival is taken")
             time_ns, instant = clock_ns, replace(instant, stamp_s=clock_ns / 1e9)
@@ -183,16 +182,6 @@ class Follower:
             self._waiting.popleft()
             self.counts.lost += 1
         self._waiting.append(_Waiting(now_s, time_ns, instant))
-
-    def _is_person(self, box: Any) -> bool:
-        classes = {_class_of(result) for result in box.results}
-        wanted = set(self.settings.class_ids) - {""}
-        if not classes or not wanted or classes & wanted:
-            return True
-        _log.info(
-            "left out: detections of class %s; parameter class_ids says who is a person", sorted(classes)
-        )
-        return False
 
     def answers(self, now_s: float) -> Iterator[Answer]:
         """What to publish for people whose transforms have come, or who have waited long enough in vain."""
@@ -270,12 +259,6 @@ class Follower:
             grids = grid_messages(forecast.predictions, ground, time_ns, frame, horizon=True)
             for topic, content in grids.items():
                 yield Answer(topic.lstrip("/"), GRID_TYPE, content)
-
-
-def _class_of(result: Any) -> str:
-    """The class of a vision_msgs/ObjectHypothesisWithPose of any edition."""
-    hypothesis = getattr(result, "hypothesis", result)
-    return str(getattr(hypothesis, "class_id", getattr(hypothesis, "id", "")))
 
 
 def people_content(forecast: Forecast, names: list[str], time_ns: int, frame: str) -> Content:

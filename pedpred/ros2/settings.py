@@ -8,7 +8,7 @@ from typing import Any
 
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges
-from pedpred.ros.people import ADAPTERS
+from pedpred.ros.people import ADAPTERS, PERSON_CLASSES
 
 _CHOICES: dict[str, Sequence[str]] = {
     "people_type": sorted(ADAPTERS),
@@ -38,7 +38,7 @@ class NodeSettings:
         "best_effort", "of the subscription to people: best_effort hears every publisher; or reliable"
     )
     class_ids: tuple[str, ...] = _told(
-        ("person", "pedestrian", "human"), "of vision_msgs, who is a person; an empty text: all classes"
+        PERSON_CLASSES, "of vision_msgs, who is a person; an empty text: all classes"
     )
     identities: str = _told(
         "auto",
