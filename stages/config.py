@@ -45,6 +45,8 @@ from stages.features import features_of, kalman_of, protocol_of
 from stages.train import PHASES, settings_of
 from stages.validate_simulation import flow_of
 
+SENSED = "simulated/worlds"
+"""Set of step sequences of worlds that a sensor sees; there are no scenes of it."""
 Params = Mapping[str, Any]
 """A whole configuration."""
 Check = Callable[[Params], object]
@@ -100,10 +102,10 @@ def _place(cfg: Params, name: str) -> None:
 
 
 def _fold(cfg: Params, study: str) -> None:
+    tested = [f"{kind}/{name}" for kind, rows in SETS.items() for name in part(cfg, rows)]
     for name, fold in parsed_each(FoldRow, part(cfg, "folds", study)).items():
-        for at in (*fold.train, *fold.test):
-            kind, _, key = at.partition("/")
-            one_of(f"folds.{study}.{name}", key, cfg[one_of(f"folds.{study}.{name}", kind, SETS)])
+        _names(f"folds.{study}.{name}.test", fold.test, tested)
+        _names(f"folds.{study}.{name}.train", fold.train, [*tested, SENSED])
 
 
 def _methods(cfg: Params) -> None:
@@ -158,8 +160,8 @@ def _training(cfg: Params) -> None:
             settings, data = settings_of(phase, own[phase])
         shares = getattr(settings, "shares", ())
         _names(f"training.{phase}.shares", shares, cfg["situations"]["simulated"])
-        simulated = [f"simulated/{name}" for name in (*cfg["simulations"], "worlds")]
-        _names(f"training.{phase}.sets", getattr(data, "sets", ()), simulated)
+        simulated = [f"simulated/{name}" for name in cfg["simulations"]]
+        _names(f"training.{phase}.sets", getattr(data, "sets", ()), [*simulated, SENSED])
 
 
 def _features(cfg: Params) -> None:
