@@ -42,13 +42,13 @@ def test_a_wheel_forecasts_in_an_empty_environment(tmp_path):
     install = (empty / "bin" / "python", "-m", "pip", "install", *options)
     run(*install, wheel, cwd=tmp_path)
     run(empty / "bin" / "python", "-I", "-c", TEN_LINES, ROOT, cwd=tmp_path)
-    run(empty / "bin" / "python", "-I", "-c", RANGES, cwd=tmp_path)
     run(empty / "bin" / "pedpred", "warm-up", cwd=tmp_path)
     command = [empty / "bin" / "pedpred", "predict", ROOT / "examples" / "crossing" / "tracks.csv"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "pip install 'pedpred[files]'" in done.stderr
     run(*install, f"{wheel}[files]", cwd=tmp_path)
+    run(empty / "bin" / "python", "-I", "-c", RANGES, cwd=tmp_path)
     run(*command, cwd=tmp_path)
     assert (tmp_path / "tracks_forecasts.mcap").read_bytes().startswith(b"\x89MCAP")
 

@@ -14,6 +14,7 @@ from omegaconf import OmegaConf
 from pedpred import config
 from pedpred.scenes import Scene
 from pedpred.sources.mirrors import NOTE
+from pedpred.sources.scene_folder import read_own
 from pedpred.storage.scenes import read_scene, write_scene
 from stages import ingest
 from tests.conftest import ROOT
@@ -33,7 +34,7 @@ def test_its_recording_is_what_the_command_writes(tmp_path):
     assert sorted(path.name for path in made.iterdir()) == sorted(path.name for path in committed.iterdir())
     for name in ("map.pgm", "map.yaml", "scene.json"):
         assert (made / name).read_bytes() == (committed / name).read_bytes(), name
-    one, other = (read_scene(folder).trajectories for folder in (committed, made))
+    one, other = (read_own(folder).trajectories for folder in (committed, made))
     early = one.time_s < SAME_S
     np.testing.assert_array_equal(one.track_id[early], other.track_id[other.time_s < SAME_S])
     np.testing.assert_allclose(one.position[early], other.position[other.time_s < SAME_S], atol=0.0015)
@@ -42,7 +43,7 @@ def test_its_recording_is_what_the_command_writes(tmp_path):
 def test_it_is_small_and_says_what_it_is():
     folder = ROOT / stand_in.FOLDER
     assert sum(path.stat().st_size for path in folder.iterdir()) < 100_000
-    assert read_scene(folder).stand_in.startswith("simulated people")
+    assert read_own(folder).stand_in.startswith("simulated people")
 
 
 def test_no_network_is_trained_in_its_world():
@@ -116,7 +117,7 @@ def test_it_does_not_stand_in_beside_a_place_of_ones_own(project):
 def test_nothing_is_fitted_where_no_real_people_were_recorded(tool, kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shutil.copy(ROOT / "params.yaml", tmp_path)
-    simulated = replace(read_scene(ROOT / stand_in.FOLDER), name="eth")
+    simulated = replace(read_own(ROOT / stand_in.FOLDER), name="eth")
     scene = {"missing": Scene.without_people("eth", "ask for it"), "simulated": simulated}[kind]
     write_scene(scene, Path("data/scenes/real/eth"))
     with pytest.raises(SystemExit, match={"missing": "ask for it", "simulated": "simulated people"}[kind]):
