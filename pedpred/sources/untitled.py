@@ -59,19 +59,18 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     position = UNITS[unit] * np.stack([columns["x_m"], columns["y_m"]], axis=-1)
     order = "id, frame"
     if not _ids_first(path, (left, right), columns, position, titles):
-        order = "frame, id"
-        left, right = right, left
+        order, left, right = "frame, id", right, left
         columns["track_id"], columns["frame"] = columns["frame"], columns["track_id"]
     rate_hz = frame_rate_hz(path, lines.comments, options.rate_hz)
     if rate_hz is None:
         raise SourceError(path, None, *NO_RATE)
-    columns |= {"time_s": _frames(right)[columns.pop("frame")] / rate_hz}
-    columns |= {"x_m": position[:, 0], "y_m": position[:, 1]}
-    columns = without_copies(path, columns, list(left.first_lines))
+    columns |= {"time_s": _frames(right, columns.pop("frame")) / rate_hz, "x_m": position[:, 0]}
+    columns |= {"track_id": left.of_tracks(columns["track_id"]), "y_m": position[:, 1]}
+    columns = without_copies(path, columns)
     _log.info("%s: each line is %s, x, y, as people move (%s, %g Hz)", path, order, unit, rate_hz)
     with translate_errors(partial(SourceError, path, None)):
-        track_id = left.of_tracks()[columns["track_id"]]
-        return Trajectories(columns["time_s"], track_id, np.stack([columns["x_m"], columns["y_m"]], axis=-1))
+        position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
+        return Trajectories(columns["time_s"], columns["track_id"], position)
 
 
 def _ids_first(
@@ -82,10 +81,10 @@ def _ids_first(
     titles: Sequence[str],
 ) -> bool:
     """Whether ids come before frames; where that stays open, people are asked."""
-    left, right = (ids.whole() for ids in both)
+    left, right = (ids.whole(columns[name]) for ids, name in zip(both, _NAMES, strict=False))
     if left is None or right is None:
         return right is not None
-    found = ids_come_first(left[columns["track_id"]], right[columns["frame"]], position)
+    found = ids_come_first(left, right, position)
     if found is None:
         one, other = (",".join([*order, *titles[2:]]) for order in (("id", "frame"), ("frame", "id")))
         problem = "without a header, the first two columns could be id and frame, or frame and id"
@@ -93,10 +92,9 @@ def _ids_first(
     return found
 
 
-def _frames(column: Ids) -> np.ndarray:
+def _frames(column: Ids, read: np.ndarray) -> np.ndarray:
     """The frame numbers that a column writes."""
-    frames = column.whole()
+    frames = column.whole(read)
     if frames is None:
-        line = max(column.first_lines.values())
-        raise SourceError(column.path, line, "words in both of the first two columns", _REMEDY)
+        raise SourceError(column.path, None, "words in both of the first two columns", _REMEDY)
     return frames

@@ -62,13 +62,12 @@ def with_positions(path: Path, rows: Iterable[Row], places: Sequence[int], who: 
         _log.warning("%s: rows without a position are missing detections, and left out: %s", path, missing)
 
 
-def without_copies(path: Path, columns: dict[str, np.ndarray], names: Sequence[str]) -> dict[str, np.ndarray]:
+def without_copies(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Leave out rows that say the same as an earlier one.
 
     Args:
         path: the file, for errors.
         columns: [M] each, with `line`, `time_s`, `track_id`.
-        names: of people by `track_id`.
 
     Raises:
         SourceError: somebody is at two places at once; it names both lines.
@@ -86,7 +85,7 @@ def without_copies(path: Path, columns: dict[str, np.ndarray], names: Sequence[s
         pair = np.flatnonzero(again & ~same)
         first = int(pair[np.argmin(columns["line"][other[pair]])])
         line, before = (int(columns["line"][row]) for row in (other[first], one[first]))
-        who, time_s = names[columns["track_id"][one[first]]], columns["time_s"][one[first]]
+        who, time_s = columns["track_id"][one[first]], columns["time_s"][one[first]]
         problem = f"track_id {who} and time_s {time_s:.10g} again, first in line {before}, at another place"
         remedy = "Remove one of the lines. If it was recorded in several runs, make a file for each"
         raise SourceError(path, line, problem, remedy)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,82 +14,128 @@ from pedpred.errors import SourceError
 from pedpred.tables.text import OWN_FILE, Row, is_number, whole_number
 
 _SHOWN_NAMES = 3
-_LONGEST_NAME = 200
+_LONGEST_NAME, _MOST_NAMES = 200, 500_000
+_LONGEST_PLAIN = 18  # digits that fit into 64 bits
 _NOBODY = {"", "nan", "null", "none"}
 _log = logging.getLogger(__name__)
 
 
 @dataclass
 class Ids:
-    """The different ids in a column, in the order of appearance.
+    """The ids in a column.
+
+    Rows up to the first id that is not written as a plain whole number keep their ids; in later rows, ids are
+    replaced by their places among the later ones, until all rows are read.
 
     Attributes:
         path: the file, for errors.
         title: of the column.
         remedy: what to do where a number is none of an id.
-        first_lines: id -> the line in which it is first.
+        plain_rows: number of rows that keep their ids.
+        later: id -> its place among the ids of later rows.
+        first_lines: of each of them.
     """
 
     path: Path
     title: str
     remedy: str = "Ids are whole numbers or words. If another column holds them, name all in order: --columns"
-    first_lines: dict[str, int] = field(default_factory=dict)
+    plain_rows: int = 0
+    later: dict[str, int] = field(default_factory=dict)
+    first_lines: array[int] = field(default_factory=lambda: array("q"))
 
     def numbered(self, rows: Iterable[Row], at: int) -> Iterator[Row]:
-        """Replace the ids in column `at` by their number in the order of appearance, from 0.
+        """Let column `at` hold whole numbers alone.
 
         Raises:
-            SourceError: one is empty or too long; it names the line.
+            SourceError: an id is empty or too long, or there are too many; it names the line.
         """
-        numbers: dict[str, str] = {}
         for line, fields in rows:
             name = fields[at].strip()
-            number = numbers.get(name)
-            if number is None:
-                if len(name) > _LONGEST_NAME:
-                    problem = f"{self.title} has {len(name)} characters, expected at most {_LONGEST_NAME}"
-                    raise SourceError(self.path, line, problem, OWN_FILE)
-                if name.lower() in _NOBODY:
-                    problem = f"{self.title} = {name!r}, but everybody needs an id"
-                    raise SourceError(self.path, line, problem, OWN_FILE)
-                number = numbers[name] = str(len(numbers))
-                self.first_lines[name] = line
-            yield line, [*fields[:at], number, *fields[at + 1 :]]
+            if not self.later and _is_plain(name):
+                self.plain_rows += 1
+                yield line, fields
+            else:
+                place = self.later.get(name)
+                if place is None:
+                    place = self._added(line, name)
+                yield line, [*fields[:at], str(place), *fields[at + 1 :]]
 
-    def whole(self) -> np.ndarray | None:
-        """The whole numbers that the ids write, [I] int64; None: some are words.
+    def _added(self, line: int, name: str) -> int:
+        problem = None
+        if name.lower() in _NOBODY:
+            problem = f"{self.title} = {name!r}, but everybody needs an id"
+        elif len(name) > _LONGEST_NAME:
+            problem = f"{self.title} has {len(name)} characters, expected at most {_LONGEST_NAME}"
+        if problem:
+            raise SourceError(self.path, line, problem, OWN_FILE)
+        if len(self.later) >= _MOST_NAMES:
+            raise SourceError(self.path, line, f"more than {_MOST_NAMES} different {self.title}", self.remedy)
+        self.first_lines.append(line)
+        return self.later.setdefault(name, len(self.later))
+
+    def whole(self, column: np.ndarray) -> np.ndarray | None:
+        """The whole numbers that the ids write; None: some are words.
+
+        Args:
+            column: what was read from the rows of `numbered`. [M] int64
+
+        Returns:
+            [M] int64.
 
         Raises:
             SourceError: all are numbers, and one is a fraction or too large; it names the line.
         """
-        if not all(map(is_number, self.first_lines)):
+        if not all(map(is_number, self.later)):
             return None
-        values = [
-            whole_number(self.path, line, self.title, name, self.remedy)
-            for name, line in self.first_lines.items()
-        ]
-        return np.array(values, np.int64)
+        written = zip(self.later, self.first_lines, strict=True)
+        values = (whole_number(self.path, line, self.title, name, self.remedy) for name, line in written)
+        later = np.fromiter(values, np.int64, len(self.later))
+        return np.concatenate([column[: self.plain_rows], later[column[self.plain_rows :]]])
 
-    def of_tracks(self) -> np.ndarray:
+    def of_tracks(self, column: np.ndarray) -> np.ndarray:
         """Ids as numbers: those that they write, or their places in the order of appearance.
 
         The latter where some are words, or where two of them are the same number, such as 1 and 01.
 
+        Args:
+            column: see `whole`.
+
         Returns:
-            [I] int64.
+            [M] int64.
 
         Raises:
             SourceError: see `whole`.
         """
-        names, values = list(self.first_lines), self.whole()
+        values = self.whole(column)
+        if values is not None and not self.later:
+            return values
+        names, places = self._named(column)
         if values is not None:
-            _, again = np.unique(values, return_inverse=True)
-            if np.bincount(again, minlength=1).max(initial=0) <= 1:
+            number = np.zeros(len(names), np.int64)
+            number[places] = values
+            _, group, sizes = np.unique(number, return_inverse=True, return_counts=True)
+            if sizes.max(initial=1) == 1:
                 return values
-            one, other = (names[k] for k in np.flatnonzero(again == np.bincount(again).argmax())[:2])
+            one, other = (names[k] for k in np.flatnonzero(group == sizes.argmax())[:2])
             problem = f"{self.title} {one} and {other} are the same number, but written differently"
             _log.warning("%s: %s: they are read as different people", self.path, problem)
-        shown = ", ".join(f"{name} is {number}" for number, name in enumerate(names[:_SHOWN_NAMES]))
+        shown = ", ".join(f"{name} is {place}" for place, name in enumerate(names[:_SHOWN_NAMES]))
         more = ", ..." * (len(names) > _SHOWN_NAMES)
         _log.info("%s: ids are words, and numbered: %s%s", self.path, shown, more)
-        return np.arange(len(names))
+        return places
+
+    def _named(self, column: np.ndarray) -> tuple[list[str], np.ndarray]:
+        """All ids in the order of appearance, and of each row the place of its id."""
+        plain, first, inverse = np.unique(column[: self.plain_rows], return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        places = {str(plain[k]): place for place, k in enumerate(order)}
+        early = np.argsort(order)[inverse]
+        later = np.array([places.setdefault(name, len(places)) for name in self.later], np.int64)
+        return list(places), np.concatenate([early, later[column[self.plain_rows :]]])
+
+
+def _is_plain(name: str) -> bool:
+    """Whether a whole number is written in the only usual way, so that it says its letters."""
+    digits = name[1:] if name.startswith("-") else name
+    usual = digits[:1] != "0" or name == "0"
+    return usual and len(digits) <= _LONGEST_PLAIN and digits.isdecimal() and digits.isascii()

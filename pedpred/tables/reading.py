@@ -94,8 +94,8 @@ def _read(
     with translate_errors(lambda problem: SourceError(path, None, problem)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
         set_time(path, columns, units[clock], rate_hz)
-        columns = without_copies(path, columns, list(ids.first_lines))
-        columns["track_id"] = ids.of_tracks()[columns["track_id"]]
+        columns["track_id"] = ids.of_tracks(columns["track_id"])
+        columns = without_copies(path, columns)
         del columns["line"]
         if lines is not None:
             _tell(path, titles, wanted, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
