@@ -23,7 +23,7 @@ PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
 DEFAULTS = yaml.safe_load((ROOT / "conf" / "config.yaml").read_text())["defaults"]
 SCRIPTS = sorted(path for path in (ROOT / "stages").glob("*.py") if path.name != "__init__.py")
 # what these decide is checked, only said, where the work is done, or whether a file is read or written at all
-NAMES = ("arrays", "compiled", "config", "contents", "errors", "fields", "files", "plain", "workers")
+NAMES = ("arrays", "compiled", "config", "contents", "errors", "fields", "files", "lazy", "plain", "workers")
 NO_RESULT_DEPENDS_ON = {f"pedpred/{name}.py" for name in NAMES}
 
 
