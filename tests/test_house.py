@@ -61,11 +61,11 @@ def test_what_may_run_on_the_robot_imports_without_torch():
 def test_what_runs_on_a_robot_needs_the_light_install_alone():
     """Every package that the command, the online predictor or a reader of bags imports is a dependency.
 
-    But for that of archives in HDF5, which few people have, and of pictures of drives: the reader and
-    `pedpred drive` say what to install.
+    But for those of archives in HDF5, which few people have, and of pictures of drives, which are extras.
     """
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = [*project["dependencies"], *project["optional-dependencies"]["hdf5"], "matplotlib"]
+    extras = [need for name in ("hdf5", "pictures") for need in project["optional-dependencies"][name]]
+    wanted = [*project["dependencies"], *extras]
     called = {"PIL": "pillow", "skfmm": "scikit-fmm", "yaml": "pyyaml"}
     files = [path for room in ("command", "online", "ros") for path in (ROOT / "pedpred" / room).glob("*.py")]
     embedding = {ROOT / name for path in files for name in code_behind(path)}
