@@ -16,7 +16,9 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "dependencies.md"
+EXTRAS = ("hdf5", "pictures", "train", "docs")
 REASONS = {
+    "h5py": "archives of the Pedestrian Dynamics Data Archive",
     "lz4": "MCAP chunks compressed with lz4",
     "mcap": "MCAP files: recordings and bags",
     "numba": "compiled loops of the simulator, the crop and the angular grid",
@@ -49,10 +51,10 @@ REASONS = {
 
 
 def declared() -> dict[str, list[Requirement]]:
-    """Return the direct dependencies in pyproject.toml that users install: light, train, docs."""
+    """Return the direct dependencies in pyproject.toml that users install: light, and by extra."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    groups = {"light": project["dependencies"], "train": extras["train"], "docs": extras["docs"]}
+    groups = {"light": project["dependencies"]} | {name: extras[name] for name in EXTRAS}
     return {group: [Requirement(text) for text in texts] for group, texts in groups.items()}
 
 
@@ -98,17 +100,21 @@ def table() -> str:
     """Make the table: one row per direct dependency, then the totals with indirect ones."""
     groups = declared()
     lines = ["| package | install | why | licence | MB |", "| --- | --- | --- | --- | --: |"]
+    installs: dict[str, list[str]] = {}
     for group, needs in groups.items():
-        for need in sorted(needs, key=lambda n: n.name.lower()):
-            package = distribution(need.name)
-            megabytes = size_bytes(package) / 1e6
-            reason = REASONS[need.name]
-            lines.append(f"| {need.name} | {group} | {reason} | {licence(package)} | {megabytes:.1f} |")
+        for name in sorted((need.name for need in needs), key=str.lower):
+            installs.setdefault(name, []).append(group)
+    for name, own in installs.items():
+        package = distribution(name)
+        megabytes = size_bytes(package) / 1e6
+        lines.append(
+            f"| {name} | {', '.join(own)} | {REASONS[name]} | {licence(package)} | {megabytes:.1f} |"
+        )
     lines += ["", "| install | packages, all counted | MB |", "| --- | --: | --: |"]
     for title, parts in {
         "light": ["light"],
         "full": ["light", "train"],
-        "full with docs": list(groups),
+        "full with docs": ["light", "train", "docs"],
     }.items():
         packages = closure(need for part in parts for need in groups[part]).values()
         total = sum(map(size_bytes, packages)) / 1e6

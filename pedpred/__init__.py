@@ -4,41 +4,34 @@ The names below are imported on first use, so that `import pedpred` itself loads
 """
 
 import os
-from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from pedpred.command.data_frames import predict
-    from pedpred.online import OnlinePredictor, OnlineSettings
-    from pedpred.online.warming import warm_up
-    from pedpred.scenes import Forecast, OccupancyMap
+from pedpred.lazy import names_on_use
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # else onnxruntime reports to its makers, with an id
 
-__all__ = ["Forecast", "OccupancyMap", "OnlinePredictor", "OnlineSettings", "predict", "warm_up"]
+if TYPE_CHECKING:
+    from pedpred.command.data_frames import predict as predict
+    from pedpred.online import OnlinePredictor as OnlinePredictor
+    from pedpred.online import OnlineSettings as OnlineSettings
+    from pedpred.online.warming import warm_up as warm_up
+    from pedpred.scenes import Forecast as Forecast
+    from pedpred.scenes import OccupancyMap as OccupancyMap
 
-_HOMES = {
-    "Forecast": "pedpred.scenes",
-    "OccupancyMap": "pedpred.scenes",
-    "OnlinePredictor": "pedpred.online",
-    "OnlineSettings": "pedpred.online",
-    "predict": "pedpred.command.data_frames",
-    "warm_up": "pedpred.online.warming",
-}
+    __version__: str
+else:
+    __all__, _find = names_on_use(__name__, __file__)
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name from the package that defines it; `__version__` is that of the installation."""
-    if name == "__version__":
+    def __getattr__(name):
+        """Import a public name from where it is defined; `__version__` is that of the installation."""
+        if name == "__version__":
+            try:
+                return version("pedpred")
+            except PackageNotFoundError:  # a copy that was never installed
+                return "unknown"
         try:
-            return version("pedpred")
-        except PackageNotFoundError:  # a copy that was never installed
-            return "unknown"
-    if name not in _HOMES:
-        raise AttributeError(f"module 'pedpred' has no attribute {name!r}")
-    try:
-        return getattr(import_module(_HOMES[name]), name)
-    except ModuleNotFoundError as cause:
-        remedy = f"{cause}: pip install 'pedpred[files]'"
-        raise ModuleNotFoundError(remedy, name=cause.name, path=cause.path) from cause
+            return _find(name)
+        except ModuleNotFoundError as cause:
+            remedy = f"{cause}: pip install 'pedpred[files]'"
+            raise ModuleNotFoundError(remedy, name=cause.name, path=cause.path) from cause

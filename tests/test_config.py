@@ -77,7 +77,7 @@ def project(tmp_path):
     (tmp_path / "conf" / "scale" / "default.yaml").write_text("pedestrians: 20\n")
     (tmp_path / "conf" / "scale" / "smoke.yaml").write_text("pedestrians: 2\n")
     (tmp_path / "pedpred").mkdir()
-    for name in ["__init__.py", "config.py", "errors.py", "files.py", "plain.py"]:
+    for name in ["__init__.py", "config.py", "errors.py", "files.py", "lazy.py", "plain.py"]:
         shutil.copy(ROOT / "pedpred" / name, tmp_path / "pedpred" / name)
     (tmp_path / "stages").mkdir()
     (tmp_path / "stages" / "__init__.py").touch()  # as in the project, so that its own stages come first

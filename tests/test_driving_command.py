@@ -72,7 +72,7 @@ def test_without_matplotlib_a_picture_is_refused_before_work_begins(tmp_path, mo
 
     monkeypatch.setattr(driving, "find_spec", lambda name: None)
     arguments = [str(ROOT / "examples/corner"), "--table", str(tmp_path / "drives.csv"), "--episodes", "1"]
-    with pytest.raises(SystemExit, match=r"pip install matplotlib"):
+    with pytest.raises(SystemExit, match=r'pip install "pedpred\[pictures\]"'):
         main(["drive", *arguments, "--curves", str(tmp_path / "curves.png")])
     assert not list(tmp_path.iterdir())
 

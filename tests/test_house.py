@@ -24,7 +24,7 @@ PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
 DEFAULTS = yaml.safe_load((ROOT / "conf" / "config.yaml").read_text())["defaults"]
 SCRIPTS = sorted(path for path in (ROOT / "stages").glob("*.py") if path.name != "__init__.py")
 # what these decide is checked, only said, where the work is done, or whether a file is read or written at all
-NAMES = ("arrays", "compiled", "config", "contents", "errors", "fields", "files", "plain", "workers")
+NAMES = ("arrays", "compiled", "config", "contents", "errors", "fields", "files", "lazy", "plain", "workers")
 NO_RESULT_DEPENDS_ON = {f"pedpred/{name}.py" for name in NAMES}
 
 
@@ -71,11 +71,11 @@ def bare(requirements):
 def test_what_the_commands_and_a_robot_import_is_what_the_extra_files_installs():
     """Every package that the command, the online predictor or a reader of bags imports is a dependency.
 
-    But for that of archives in HDF5, which few people have, and of pictures of drives: the reader and
-    `pedpred drive` say what to install. `test_package.py` shows that a robot needs no extra.
+    But for those of archives in HDF5, which few people have, and of pictures of drives, which are extras.
+    `test_package.py` shows that a robot needs no extra.
     """
     extras = PROJECT["optional-dependencies"]
-    wanted = [*PROJECT["dependencies"], *extras["files"], *extras["hdf5"], "matplotlib"]
+    wanted = [*PROJECT["dependencies"], *extras["files"], *extras["hdf5"], *extras["pictures"]]
     files = [path for room in ("command", "online", "ros") for path in (ROOT / "pedpred" / room).glob("*.py")]
     embedding = {ROOT / name for path in files for name in code_behind(path)}
     outside = {module.partition(".")[0] for path in embedding for module, _ in imported(path)} - {"pedpred"}

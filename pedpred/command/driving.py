@@ -162,7 +162,8 @@ def check_drive(given: argparse.Namespace) -> None:
         raise ValueRuleError("--curves", str(given.curves), "the name of a picture ends in .png")
     pictures = [path for path in (given.curves, given.record) if path is not None and path.suffix == ".png"]
     if pictures and find_spec("matplotlib") is None:
-        raise OutputError(pictures[0], "pictures need matplotlib", "Install it: pip install matplotlib")
+        remedy = 'Install it: pip install "pedpred[pictures]"'
+        raise OutputError(pictures[0], "pictures need matplotlib", remedy)
     if given.record is None:
         return
     if given.record.suffix not in (".mcap", ".png"):

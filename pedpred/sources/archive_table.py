@@ -64,7 +64,7 @@ def main() -> None:
     try:
         copy_table(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]))
     except ImportError:
-        sys.exit("h5py is not installed: pip install h5py")
+        sys.exit('h5py is not installed: pip install "pedpred[hdf5]"')
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, MemoryError) as problem:
         said = str(problem).splitlines()
         sys.stderr.write(f"{said[0][:400] if said else type(problem).__name__}\n")
