@@ -49,11 +49,12 @@ REASONS = {
 
 
 def declared() -> dict[str, list[Requirement]]:
-    """Return the direct dependencies in pyproject.toml that users install: light, train, docs."""
+    """Return the direct dependencies in pyproject.toml that users install: robot, files, train, docs."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    groups = {"light": project["dependencies"], "train": extras["train"], "docs": extras["docs"]}
-    return {group: [Requirement(text) for text in texts] for group, texts in groups.items()}
+    groups = {"robot": project["dependencies"]} | {name: extras[name] for name in ("files", "train", "docs")}
+    needs = {group: [Requirement(text) for text in texts] for group, texts in groups.items()}
+    return {group: [need for need in own if need.name != project["name"]] for group, own in needs.items()}
 
 
 def size_bytes(package: Distribution) -> int:
@@ -106,8 +107,9 @@ def table() -> str:
             lines.append(f"| {need.name} | {group} | {reason} | {licence(package)} | {megabytes:.1f} |")
     lines += ["", "| install | packages, all counted | MB |", "| --- | --: | --: |"]
     for title, parts in {
-        "light": ["light"],
-        "full": ["light", "train"],
+        "robot": ["robot"],
+        "with files": ["robot", "files"],
+        "full": ["robot", "files", "train"],
         "full with docs": list(groups),
     }.items():
         packages = closure(need for part in parts for need in groups[part]).values()
