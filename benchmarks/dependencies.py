@@ -16,7 +16,7 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "dependencies.md"
-EXTRAS = ("hdf5", "pictures", "train", "docs")
+EXTRAS = ("files", "hdf5", "pictures", "train", "docs")
 REASONS = {
     "h5py": "archives of the Pedestrian Dynamics Data Archive",
     "lz4": "MCAP chunks compressed with lz4",
@@ -51,11 +51,12 @@ REASONS = {
 
 
 def declared() -> dict[str, list[Requirement]]:
-    """Return the direct dependencies in pyproject.toml that users install: light, and by extra."""
+    """Return the direct dependencies in pyproject.toml that users install: robot, and by extra."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    groups = {"light": project["dependencies"]} | {name: extras[name] for name in EXTRAS}
-    return {group: [Requirement(text) for text in texts] for group, texts in groups.items()}
+    groups = {"robot": project["dependencies"]} | {name: extras[name] for name in EXTRAS}
+    needs = {group: [Requirement(text) for text in texts] for group, texts in groups.items()}
+    return {group: [need for need in own if need.name != project["name"]] for group, own in needs.items()}
 
 
 def size_bytes(package: Distribution) -> int:
@@ -112,9 +113,10 @@ def table() -> str:
         )
     lines += ["", "| install | packages, all counted | MB |", "| --- | --: | --: |"]
     for title, parts in {
-        "light": ["light"],
-        "full": ["light", "train"],
-        "full with docs": ["light", "train", "docs"],
+        "robot": ["robot"],
+        "with files": ["robot", "files"],
+        "full": ["robot", "files", "train"],
+        "full with docs": ["robot", "files", "train", "docs"],
     }.items():
         packages = closure(need for part in parts for need in groups[part]).values()
         total = sum(map(size_bytes, packages)) / 1e6

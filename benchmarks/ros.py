@@ -2,7 +2,9 @@
 
 A publisher, the node and a recorder are processes of their own on build/ros/bin/python (see `make ros`), with
 real middleware and best-effort people. Measured: the time from activation to the first forecast; messages
-without a forecast after that; time from the sending of people to the arrival of their forecast; memory.
+without a forecast after that; time from the sending of people to the arrival of their forecast; processor
+time of the node per message, which depends less on what else the machine does; memory from `_SETTLED_S` after
+activation on; and the load of the machine, the mean number of processes that want a core.
 """
 
 from __future__ import annotations
@@ -23,13 +25,19 @@ from benchmarks.timing import keep, needed, tell
 ROOT = Path(__file__).resolve().parents[1]
 PYTHON, STREAM = ROOT / "build/ros/bin/python", ("-m", "benchmarks.ros_stream")
 _ACTIVE = re.compile(r"\[(\d+\.\d+)\] \[pedpred\]: forecasting people of")
-_SETTLED_S, _WATCH_S, _LIMIT_S = 10.0, 1.0, 90.0
+_SETTLED_S, _WATCH_S, _LIMIT_S = 30.0, 1.0, 90.0
 
 
 def resident_mib(process: subprocess.Popen) -> float:
     """Memory of a process that is in RAM, MiB."""
     text = Path(f"/proc/{process.pid}/status").read_text()
     return int(re.findall(r"VmRSS:\s+(\d+)", text)[0]) / 1024
+
+
+def processor_s(process: subprocess.Popen) -> float:
+    """Time on a core of all threads of a process so far, s."""
+    ticks = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()[11:13]
+    return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")
 
 
 def measure(folder: Path, people: int, rate_hz: float, seconds: float) -> dict[str, Any]:
@@ -52,10 +60,10 @@ def measure(folder: Path, people: int, rate_hz: float, seconds: float) -> dict[s
             subprocess.Popen([PYTHON, *command], env=environment, stdout=out, stderr=subprocess.STDOUT)
             for command in commands
         )
-    memory_mib, begun_s = [], time.monotonic()
+    samples, begun_s = [], time.monotonic()
     try:
         while publisher.poll() is None and time.monotonic() < begun_s + seconds + _LIMIT_S:
-            memory_mib.append(resident_mib(node))
+            samples.append((time.time(), resident_mib(node), processor_s(node), os.getloadavg()[0]))
             time.sleep(_WATCH_S)
         recorder.wait(_LIMIT_S)
     finally:
@@ -69,7 +77,9 @@ def measure(folder: Path, people: int, rate_hz: float, seconds: float) -> dict[s
     sent_ns = np.loadtxt(sent, np.int64, ndmin=1)
     due_ns = sent_ns[sent_ns >= times_ns[0, 0]]
     latency_ms = (times_ns[:, 1] - times_ns[:, 0]) / 1e6
-    settled = memory_mib[int(min(_SETTLED_S, seconds / 2) / _WATCH_S) :]
+    watched = np.array(samples)
+    settled = watched[watched[:, 0] >= active_s + min(_SETTLED_S, seconds / 2)]
+    during = (due_ns >= settled[0, 0] * 1e9) & (due_ns <= settled[-1, 0] * 1e9)
     return {
         "people": people,
         "rate_hz": rate_hz,
@@ -79,8 +89,10 @@ def measure(folder: Path, people: int, rate_hz: float, seconds: float) -> dict[s
         "median_ms": float(np.median(latency_ms)),
         "95 %_ms": float(np.percentile(latency_ms, 95)),
         "largest_ms": float(latency_ms.max()),
-        "memory_mib": settled[-1],
-        "grown_mib": settled[-1] - settled[0],
+        "processor_ms": 1000 * (settled[-1, 2] - settled[0, 2]) / during.sum(),
+        "memory_mib": settled[-1, 1],
+        "grown_mib": settled[-1, 1] - settled[0, 1],
+        "load": settled[:, 3].mean(),
     }
 
 

@@ -89,6 +89,14 @@ class Place:
         self.processes.append(process)
         return process
 
+    def wait(self, is_there, what, told=None):
+        """Wait for something, at most `LIMIT_S`; the error says what, and what the file `told` holds."""
+        end_s = time.monotonic() + LIMIT_S
+        while not is_there():
+            words = told.read_text() if told else ""
+            assert time.monotonic() < end_s, f"no {what} within {LIMIT_S} s {words}"
+            time.sleep(0.05)
+
     def close(self):
         """Kill what still runs."""
         for process in self.processes:
@@ -100,11 +108,8 @@ class Place:
         """Run the node until the block ends, which a signal tells it; its log lines are in `told`."""
         told = self.folder / "node.txt"
         process = self.start([PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments], told)
-        end_s = time.monotonic() + LIMIT_S
-        while ready not in told.read_text():
-            assert process.poll() is None, told.read_text()
-            assert time.monotonic() < end_s, f"no {ready!r} within {LIMIT_S} s in {told.read_text()}"
-            time.sleep(0.05)
+        self.wait(lambda: process.poll() is not None or ready in told.read_text(), repr(ready), told)
+        assert process.poll() is None, told.read_text()
         try:
             yield told
         except subprocess.TimeoutExpired as cause:
@@ -242,13 +247,15 @@ def test_people_of_a_robot_that_drives_and_turns(place):
 
 def test_a_latched_map_of_before_is_used_and_updates_change_it(place):
     """As diagnostics say: before the node starts a map is published, and later a part of it changes."""
-    place.peer(publish=[("/map", GRID, "rt")], send=[(0.0, 0, room())], done="never")
+    sent = place.folder / "sent"
+    place.peer(publish=[("/map", GRID, "rt")], send=[(0.0, 0, room())], sent=str(sent), done="never")
+    place.wait(sent.exists, "a published map")
     update = {"header": header(0), "x": 3, "width": 3, "height": 60, "data": np.full(180, 100, np.int8)}
     send = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(25)]
     send.append((2.5, 1, serialize(UPDATE_TYPE, update).hex()))
     publish = [("/people", PEOPLE_TYPE, "rv"), ("/map_updates", UPDATE_TYPE, "rv")]
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
-    with place.node() as told:
+    with place.node(ready="map of ") as told:
         until = {"/predictions": 25, "/diagnostics": 5}
         heard = place.exchange(publish, [(0, people(99.0))], send, record, until)
     assert "no map has come" not in told.read_text()

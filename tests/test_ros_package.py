@@ -46,7 +46,7 @@ def test_rviz_and_the_costmap_layer_listen_to_what_the_node_publishes():
 _ON_A_ROBOT = """
 import sys
 from pedpred.command.libraries import LIBRARIES
-for name in {*LIBRARIES, "torch", "matplotlib"} - {"lz4", "zstandard"}:  # which rosbags brings
+for name in {*LIBRARIES, "torch", "matplotlib"}:
     sys.modules[name] = None  # importing it is an error
 from pedpred import OnlinePredictor, warm_up
 from pedpred.ros.message_types import serialize

@@ -7,6 +7,7 @@ import logging
 import sys
 from collections.abc import Sequence
 
+import pedpred
 from pedpred.errors import user_errors
 
 
@@ -33,9 +34,10 @@ def _run_on_a_robot(given: Sequence[str], missing: Sequence[str]) -> None:
 
     remedy = f"Other commands need {', '.join(missing)}: pip install 'pedpred[files]'."
     top = argparse.ArgumentParser(prog="pedpred", description=__doc__, epilog=remedy)
+    top.add_argument("--version", action="version", version=f"pedpred {pedpred.__version__}")
     commands = top.add_subparsers(required=True, metavar="COMMAND")
     add_model(add_warm_up(commands))
-    if given and given[0] not in ("warm-up", "-h", "--help"):
+    if given and given[0] != "warm-up" and not given[0].startswith("-"):
         raise SystemExit(f"pedpred: {given[0]} is not installed. {remedy}")
     asked = top.parse_args(given)
     asked.action(asked)

@@ -10,7 +10,6 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.msg import normalize_msgtype
 
 from pedpred.ros.message_types import known_editions
-from pedpred.ros.unpacking import unpack
 
 CDR, ROS1 = "cdr", "ros1"
 _IDL_PART = "=" * 80 + "\n"
@@ -64,6 +63,8 @@ class Decoder:
         """
         kind, encoding = connection.msgtype, connection.encoding
         if encoding == CDR and raw[:4] == _ZSTD:
+            from pedpred.ros.unpacking import unpack  # late: messages in files only
+
             raw = unpack(raw, "zstd")
         problem: Exception = KeyError(f"a definition of {kind}")
         for types in self._stores(kind, encoding):

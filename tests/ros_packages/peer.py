@@ -1,10 +1,11 @@
 """A process that publishes and records raw messages: `python peer.py PLAN`, a JSON file.
 
 A publisher: {"publish": [[topic, type, qos]], "probe": [[index of publisher, hex]],
-    "send": [[time_s, index, hex]], "limit_s": number, "ready": file, "done": file}
+    "send": [[time_s, index, hex]], "limit_s": number, "ready": file, "sent": file,
+    "done": file}
 Where the plan has `ready`, it waits until somebody listens to each topic, then sends the probes again and
-again until the file is there; times of `send` count from then on. It stays until the file `done` is there:
-what is on its way may be lost with its sender.
+again until the file is there; times of `send` count from then on. It makes the file `sent` when all is sent,
+if the plan has it, and stays until the file `done` is there: what is on its way may be lost with its sender.
 
 A recorder: {"record": [[topic, type, qos]], "until": {topic: count}, "out": file, "limit_s": number,
     "answers": [topic], "ready": file, "done": file}
@@ -84,6 +85,8 @@ def publish(node, plan):
         while (left_s := begun_s + at_s - time.monotonic()) > 0:
             rclpy.spin_once(node, timeout_sec=min(left_s, TICK_S))
         sinks[index].publish(bytes.fromhex(text))
+    if "sent" in plan:
+        Path(plan["sent"]).touch()
     done = Path(plan["done"])
     spin_until(node, 2 * limit_s, lambda: lacks_file(done, "the recorder to end"))
 
