@@ -1,6 +1,7 @@
 """What all tests share."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -64,6 +65,22 @@ def narrow_lstm():
             torch.nn.LSTM(8, 8)(torch.zeros(1, 1, 8))
     except RuntimeError as reason:
         pytest.skip(f"no bfloat16 LSTM here: {reason}")
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """A headless Chromium of this machine."""
+    from playwright.sync_api import sync_playwright
+
+    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if path is None and os.environ.get("PEDPRED_REQUIRE_CHROMIUM"):
+        pytest.fail("Chromium is required here, but it is not installed")
+    if path is None:
+        pytest.skip("the page is tried out in Chromium, which is not installed")
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield opened
+        opened.close()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -2,15 +2,12 @@
 
 import dataclasses
 import json
-import os
 import re
-import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import sync_playwright
 
 from pedpred.errors import ValueRuleError
 from pedpred.models.lstm.autoencoder import GridAutoencoder
@@ -202,20 +199,6 @@ def test_the_page_says_what_was_missed(text):
 
 
 # In a browser
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """A headless Chromium of this machine."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if path is None and os.environ.get("PEDPRED_REQUIRE_CHROMIUM"):
-        pytest.fail("Chromium is required here, but it is not installed")
-    if path is None:
-        pytest.skip("the page is tried out in Chromium, which is not installed")
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope="module")

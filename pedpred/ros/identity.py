@@ -13,9 +13,9 @@ from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
 
 _REMEDY = "record the topic of a tracker, whose ids stay with people, such as people_msgs/People with names"
 _LONGEST_S, _SAVED_M, _MOST_PEOPLE = 1.0, 0.5, 500
-_SWAP_MPS, _FITS_SHARE = 4.0, 0.2
-"""Two people have swapped places if each is farther from the expected one than such a speed explains, and if
-in exchange each is this much nearer to it."""
+_SWAP_MPS, _FITS_SHARE, _WALKING_MPS = 4.0, 0.2, 3.0
+"""People who walked have swapped their places in the list if several are farther from where they are expected
+than such a speed explains, and if each is nearer to where another one is, by this factor."""
 
 
 def check_identity(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Sequence[np.ndarray]) -> None:
@@ -53,14 +53,15 @@ def _counted(ids: Sequence[str], first: int) -> bool:
 def _check_places(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Sequence[np.ndarray]) -> None:
     """Check that nobody jumps to where another one was, and above all not when one comes or leaves."""
     there = [row for row, each in enumerate(ids) if each]
-    velocity = None
+    velocity: np.ndarray | None = None
     for before, after in pairwise(there):
         old, new, gap_s = position[before], position[after], time_s[after] - time_s[before]
         known, velocity = velocity, None
         if not 0 < gap_s <= _LONGEST_S or max(len(old), len(new)) > _MOST_PEOPLE:
             continue
         expected = old if known is None else old + gap_s * known
-        swap_m = max(_SAVED_M, _SWAP_MPS * gap_s)
+        walked = known is not None and (np.linalg.norm(known, axis=1) < _WALKING_MPS).all()
+        swap_m = max(_SAVED_M, _SWAP_MPS * gap_s) if walked else np.inf
         if not _keeps_order(expected, new, known is not None, FASTEST_MPS * gap_s + JUMP_M, swap_m):
             found = f"{len(old)} people, then {len(new)} at {time_s[after]:g} s"
             rule = f"ids must stay with people, and here they are places in a list: {_REMEDY}"
@@ -79,12 +80,12 @@ def _keeps_order(
         new: where those of this one are, m. [k, 2]
         moving: whether `expected` includes how they move.
         farthest_m: nobody moves farther.
-        swap_m: nobody is farther from the expected place, if it includes how he or she moves.
+        swap_m: nobody is farther from the expected place, if nobody comes or leaves.
     """
     both = min(len(expected), len(new))
     moves = np.linalg.norm(new[:both] - expected[:both], axis=1)
     changed = moving and len(expected) != len(new) and moves.sum() > _SAVED_M
-    odd = moves > (swap_m if moving and len(expected) == len(new) else np.inf)
+    odd = moves > (swap_m if len(expected) == len(new) else np.inf)
     if not changed and not odd.any() and not (moves > farthest_m).any():
         return True
     apart = distances_m(expected, new)

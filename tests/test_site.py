@@ -1,0 +1,51 @@
+"""The documentation as a site: it opens from disk, is searched there, and fits narrow and wide windows."""
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.conftest import ROOT
+
+PAGES = ("index.html", "recordings.html", "robot.html", "results.html", "data/eth.html", "api/online.html")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, env={"NO_MKDOCS_2_WARNING": "1"})
+    return folder
+
+
+def opened(browser, path, width=1280):
+    """A page from disk, without network; and what goes wrong."""
+    page = browser.new_context(viewport={"width": width, "height": 900}, offline=True).new_page()
+    problems = []
+    page.on("console", lambda said: problems.append(said.text) if said.type == "error" else None)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("request", lambda asked: None if asked.url.startswith("file:") else problems.append(asked.url))
+    page.goto(path.as_uri())
+    return page, problems
+
+
+@pytest.mark.parametrize("start", ["index.html", "data/eth.html"])
+@pytest.mark.parametrize(
+    ("words", "found"), [("nav2", "nav2"), ("costmap", "nav2"), ("frame id", "recordings")]
+)
+def test_a_site_on_a_disk_is_searched(browser, site, start, words, found):
+    page, problems = opened(browser, site / start)
+    page.click("[data-md-component=search-query]")
+    page.keyboard.type(words)
+    page.wait_for_selector(f".md-search-result__item a[href*='{found}.html']", state="attached")
+    assert problems == []
+    page.context.close()
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("name", PAGES)
+def test_no_page_needs_sideways_scrolling(browser, site, name, width):
+    page, problems = opened(browser, site / name, width)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert problems == []
+    page.context.close()
