@@ -1,23 +1,37 @@
-"""Errors at any rate of the frames, as ratios in one run: `python -m benchmarks.rates`.
+"""Errors at any rate of the frames, in one run: `python -m benchmarks.rates [--recording FILE] [--write]`.
 
-People walk straight at 1.3 m/s on free ground; detections have 3 cm of noise. A forecast should be about as
-good at 1000 Hz, and when frames come in bursts, as at 10 Hz. Below 5 Hz there are few detections in the 2.4 s
-that the network reads: "least squares" is the error of straight lines through all detections of the walk, the
-best that is possible for people who never turn.
+Detections have 3 cm of noise, the ground is free. The first table has rates from 0.5 to 100 Hz for people who
+walk straight at 1.3 m/s, who walk on circles of 3 m, and who were recorded, in the same windows at all rates;
+`--write` puts it into docs/robot.md. The second one has bursts: a forecast should be about as good then as at
+10 Hz. "Least squares" is the error of straight lines through all detections of the walk, the best that is
+possible for people who never turn.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
 from benchmarks.timing import tell
 from pedpred import OnlinePredictor
+from pedpred.command.conversion import read_any
+from pedpred.scenes import Trajectories
+from pedpred.storage.tables import TableOptions
+from tools.readme import filled
 
 NOISE_M, SPEED_MPS, SECONDS, WARM_S = 0.03, 1.3, 8.0, 4.0
 _AHEAD_S = 0.3 * np.arange(1, 11)
 Instants = Callable[[], np.ndarray]
+Walk = Callable[[float], np.ndarray]
+"""Where all people are at a time (s), m, NaN for those who are not there. [N, 2]."""
+
+RATES_HZ = (0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 50.0, 100.0)
+_PAGE, _PEOPLE, _RADIUS_M = Path("docs/robot.md"), 30, 3.0
+_LENGTH_S, _SEEN_S, _EVERY_S = 20.0, 4.0, 2.0
+"""Of a walk; how long people were seen before the windows; and between windows, which all rates have."""
 
 
 def regular(rate_hz: float) -> Instants:
@@ -69,8 +83,77 @@ def _line_ahead(now: float, n: float, t: float, t2: float, x: np.ndarray, tx: np
     return ((x - t * slope) / n)[:, None] + slope[:, None] * (now + _AHEAD_S)[:, None]
 
 
+def straight(now: float) -> np.ndarray:
+    """People far from each other."""
+    return np.stack([np.full(_PEOPLE, SPEED_MPS * now), 60.0 * np.arange(_PEOPLE)], axis=1)
+
+
+def curving(now: float) -> np.ndarray:
+    """People on circles, far from each other, half of them clockwise."""
+    sense = np.where(np.arange(_PEOPLE) % 2, 1.0, -1.0)
+    angle = sense * SPEED_MPS / _RADIUS_M * now + np.arange(_PEOPLE)
+    around = _RADIUS_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return around + np.array([0.0, 60.0]) * np.arange(_PEOPLE)[:, None]
+
+
+def recorded(people: Trajectories) -> Walk:
+    """People between their detections; the walk is the middle of the recording."""
+    start_s = float(np.median(people.time_s)) - _LENGTH_S / 2
+    own = [people.track_id == track for track in np.unique(people.track_id)]
+    paths = [(people.time_s[rows] - start_s, people.position[rows].T) for rows in own]
+    paths = [(time_s, xy) for time_s, xy in paths if time_s[-1] > 0 and time_s[0] < _LENGTH_S]
+
+    def walk(now: float) -> np.ndarray:
+        return np.array(
+            [[np.interp(now, time_s, part, np.nan, np.nan) for part in xy] for time_s, xy in paths]
+        )
+
+    return walk
+
+
+def rate_error_m(walk: Walk, rate_hz: float) -> tuple[float, int]:
+    """Mean error of the forecasts of people seen for `_SEEN_S`, m, and the number of windows."""
+    rng, robot, errors = np.random.default_rng(0), OnlinePredictor.load(), []
+    for frame in range(int(_LENGTH_S * rate_hz) + 1):
+        now = frame / rate_hz
+        here = walk(now)
+        there = np.flatnonzero(np.isfinite(here).all(axis=1))
+        forecast = robot.update(now, there, here[there] + rng.normal(0, NOISE_M, (len(there), 2)))
+        if now < _SEEN_S or now % _EVERY_S:
+            continue
+        known = np.isfinite(walk(now - _SEEN_S)[forecast.track_id]).all(axis=1)
+        truth = np.stack([walk(now + ahead)[forecast.track_id] for ahead in _AHEAD_S], axis=1)
+        known &= np.isfinite(truth).all(axis=(1, 2))
+        errors.append(np.linalg.norm(forecast.position - truth, axis=-1).mean(axis=1)[known])
+    return float(np.concatenate(errors).mean()), sum(map(len, errors))
+
+
+def table_of(walks: dict[str, Walk]) -> str:
+    """Errors at all rates in Markdown."""
+    titles = {name: f"{name}, {rate_error_m(walk, 1.0)[1]} windows" for name, walk in walks.items()}
+    lines = [f"| frames | {' | '.join(titles.values())} |", f"| ---: |{' ---: |' * len(titles)}"]
+    for rate in RATES_HZ:
+        found = [f"{rate_error_m(walk, rate)[0]:.3f}" for walk in walks.values()]
+        lines.append(f"| {rate:g} Hz | {' | '.join(found)} |")
+    return "\n".join(lines)
+
+
 def main() -> None:
-    """Measure and print."""
+    """Measure, print, and write the first table into the page."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.rates")
+    parser.add_argument("--recording", type=Path, help="of people, in any format that pedpred reads")
+    parser.add_argument("--rate", type=float, help="of its frames, Hz, where it does not say it")
+    parser.add_argument("--write", action="store_true", help=f"write the table into {_PAGE}")
+    given = parser.parse_args()
+    walks: dict[str, Walk] = {"straight": straight, "curving": curving}
+    if given.recording:
+        scene = read_any(given.recording, options=TableOptions(rate_hz=given.rate))
+        walks[f"recorded ({given.recording.stem})"] = recorded(scene.trajectories)
+    table = table_of(walks)
+    print(f"\nADE over 3 s, m\n{table}")
+    if given.write:
+        _PAGE.write_text(filled(_PAGE.read_text(), {"rates": table}))
+        return
     measured = {name: errors_m(instants) for name, instants in STREAMS.items()}
     usual = measured["10 Hz"][0]
     rows = [

@@ -30,8 +30,12 @@ _MOST_COLUMNS = 6
 
 
 def filled(text: str, tables: Mapping[str, str]) -> str:
-    """Replace what stands between the marks of every table."""
-    return _MARKED.sub(lambda mark: f"{mark[1]}{tables[mark[2]]}\n{mark[3]}", text)
+    """Replace what stands between the marks of tables; those of other names stay."""
+
+    def written(mark: re.Match[str]) -> str:
+        return f"{mark[1]}{tables[mark[2]]}\n{mark[3]}" if mark[2] in tables else mark[0]
+
+    return _MARKED.sub(written, text)
 
 
 def tables_from(studies: Mapping[str, Figures], methods: Methods) -> dict[str, str]:

@@ -154,14 +154,18 @@ def gains_figure(found: Sequence[Gain], methods: Methods) -> Figure:
 
 
 def _draw_names(axes: Axes, found: Sequence[Gain]) -> None:
-    """Write each place's name once, above its highest mark."""
+    """Write each place's name once, above its highest mark; those of one share in lines, the highest first."""
     top = {gain.name: gain for gain in sorted(found, key=lambda gain: gain.bounds[1]) if gain.named}
-    order = sorted(top.values(), key=lambda gain: gain.share)
-    near = [two.share < _NEAR * one.share for one, two in pairwise(order)]
-    for gain, crowded, follows in zip(order, [*near, False], [False, *near], strict=True):
+    of_share: dict[float, list[Gain]] = {}
+    for gain in sorted(top.values(), key=lambda gain: (gain.share, -gain.ratio)):
+        of_share.setdefault(gain.share, []).append(gain)
+    shares = list(of_share)
+    near = [two < _NEAR * one for one, two in pairwise(shares)]
+    for share, crowded, follows in zip(shares, [*near, False], [False, *near], strict=True):
         side = "right" if crowded else "left" if follows else "center"
-        at = (100 * gain.share, gain.bounds[1])
-        axes.annotate(gain.name, at, (0, 4), textcoords="offset points", ha=side, fontsize=8)
+        names = "\n".join(gain.name for gain in of_share[share])
+        at = (100 * share, max(gain.bounds[1] for gain in of_share[share]))
+        axes.annotate(names, at, (0, 4), textcoords="offset points", ha=side, fontsize=8, linespacing=1.0)
 
 
 def _within(value: float, bounds: tuple[float, float]) -> bool:
