@@ -24,7 +24,7 @@ from benchmarks.timing import tell
 from pedpred.command.arguments import parser as command_parser
 from pedpred.command.conversion import read_given
 from pedpred.driving.episodes import DriveSettings, Episode, Place, Recording
-from pedpred.driving.forecasters import METHODS, TrackedPeople
+from pedpred.driving.forecasters import METHODS, PresentMotion
 from pedpred.driving.loop import Drive
 from pedpred.driving.measures import find_contacts, measure
 from pedpred.driving.risk import Steps, contact_m, expected, overlap
@@ -46,7 +46,7 @@ class WithKalman:
 
     def __init__(self, predictor: OnlinePredictor, share: float, new: float):
         """Begin without people; `share` and `new`: weight of that mode, in general and for new people."""
-        self._predictor, self._kalman = predictor, TrackedPeople(predictor, moving=True, spread=True)
+        self._predictor, self._kalman = predictor, PresentMotion(predictor, moving=True, spread=True)
         self._share, self._new = share, new
         self._first_s: dict[int, float] = {}
 

@@ -41,6 +41,7 @@ from pedpred.sources import SETTINGS, SOURCES
 from pedpred.sources.mirrors import Mirrors
 from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
+from stages.drive import trials_of
 from stages.features import features_of, kalman_of, protocol_of
 from stages.train import PHASES, settings_of
 from stages.validate_simulation import flow_of
@@ -179,6 +180,12 @@ def _recording(cfg: Params) -> None:
         _names(f"recording.scenes.{name}.networks", [scene.networks], networks)
 
 
+def _driving(cfg: Params) -> None:
+    for name, place in trials_of(cfg).places.items():
+        models = [folder.removeprefix("models/online/") for folder in (place.model, place.lstm)]
+        _names(f"driving.places.{name}", models, [*cfg["online"]["exports"], "default"])
+
+
 def _comparison(cfg: Params) -> None:
     with configured("comparison"):
         reference, _ = parsed_together([Reference, Resampling], part(cfg, "comparison"))
@@ -225,6 +232,7 @@ PARTS: dict[str, Check] = {
     "evaluation": _whole("evaluation", MetricSettings),
     "comparison": _comparison,
     "recording": _recording,
+    "driving": _driving,
     "literature": _whole("literature", LiteratureSettings),
     "report": _report,
 }

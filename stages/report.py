@@ -12,6 +12,7 @@ from pedpred.report.ablation import ablation_sections
 from pedpred.report.canvas import write_png
 from pedpred.report.comparison import metrics_now
 from pedpred.report.document import Picture, Section, join_pages
+from pedpred.report.drives import drives_section, read_shown
 from pedpred.report.error_plots import horizon_table
 from pedpred.report.findings import Paper
 from pedpred.report.gallery import Evaluated, draw_gallery
@@ -54,6 +55,12 @@ def replays_of(cfg: DictConfig, evaluated: Mapping[str, Evaluated], methods: Met
     return [replay(*one, shown, methods) for one in tested]
 
 
+def drives_of() -> Section:
+    """Read what is known of drives; a section without blocks where nobody drove."""
+    known = metrics_now(Path("reports/metrics/driving"))
+    return drives_section({n: (own, read_shown(Path("data/drives", n))) for n, own in known.items() if own})
+
+
 @stage
 def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote, draw every picture once, write all pages below `out`."""
@@ -69,8 +76,11 @@ def main(cfg: DictConfig) -> None:
     places = places_section(list(evaluated.values()), methods)
     write_pictures(list(places.pictures), out / "places")
     texts = [(out / f"{study}.md").read_text() for study in pages]
+    drives = drives_of()
+    write_pictures(list(drives.pictures), out / "drives")
+    driven = [drives.markdown("drives")] if drives.blocks else []
     walking = Path("reports/simulation.md").read_text()
-    write_text(out / "report.md", join_pages([places.markdown("places"), *texts, walking]))
+    write_text(out / "report.md", join_pages([places.markdown("places"), *texts, *driven, walking]))
     ablations = ablation_sections(Path("conf/ablations"), Path("reports/ablations"), methods)
     contents = Contents(
         list(pages.values()),
@@ -83,6 +93,7 @@ def main(cfg: DictConfig) -> None:
         plain(cfg.report)["published"],
         figures.get("latency", {}).get("updates", []),
         places.blocks,
+        [drives] if drives.blocks else [],
     )
     if any(own.results for own in pages.values()):
         write_text(out / "index.html", render_page(contents))

@@ -77,10 +77,11 @@ def metrics_of(folder: Path) -> dict[str, Any]:
     if not made or _git("status", "--porcelain", path):
         return metrics_now(REPORTED)
     exported = exports(_git("show", f"{made}:{LOCK}"))
-    if exported and exports(Path(LOCK).read_text()) == exported:
+    if exported and exported.items() <= exports(Path(LOCK).read_text()).items():
         return metrics_now(REPORTED)
     later = _git("log", "--format=%H", f"{made}..HEAD", "--", REPORTED.as_posix()).split()
-    same = (commit for commit in later if exported and exports(_git("show", f"{commit}:{LOCK}")) == exported)
+    locks = ((commit, _git("show", f"{commit}:{LOCK}")) for commit in later)
+    same = (commit for commit, lock in locks if exported and exported.items() <= exports(lock).items())
     return metrics_at(next(same, made), REPORTED)
 
 

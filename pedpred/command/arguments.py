@@ -77,6 +77,7 @@ def check(given: argparse.Namespace) -> None:
     inputs = [
         *(path for path in scenes if path),
         *(path for path in named if isinstance(path, Path)),
+        *(path for _, path in getattr(given, "compare", None) or ()),
         *theirs,
     ]
     for path in inputs:
@@ -142,6 +143,14 @@ def _number(kind: type, least: float, most: float) -> Callable[[str], float]:
         return value
 
     return number
+
+
+def _named(text: str) -> tuple[str, Path]:
+    """A folder, and how it is called."""
+    name, sign, folder = text.partition("=")
+    if not (name and sign):
+        raise argparse.ArgumentTypeError(f"{text!r}: write a name, = and a folder")
+    return name, named_path(folder)
 
 
 def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: str | None = None) -> Any:
@@ -235,6 +244,8 @@ def _drives(command: argparse.ArgumentParser) -> None:
     seed = "of episodes and sensor (default 0)"
     command.add_argument("--seed", type=_number(int, 0, 2**63), default=0, help=seed)
     add_model(command)
+    other = "also drive with all modes of this model folder, under this name in the table; may be repeated"
+    command.add_argument("--compare", type=_named, action="append", metavar="NAME=FOLDER", help=other)
     robot, sensor = Robot(), SensorSettings()
     command.add_argument("--robot", choices=KINDS, default=robot.kind, help=f"(default {robot.kind})")
     length = _number(float, 0.05, 10.0)

@@ -15,23 +15,20 @@ from tqdm import tqdm
 
 from pedpred.command.conversion import layout_of, read_given
 from pedpred.driving.episodes import DriveSettings, Recording
+from pedpred.driving.figures import figures_of, summary
 from pedpred.driving.forecasters import NAMES, TRUTH
-from pedpred.driving.loop import Drive
 from pedpred.driving.planner import PlannerSettings
 from pedpred.driving.robot import Robot
-from pedpred.driving.runs import Places, Runner, checksum, conditions, run
+from pedpred.driving.runs import Models, Places, Runner, checksum, run
 from pedpred.driving.sensor import SensorSettings
-from pedpred.driving.table import Condition, Episodes, Row, equal_time, read_table, summary, write_table
+from pedpred.driving.shown import as_scene, describe, write_drive
+from pedpred.driving.table import Condition, Row, read_table, write_table
 from pedpred.driving.worlds import REACTIONS, Worlds
 from pedpred.errors import OutputError, StorageError, ValueRuleError
-from pedpred.online.replay import as_windows
 from pedpred.online.shipped import default_model
-from pedpred.ros import write_recording
 from pedpred.ros.foxglove import write_layout
-from pedpred.scenes import Scene, Trajectories
 
 _log = logging.getLogger(__name__)
-_COLOUR = (0.84, 0.37, 0.0)
 _SAVED_EVERY_S = 10.0
 _RISKS = (0.02, 0.05, 0.1, 0.2, 0.4)
 
@@ -45,13 +42,13 @@ def drive(given: argparse.Namespace) -> None:
         seed=given.seed,
         shown=given.shown,
     )
-    model = given.model or default_model()
+    models = Models(given.model or default_model(), dict(given.compare or ()))
     places: Places = Recording(read_given(given)) if given.world is None else _worlds(given)
-    asked = conditions(given.method or NAMES, given.risk or _RISKS)
+    asked = models.conditions(given.method or NAMES, given.risk or _RISKS)
     if given.record is not None:
-        _record(Runner(places, settings, model), asked, given)
+        _record(Runner(places, settings, models), asked, given)
         return
-    rows = _known(given.table, checksum(places, settings, model))
+    rows = _known(given.table, places, settings, models)
     done = {(row.episode, row.condition) for row in rows}
     wanted = {
         number: missing
@@ -59,7 +56,7 @@ def drive(given: argparse.Namespace) -> None:
         if (missing := [one for one in asked if (number, one) not in done])
     }
     cycles: list[float] = []
-    drives = run(places, settings, model, wanted, given.processes)
+    drives = run(places, settings, models, wanted, given.processes)
     saved_s = time.monotonic()
     try:
         for new, own_s in tqdm(drives, total=len(wanted), desc=f"drive {places.name}", unit="episode"):
@@ -70,40 +67,31 @@ def drive(given: argparse.Namespace) -> None:
     finally:
         write_table(given.table, rows)
     rows = [row for row in rows if row.condition in asked and row.episode < given.episodes]
-    sys.stdout.write(summary(rows))
-    sys.stdout.write(_compared(rows))
+    figures = figures_of(rows)
+    sys.stdout.write(summary(figures))
     if given.curves is not None:
-        from pedpred.driving.pictures import curves_figure  # heavy, and for pictures alone
-        from pedpred.report.canvas import write_png
+        from pedpred.report.canvas import write_png  # heavy, and for pictures alone
+        from pedpred.report.drives import curves_figure
 
-        write_png(curves_figure(rows), given.curves)
+        write_png(curves_figure(figures), given.curves)
     if cycles:
         _log.info("forecast and plan: %.1f ms a cycle (median)", 1e3 * float(np.median(cycles)))
 
 
-def _known(path: Path, settings: str) -> list[Row]:
+def _known(path: Path, places: Places, settings: DriveSettings, models: Models) -> list[Row]:
     """Rows of earlier runs.
 
     Raises:
         StorageError: they are of another recording, robot or model.
     """
     rows = read_table(path) if path.exists() else []
-    if any(row.settings != settings for row in rows):
+    sums = {
+        method: checksum(places, settings, models.of(method)) for method, _ in {r.condition for r in rows}
+    }
+    if any(row.settings != sums[row.condition.method] for row in rows):
         problem = "its drives are of another recording, map, robot, sensor, seed, model or version"
         raise StorageError(path, "settings", problem, "Name another table (--table), or remove this one")
     return rows
-
-
-def _compared(rows: Sequence[Row]) -> str:
-    """A line that compares modes with the Kalman filter at equal time, if both have curves."""
-    found = equal_time(Episodes.of(rows), "modes", "kalman")
-    if found is None:
-        return ""
-    time_s, apart, low, high = found
-    return (
-        f"modes minus kalman, at {time_s:.2f} s to the goal: {100 * apart:+.1f} % of the episodes with a "
-        f"collision at fault (95 % interval {100 * low:+.1f} to {100 * high:+.1f})\n"
-    )
 
 
 def _record(runner: Runner, asked: Sequence[Condition], given: argparse.Namespace) -> None:
@@ -113,32 +101,20 @@ def _record(runner: Runner, asked: Sequence[Condition], given: argparse.Namespac
     """
     place, episode = runner.places.draw(given.episode, runner.settings)
     if given.record.suffix == ".png":
-        from pedpred.driving.pictures import episode_figure  # heavy, and for pictures alone
-        from pedpred.report.canvas import write_png
+        from pedpred.report.canvas import write_png  # heavy, and for pictures alone
+        from pedpred.report.drives import episode_figure
 
-        drives = {one: runner.driven(place, episode, one) for one in asked}
-        write_png(episode_figure(place, episode, drives, runner.settings.robot), given.record)
+        robot, shown = runner.settings.robot, []
+        for one in asked:
+            done = runner.driven(place, episode, one)
+            shown.append((as_scene(done, place, episode), describe(done, episode, one, robot)))
+        write_png(episode_figure(shown), given.record)
         return
-    done = runner.driven(place, episode, asked[0], keep=True)
-    watched, method = episode.watching * done.dt_s, asked[0].method
-    seen = Scene(place.name, _with_robot(done, episode.crowd().track_id, watched), place.occupancy, done.dt_s)
-    forecasts = [one for one in done.forecasts if len(one) and one.time_s >= watched - 1e-6]
-    windows = as_windows(seen, forecasts, method, runner.predictor.protocol)
-    write_recording(seen, given.record, windows, {method: _COLOUR}, method)
+    done, method = runner.driven(place, episode, asked[0], keep=True), asked[0].method
+    seen = as_scene(done, place, episode)
+    write_drive(done, seen, episode, method, runner.predictor.protocol, given.record)
     write_layout(seen.occupancy, set(), layout_of(given.record))
     _log.info("%s: episode %d, %s, in %s", place.name, given.episode, method, given.record)
-
-
-def _with_robot(done: Drive, track_id: np.ndarray, start_s: float) -> Trajectories:
-    """The true people of a drive and its robot."""
-    tick, who = np.nonzero(np.isfinite(done.people[..., 0]))
-    own = np.arange(len(done.state))
-    robot = int(track_id.max(initial=0)) + 1
-    return Trajectories(
-        start_s + np.concatenate([tick, own]) * done.dt_s,
-        np.concatenate([track_id[who], np.full(len(own), robot)]),
-        np.concatenate([done.people[tick, who], done.state[:, :2]]),
-    )
 
 
 def _worlds(given: argparse.Namespace) -> Worlds:

@@ -8,14 +8,11 @@ from typing import Protocol
 
 import numpy as np
 
+from pedpred.driving.intentions import SocialForces
 from pedpred.driving.people import Crowd
+from pedpred.driving.tracked import TrackedPeople
 from pedpred.online import OnlinePredictor
-from pedpred.online.frame import Frame
-from pedpred.online.past import slots_for
-from pedpred.online.people import People, register_detections
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
-from pedpred.tracking import Belief, predicted
-from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _HORIZON_S = 3.0
 
@@ -34,8 +31,8 @@ class Forecaster(Protocol):
         ...  # pragma: no cover
 
 
-class TrackedPeople:
-    """People stand, or walk on at their tracked velocity; their tracks are those of the online predictor."""
+class PresentMotion:
+    """People stand, or walk on at their tracked velocity."""
 
     def __init__(self, predictor: OnlinePredictor, moving: bool, spread: bool):
         """Begin without people.
@@ -45,44 +42,18 @@ class TrackedPeople:
             moving: whether they walk on.
             spread: whether the forecast has the covariance that the Kalman filter predicts.
         """
-        self._bank, self._about = predictor.filters, predictor.description
-        self._protocol, self._max_age_s = predictor.protocol, predictor.settings.max_age_s
+        self._people, self._protocol = TrackedPeople(predictor), predictor.protocol
         self._moving, self._spread = moving, spread
-        self._people, self._lives = People.nobody({}, slots_for(0.0), len(self._bank.filters)), 0
 
     def update(self, time_s: float, track_id: np.ndarray, position: np.ndarray) -> Forecast:
         """See `Forecaster`."""
-        frame = Frame.checked(time_s, track_id, position)
-        people = self._people
-        people = people.select(frame.time_s - people.seen_s <= self._protocol.lost_after_s)
-        people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
-        self._people, self._lives = people, self._lives + len(frame.track_id)
-        rows = np.flatnonzero(people.seen_s >= time_s - self._max_age_s - TIME_TOLERANCE_S)
-        here, dt_s = people.at(rows, time_s), self._protocol.dt_s
+        here, dt_s = self._people.follow(time_s, track_id, position), self._protocol.dt_s
         velocity = here.velocity if self._moving else np.zeros_like(here.velocity)
         ahead_s = (np.arange(self._protocol.horizon_steps) + 1) * dt_s
         path = here.position[:, None] + velocity[:, None] * ahead_s[:, None]
-        covariance = self._covariance(rows, time_s, ahead_s) if self._spread else None
+        covariance = self._people.covariance(time_s, ahead_s) if self._spread else None
         pace = np.repeat(velocity[:, None], len(ahead_s), axis=1)
         return Forecast(time_s, here.track_id, pace, Predictions.single(path, dt_s, covariance))
-
-    def _covariance(self, rows: np.ndarray, time_s: float, ahead_s: np.ndarray) -> np.ndarray:
-        """Predicted by each filter and weighted by how well it fits, m^2. [R, P, 2, 2]."""
-        held = {name: values[rows] for name, values in self._people.filters.items()}
-        people, filters = held["weight"].shape
-        share = np.exp(held["weight"])
-        share /= share.sum(axis=1, keepdims=True)
-        since_s = (time_s - self._people.seen_s[rows])[:, None, None] + ahead_s[:, None]
-        since_s = np.broadcast_to(since_s, (people, len(ahead_s), filters)).ravel()
-        q = np.tile(self._bank.acceleration_noise, people * len(ahead_s))
-        each = (
-            np.repeat(held[name][:, None], len(ahead_s), axis=1).reshape(-1, size)
-            for name, size in (("position", 2), ("velocity", 2), ("covariance", 3))
-        )
-        variance = (
-            predicted(Belief(*each), since_s, q).covariance[:, 0].reshape(people, len(ahead_s), filters)
-        )
-        return np.asarray((share[:, None] * variance).sum(axis=-1)[..., None, None] * np.eye(2))
 
 
 class PointForecasts:
@@ -117,18 +88,24 @@ class TrueFuture:
 
 
 METHODS: dict[str, Callable[[OnlinePredictor], Forecaster]] = {
-    "standing": lambda predictor: TrackedPeople(predictor, moving=False, spread=False),
-    "constant_velocity": lambda predictor: TrackedPeople(predictor, moving=True, spread=False),
-    "kalman": lambda predictor: TrackedPeople(predictor, moving=True, spread=True),
+    "standing": lambda predictor: PresentMotion(predictor, moving=False, spread=False),
+    "constant_velocity": lambda predictor: PresentMotion(predictor, moving=True, spread=False),
+    "kalman": lambda predictor: PresentMotion(predictor, moving=True, spread=True),
     "point": PointForecasts,
     "modes": lambda predictor: predictor,
 }
 """Name -> forecaster that sees detections only, from a predictor without people."""
 
 TRUTH = "true_future"
-HARD = ("standing", "constant_velocity", "point", TRUTH)
+KNOWING: dict[str, Callable[[OnlinePredictor, Crowd, OccupancyMap], Forecaster]] = {
+    "social_force": SocialForces,
+    TRUTH: lambda predictor, crowd, occupancy: TrueFuture(crowd),
+}
+"""Name -> forecaster that asks the people: for their goals, or, `TRUTH` alone, for the future."""
+
+HARD = ("standing", "constant_velocity", "point", *KNOWING)
 """Forecasts without covariances: people are somewhere for certain, and no limit of risk matters."""
-NAMES = (*METHODS, TRUTH)
+NAMES = (*METHODS, *KNOWING)
 
 
 def forecaster_of(
@@ -137,13 +114,13 @@ def forecaster_of(
     """Make a forecaster that has seen nobody yet.
 
     Args:
-        method: one of `NAMES`.
+        method: one of `NAMES`; any other name is that of a network which is compared with others.
         predictor: it is reset.
         occupancy: the walls.
-        crowd: the people of the drive; only `TRUTH` gets them.
+        crowd: the people of the drive; only those of `KNOWING` get them.
     """
-    if method == TRUTH:
-        return TrueFuture(crowd)
     predictor.reset()
     predictor.set_map(occupancy)
-    return METHODS[method](predictor)
+    if method in KNOWING:
+        return KNOWING[method](predictor, crowd, occupancy)
+    return METHODS.get(method, lambda own: own)(predictor)

@@ -22,12 +22,14 @@ class Window:
         track_id: rising. [N]
         position: world frame, m; NaN where somebody is not there. [T, N, 2]
         there_s: for how long each person has been there, s; negative before. [T, N]
+        goal: where the track of each person ends, world frame, m. [N, 2]
     """
 
     dt_s: float
     track_id: np.ndarray
     position: np.ndarray
     there_s: np.ndarray
+    goal: np.ndarray
 
 
 class RecordedPeople:
@@ -92,7 +94,8 @@ class RecordedPeople:
                 low - self._begin[n] : high - self._begin[n]
             ]
         there_s = (tick + np.arange(count)[:, None] - self._begin[who]) * self.dt_s
-        return Window(self.dt_s, who, position, there_s)
+        goal = np.array([self._paths[n][-1] for n in who]).reshape(-1, 2)
+        return Window(self.dt_s, who, position, there_s, goal)
 
 
 class Crowd(Protocol):
@@ -103,10 +106,13 @@ class Crowd(Protocol):
         track_id: rising. [N]
         position: where they are now, world frame, m; NaN: not there. [N, 2]
         there_s: for how long each person has been there, s. [N]
+        goals: places where people go during the drive, world frame, m. [G, 2]
+        goal: which of them each person goes to now. [N]
     """
 
     dt_s: float
     track_id: np.ndarray
+    goals: np.ndarray
 
     @property
     def position(self) -> np.ndarray:
@@ -115,6 +121,11 @@ class Crowd(Protocol):
 
     @property
     def there_s(self) -> np.ndarray:
+        """See above."""
+        ...  # pragma: no cover
+
+    @property
+    def goal(self) -> np.ndarray:
         """See above."""
         ...  # pragma: no cover
 
@@ -135,7 +146,7 @@ class Replay:
     """The people of a window, a `Crowd`: they walk as they were recorded, whatever the robot does."""
 
     def __init__(self, window: Window):
-        self.dt_s, self.track_id = window.dt_s, window.track_id
+        self.dt_s, self.track_id, self.goals = window.dt_s, window.track_id, window.goal
         self._window, self._now = window, 0
 
     @property
@@ -147,6 +158,11 @@ class Replay:
     def there_s(self) -> np.ndarray:
         """See `Crowd`."""
         return self._window.there_s[self._now]
+
+    @property
+    def goal(self) -> np.ndarray:
+        """See `Crowd`: where the track ends."""
+        return np.arange(len(self.track_id))
 
     def meet(self, state: tuple[float, ...], velocity: np.ndarray) -> None:
         """Do not care where the robot is."""

@@ -76,8 +76,19 @@ class _Weights(NamedTuple):
 
 
 @compiled
+def _equal_steps(one, other):  # pragma: no cover (compiled)
+    """Number of first steps at which two manoeuvres have the same command."""
+    for s in range(len(one)):
+        if one[s, 0] != other[s, 0] or one[s, 1] != other[s, 1]:
+            return s
+    return len(one)
+
+
+@compiled
 def _assess(commands, start, limits, course, people, weights, limit):  # pragma: no cover (compiled)
     """Cost of each manoeuvre; infinite where it touches a wall or its risk is above the limit. [C].
+
+    The steps that a manoeuvre has in common with the one before are not computed again.
 
     Args:
         commands: of `Robot.manoeuvres`. [C, S, 2]
@@ -92,11 +103,17 @@ def _assess(commands, start, limits, course, people, weights, limit):  # pragma:
     cost = np.full(count, np.inf)
     touch_m = weights.touch_m
     near = within_reach(people, start[0], start[1], limits.speed_mps, weights.dt_s, touch_m)
+    states, sums, done = np.empty((steps + 1, 5)), np.zeros((steps + 1, 4)), 0
+    states[0] = start
+    sums[0] = 0.0, 0.0, -1.0, value_at(course.distance, course.origin, course.cell_m, start[0], start[1])
     for c in range(count):
-        state = start
-        exposure, narrow, reached_s = 0.0, 0.0, -1.0
-        wall = value_at(course.distance, course.origin, course.cell_m, start[0], start[1])
-        for s in range(steps):
+        same = _equal_steps(commands[c - 1], commands[c]) if c > 0 else 0
+        if same > done:  # it fails where the one before did
+            continue
+        state = states[same, 0], states[same, 1], states[same, 2], states[same, 3], states[same, 4]
+        exposure, narrow, reached_s, wall = sums[same]
+        for s in range(same, steps):
+            done = s
             x, y = state[0], state[1]
             state = advance(state, commands[c, s, 0], commands[c, s, 1], limits, weights.dt_s)
             to_x, to_y, before = state[0] - x, state[1] - y, wall
@@ -111,7 +128,10 @@ def _assess(commands, start, limits, course, people, weights, limit):  # pragma:
                 if ahead > limit:
                     break
                 exposure += anybody
+            states[s + 1] = state
+            sums[s + 1] = exposure, narrow, reached_s, wall
         else:
+            done = steps
             if reached_s < 0.0:
                 left_m = value_at(course.to_go, course.origin, course.cell_m, state[0], state[1])
                 reached_s = steps * weights.dt_s + left_m / limits.speed_mps

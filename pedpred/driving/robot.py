@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -84,18 +85,9 @@ class Robot:
             first: steps of the first command.
             hold: steps after which it brakes.
         """
-        pairs = self._turning() if self.kind == "differential" else self._directed(ahead_rad)
-        commands = np.zeros((2 * len(pairs) + 1, steps, 2))
-        commands[1::2, :first] = commands[2::2, :first] = pairs[:, :1]
-        commands[2::2, first:hold] = pairs[:, 1:]
-        return commands
-
-    def _turning(self) -> np.ndarray:
-        """Pairs of (speed, turn rate). [C, 2, 2]."""
-        turns = [share * side for share in _TURNS for side in (-1.0, 1.0)][1:]
-        pairs = [[(v, w), (v, side * w)] for v in _SPEEDS for w in turns for side in (1.0, 0.0, -1.0)]
-        pairs += [[(0.0, w), (0.5, 0.0)] for w in turns]
-        return np.array(pairs) * (self.speed_mps, self.turn_radps)
+        if self.kind == "differential":
+            return _turning(self.speed_mps, self.turn_radps, steps, first, hold)
+        return _rolled_out(self._directed(ahead_rad), steps, first, hold)
 
     def _directed(self, ahead_rad: float) -> np.ndarray:
         """Pairs of velocities. [C, 2, 2]."""
@@ -105,6 +97,24 @@ class Robot:
         then = np.broadcast_to(units[0], once.shape)
         same, on = np.stack([once, once], axis=1), np.stack([once, then], axis=1)
         return np.concatenate([same, on]) * self.speed_mps
+
+
+@functools.lru_cache(maxsize=8)
+def _turning(speed_mps: float, turn_radps: float, steps: int, first: int, hold: int) -> np.ndarray:
+    """Manoeuvres with differential drive. [C, S, 2]."""
+    turns = [share * side for share in _TURNS for side in (-1.0, 1.0)][1:]
+    pairs = [[(v, w), (v, side * w)] for v in _SPEEDS for w in turns for side in (1.0, 0.0, -1.0)]
+    pairs += [[(0.0, w), (0.5, 0.0)] for w in turns]
+    return _rolled_out(np.array(pairs) * (speed_mps, turn_radps), steps, first, hold)
+
+
+def _rolled_out(pairs: np.ndarray, steps: int, first: int, hold: int) -> np.ndarray:
+    """Commands at each step, each manoeuvre once, from pairs [C, 2, 2]. [C, S, 2]."""
+    commands = np.zeros((2 * len(pairs) + 1, steps, 2))
+    commands[1::2, :first] = commands[2::2, :first] = pairs[:, :1]
+    commands[2::2, first:hold] = pairs[:, 1:]
+    _, kept = np.unique(commands, axis=0, return_index=True)
+    return np.asarray(commands[np.sort(kept)])
 
 
 @compiled

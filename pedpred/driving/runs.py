@@ -4,27 +4,55 @@ from __future__ import annotations
 
 import hashlib
 import multiprocessing
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from pedpred.driving.episodes import DriveSettings, Episode, Place
-from pedpred.driving.forecasters import HARD, forecaster_of
+from pedpred.driving.forecasters import HARD, NAMES, forecaster_of
+from pedpred.driving.intentions import published_forces
 from pedpred.driving.loop import Drive, drive
 from pedpred.driving.measures import measure
-from pedpred.driving.table import Condition, Row
+from pedpred.driving.table import NETWORK, Condition, Row
+from pedpred.errors import ValueRuleError
 from pedpred.files import read_bytes
 from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.network import read_description
 
 
-def conditions(methods: Sequence[str], risks: Sequence[float]) -> list[Condition]:
-    """Combine methods and limits of risk; forecasts without covariances get the limit 0 alone."""
-    pairs = [Condition(m, r) for m in methods for r in ((0.0,) if m in HARD else risks)]
-    return list(dict.fromkeys(pairs))
+@dataclass(frozen=True)
+class Models:
+    """Folders of networks.
+
+    Attributes:
+        own: whose tracker and network the named methods use.
+        others: networks that are compared with it, by their names in tables.
+    """
+
+    own: Path
+    others: Mapping[str, Path] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in self.others:
+            if name in NAMES or not re.fullmatch(NETWORK, name):
+                rule = f"the name of another network has the letters a to z, 0 to 9, _, and is not {NAMES}"
+                raise ValueRuleError("compare", name, rule)
+
+    def of(self, method: str) -> Path:
+        """Folder that a method depends on."""
+        return self.others.get(method, self.own)
+
+    def conditions(self, methods: Sequence[str], risks: Sequence[float]) -> list[Condition]:
+        """Combine all methods and limits of risk; forecasts without covariances get the limit 0 alone."""
+        outputs = {name: read_description(folder).outputs for name, folder in self.others.items()}
+        certain = (*HARD, *(name for name, own in outputs.items() if "covariance" not in own))
+        every = dict.fromkeys((*methods, *self.others))
+        return [Condition(m, r) for m in every for r in ((0.0,) if m in certain else dict.fromkeys(risks))]
 
 
 class Places(Protocol):
@@ -48,6 +76,7 @@ def checksum(places: Places, settings: DriveSettings, model: Path) -> str:
     """Identify everything that a row of the table depends on, besides its condition and episode."""
     found = hashlib.sha256(repr(replace(settings, planner=replace(settings.planner, risk=0.0))).encode())
     found.update(places.digest())
+    found.update(repr(published_forces()).encode())
     files = [*model.iterdir(), *Path(__file__).parent.glob("*.py")]
     for path in sorted(path for path in files if path.is_file()):
         found.update(read_bytes(path))
@@ -57,18 +86,24 @@ def checksum(places: Places, settings: DriveSettings, model: Path) -> str:
 class Runner:
     """Drives episodes."""
 
-    def __init__(self, places: Places, settings: DriveSettings, model: Path):
-        """Load the network.
+    def __init__(self, places: Places, settings: DriveSettings, models: Models):
+        """Load the networks.
 
         Args:
             places: where.
             settings: of all drives; each condition replaces the limit of risk.
-            model: folder of the network.
+            models: the networks.
         """
-        self.settings, self.places = settings, places
-        self._sum = checksum(places, settings, model)
+        self.settings, self.places, self._models = settings, places, models
         online = OnlineSettings(detection_noise_m=settings.sensor.noise_m)
-        self.predictor = OnlinePredictor.load(model, online)
+        folders = {folder: None for folder in (models.own, *models.others.values())}
+        self._sums = {folder: checksum(places, settings, folder) for folder in folders}
+        self._predictors = {folder: OnlinePredictor.load(folder, online) for folder in folders}
+
+    @property
+    def predictor(self) -> OnlinePredictor:
+        """Of the network that is not compared with."""
+        return self._predictors[self._models.own]
 
     def rows(self, number: int, wanted: Sequence[Condition]) -> tuple[list[Row], list[float]]:
         """Drive one episode under some conditions.
@@ -81,7 +116,8 @@ class Runner:
         for condition in wanted:
             done = self.driven(place, episode, condition)
             found = measure(done, episode.route_m, own.robot, place.walls)
-            rows.append(Row(self.places.name, own.robot.kind, condition, number, self._sum, found))
+            known = self._sums[self._models.of(condition.method)]
+            rows.append(Row(self.places.name, own.robot.kind, condition, number, known, found))
             cycles.append(float(np.median(done.cycle_s)))
         return rows, cycles
 
@@ -89,15 +125,16 @@ class Runner:
         """Drive one episode under one condition; `keep`: with its forecasts and detections."""
         settings = replace(self.settings, planner=replace(self.settings.planner, risk=condition.risk))
         crowd = episode.crowd()
-        forecaster = forecaster_of(condition.method, self.predictor, place.occupancy, crowd)
+        predictor = self._predictors[self._models.of(condition.method)]
+        forecaster = forecaster_of(condition.method, predictor, place.occupancy, crowd)
         return drive(episode, crowd, forecaster, place.occupancy, settings, keep)
 
 
 _runner: list[Runner] = []  # of a worker process
 
 
-def _prepare(places: Places, settings: DriveSettings, model: Path) -> None:
-    _runner[:] = [Runner(places, settings, model)]
+def _prepare(places: Places, settings: DriveSettings, models: Models) -> None:
+    _runner[:] = [Runner(places, settings, models)]
 
 
 def _work(job: tuple[int, Sequence[Condition]]) -> tuple[list[Row], list[float]]:
@@ -107,7 +144,7 @@ def _work(job: tuple[int, Sequence[Condition]]) -> tuple[list[Row], list[float]]
 def run(
     places: Places,
     settings: DriveSettings,
-    model: Path,
+    models: Models,
     wanted: Mapping[int, Sequence[Condition]],
     processes: int,
 ) -> Iterator[tuple[list[Row], list[float]]]:
@@ -116,16 +153,16 @@ def run(
     Args:
         places: where.
         settings: of all drives.
-        model: folder of the network.
+        models: the networks.
         wanted: number of an episode -> conditions.
         processes: workers.
     """
     if processes == 1 or len(wanted) < 2:
-        runner = Runner(places, settings, model)
+        runner = Runner(places, settings, models)
         yield from (runner.rows(*job) for job in wanted.items())
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, context, _prepare, (places, settings, model)) as workers:
+    with ProcessPoolExecutor(processes, context, _prepare, (places, settings, models)) as workers:
         try:
             yield from workers.map(_work, wanted.items())
         finally:

@@ -30,7 +30,7 @@ class Walkers:
         self._world, self._rng, self.dt_s = world, rng, dt_s
         self._clock = Clock(STEP_S, steps=every, every=every, hold=every)
         self._state, self._step, self._inside, self._robots = State.before(world.journeys), 0, 0, 0
-        self.track_id = np.arange(len(world.journeys.start_s) - 1)
+        self.track_id, self.goals = np.arange(len(world.journeys.start_s) - 1), world.routes.target
 
     def copied(self) -> Walkers:
         """The same people at the same instant, who go on by themselves."""
@@ -51,6 +51,11 @@ class Walkers:
     def there_s(self) -> np.ndarray:
         """For how long each person has been there, s. [N]."""
         return np.asarray(self._step * STEP_S - self._state.since_s[:-1])
+
+    @property
+    def goal(self) -> np.ndarray:
+        """Which of the goals each person walks to. [N]."""
+        return np.asarray(self._world.journeys.plan[self.track_id, self._state.leg[:-1]])
 
     def meet(self, state: tuple[float, ...], velocity: np.ndarray) -> None:
         """Say where the robot is, and how fast it moves, m/s; from now on people see it."""

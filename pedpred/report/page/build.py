@@ -49,6 +49,7 @@ class Contents:
     published: Sequence[Mapping[str, Any]] = ()  # rows of others under that protocol
     latency: Sequence[Mapping[str, float]] = ()  # of `benchmarks.online`, one row per crowd
     places: Sequence[Block] = ()  # the real places side by side
+    drives: Sequence[Section] = ()  # of a robot with forecasters in the loop
 
 
 def render_page(contents: Contents) -> str:
@@ -93,6 +94,7 @@ def _sections(contents: Contents) -> list[Section]:
         Section("The answer", answer, "answer"),
         *paper_section(results, methods, paper),
         *literature_section(contents.literature, contents.published, methods),
+        *contents.drives,
         *_merged("horizon", galleries),
         *_merged("calibration", galleries),
         *_merged("displacement", galleries),

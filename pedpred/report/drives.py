@@ -1,0 +1,249 @@
+"""Does a robot collide less? Curves of collisions over time, tables, and single drives from above.
+
+The figures are those of `pedpred.driving.figures`, as plain values; a drive is a scene whose robot is the
+track with the largest id, and what `pedpred.driving.shown.describe` says of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from pedpred.errors import StorageError
+from pedpred.files import read_json
+from pedpred.report.canvas import FAINT, INK, blank, styled
+from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
+from pedpred.report.plan import draw_ground
+from pedpred.scenes import Scene
+from pedpred.storage.scenes import read_scene
+
+LABELS = {
+    "standing": "people stand",
+    "constant_velocity": "constant velocity",
+    "kalman": "Kalman filter",
+    "point": "network, one path",
+    "modes": "network, all modes",
+    "social_force": "social forces, true goals",
+    "true_future": "true future",
+}
+"""Names of forecasters in words; other networks keep their names."""
+_COLOURS = ("#7F7F7F", "#E69F00", "#0072B2", "#CC79A7", "#D55E00", "#56B4E9", "#009E73")
+_COLOUR = dict(zip(LABELS, _COLOURS, strict=True))
+_OTHER, _ROBOT, _FAULT = "#8C564B", "#0072B2", "#D55E00"
+_AROUND_M = 3.0
+_DISC_S = 1.0  # people and robot are drawn so often
+
+Figures = Mapping[str, Any]
+"""Of one place: those of `pedpred.driving.figures.figures_of`."""
+
+
+class Shown(NamedTuple):
+    """One episode as it is shown.
+
+    Attributes:
+        kind: `helps`, `hinders` or `usual`.
+        episode: its number.
+        drives: scene and description of each condition.
+        recording: where the drive with the network's modes is as MCAP; empty: nowhere.
+    """
+
+    kind: str
+    episode: int
+    drives: Sequence[tuple[Scene, Mapping[str, Any]]]
+    recording: str = ""
+
+
+def read_shown(drives: Path) -> list[Shown]:
+    """Read the shown episodes that the stage `drive` wrote.
+
+    Raises:
+        StorageError: a file is missing or damaged.
+    """
+    path = drives / "shown.json"
+    known = read_json(path, partial(StorageError, path, "file", remedy="Write it again"))
+    return [
+        Shown(
+            kind,
+            own["episode"],
+            [(read_scene(drives / f"{kind}_{about['method']}"), about) for about in own["drives"]],
+            _existing(drives / f"{kind}.mcap"),
+        )
+        for kind, own in known.items()
+    ]
+
+
+def _existing(path: Path) -> str:
+    return path.as_posix() if path.exists() else ""
+
+
+@styled
+def curves_figure(figures: Figures) -> Figure:
+    """Draw the share of episodes with a collision at the robot's fault over the mean time to the goal.
+
+    A method's limits of risk are joined by a line; bars are 95 % intervals over episodes.
+    """
+    figure = blank(6.0, 4.2)
+    axes = figure.subplots()
+    for method, limits in figures["methods"].items():
+        own = list(limits.values())
+        time_s, share = (np.array([one[name] for one in own]) for name in ("time_s", "at_fault"))
+        aside, up = (
+            np.abs(np.array([one[f"{name}_ci95"] for one in own]).T - middle)
+            for name, middle in (("time_s", time_s), ("at_fault", share))
+        )
+        bars: dict[str, Any] = {"elinewidth": 0.7, "capsize": 2, "marker": "o", "markersize": 4}
+        colour, label = _COLOUR.get(method, _OTHER), LABELS.get(method, method)
+        axes.errorbar(time_s, 100 * share, 100 * up, aside, color=colour, label=label, **bars)
+        for risk, x, y in zip(limits, time_s, share, strict=True):
+            if len(limits) > 1:
+                axes.annotate(risk, (x, 100 * y), (4, 4), textcoords="offset points", fontsize=7)
+    axes.set(
+        xlabel="mean time to the goal, s", ylabel="episodes with a collision at fault, %", ylim=(0, None)
+    )
+    axes.set_title(f"{figures['place']}, {figures['robot']}, {figures['episodes']} episodes")
+    axes.legend()
+    return figure
+
+
+@styled
+def episode_figure(drives: Sequence[tuple[Scene, Mapping[str, Any]]]) -> Figure:
+    """Draw an episode from above, a panel for each condition."""
+    figure = blank(3.4 * len(drives), 3.8)
+    panels = figure.subplots(1, len(drives), squeeze=False)[0]
+    goals = [about["goal"] for _, about in drives]
+    ends = np.concatenate([*(_robot_path(scene) for scene, _ in drives), np.array(goals)])
+    low, high = ends.min(axis=0) - _AROUND_M, ends.max(axis=0) + _AROUND_M
+    for axes, (scene, about) in zip(panels, drives, strict=True):
+        draw_ground(axes, scene.occupancy, 0, (low[0], high[0], low[1], high[1]))
+        _draw_drive(axes, scene, about)
+        limit = f", limit {about['risk']:g}" if about["risk"] else ""
+        late = "" if about["reached"] else ", not there"
+        label = LABELS.get(about["method"], about["method"])
+        axes.set_title(f"{label}{limit}: {about['time_s']:.1f} s{late}", fontsize=9)
+    return figure
+
+
+def _robot_path(scene: Scene) -> np.ndarray:
+    people = scene.trajectories
+    return np.asarray(people.position[people.track_id == people.track_id.max()])
+
+
+def _draw_drive(axes: Axes, scene: Scene, about: Mapping[str, Any]) -> None:
+    """Paths of people and robot, discs every second, the goal, and crosses where they collide."""
+    people, way = scene.trajectories, _robot_path(scene)
+    first_s, robot = people.time_s.min(), people.track_id.max()
+    whole = np.abs((people.time_s - first_s + 0.5 * _DISC_S) % _DISC_S - 0.5 * _DISC_S) < 1e-3
+    for track in np.unique(people.track_id[people.track_id < robot]):
+        own = people.track_id == track
+        axes.plot(*people.position[own].T, color=FAINT, linewidth=0.9)
+        axes.plot(*people.position[own & whole].T, ".", color=FAINT, markersize=4)
+    axes.plot(*way.T, color=_ROBOT, linewidth=1.6)
+    for x, y in people.position[(people.track_id == robot) & whole]:
+        axes.add_patch(Circle((x, y), about["radius_m"], fill=False, edgecolor=_ROBOT, lw=0.7))
+    axes.plot(*about["goal"], "*", color=INK, markersize=9)
+    for contact in about["contacts"]:
+        colour = _FAULT if contact["fault"] else INK
+        axes.plot(*contact["at"], "x", color=colour, markersize=10, markeredgewidth=2)
+
+
+def drives_section(places: Mapping[str, tuple[Figures, Sequence[Shown]]]) -> Section:
+    """Write the section on drives; without blocks where nobody drove.
+
+    Args:
+        places: name of a row of conf/driving -> figures, and the episodes that are shown.
+    """
+    said = [Text(sentence, "note") for name, (own, _) in places.items() if (sentence := answer(name, own))]
+    parts = [_place_section(name, *own) for name, own in places.items()]
+    blocks: list[Block] = [Text(_ABOUT), *said, *parts]
+    return Section("Does a robot collide less?", blocks if places else [], "drives")
+
+
+_ABOUT = (
+    "A simulated robot drives among people with one planner and a forecaster in the loop. All methods drive "
+    "the same episodes, drawn so that an undisturbed robot would come within 0.8 m of somebody. Point "
+    "forecasts are taken for certain; the others have a curve, with a point for each limit of the "
+    "probability to overlap somebody. Intervals are of 95 %, over episodes. The measures are those of "
+    "Francis et al. 2023; a robot that stands is never at fault. Only social forces are given the true "
+    "goals, and only the true future the future."
+)
+
+
+def answer(name: str, figures: Figures) -> str:
+    """One sentence: the network's modes minus the Kalman filter at the same time to the goal."""
+    found = figures["equal_time"].get("kalman")
+    if found is None:
+        return ""
+    low, high = (100 * end for end in found["at_fault_ci95"])
+    verdict = "fewer" if high < 0 else "more" if low > 0 else "neither clearly fewer nor more"
+    return (
+        f"{_words(name)}: at {found['time_s']:.1f} s to the goal, {LABELS['modes']} has "
+        f"{100 * found['at_fault']:+.1f} % of episodes with a collision at fault relative to the "
+        f"{LABELS['kalman']} (95 % interval {low:+.1f} to {high:+.1f}, {figures['episodes']} episodes): "
+        f"{verdict}."
+    )
+
+
+_MEASURES = {
+    "success, %": ("success", 100.0, ".0f"),
+    "human collisions, %": ("collisions", 100.0, ".0f"),
+    "in time, %": ("reached", 100.0, ".0f"),
+    "wall collisions": ("wall_contacts", 1.0, ".2f"),
+    "time to goal, s": ("time_s", 1.0, ".1f"),
+    "path length / route": ("path_ratio", 1.0, ".2f"),
+    "personal space intruded, s": ("intrusion_s", 1.0, ".1f"),
+    "stopped, s": ("stopped_s", 1.0, ".1f"),
+    "jerk, m/s³": ("jerk_mps3", 1.0, ".2f"),
+}
+"""Columns of the table after the collisions at fault."""
+FAULT = "at fault, %"
+
+
+def drives_table(figures: Figures) -> Table:
+    """Write all measures, a row for each method and limit of risk."""
+    rows = []
+    for method, limits in figures["methods"].items():
+        for risk, own in limits.items():
+            low, high = own["at_fault_ci95"]
+            cells = [Cell(LABELS.get(method, method)), Cell(risk if len(limits) > 1 else NOTHING)]
+            bounds = f"{100 * low:.0f}-{100 * high:.0f}"
+            cells.append(Cell(f"{100 * own['at_fault']:.0f}", bounds=bounds, unit="%"))
+            for key, scale, form in _MEASURES.values():
+                text = NOTHING if own[key] is None else format(scale * own[key], form)
+                cells.append(Cell(text))
+            rows.append(Row(cells))
+    return Table(["method", "limit", FAULT, *_MEASURES], rows, texts=2)
+
+
+_KINDS = {
+    "helps": "The episode in which the network's modes avoid most",
+    "hinders": "The episode in which they avoid least",
+    "usual": "The episode in the middle",
+}
+
+
+def _place_section(name: str, figures: Figures, shown: Sequence[Shown]) -> Section:
+    """Curves, table and episodes of a place."""
+    caption = "Collisions at fault over the time to the goal; numbers: limits of risk."
+    blocks: list[Block] = [Pictures([Picture(f"{name}_curves", caption, curves_figure(figures))])]
+    blocks.append(drives_table(figures))
+    pictures = []
+    for kind, episode, drives, recording in shown:
+        words = f"{_KINDS[kind]} (number {episode}). Crosses: collisions, orange at the robot's fault."
+        if recording:
+            words += f" With its forecasts: {recording}."
+        pictures.append(Picture(f"{name}_{kind}", words, episode_figure(drives)))
+    if pictures:
+        blocks.append(Pictures(pictures))
+    return Section(_words(name), blocks)
+
+
+def _words(name: str) -> str:
+    words = name.replace("_", " ")
+    return words[0].upper() + words[1:]

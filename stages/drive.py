@@ -1,0 +1,34 @@
+"""drive@row: all forecasters drive a robot through the same episodes, at a place or in simulated worlds."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig
+
+from pedpred.config import configured, one_of, part, stage, stage_key
+from pedpred.driving.trials import TrialSettings, drive_block, write_trial
+from pedpred.fields import parsed
+from pedpred.workers import in_parallel
+
+
+def trials_of(cfg: Mapping[str, Any]) -> TrialSettings:
+    """Read which drives are done."""
+    with configured("driving"):
+        settings: TrialSettings = parsed(TrialSettings, part(cfg, "driving"))
+    return settings
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Write data/drives/<name> and reports/metrics/driving/<name>.json, several episodes at once."""
+    name, settings, out = stage_key(cfg), trials_of(cfg), Path(cfg.get("out", "."))
+    one_of("name", name, settings.places)
+    tasks = [(settings, name, block) for block in settings.blocks()]
+    rows = [row for done in in_parallel(drive_block, tasks, f"drive {name}", "block") for row in done]
+    metrics = out / f"reports/metrics/driving/{name}.json"
+    write_trial(settings, name, rows, out / "data/drives" / name, metrics)
+
+
+if __name__ == "__main__":
+    main()
