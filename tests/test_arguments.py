@@ -133,7 +133,7 @@ def test_ctrl_c_ends_quietly(work):
 
 
 def test_a_closed_pipe_ends_quietly():
-    with started("-m", "pedpred.command", "info", SCENE) as running:
+    with started("-m", "pedpred.command", "info", "examples/corner/people.mcap") as running:
         running.stdout.close()
         assert (running.wait(60), running.stderr.read()) == (141, "")
 
