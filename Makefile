@@ -1,4 +1,4 @@
-# `make help` lists what can be done. Needs Python >= 3.11, git and make; everything else goes into .venv.
+# `make help` lists what can be done. Needs Python 3.11 or newer, git and make; everything else goes into .venv.
 PYTHON ?= python3
 CONSTRAINTS ?= constraints.txt
 VENV := .venv
@@ -62,7 +62,7 @@ rosenv: setup
 	@.ci/ros
 
 ros: rosenv ## the ROS 2 node, publishers and recorders as processes on real middleware (no part of `make test`)
-	PEDPRED_REQUIRE_ROS=1 python -m pytest --numprocesses 2 --max-worker-restart 0 tests/test_ros_node.py tests/test_ros_viewers.py
+	PEDPRED_REQUIRE_ROS=1 python -m pytest --numprocesses 2 --max-worker-restart 0 tests/test_ros_node.py tests/test_ros_viewers.py tests/test_ros_package.py
 
 pythons: ## what a robot installs, tried on other versions of Python: make pythons PYTHONS="python3.12 python3.13"
 	@.ci/pythons $(PYTHONS)

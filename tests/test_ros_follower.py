@@ -315,12 +315,24 @@ def test_parameters_are_explained_and_checked():
             NodeSettings(**wrong)
 
 
-def test_markers_are_not_made_for_nobody():
-    settings = NodeSettings(use_map=False)
+def test_what_nobody_listens_to_is_not_made():
+    """But for the forecasts themselves: they are kept for whoever comes later."""
+    heard = set()
     follower = Follower(
-        OnlinePredictor.load(), settings, is_heard=lambda topic: topic != "predictions/markers"
+        OnlinePredictor.load(), NodeSettings(use_map=False, occupancy_cell_m=0.5), is_heard=heard.__contains__
     )
-    assert answered(follower, people(5.0, **{"7": (2.0, 1.0)})).keys() == {
-        "predictions",
-        "predictions/people",
-    }
+    assert answered(follower, people(5.0, **{"7": (2.0, 1.0)})).keys() == {"predictions"}
+    heard |= {"predictions/people", "predicted_occupancy/step_3"}
+    assert answered(follower, people(5.1, **{"7": (2.0, 1.1)})).keys() == {"predictions"} | heard
+
+
+def test_markers_and_grids_are_made_no_more_often_than_viewers_need():
+    """At 50 Hz, about every tenth of a second; at 10 Hz with shaking stamps, each time."""
+    follower = follower_of(occupancy_cell_m=0.5)
+    for first_s, step_s, least, most in ((5.0, 0.02, 9, 13), (20.0, 0.099, 50, 50)):
+        shown = [
+            answered(follower, people(first_s + k * step_s, **{"7": (2.0, 1.0)})).keys() for k in range(50)
+        ]
+        assert all({"predictions", "predictions/people"} <= own for own in shown)
+        for topic in ("predictions/markers", "predicted_occupancy/horizon"):
+            assert least <= sum(topic in own for own in shown) <= most

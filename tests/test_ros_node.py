@@ -41,7 +41,7 @@ PEER, PACKAGES = ROOT / "tests/ros_packages/peer.py", ROOT / "tests/ros_packages
 CLOUD, GRID, TF = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage"
 AGENTS = "pedsim_msgs/msg/AgentStates"
 CLOCK, POSES = "rosgraph_msgs/msg/Clock", "geometry_msgs/msg/PoseArray"
-LIMIT_S, COMPILING_S = 30, 300
+LIMIT_S, COMPILING_S = 180, 600
 STANDING, WALKING, SPEED = np.array([3.0, 2.0, 0.0]), np.array([6.0, -1.0, 0.0]), np.array([-1.0, 0.4, 0.0])
 _domains = count(20 + 30 * int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]))
 

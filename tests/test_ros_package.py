@@ -1,12 +1,13 @@
 """The files of ros/pedpred_ros agree with the node."""
 
+import os
 import re
 import subprocess
 import sys
-import tomllib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import pytest
 import yaml
 
 from pedpred.ros2.follower import output_types
@@ -74,7 +75,18 @@ def test_a_robot_needs_no_libraries_that_read_files():
     assert done.returncode == 0, done.stderr
 
 
+def test_colcon_can_read_the_package():
+    """By catkin_pkg, which colcon asks: it checks the fields by REP 149, addresses and duplicates, too."""
+    if not os.environ.get("PEDPRED_REQUIRE_ROS"):
+        pytest.skip("catkin_pkg comes with the environment of ROS tests: make ros")
+    script = "import sys; from catkin_pkg.package import parse_package; said = []; "
+    script += "parse_package(sys.argv[1], warnings=said); sys.exit('; '.join(said))"
+    command = [ROOT / "build/ros/bin/python", "-c", script, PACKAGE]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_both_packages_have_one_version():
-    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    (version,) = re.findall(r'^version = "(.*)"$', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert ElementTree.parse(PACKAGE / "package.xml").findtext("version") == version  # noqa: S314 (our own file)
     assert f'version="{version}"' in (PACKAGE / "setup.py").read_text()

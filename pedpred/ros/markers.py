@@ -10,6 +10,7 @@ import numpy as np
 
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import radius2
+from pedpred.ros.message_types import known_types
 from pedpred.ros.scene_messages import Content, header, point
 from pedpred.scenes import Forecast, Predictions
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:  # the node draws forecasts without the libraries that read fi
 Colour = tuple[float, float, float]
 """Red, green and blue, 0 to 1."""
 
+_POINT = "geometry_msgs/msg/Point"
 _ADD, _DELETE_ALL = 0, 3
 _ARROW, _CYLINDER, _LINE_STRIP, _TEXT = 0, 3, 4, 9
 _PERSON_M = {"x": 0.4, "y": 0.4, "z": 1.7}
@@ -121,7 +123,8 @@ def _line(
     namespace: str, number: int, start: np.ndarray, path: np.ndarray, colour: Colour, alpha: float
 ) -> Content:
     line = _marker(namespace, number, _LINE_STRIP, {"x": _LINE_M}, colour, alpha)
-    return line | {"points": [point(position, _HEIGHT_M) for position in [start, *path]]}
+    make = known_types().types[_POINT]  # thousands, so not by way of dictionaries
+    return line | {"points": [make(x, y, _HEIGHT_M) for x, y in np.vstack([start, path]).tolist()]}
 
 
 def _disc(namespace: str, number: int, centre: np.ndarray, covariance: np.ndarray, colour: Colour) -> Content:

@@ -64,7 +64,8 @@ def serialize(kind: str, content: Mapping[str, Any]) -> bytes:
 
     Args:
         kind: its type.
-        content: nested dictionaries of fields; missing fields are zero, empty or false.
+        content: nested dictionaries of fields, or messages of rosbags; missing fields are zero, empty or
+            false.
     """
     message = _message(kind, content, {})
     return bytes(known_types().serialize_cdr(message, kind, little_endian=True))
@@ -74,7 +75,9 @@ _Built = dict[tuple[str, int], Any]
 """Messages by type and the identity of their content: what occurs in many places is built once."""
 
 
-def _message(kind: str, content: Mapping[str, Any], built: _Built) -> Any:
+def _message(kind: str, content: Any, built: _Built) -> Any:
+    if not isinstance(content, dict):
+        return content
     key = kind, id(content)
     if key not in built:
         make, fields, usual = _plan(kind)

@@ -41,6 +41,8 @@ UNNAMED_TYPES = ("geometry_msgs/msg/PoseArray", "people_msgs/msg/PositionMeasure
 
 _COLOUR = (0.84, 0.37, 0.0)
 _MOST_WAITING = 100
+_SHOWN_EVERY_S = 0.08
+"""Viewers and costmaps need no more than this, and markers and grids take longer than forecasts, s."""
 _log = logging.getLogger(__name__)
 
 
@@ -89,8 +91,8 @@ class Follower:
     Args:
         predictor: used by nobody else.
         settings: of the node; may be replaced at any time.
-        is_heard: whether somebody listens to a topic; markers, which take longer than forecasts, are left out
-            where nobody does.
+        is_heard: whether somebody listens to a topic; all but the table of forecasts, which planners read,
+            and the names is left out where nobody does.
     """
 
     def __init__(
@@ -106,6 +108,7 @@ class Follower:
         self._numbers, self._names, self._told = TrackNumbers(), dict[int, str](), 0
         self._tracks = NearestTracks()
         self._assigns = settings.identities == "assigned"
+        self._shown_s = -np.inf
         self.counts, self.heard_s, self._heard_stamp_s = Counts(), -np.inf, 0.0
 
     @property
@@ -117,6 +120,11 @@ class Follower:
     def occupancy(self) -> OccupancyMap | None:
         """The map that is used."""
         return self._map.occupancy
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether people wait for a transform."""
+        return bool(self._waiting)
 
     @property
     def transform_age_s(self) -> float | None:
@@ -246,19 +254,27 @@ class Follower:
             self._told = len(self._names)
             text = json.dumps({str(number): name for number, name in self._names.items()})
             yield Answer(NAMES, TEXT_TYPE, {"data": text})
-        if self.settings.publish_people:
+        if self.settings.publish_people and self._is_heard(PEOPLE):
             yield Answer(PEOPLE, PEOPLE_TYPE, people_content(forecast, named, time_ns, frame))
+        if abs(forecast.time_s - self._shown_s) >= _SHOWN_EVERY_S:
+            self._shown_s = forecast.time_s
+            yield from self._shown(forecast, named, time_ns, frame)
+
+    def _shown(self, forecast: Forecast, named: list[str], time_ns: int, frame: str) -> Iterator[Answer]:
         if self.settings.publish_markers and self._is_heard(MARKERS):
             content = forecast_message(forecast, _COLOUR, time_ns, frame)
             content["markers"] += names_markers(forecast, named, time_ns, frame)
             yield Answer(MARKERS, MARKERS_TYPE, content)
-        if cell_m := self.settings.occupancy_cell_m:
+        cell_m, steps = self.settings.occupancy_cell_m, forecast.predictions.steps
+        heard = {topic for topic in grid_topics(steps) if self._is_heard(topic)} if cell_m else set()
+        if heard:
             paths = forecast.predictions.path.reshape(-1, 2)
             there = self._map.occupancy
             ground = there.free(cell_m) if there else OccupancyMap.free_around(paths, cell_m=cell_m)
             grids = grid_messages(forecast.predictions, ground, time_ns, frame, horizon=True)
             for topic, content in grids.items():
-                yield Answer(topic.lstrip("/"), GRID_TYPE, content)
+                if topic.lstrip("/") in heard:
+                    yield Answer(topic.lstrip("/"), GRID_TYPE, content)
 
 
 def people_content(forecast: Forecast, names: list[str], time_ns: int, frame: str) -> Content:
@@ -281,8 +297,12 @@ def people_content(forecast: Forecast, names: list[str], time_ns: int, frame: st
 
 def output_types(settings: NodeSettings, steps: int) -> dict[str, str]:
     """Topic -> type of all that a node with these settings can publish for forecasts of some steps."""
-    grids = [grid_topic(step + 1) for step in range(steps)] + [HORIZON]
     types = {PREDICTIONS: PREDICTIONS_TYPE, NAMES: TEXT_TYPE, MARKERS: MARKERS_TYPE, PEOPLE: PEOPLE_TYPE}
     if settings.occupancy_cell_m:
-        types |= {topic.lstrip("/"): GRID_TYPE for topic in grids}
+        types |= dict.fromkeys(grid_topics(steps), GRID_TYPE)
     return types
+
+
+def grid_topics(steps: int) -> list[str]:
+    """Topics of predicted occupancy for forecasts of some steps, without namespace."""
+    return [topic.lstrip("/") for topic in (*(grid_topic(step + 1) for step in range(steps)), HORIZON)]

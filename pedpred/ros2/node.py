@@ -50,6 +50,7 @@ class PedpredNode(LifecycleNode):
         self._sinks: dict[str, Any] = {}
         self._own: list[Any] = []
         self._people: Any = None
+        self._retry: Any = None
         self._handler = RosHandler(self.get_logger())
         logging.getLogger("pedpred").addHandler(self._handler)
         logging.getLogger("pedpred").setLevel(logging.INFO)
@@ -134,10 +135,9 @@ class PedpredNode(LifecycleNode):
         except ConfigError as problem:
             _log.warning("people must be in the frame of the map: %s", problem)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._own += [
-            self.create_timer(_RETRY_S, self._guarded(self._publish_answers), clock=steady),
-            self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady),
-        ]
+        self._retry = self.create_timer(_RETRY_S, self._guarded(self._publish_answers), clock=steady)
+        self._retry.cancel()  # each wake-up takes about a millisecond, so only while people wait
+        self._own += [self._retry, self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady)]
 
     def _add_publishers(self) -> None:
         assert self._follower is not None
@@ -186,6 +186,8 @@ class PedpredNode(LifecycleNode):
         return _Done.SUCCESS
 
     def _forget_people(self) -> None:
+        if self._retry is not None:
+            self._retry.cancel()
         if self._people is not None:
             self.destroy_subscription(self._people)
             self._people = None
@@ -197,7 +199,7 @@ class PedpredNode(LifecycleNode):
         for sink in self._sinks.values():
             lasting = isinstance(sink, LifecyclePublisher)
             (self.destroy_lifecycle_publisher if lasting else self.destroy_publisher)(sink)
-        self._own, self._sinks, self._follower = [], {}, None
+        self._own, self._sinks, self._follower, self._retry = [], {}, None, None
 
     def _listen(self, kind: str, topic: str, callback: Callable[[bytes], None], qos: QoSProfile) -> None:
         made, silent = _message_class(kind), SubscriptionEventCallbacks(use_default_callbacks=False)
@@ -223,13 +225,19 @@ class PedpredNode(LifecycleNode):
     def _transforms_came(self, raw: bytes, fixed: bool) -> None:
         if self._follower is not None:
             self._follower.transforms_came(raw, self.get_clock().now().nanoseconds / 1e9, fixed)
+            if self._follower.is_waiting:
+                self._publish_answers()
 
     def _publish_answers(self, _: object = None) -> None:
         if self._follower is None or self._people is None:
             return
-        for answer in self._follower.answers(time.monotonic()):
-            if answer.topic in self._sinks:
-                self._sinks[answer.topic].publish(serialize(answer.kind, answer.content))  # rclpy takes bytes
+        try:
+            for answer in self._follower.answers(time.monotonic()):
+                if answer.topic in self._sinks:
+                    message = serialize(answer.kind, answer.content)  # rclpy takes bytes
+                    self._sinks[answer.topic].publish(message)
+        finally:
+            (self._retry.reset if self._follower.is_waiting else self._retry.cancel)()
 
     def _is_heard(self, topic: str) -> bool:
         return topic in self._sinks and self._sinks[topic].get_subscription_count() > 0

@@ -18,7 +18,7 @@ setup(
     install_requires=["setuptools", "pedpred"],
     zip_safe=True,
     maintainer="pedpred authors",
-    maintainer_email="pedpred@localhost",
+    maintainer_email="pedpred@example.org",
     description="Where every person around a robot will be in the next three seconds: a node for Nav2",
     license="MIT",
     entry_points={"console_scripts": ["pedpred = pedpred_ros.node:main"]},
