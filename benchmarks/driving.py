@@ -28,7 +28,7 @@ from pedpred.driving.forecasters import METHODS, PresentMotion
 from pedpred.driving.loop import Drive
 from pedpred.driving.measures import find_contacts, measure
 from pedpred.driving.risk import Steps, contact_m, expected, overlap
-from pedpred.driving.runs import Runner
+from pedpred.driving.runs import Models, Runner
 from pedpred.driving.table import Condition
 from pedpred.online import OnlinePredictor
 from pedpred.online.caution import YOUNG_S
@@ -127,7 +127,7 @@ def main() -> None:
     runner = Runner(
         Recording(read_given(command_parser().parse_args(["drive", str(given.scene)]))),
         DriveSettings(),
-        default_model(),
+        Models(default_model()),
     )
     rows, hits = [], []
     for variant in given.variant or _VARIANTS:

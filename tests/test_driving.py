@@ -12,13 +12,14 @@ from pedpred.driving.episodes import DriveSettings, Episode, EpisodeSettings, Pl
 from pedpred.driving.forecasters import METHODS, NAMES, TRUTH, forecaster_of
 from pedpred.driving.loop import Drive, drive
 from pedpred.driving.measures import find_contacts, measure
-from pedpred.driving.people import RecordedPeople, Window
-from pedpred.driving.risk import contact_m, overlap
+from pedpred.driving.people import RecordedPeople, Replay, Window
+from pedpred.driving.planner import Planner, PlannerSettings
+from pedpred.driving.risk import Steps, contact_m, expected, overlap
 from pedpred.driving.robot import KINDS, Robot, advance
 from pedpred.driving.sensor import Faults, SensorSettings, visible
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
-from pedpred.scenes import Scene, Trajectories
+from pedpred.scenes import Forecast, Predictions, Scene, Trajectories
 from tests.worlds import blocked, empty_map
 
 DT_S = 0.1
@@ -32,11 +33,11 @@ def predictor():
     return OnlinePredictor.load()
 
 
-def window_of(paths, first_s=10.0):
-    """People who have been there for a while; paths: [T, N, 2]."""
+def window_of(paths, first_s=10.0, goal=None):
+    """People who have been there for a while, and go to the ends of their paths; paths: [T, N, 2]."""
     ticks, people = paths.shape[:2]
     there_s = first_s + np.arange(ticks)[:, None] * DT_S + np.zeros(people)
-    return Window(DT_S, np.arange(people), paths, there_s)
+    return Window(DT_S, np.arange(people), paths, there_s, paths[-1] if goal is None else goal)
 
 
 def straight(places, velocities, ticks=400):
@@ -199,6 +200,34 @@ def test_a_goal_behind_walls_has_no_route():
     assert len(route(around, np.array([-4.0, 0.0]), 0.3)) > 150
 
 
+@given(st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
+@settings(deadline=None, max_examples=20)
+def test_the_cost_of_a_manoeuvre_does_not_depend_on_those_assessed_before_it(seed, kind):
+    """Common first steps are taken from the one before: each alone costs the same, to the last bit."""
+    rng, robot = np.random.default_rng(seed), Robot(kind)
+    walls = walls_of(blocked(np.s_[110:115, 70:95]))
+    planner = Planner(robot, course_to(np.array([4.0, 0.0]), walls, robot.radius_m), PlannerSettings())
+    path = rng.uniform(-2, 2, (3, 1, 1, 2)) + np.cumsum(rng.normal(0, 0.3, (3, 2, 10, 2)), axis=2)
+    spread = np.broadcast_to(np.eye(2) * 0.1**2, (*path.shape, 2))
+    weight = np.tile([0.7, 0.3], (3, 1))
+    predictions = Predictions((weight[..., None, None] * path).sum(axis=1), path, weight, 0.3, spread)
+    people = expected(Forecast(0.0, np.arange(3), np.zeros((3, 10, 2)), predictions), Steps(DT_S, 30), 0.03)
+    state = (*rng.uniform(-1, 1, 2), rng.uniform(-3, 3), 0.5, 0.1)
+    commands = robot.manoeuvres(rng.uniform(-3, 3), 30, 7, 23)
+    commands = rng.permutation(np.concatenate([commands, commands[:20]]))
+    together = planner.costs(commands, state, people, 0.2)
+    alone = [planner.costs(one[None], state, people, 0.2)[0] for one in commands]
+    np.testing.assert_array_equal(together, alone)
+    assert np.isfinite(together).any()
+
+
+def test_no_manoeuvre_is_offered_twice():
+    for kind in KINDS:
+        commands = Robot(kind).manoeuvres(0.3, 30, 7, 23)
+        assert len(np.unique(commands, axis=0)) == len(commands)
+        assert not commands[0].any()
+
+
 # The loop
 
 CROSSING = straight([(0, 4), (1, -5), (3, 3)], [(0, -1.0), (-0.2, 1.2), (-1.0, -0.5)])
@@ -232,12 +261,16 @@ def test_a_runner_who_passes_within_a_step_is_no_exception(predictor):
 
 @pytest.mark.parametrize("method", NAMES)
 def test_only_the_named_forecaster_sees_the_future(predictor, method):
-    """Where people turn at an instant changes no command before it, except by the true future."""
+    """Where people turn at an instant changes no command before it, except by the true future.
+
+    Those who turn have the same goals: social forces know these, and nothing else of the future.
+    """
     turned = CROSSING.position.copy()
     at = 35
     turned[at:] = turned[at - 1] + (turned[at:] - turned[at - 1])[..., ::-1] * (1.0, -1.0)
     one = driven(predictor, method, episode_to((4.0, 0.0), CROSSING))
-    other = driven(predictor, method, episode_to((4.0, 0.0), window_of(turned)))
+    turned = window_of(turned, goal=CROSSING.goal)
+    other = driven(predictor, method, episode_to((4.0, 0.0), turned))
     until = at - 20 + 1
     same = np.array_equal(one.state[:until], other.state[:until])
     assert same == (method != TRUTH)
@@ -256,10 +289,27 @@ def test_mirrored_worlds_give_mirrored_drives(predictor, kind, method):
     np.testing.assert_allclose(one.state[:, :2], two.state[:, :2] * (1.0, -1.0), atol=1e-6)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*METHODS, "social_force"])
 def test_no_detection_is_no_error(predictor, method):
     blind = replace(CALM, sensor=replace(EXACT, range_m=0.01))
     assert driven(predictor, method, episode_to((0.0, 0.0), CROSSING), blind).reached
+
+
+def test_social_forces_turn_to_the_goal_around_a_wall(predictor):
+    """Somebody walks towards a wall; the goal is behind its end."""
+    ground = blocked(np.s_[110:113, 80:120])
+    window = straight([(-3.0, -1.0)], [(1.2, 0.0)], 40)
+    window = replace(window, goal=np.array([[4.0, -4.0]]))
+    crowd = Replay(window)
+    forecasts = {name: forecaster_of(name, predictor, ground, crowd) for name in ("social_force", "kalman")}
+    for tick in range(25):
+        found = {
+            name: one.update(tick * DT_S, crowd.track_id, crowd.position) for name, one in forecasts.items()
+        }
+        crowd.advance()
+    assert ground.is_occupied(found["kalman"].position).any()
+    assert not ground.is_occupied(found["social_force"].position).any()
+    assert found["social_force"].position[0, -1, 1] < -1.2
 
 
 # The sensor

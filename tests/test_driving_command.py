@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from pedpred.command import main
+from pedpred.driving.figures import Episodes, equal_time, figures_of, summary
 from pedpred.driving.measures import Measures
-from pedpred.driving.table import Condition, Episodes, Row, equal_time, read_table, summary, write_table
+from pedpred.driving.table import Condition, Row, read_table, write_table
 from pedpred.ros import read_recording
 from tests.conftest import ROOT
 
@@ -77,6 +78,27 @@ def test_without_matplotlib_a_picture_is_refused_before_work_begins(tmp_path, mo
     assert not list(tmp_path.iterdir())
 
 
+def test_another_network_is_compared_by_its_name(tmp_path, capsys):
+    """The default model beside itself drives the same; a later run adds it to a table without it."""
+    folder, table = ROOT / "models/online/default", tmp_path / "table.csv"
+    options = "--episodes", "1", "--method", "modes", "--risk", "0.1"
+    alone = driven(table, *options)
+    both = driven(table, *options, "--compare", f"other={folder}")
+    one, other = read_table(table)
+    assert (other.condition.method, other.measures) == ("other", one.measures)
+    assert both.startswith(alone)
+    assert "other" in capsys.readouterr().out
+    for wrong, why in (
+        ("modes=" + str(folder), "name of another network"),
+        ("A b=" + str(folder), "name of another"),
+        ("other=nowhere", "no such file"),
+        ("other", "write a name"),
+    ):
+        with pytest.raises(SystemExit) as refused:
+            main(["drive", CORNER, "--compare", wrong])
+        assert why in f"{refused.value}{capsys.readouterr().err}"
+
+
 def test_worlds_are_driven_in_like_a_scene(tmp_path, capsys):
     table = tmp_path / "worlds.csv"
     asked = [
@@ -105,7 +127,7 @@ def test_a_table_comes_back_as_it_was(tmp_path):
     rows = [row(Condition("modes", 0.1), e, e % 2, 0.125 * e) for e in range(5)]
     write_table(tmp_path / "table.csv", rows[::-1])
     assert read_table(tmp_path / "table.csv") == rows
-    assert "modes" in summary(rows)
+    assert "modes" in summary(figures_of(rows))
 
 
 def test_curves_are_compared_at_equal_time():
@@ -116,8 +138,9 @@ def test_curves_are_compared_at_equal_time():
         for risk, time_s in zip((0.3, 0.1), times, strict=True):
             hit = rng.permutation(1000) < 1000 * share
             rows += [row(Condition(method, risk), e, int(hit[e]), time_s) for e in range(1000)]
-    time_s, apart, low, high = equal_time(Episodes.of(rows), "modes", "kalman")
-    assert time_s == pytest.approx(10.5)
+    found = equal_time(Episodes.of(rows), "modes", "kalman")
+    apart, (low, high) = found["at_fault"], found["at_fault_ci95"]
+    assert found["time_s"] == pytest.approx(10.5)
     assert apart == pytest.approx(-0.2)
     assert -0.25 < low < apart < high < -0.15
     assert equal_time(Episodes.of(rows), "modes", "standing") is None

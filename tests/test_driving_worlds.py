@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from pedpred.driving.episodes import DriveSettings
-from pedpred.driving.forecasters import METHODS, TRUTH, forecaster_of
+from pedpred.driving.forecasters import NAMES, forecaster_of
 from pedpred.driving.loop import ROBOT, drive
 from pedpred.driving.worlds import CHANGES, KINDS, TRAINED_ON, Worlds, draw_world, ranges
 from pedpred.errors import ValueRuleError
@@ -99,7 +99,7 @@ def test_the_same_seed_gives_the_same_drive_in_any_order(predictor, corridor):
     assert place.name.startswith("corridor")
 
 
-@pytest.mark.parametrize("method", [*METHODS, TRUTH])
+@pytest.mark.parametrize("method", NAMES)
 def test_a_robot_that_is_shown_is_none_of_the_forecast_people(predictor, corridor, method):
     place, episode = corridor
     short = replace(episode, ticks=episode.watching + 2)
@@ -108,6 +108,20 @@ def test_a_robot_that_is_shown_is_none_of_the_forecast_people(predictor, corrido
     done = drive(short, crowd, forecaster, place.occupancy, DriveSettings(shown=True), keep=True)
     assert all(ROBOT not in one.track_id for one in done.forecasts)
     assert max(len(one) for one in done.forecasts) > 0
+
+
+def test_people_who_react_walk_to_goals_of_their_world(corridor):
+    """Each goal ends a leg of the journey: people come nearer to it, or reach it and turn to the next."""
+    _, episode = corridor
+    crowd = episode.crowd()
+    near = []
+    for _ in range(100):
+        away = crowd.position - crowd.goals[crowd.goal]
+        near.append(np.hypot(*away.T))
+        crowd.advance()
+    there = np.isfinite(near).all(axis=0)
+    assert there.any()
+    assert np.mean(near[-1][there] < near[0][there]) > 0.7
 
 
 def test_an_unknown_kind_is_refused():

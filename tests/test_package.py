@@ -23,7 +23,11 @@ for k in range(10):
     forecast = predictor.update(k / 10, [4, 7], [[0.13 * k, 0.0], [4.0 - 0.12 * k, 0.2]])
 assert forecast.position.shape == (2, 10, 2)
 """
-RANGES = "from pedpred.driving.worlds import TRAINED_ON, ranges; assert TRAINED_ON[0].exists() and ranges()"
+RANGES = """
+from pedpred.driving.intentions import FORCES, published_forces
+from pedpred.driving.worlds import TRAINED_ON, ranges
+assert TRAINED_ON[0].exists() and ranges() and FORCES[0].exists() and published_forces()
+"""
 
 
 def run(*command, cwd):

@@ -20,7 +20,7 @@ FREE = (  # names that are chosen freely, or that other parts of the configurati
     *(f"folds.{study}" for study in PARAMS["folds"]),
     *(f"methods.{group}" for group in PARAMS["methods"]),
     "report.methods",
-    *("online.exports", "online.promises", "situations.simulated", "recording.scenes"),
+    *("online.exports", "online.promises", "situations.simulated", "recording.scenes", "driving.places"),
     *("mirrors.juelich.inside", "report.published.*.errors_m", "report.page.replays"),
     *(
         "report.paper.ade_m",

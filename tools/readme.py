@@ -1,7 +1,8 @@
 """Write the tables of results into README.md and docs/: `python -m tools.readme [--check]`.
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. Its figures come from
-reports/metrics/{transfer,real}.json; while a place has none, all tables stay as they are.
+reports/metrics/{transfer,real}.json; while a place has none, all tables stay as they are. That of drives
+comes from reports/metrics/driving.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from typing import Any
 from pedpred.config import config_errors, plain, read_params
 from pedpred.errors import StorageError
 from pedpred.files import atomic_write, read_json
+from pedpred.report.comparison import metrics_now
+from pedpred.report.drives import LABELS
 from pedpred.report.methods import Methods
 
 Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
@@ -25,15 +28,18 @@ Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
 
 _MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _TRAININGS = {"transfer": "simulation only", "real": "fine-tuned on the other places"}
+_METRICS = Path("reports/metrics")
 _NOT_RANKED = "oracle"
 _MOST_COLUMNS = 6
 
 
 def filled(text: str, tables: Mapping[str, str]) -> str:
-    """Replace what stands between the marks of tables; those of other names stay."""
+    """Replace what stands between the marks of tables; those of other names, or without figures, stay."""
 
     def written(mark: re.Match[str]) -> str:
-        return f"{mark[1]}{tables[mark[2]]}\n{mark[3]}" if mark[2] in tables else mark[0]
+        table = tables.get(mark[2])
+        return f"{mark[1]}{table}
+{mark[3]}" if table else mark[0]
 
     return _MARKED.sub(written, text)
 
@@ -46,6 +52,28 @@ def tables_from(studies: Mapping[str, Figures], methods: Methods) -> dict[str, s
         "places": places_table(studies, methods),
         "main": main_table(studies, methods),
     }
+
+
+def drives_table(driven: Mapping[str, Any]) -> str:
+    """Make the table of drives: a row per method and limit of risk, a column per place; or no text."""
+    driven = {place: own for place, own in driven.items() if own}
+    conditions = {
+        (m, r): None for own in driven.values() for m, limits in own["methods"].items() for r in limits
+    }
+    titles = [f"{_words(place)} ({own['episodes']} episodes)" for place, own in driven.items()]
+    lines = [_line(["at fault, % (95 % interval); s to the goal", "limit", *titles]), _rule(len(titles) + 1)]
+    for method, risk in conditions:
+        cells = [LABELS.get(method, method), risk if risk != "0" else ""]
+        for own in driven.values():
+            found = own["methods"].get(method, {}).get(risk)
+            cells.append("" if found is None else _drives(found))
+        lines.append(_line(cells))
+    return "\n".join(lines) if driven else ""
+
+
+def _drives(found: Mapping[str, Any]) -> str:
+    low, high = found["at_fault_ci95"]
+    return f"{100 * found['at_fault']:.0f} ({100 * low:.0f}-{100 * high:.0f}); {found['time_s']:.1f}"
 
 
 def unseen_table(studies: Mapping[str, Figures], methods: Methods) -> str:
@@ -163,13 +191,15 @@ def pages(root: Path) -> dict[Path, str]:
     params = plain(read_params(root))
     studies = {}
     for study in _TRAININGS:
-        path = root / "reports" / "metrics" / f"{study}.json"
+        path = root / _METRICS / f"{study}.json"
         studies[study] = read_json(path, partial(StorageError, path, "metrics"))
     if without := lacking(params["folds"], studies):
         logging.warning("the tables stay as they are: there are no figures of %s", ", ".join(without))
         return {}
     methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
-    tables = tables_from(studies, methods)
+    tables = tables_from(studies, methods) | {
+        "drives": drives_table(metrics_now(root / _METRICS / "driving"))
+    }
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
     return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from pedpred.compiled import compiled
 from pedpred.driving.course import Course, ahead_at, value_at
-from pedpred.driving.risk import Steps, contact_m, expected, risk_at, within_reach
+from pedpred.driving.risk import Expected, Steps, contact_m, expected, risk_at, within_reach
 from pedpred.driving.robot import Robot, advance
 from pedpred.fields import check_ranges
 from pedpred.scenes import Forecast
@@ -176,7 +176,20 @@ class Planner:
         going_on = np.append(self._under_way[1:], np.zeros((1, 2)), axis=0)
         offered = np.concatenate([offered, going_on[None]])
         people = expected(forecast, self._steps, noise_m)
-        limits, limit = self._robot.limits, self._settings.risk
-        cost = _assess(offered, state, limits, self._course, people, self._weights, limit)
+        cost = self.costs(offered, state, people, self._settings.risk)
         self._under_way = offered[np.argmin(cost)]  # the first one, to brake, if none is allowed
         return self._under_way[0]
+
+    def costs(
+        self, commands: np.ndarray, state: tuple[float, ...], people: Expected, limit: float
+    ) -> np.ndarray:
+        """Assess manoeuvres; infinite: it touches a wall, or its risk is above the limit. [C].
+
+        Args:
+            commands: of `Robot.manoeuvres`. [C, S, 2]
+            state: of the robot.
+            people: where they are expected.
+            limit: of the risk.
+        """
+        limits = self._robot.limits
+        return np.asarray(_assess(commands, state, limits, self._course, people, self._weights, limit))

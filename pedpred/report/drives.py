@@ -176,18 +176,18 @@ _ABOUT = (
 
 
 def answer(name: str, figures: Figures) -> str:
-    """One sentence: the network's modes minus the Kalman filter at the same time to the goal."""
-    found = figures["equal_time"].get("kalman")
-    if found is None:
-        return ""
-    low, high = (100 * end for end in found["at_fault_ci95"])
-    verdict = "fewer" if high < 0 else "more" if low > 0 else "neither clearly fewer nor more"
-    return (
-        f"{_words(name)}: at {found['time_s']:.1f} s to the goal, {LABELS['modes']} has "
-        f"{100 * found['at_fault']:+.1f} % of episodes with a collision at fault relative to the "
-        f"{LABELS['kalman']} (95 % interval {low:+.1f} to {high:+.1f}, {figures['episodes']} episodes): "
-        f"{verdict}."
-    )
+    """Compare the network's modes with each other curve at the same time to the goal, in a sentence each."""
+    said = []
+    for other, found in figures["equal_time"].items():
+        low, high = (100 * end for end in found["at_fault_ci95"])
+        verdict = "fewer" if high < 0 else "more" if low > 0 else "neither clearly fewer nor more"
+        said.append(
+            f"{_words(name)}: at {found['time_s']:.1f} s to the goal, {LABELS['modes']} has "
+            f"{100 * found['at_fault']:+.1f} % of episodes with a collision at fault relative to "
+            f"{LABELS.get(other, other)} (95 % interval {low:+.1f} to {high:+.1f}, {figures['episodes']} "
+            f"episodes): {verdict}."
+        )
+    return " ".join(said)
 
 
 _MEASURES = {

@@ -1,0 +1,133 @@
+"""The stage that drives, and what the report makes of it: the same bytes, and what is shown."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pedpred.driving.figures import figures_of
+from pedpred.driving.measures import Measures
+from pedpred.driving.shown import choose_episodes
+from pedpred.driving.table import Condition, Row, read_table
+from pedpred.driving.trials import TrialPlace, TrialSettings, drive_block, write_trial
+from pedpred.errors import ValueRuleError
+from pedpred.files import read_json
+from pedpred.report.canvas import png_bytes
+from pedpred.report.drives import LABELS, answer, drives_section, read_shown
+from pedpred.ros import read_recording
+from pedpred.scenes import Scene
+from pedpred.storage.scenes import write_scene
+from tests.conftest import ROOT
+
+DEFAULT = (ROOT / "models/online/default").as_posix()
+PLACE = TrialPlace("", "square", "react", DEFAULT, DEFAULT)
+SETTINGS = TrialSettings(2, (0.05, 0.3), ("kalman", "modes"), 0, {"square": PLACE})
+
+
+def written(rows, folder, settings=SETTINGS):
+    """Bytes of all files of a trial, by name."""
+    write_trial(settings, "square", rows, folder / "drives", folder / "square.json")
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return drive_block(SETTINGS, "square", range(2))
+
+
+def test_a_table_does_not_depend_on_how_its_episodes_are_dealt_out(rows, tmp_path):
+    dealt = [row for number in (1, 0) for row in drive_block(SETTINGS, "square", [number])]
+    assert written(rows, tmp_path / "one") == written(dealt, tmp_path / "other")
+    assert {row.condition for row in rows} == set(PLACE.models().conditions(SETTINGS.methods, SETTINGS.risks))
+    assert [number for block in replace(SETTINGS, episodes=9).blocks() for number in block] == list(range(9))
+
+
+def test_a_page_shows_curves_figures_and_episodes(rows, tmp_path):
+    written(rows, tmp_path)
+    shown = read_shown(tmp_path / "drives")
+    assert {one.kind for one in shown} == {"helps", "hinders"}
+    figures = read_json(tmp_path / "square.json", ValueError)
+    section = drives_section({"square": (figures, shown)})
+    text, pictures = section.markdown("drives"), list(section.pictures)
+    assert [picture.name for picture in pictures] == [
+        "square_curves",
+        *(f"square_{one.kind}" for one in shown),
+    ]
+    assert all(png_bytes(picture.figure) for picture in pictures)
+    assert text.count(f"| {LABELS['kalman']} |") == 2
+    assert text.count("| lstm |") == 2
+    assert drives_section({}).blocks == []
+    (recorded,) = (one for one in shown if one.recording)
+    (scene, about), people = recorded.drives[1], read_recording(recorded.recording).trajectories
+    assert about["method"] == "modes"
+    np.testing.assert_allclose(np.sort(people.time_s), np.sort(scene.trajectories.time_s), atol=1e-6)
+    robot = scene.trajectories.position[scene.trajectories.track_id == scene.trajectories.track_id.max()]
+    assert np.hypot(*np.diff(robot, axis=0).T).max() < 0.15  # m within 0.1 s
+
+
+def test_the_stage_at_the_smallest_scale_writes_table_and_figures(tmp_path):
+    for name in ("simulation_mixture", "simulation"):
+        (tmp_path / "models/online").mkdir(parents=True, exist_ok=True)
+        (tmp_path / "models/online" / name).symlink_to(DEFAULT)
+    command = [sys.executable, "-m", "stages.drive", "scale=smoke", "+name=square"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PEDPRED_JOBS": "1"}
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    driven = read_table(tmp_path / "data/drives/square/table.csv")
+    methods = {row.condition.method for row in driven}
+    assert methods == {"kalman", "modes", "true_future", "lstm"}
+    figures = read_json(tmp_path / "reports/metrics/driving/square.json", ValueError)
+    assert set(figures["methods"]) == methods
+    assert figures["episodes"] == 1
+    assert [one.kind for one in read_shown(tmp_path / "data/drives/square")] == ["helps"]
+
+
+def test_a_missing_recording_leaves_an_empty_table(tmp_path):
+    write_scene(Scene.without_people("lab_corner", "ask for it"), tmp_path / "scene")
+    place = replace(PLACE, world="none", input=str(tmp_path / "scene"))
+    missing = replace(SETTINGS, places={"square": place})
+    assert drive_block(missing, "square", range(2)) == []
+    written([], tmp_path, missing)
+    assert read_json(tmp_path / "square.json", ValueError) == {}
+    assert read_shown(tmp_path / "drives") == []
+
+
+def test_settings_that_show_nothing_are_refused():
+    with pytest.raises(ValueRuleError, match="kalman is shown"):
+        replace(SETTINGS, methods=("modes",))
+    with pytest.raises(ValueRuleError, match="methods"):
+        replace(SETTINGS, methods=("modes", "kalman", "oracle"))
+    with pytest.raises(ValueRuleError, match="corridor, room, square"):
+        replace(PLACE, world="forest")
+
+
+def made_rows(faults, times_s):
+    """A table of `modes` and `kalman` with given faults and times of each episode."""
+    usual = dict.fromkeys(Measures.__annotations__, 1)
+    return [
+        Row("here", "differential", Condition(method, 0.1), e, "0", Measures(**usual | found))
+        for method in ("modes", "kalman")
+        for e, found in enumerate(
+            {"faults": hit, "contacts": hit, "time_s": t}
+            for hit, t in zip(faults[method], times_s[method], strict=True)
+        )
+    ]
+
+
+def test_shown_are_the_episodes_in_which_most_and_least_is_avoided():
+    faults = {"modes": [0, 0, 1, 0, 0], "kalman": [0, 1, 0, 0, 0]}
+    times_s = {"modes": [8.0, 9.0, 7.0, 8.5, 7.0], "kalman": [8.0] * 5}
+    both = made_rows(faults, times_s), made_rows(faults, times_s)[::-1]
+    for rows in both:
+        chosen = choose_episodes(rows, Condition("modes", 0.1), Condition("kalman", 0.1))
+        assert chosen == {"helps": 1, "hinders": 2, "usual": 0}
+
+
+def test_the_sentence_says_fewer_only_if_the_interval_does():
+    figures = figures_of(made_rows({"modes": [0] * 4, "kalman": [0] * 4}, {m: [8.0] * 4 for m in LABELS}))
+    assert answer("here", figures) == ""
+    for bounds, verdict in (([-0.2, -0.1], ": fewer."), ([0.1, 0.2], ": more."), ([-0.1, 0.1], "neither")):
+        found = {"kalman": {"time_s": 9.0, "at_fault": np.mean(bounds), "at_fault_ci95": bounds}}
+        assert verdict in answer("here", figures | {"equal_time": found})
