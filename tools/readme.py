@@ -38,8 +38,7 @@ def filled(text: str, tables: Mapping[str, str]) -> str:
 
     def written(mark: re.Match[str]) -> str:
         table = tables.get(mark[2])
-        return f"{mark[1]}{table}
-{mark[3]}" if table else mark[0]
+        return f"{mark[1]}{table}\n{mark[3]}" if table else mark[0]
 
     return _MARKED.sub(written, text)
 

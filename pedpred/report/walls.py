@@ -154,7 +154,7 @@ def gains_figure(found: Sequence[Gain], methods: Methods) -> Figure:
 
 
 def _draw_names(axes: Axes, found: Sequence[Gain]) -> None:
-    """Write each place's name once, above its highest mark; those of one share in lines, highest first."""
+    """Write each name once, above its highest mark; those of one share in lines, the highest mark first."""
     top = {gain.name: gain for gain in sorted(found, key=lambda gain: gain.bounds[1]) if gain.named}
     of_share: dict[float, list[Gain]] = {}
     for gain in sorted(top.values(), key=lambda gain: (gain.share, -gain.ratio)):

@@ -22,7 +22,7 @@ class NearestTracks:
         self._position, self._velocity = np.zeros((0, 2)), np.zeros((0, 2))
 
     def assign(self, time_s: float, position: np.ndarray) -> np.ndarray:
-        """Number the people of one message; who was not seen for `LOST_AFTER_S` is somebody else afterwards.
+        """Number the people of one message; a person not seen for `LOST_AFTER_S` gets a new number.
 
         Args:
             time_s: of the message, s; after a jump back all are forgotten.

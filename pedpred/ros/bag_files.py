@@ -21,7 +21,7 @@ _SUFFIXES = (".bag", ".db3", ".active")
 _STORED = re.compile(r"\.(mcap|db3)(\.zstd|\.zst)?$")
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _LARGEST_BYTES, _LARGEST_RATIO, _BLOCK_BYTES = 2**30, 100, 2**22
-"""Of a file that is unpacked: it may have so many bytes, or so many times as many as it has packed."""
+"""Limits of an unpacked file: bytes, or a multiple of its packed size, whichever is larger."""
 
 _log = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ from pedpred.ros.message_types import known_editions
 CDR, ROS1 = "cdr", "ros1"
 _IDL_PART = "=" * 80 + "\n"
 _ZSTD = b"\x28\xb5\x2f\xfd"
-"""How zstd begins; CDR begins with a zero byte, so that compressed messages are told apart by themselves."""
+"""First bytes of zstd; those of CDR are zero, so they show whether a message is compressed."""
 
 
 @dataclass(frozen=True)

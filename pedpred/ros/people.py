@@ -1,4 +1,4 @@
-"""Messages of tracked people -> detections; who has no place or is named twice is left out and counted."""
+"""Messages of tracked people -> detections; those without a place, and doubles, are counted."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ _QOS = (
 )
 _LATCHED, _USUAL = (_QOS.format(durability=number, always=_ALWAYS) for number in (1, 2))
 """How `ros2 bag play` is to publish a topic (rosbag2, metadata up to version 8): reliable, the last ten; the
-first one transient local, so that who comes later gets the map, too."""
+first one transient local, so that later subscribers get the map, too."""
 _NOBODY = "time_s,track_id,x_m,y_m"
 """Columns of a recording without people, which has no message to say them."""
 

@@ -31,6 +31,7 @@ from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
 from pedpred.sources.geometries import read_ground, read_walls
 from pedpred.sources.single_file import read_file
+from pedpred.sources.stanford import PictureOptions, read_homography
 from pedpred.storage.columns import split_pairs
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import read_manifest, read_shard, write_manifest, write_shard
@@ -152,6 +153,16 @@ def make_field_texts(folder: Path) -> None:
     for name, write in WRITERS.items():
         if name not in BINARY:
             write(folder)
+
+
+def make_inclined(folder: Path) -> None:
+    """Annotations in a picture, and its homography."""
+    WRITERS["Stanford Drone Dataset"](folder)
+    (folder / "H.txt").write_text("0.025 0.001 -3\n0.002 -0.025 20\n0.0001 0.0002 1\n")
+
+
+def read_inclined(folder: Path) -> object:
+    return read_file(folder / "annotations.txt", PictureOptions(homography=read_homography(folder / "H.txt")))
 
 
 def read_field_texts(folder: Path) -> object:

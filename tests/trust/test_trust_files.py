@@ -14,8 +14,10 @@ from PIL import Image
 from pedpred.errors import StorageError
 from pedpred.files import MOST_PIXELS, atomic_write, write_text
 from pedpred.sources import SOURCES
+from pedpred.sources.single_file import FORMATS, format_of
 from pedpred.storage.scenes import read_map, read_scene, write_scene
 from tests.conftest import ROOT
+from tests.field_formats import WRITERS
 from tests.trust import trial
 from tests.trust.examples import place
 from tests.trust.mutations import BYTES, STRUCTURED, mutate
@@ -34,6 +36,15 @@ def test_a_damaged_file_is_read_right_or_refused_by_name(name, tmp_path):
 
 def test_every_source_is_tried():
     assert set(SOURCES) <= set(READERS)
+
+
+def test_every_format_of_single_files_is_tried(tmp_path):
+    tried = {name for reader in READERS.values() for name in reader.files}
+    written = [write(tmp_path) for write in WRITERS.values()]
+    assert {path.name for path in written} <= tried
+    lacking = {kind.name for kind in FORMATS} - {format_of(path).name for path in written}
+    assert lacking == {"TrajNet++"}
+    assert "walk.ndjson" in tried
 
 
 def test_damage_is_reproducible_and_of_every_kind():
