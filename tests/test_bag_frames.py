@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from pedpred.command import main
 from pedpred.errors import SourceError
+from pedpred.online import OnlinePredictor
+from pedpred.online.replay import replay_scene
 from pedpred.ros import Transform, read_bag
 from pedpred.storage.scenes import read_scene
 from tests.test_bags import Store
@@ -110,7 +112,11 @@ def check(scene, pose=None, atol=1e-3):
     ("frame", "seen"), [("base_link", from_robot), ("camera", from_camera), ("/base_link", from_robot)]
 )
 def test_who_stands_before_a_moving_robot_stands(frame, seen, store, tmp_path):
-    check(read_bag(write(store, tmp_path / "hall", messages(store, frame, seen))))
+    """Also by the forecasts: slower than 0.05 m/s, as live (`test_ros_node.py`)."""
+    scene = read_bag(write(store, tmp_path / "hall", messages(store, frame, seen)))
+    check(scene)
+    for forecast in replay_scene(scene, OnlinePredictor.load()):
+        assert np.linalg.norm(forecast.velocity[forecast.track_id == 1][:, 0], axis=-1).max() < 0.05
 
 
 def test_people_come_into_the_frame_of_the_map(store, tmp_path):

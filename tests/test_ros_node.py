@@ -126,21 +126,25 @@ class Place:
         path.write_text(json.dumps({"out": str(out), "limit_s": LIMIT_S} | plan))
         return self.start([PYTHON, PEER, path], told), out, told
 
-    def exchange(self, publish, probe, send, record, until):
+    def exchange(self, publish, beat, send, record, until, probe=(), since_s=100):
         """Publish in one process, record in another one; returns topic -> messages as they were received.
 
         Args:
             publish: topic, type, QoS of each publisher.
-            probe: index of a publisher and message, sent until forecasts arrive: nobody, in people.
+            beat: index of a publisher and message, nobody, sent with later and later stamps until forecasts
+                arrive.
             send: time (s), index of a publisher, message.
             record: topic, type, QoS.
             until: topic -> how many messages are awaited.
+            probe: further messages that are sent with the beat.
+            since_s: earlier forecasts are those of the beat.
         """
         number = next(self.plans)
         shared = {name: str(self.folder / f"{name}{number}") for name in ("ready", "done")}
-        answers = [topic for topic, kind, _ in record if kind not in (TEXT_TYPE, DIAGNOSTICS_TYPE)]
-        recorder, out, heard_said = self.peer(record=record, until=until, answers=answers, **shared)
-        sender, _, sent_said = self.peer(publish=publish, probe=probe, send=send, **shared)
+        answers = [topic for topic, kind, _ in record if kind == CLOUD]
+        asked = {"until": until, "answers": answers, "since_s": since_s}
+        recorder, out, heard_said = self.peer(record=record, **asked, **shared)
+        sender, _, sent_said = self.peer(publish=publish, probe=probe, beat=beat, send=send, **shared)
         longest_s = 4 * LIMIT_S + send[-1][0]  # each wait of a peer ends before
         codes = recorder.wait(longest_s), sender.wait(longest_s)
         words = {path.name: path.read_text() for path in (heard_said, sent_said, self.folder / "node.txt")}
@@ -194,10 +198,13 @@ def seen(place, time_s):
 
 
 def test_people_of_a_robot_that_drives_and_turns(place):
-    """Best effort, volatile turned map, moving frames, namespace, remap and sim time, all at once."""
+    """Best effort, volatile turned map, moving frames, namespace, remap, sim time, all at once; then again.
+
+    The second time is as when a bag is played again: another publisher, and all clocks go back.
+    """
     start_s, frames = 1_700_000_000.0, 30
     fixed = transforms(pose("map", "odom", *ODOM), pose("base_link", "camera", *CAMERA))
-    probe = [(4, clock(start_s)), (2, fixed), (3, room(0.5)), (0, people(start_s - 1, "camera"))]
+    probe, beat = [(4, clock(start_s)), (2, fixed), (3, room(0.5))], (0, people(start_s - 40, "camera"))
     send = [(0.0, 2, fixed), (0.0, 3, room(0.5))]
     for k in range(-5, 2 * frames + 5):  # 20 Hz, those of a moment later than the people
         at_s = k / 20
@@ -211,17 +218,36 @@ def test_people_of_a_robot_that_drives_and_turns(place):
     publish += [("/robot/map", GRID, "rv"), ("/clock", CLOCK, "bv")]
     topics = {"predictions": CLOUD, "predictions/people": PEOPLE_TYPE, "predictions/markers": MARKERS_TYPE}
     topics |= {"predictions/names": TEXT_TYPE, "predicted_occupancy/horizon": GRID}
-    record = [(f"/robot/{topic}", kind, "rt") for topic, kind in topics.items()]
-    record.append(("/diagnostics", DIAGNOSTICS_TYPE, "rv"))
+    latched, volatile = (
+        [(f"/robot/{topic}", kind, qos) for topic, kind in topics.items()]
+        + [("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
+        for qos in ("rt", "rv")
+    )
     arguments = ["-r", "__ns:=/robot", "-r", "people:=detections", "-p", "use_sim_time:=true"]
     arguments += ["-p", "occupancy_cell_m:=0.5"]
     arguments += ["-p", "transform_timeout_s:=60.0"]  # a busy machine may be slow to publish them
     with place.node(*arguments) as told:
         sent = sorted(send, key=lambda one: one[0])
         until = {"/robot/predictions": frames, "/diagnostics": 2}
-        heard = place.exchange(publish, probe, sent, record, until)
+        heard = place.exchange(publish, beat, sent, latched, until, probe, start_s)
+        again = place.exchange(publish, beat, sent, volatile, until, probe, start_s)
     assert "map of " in told.read_text()
+    assert "time of /tf goes back" in told.read_text()
     assert "no map has come" not in told.read_text()
+    check_walks(again, start_s, frames)
+    check_walks(heard, start_s, frames)
+    rows = rows_of(heard["/robot/predictions"][-1])
+    (names,) = heard["/robot/predictions/names"]
+    (number,) = json.loads(names.data)
+    assert int(number) in rows["track_high"].astype(np.int64) * 2**32 + rows["track_id"]
+    assert start_s <= seconds(heard["/diagnostics"][-1].header.stamp) < start_s + frames / 10
+    texts = {one.text for one in heard["/robot/predictions/markers"][-1].markers if one.type == 9}
+    assert texts == {"anna", "7"}
+    assert max(heard["/robot/predicted_occupancy/horizon"][-1].data) > 0
+
+
+def check_walks(heard, start_s, frames):
+    """Every frame is forecast once, in the frame of the map; who stands is slower than 0.05 m/s."""
     clouds = heard["/robot/predictions"]
     stamps = [seconds(cloud.header.stamp) for cloud in clouds]
     np.testing.assert_allclose(stamps, start_s + np.arange(frames) / 10, atol=1e-6)
@@ -235,14 +261,6 @@ def test_people_of_a_robot_that_drives_and_turns(place):
     last = heard["/robot/predictions/people"][-1]
     walker = next(one for one in last.people if one.name == "7")
     np.testing.assert_allclose([walker.velocity.x, walker.velocity.y], ODOM[0].apply(SPEED)[:2], atol=0.3)
-    (names,) = heard["/robot/predictions/names"]
-    (number,) = json.loads(names.data)
-    rows = rows_of(clouds[-1])
-    assert int(number) in rows["track_high"].astype(np.int64) * 2**32 + rows["track_id"]
-    assert start_s <= seconds(heard["/diagnostics"][-1].header.stamp) < start_s + frames / 10
-    texts = {one.text for one in heard["/robot/predictions/markers"][-1].markers if one.type == 9}
-    assert texts == {"anna", "7"}
-    assert max(heard["/robot/predicted_occupancy/horizon"][-1].data) > 0
 
 
 def test_a_latched_map_of_before_is_used_and_updates_change_it(place):
@@ -257,7 +275,7 @@ def test_a_latched_map_of_before_is_used_and_updates_change_it(place):
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
     with place.node(ready="map of ") as told:
         until = {"/predictions": 25, "/diagnostics": 5}
-        heard = place.exchange(publish, [(0, people(99.0))], send, record, until)
+        heard = place.exchange(publish, (0, people(60.0)), send, record, until)
     assert "no map has come" not in told.read_text()
     statuses = [status for message in heard["/diagnostics"] for status in message.status]
     assert {(status.level, status.message) for status in statuses} & {(0, "forecasts with map")}
@@ -274,7 +292,7 @@ def test_without_a_map_everybody_is_told(place):
     with place.node(number=signal.SIGINT) as told:
         for _ in range(2):
             until = {"/predictions": 25, "/diagnostics": 2}
-            heard = place.exchange(publish, [(0, people(99.0))], walk, record, until)
+            heard = place.exchange(publish, (0, people(60.0)), walk, record, until)
             times = [cloud.header.stamp.sec for cloud in heard["/predictions"]]
             assert times[0] == 100
             assert times == sorted(times)
@@ -288,9 +306,9 @@ def test_without_a_map_everybody_is_told(place):
 def test_what_is_missing_between_frames_is_said_and_not_repeated(place):
     walk = [(k / 20, 0, people(100.0 + k / 20, "camera", **{"5": (k / 20, 0.0)})) for k in range(40)]
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
-    probe, until = [(0, people(99.0, "camera"))], {"/diagnostics": 4}
+    beat, until = (0, people(60.0, "camera")), {"/diagnostics": 4}
     with place.node("-p", "use_map:=false") as told:
-        place.exchange([("/people", PEOPLE_TYPE, "rv")], probe, walk, record, until)
+        place.exchange([("/people", PEOPLE_TYPE, "rv")], beat, walk, record, until)
     lines = [line for line in told.read_text().splitlines() if "left out" in line]
     assert "no /tf leads from 'camera' to 'map': 'camera' has no parent and 'map' has no parent" in lines[0]
     assert len(lines) <= 3
@@ -306,7 +324,7 @@ def test_people_without_ids_are_told_apart(place):
     send = [(k / 10, 0, poses(k, places)) for k, places in enumerate(both)]
     publish, record = [("/people", POSES, "bv")], [("/predictions", CLOUD, "rv")]
     with place.node("-p", "use_map:=false", "-p", f"people_type:={POSES}") as told:
-        heard = place.exchange(publish, [(0, poses(-10, []))], send, record, {"/predictions": 20})
+        heard = place.exchange(publish, (0, poses(-400, [])), send, record, {"/predictions": 20})
     assert "people have no ids that say who is who" in told.read_text()
     tracks = Counter(
         track for cloud in heard["/predictions"] for track in np.unique(rows_of(cloud)["track_id"])
@@ -319,7 +337,7 @@ def test_a_manager_starts_the_node(place):
 
     def agents(*k):
         moved = [{"id": 5, "type": 1, "pose": {"position": {"x": one / 10}}} for one in k]
-        stamp = header(100 * 10**9 + sum(k) * 10**8 - (not k) * 10**9, "map")
+        stamp = header(100 * 10**9 + sum(k) * 10**8 - (not k) * 40 * 10**9, "map")
         return serialize(AGENTS, {"header": stamp, "agent_states": moved}).hex()
 
     walk = [(k / 10, 0, agents(k)) for k in range(5)]
@@ -330,7 +348,7 @@ def test_a_manager_starts_the_node(place):
         assert manager.wait(2 * LIMIT_S) == 0, said.read_text()
         assert out.read_text().split() == ["configure", "True", "activate", "True"]
         publish, record = [("/people", AGENTS, "rv")], [("/predictions", CLOUD, "rv")]
-        heard = place.exchange(publish, [(0, agents())], walk, record, {"/predictions": 5})
+        heard = place.exchange(publish, (0, agents()), walk, record, {"/predictions": 5})
     assert all(set(rows_of(cloud)["track_id"]) == {5} for cloud in heard["/predictions"])
     assert "forecasting people of /people" in told.read_text()
 

@@ -1,18 +1,20 @@
 """A process that publishes and records raw messages: `python peer.py PLAN`, a JSON file.
 
 A publisher: {"publish": [[topic, type, qos]], "probe": [[index of publisher, hex]],
-    "send": [[time_s, index, hex]], "limit_s": number, "ready": file, "sent": file,
-    "done": file}
-Where the plan has `ready`, it waits until somebody listens to each topic, then sends the probes again and
-again until the file is there; times of `send` count from then on. It makes the file `sent` when all is sent,
-if the plan has it, and stays until the file `done` is there: what is on its way may be lost with its sender.
+    "beat": [index, hex], "send": [[time_s, index, hex]], "limit_s": number, "ready": file,
+    "sent": file, "done": file}
+Where the plan has `ready`, it waits until somebody listens to each topic, then sends the probes and the beat
+again and again until the file is there, the beat each time with a later stamp, so that it is answered each
+time; times of `send` count from then on. It makes the file `sent` when all is sent, if the plan has it, and
+stays until the file `done` is there: what is on its way may be lost with its sender.
 
 A recorder: {"record": [[topic, type, qos]], "until": {topic: count}, "out": file, "limit_s": number,
-    "answers": [topic], "ready": file, "done": file}
-It makes the file `ready` when an answer to the probes has come on each of the topics in `answers`: then all
+    "answers": [topic], "since_s": number, "ready": file, "done": file}
+It makes the file `ready` when an answer to the beat has come on each of the topics in `answers`: then all
 that lies between sender and recorder is connected. Lines of `out` are what comes afterwards: topic, seconds
-of the monotonic clock, hex; answers to probes are left out. It ends after so many messages, or with an error
-when none of them has come for `limit_s`, and then makes the file `done`.
+of the monotonic clock, hex; answers with an earlier stamp than `since_s` are left out: they are to the beat.
+It ends after so many messages, or with an error when none of them has come for `limit_s`, and then makes the
+file `done`.
 
 A manager: {"transitions": [label], "node": name, "out": file, "limit_s": number}
 
@@ -22,6 +24,7 @@ A qos is two letters: r(eliable) or b(est effort), v(olatile) or t(ransient loca
 
 import importlib
 import json
+import struct
 import sys
 import time
 from pathlib import Path
@@ -29,7 +32,9 @@ from pathlib import Path
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-TICK_S, PROBE_S = 0.02, 0.1
+TICK_S, PROBE_S, LATER_NS = 0.02, 0.1, 10**7
+_STAMP = struct.Struct("<iI")
+_STAMP_AT = 4  # after the header of CDR, where a message begins with a std_msgs/Header
 
 
 def qos_of(letters):
@@ -53,6 +58,18 @@ def spin_until(node, limit_s, lacking, each_tick=lambda: None):
         rclpy.spin_once(node, timeout_sec=TICK_S)
 
 
+def stamp_ns(raw):
+    second, nanosecond = _STAMP.unpack_from(raw, _STAMP_AT)
+    return second * 10**9 + nanosecond
+
+
+def later(raw, by_ns):
+    """A message that begins with a header, with a later stamp."""
+    changed = bytearray(raw)
+    _STAMP.pack_into(changed, _STAMP_AT, *divmod(stamp_ns(raw) + by_ns, 10**9))
+    return bytes(changed)
+
+
 def lacks_file(path, what):
     return "" if path.exists() else what
 
@@ -68,14 +85,15 @@ def publish(node, plan):
             topics = [sink.topic_name for sink in sinks if not sink.get_subscription_count()]
             return f"a subscriber of {', '.join(topics)}" if topics else ""
 
-        sent_s = -PROBE_S
+        sent_s, count, (beating, beat) = -PROBE_S, 0, plan["beat"]
 
         def probe():
-            nonlocal sent_s
+            nonlocal sent_s, count
             if time.monotonic() - sent_s >= PROBE_S:
-                sent_s = time.monotonic()
+                sent_s, count = time.monotonic(), count + 1
                 for index, text in plan["probe"]:
                     sinks[index].publish(bytes.fromhex(text))
+                sinks[beating].publish(later(bytes.fromhex(beat), count * LATER_NS))
 
         spin_until(node, limit_s, unheard)
         ready = Path(plan["ready"])
@@ -92,15 +110,15 @@ def publish(node, plan):
 
 
 def record(node, plan):
-    probes, counts, heard_s = {topic: set() for topic, _, _ in plan["record"]}, {}, {}
+    answered, counts, heard_s = set(), {}, {}
     ready, limit_s = Path(plan["ready"]), plan["limit_s"]
     with Path(plan["out"]).open("w") as out:
 
         def note(topic, raw):
             heard_s[topic] = time.monotonic()
-            if not ready.exists():
-                probes[topic].add(bytes(raw))
-            elif bytes(raw) not in probes[topic]:
+            if topic in plan["answers"] and stamp_ns(raw) < plan["since_s"] * 10**9:
+                answered.add(topic)
+            elif ready.exists():
                 counts[topic] = counts.get(topic, 0) + 1
                 out.write(f"{topic} {time.monotonic()} {raw.hex()}\n")
 
@@ -108,7 +126,7 @@ def record(node, plan):
             node.create_subscription(
                 class_of(kind), topic, lambda raw, topic=topic: note(topic, raw), qos_of(qos), raw=True
             )
-        spin_until(node, 2 * limit_s, lambda: " ".join(t for t in plan["answers"] if not probes[t]))
+        spin_until(node, 2 * limit_s, lambda: " ".join(set(plan["answers"]) - answered))
         ready.touch()
         for topic, count in plan["until"].items():
             heard_s[topic] = time.monotonic()
