@@ -16,6 +16,8 @@ import math
 import os
 import re
 import shutil
+import sqlite3
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -126,6 +128,12 @@ def _mapping(content: Any) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise TypeError(f"{type(content).__name__}, expected an object")
     return content
+
+
+def limit_values(database: sqlite3.Connection, most_bytes: int) -> None:
+    """Refuse values of a database that are larger; Python 3.10 cannot, and reads up to 1 GB there."""
+    if sys.version_info >= (3, 11):
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, most_bytes)
 
 
 def _opened_picture(path: Path) -> Image.Image:

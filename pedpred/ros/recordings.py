@@ -8,7 +8,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
-from warnings import catch_warnings
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pandas as pd
@@ -129,7 +129,8 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
 
 def is_recording(path: Path) -> bool:
     """Whether a file is a recording of `write_recording`, or none of MCAP; others are bags."""
-    with suppress(Exception), catch_warnings(action="ignore"):
+    with suppress(Exception), catch_warnings():
+        simplefilter("ignore")
         for record in records(BagFile(path, path)):
             if isinstance(record, Channel | Message):
                 return False

@@ -12,6 +12,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from pedpred.errors import SourceError
+from pedpred.files import limit_values
 from pedpred.ros.bag_files import BagFile
 from pedpred.ros.bag_reader import BagReader
 from pedpred.ros.decoding import Connection
@@ -78,7 +79,7 @@ def _opened(file: BagFile) -> Iterator[sqlite3.Connection]:
     with _whole_pages(file.content) as content:
         how = "mode=ro" if logged else "immutable=1"
         with closing(sqlite3.connect(f"{content.absolute().as_uri()}?{how}", uri=True)) as base:
-            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_CHUNK_BYTES)
+            limit_values(base, LARGEST_CHUNK_BYTES)
             try:
                 base.execute("PRAGMA writable_schema=ON")  # else SQLite refuses a file that is cut
                 check_tables(base)

@@ -15,7 +15,7 @@ from urllib.parse import quote
 import numpy as np
 
 from pedpred.errors import SourceError, brief
-from pedpred.files import translate_errors
+from pedpred.files import limit_values, translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometry_wkt import parse_wkt
@@ -97,7 +97,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
         closing(sqlite3.connect(address, uri=True)) as database,
     ):
         database.execute("PRAGMA trusted_schema = OFF")
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_VALUE_BYTES)
+        limit_values(database, _LONGEST_VALUE_BYTES)
         database.set_progress_handler(lambda: int(next(steps, None) is None), _STEPS_AT_ONCE)
         yield database
 
