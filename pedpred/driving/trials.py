@@ -24,7 +24,7 @@ NO_WORLD = "none"
 _NETWORK, _SIMPLE, _BEST = "modes", "kalman", "true_future"
 RECORDED = "helps"
 """Kind of the episode whose forecasts are kept, too: recordings are large."""
-_BLOCK = 4  # episodes that one worker drives one after the other
+_BLOCK = 2  # episodes that one worker drives one after the other
 
 
 @dataclass(frozen=True)
