@@ -218,7 +218,6 @@ def test_the_cost_of_a_manoeuvre_does_not_depend_on_those_assessed_before_it(see
     together = planner.costs(commands, state, people, 0.2)
     alone = [planner.costs(one[None], state, people, 0.2)[0] for one in commands]
     np.testing.assert_array_equal(together, alone)
-    assert np.isfinite(together).any()
 
 
 def test_no_manoeuvre_is_offered_twice():
@@ -297,7 +296,7 @@ def test_no_detection_is_no_error(predictor, method):
 
 def test_social_forces_turn_to_the_goal_around_a_wall(predictor):
     """Somebody walks towards a wall; the goal is behind its end."""
-    ground = blocked(np.s_[110:113, 80:120])
+    ground = blocked(np.s_[110:125, 80:120])
     window = straight([(-3.0, -1.0)], [(1.2, 0.0)], 40)
     window = replace(window, goal=np.array([[4.0, -4.0]]))
     crowd = Replay(window)

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,7 +62,7 @@ def test_a_page_shows_curves_figures_and_episodes(rows, tmp_path):
     assert text.count("| lstm |") == 2
     assert drives_section({}).blocks == []
     (recorded,) = (one for one in shown if one.recording)
-    (scene, about), people = recorded.drives[1], read_recording(recorded.recording).trajectories
+    (scene, about), people = recorded.drives[1], read_recording(Path(recorded.recording)).trajectories
     assert about["method"] == "modes"
     np.testing.assert_allclose(np.sort(people.time_s), np.sort(scene.trajectories.time_s), atol=1e-6)
     robot = scene.trajectories.position[scene.trajectories.track_id == scene.trajectories.track_id.max()]

@@ -77,8 +77,8 @@ def checksum(places: Places, settings: DriveSettings, model: Path) -> str:
     found = hashlib.sha256(repr(replace(settings, planner=replace(settings.planner, risk=0.0))).encode())
     found.update(places.digest())
     found.update(repr(published_forces()).encode())
-    files = [*model.iterdir(), *Path(__file__).parent.glob("*.py")]
-    for path in sorted(path for path in files if path.is_file()):
+    files = [*sorted(model.iterdir()), *sorted(Path(__file__).parent.glob("*.py"))]
+    for path in filter(Path.is_file, files):
         found.update(read_bytes(path))
     return found.hexdigest()[:16]
 

@@ -24,7 +24,7 @@ NO_WORLD = "none"
 _NETWORK, _SIMPLE, _BEST = "modes", "kalman", "true_future"
 RECORDED = "helps"
 """Kind of the episode whose forecasts are kept, too: recordings are large."""
-_BLOCK = 4  # episodes that one worker drives one after the other
+_BLOCK = 2  # episodes that one worker drives one after the other
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,8 @@ def write_trial(settings: TrialSettings, name: str, rows: Sequence[Row], drives:
 
 def _write_shown(settings: TrialSettings, name: str, rows: Sequence[Row], drives: Path) -> dict[str, Any]:
     """Drive the shown episodes again and write them; the descriptions of their drives by kind."""
-    risk, runner, shown = settings.risks[len(settings.risks) // 2], _runner(settings, name), {}
+    risk, runner = settings.risks[len(settings.risks) // 2], _runner(settings, name)
+    shown: dict[str, Any] = {}
     assert runner is not None
     network, simple = (Condition(method, risk) for method in (_NETWORK, _SIMPLE))
     best = [Condition(_BEST, 0.0)] if _BEST in settings.methods else []
