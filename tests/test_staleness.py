@@ -22,7 +22,8 @@ MIXTURE = {
 MIXTURE |= {"evaluate_main_situations", "evaluate_fold_situations"}
 PAGES = {"gather", "record", "report"}
 OTHERS = {"config", "fetch", "ingest", "simulate", "validate_simulation", "evaluate_baseline"}
-ALL = LSTM | MIXTURE | PAGES | OTHERS | {"export"}
+ROBOTS = {"export", "drive"}
+ALL = LSTM | MIXTURE | PAGES | OTHERS | ROBOTS
 
 
 @pytest.fixture(scope="module")
@@ -36,12 +37,12 @@ def families(graph, change):
 
 @pytest.mark.parametrize("change", ["grid_cells", "grid_resolution_m", "angular_cells"])
 def test_the_inputs_of_the_lstm_are_its_own(graph, change):
-    assert families(graph, f"features.lstm.{change}") == LSTM | PAGES | {"export"}
+    assert families(graph, f"features.lstm.{change}") == LSTM | PAGES | ROBOTS
 
 
 @pytest.mark.parametrize("change", ["beams", "neighbours"])
 def test_the_inputs_of_the_mixture_are_its_own(graph, change):
-    assert families(graph, f"features.mixture.{change}") == MIXTURE | PAGES | {"export"}
+    assert families(graph, f"features.mixture.{change}") == MIXTURE | PAGES | ROBOTS
 
 
 @pytest.mark.parametrize("change", ["label", "colour"])
