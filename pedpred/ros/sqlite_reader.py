@@ -78,7 +78,8 @@ def _opened(file: BagFile) -> Iterator[sqlite3.Connection]:
     with _whole_pages(file.content) as content:
         how = "mode=ro" if logged else "immutable=1"
         with closing(sqlite3.connect(f"{content.absolute().as_uri()}?{how}", uri=True)) as base:
-            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_CHUNK_BYTES)
+            if hasattr(base, "setlimit"):  # Python 3.11; before, the size of the file bounds what is stored
+                base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_CHUNK_BYTES)
             try:
                 base.execute("PRAGMA writable_schema=ON")  # else SQLite refuses a file that is cut
                 check_tables(base)
