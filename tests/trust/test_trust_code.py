@@ -66,7 +66,7 @@ def test_every_dependency_has_a_reason_and_a_use():
     assert all(f"| {name} |" in page for name in names)
     used = {module for path in SOURCES for module in imports(ast.parse(path.read_text()))}
     modules = {"hydra-core": "hydra", "pillow": "PIL", "pyyaml": "yaml", "scikit-fmm": "skfmm"}
-    needed = {need.name for group in ("light", "train") for need in groups[group]}
+    needed = {need.name for group in ("robot", "files", "train") for need in groups[group]}
     needed -= {"dvc", "ruamel.yaml.clib"}  # a command, and what it parses with
     assert {name for name in needed if modules.get(name, name) not in used} == set()
 
