@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pedpred.storage.tables import TableOptions
+from pedpred.tables.options import TableOptions
 
 from benchmarks.timing import tell
 from pedpred import OnlinePredictor

@@ -45,6 +45,19 @@ def test_by_default_all_places_are_tested():
     assert tested == {f"real/{name}" for name in params["places"]}
 
 
+@pytest.mark.parametrize(
+    "overrides", [[f"folds={path.stem}"] for path in FOLDS] + experiments(), ids=" ".join
+)
+def test_robots_drive_with_networks_that_some_fold_trains(overrides):
+    params = composed(*overrides)
+    trained = {"models/robot", "models/main"} | {f"models/folds/{fold}" for fold in params["folds"]["real"]}
+    exports = params["online"]["exports"]
+    if not any(override.startswith("~") for override in overrides):
+        assert {row["networks"] for row in exports.values()} <= trained
+    for row in params["driving"]["places"].values():
+        assert {row["model"], row["lstm"]} <= {f"models/online/{name}" for name in exports}
+
+
 @pytest.mark.parametrize("overrides", experiments(), ids=" ".join)
 def test_the_subsets_in_the_documentation_compose(overrides):
     usual, chosen = composed()["folds"], composed(*overrides)["folds"]
