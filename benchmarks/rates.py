@@ -14,12 +14,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pedpred.tables.options import TableOptions
 
 from benchmarks.timing import tell
 from pedpred import OnlinePredictor
 from pedpred.command.conversion import read_any
 from pedpred.scenes import Trajectories
+from pedpred.tables.options import TableOptions
 from tools.readme import filled
 
 NOISE_M, SPEED_MPS, SECONDS, WARM_S = 0.03, 1.3, 8.0, 4.0
