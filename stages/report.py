@@ -57,8 +57,9 @@ def replays_of(cfg: DictConfig, evaluated: Mapping[str, Evaluated], methods: Met
 
 def drives_of() -> Section:
     """Read what is known of drives; a section without blocks where nobody drove."""
-    known = metrics_now(Path("reports/metrics/driving"))
-    return drives_section({n: (own, read_shown(Path("data/drives", n))) for n, own in known.items() if own})
+    known, drives = metrics_now(Path("reports/metrics/driving")), Path("data/drives")
+    driven = [name for name, own in known.items() if own and (drives / name).exists()]
+    return drives_section({name: (known[name], read_shown(drives / name)) for name in driven})
 
 
 @stage
