@@ -28,7 +28,7 @@ from pedpred.errors import ConfigError, FileError, ValueRuleError, user_errors
 from pedpred.files import check_output, read_yaml, translate_errors, write_text
 from pedpred.plain import parse_yaml
 
-SETS = {"simulated": "simulations", "real": "places", "literature": "places"}
+SETS = {"simulated": "simulations", "real": "places"}
 """Kinds of scene sets and the groups of rows that describe them."""
 
 WRITTEN = (("data",), ("models",), ("reports",))

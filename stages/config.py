@@ -11,7 +11,6 @@ from pedpred.baselines.registry import baseline
 from pedpred.config import SETS, config_errors, configured, one_of, part, plain, read_params, row
 from pedpred.datasets.crops import CropSplit
 from pedpred.evaluation import MetricSettings, Resampling
-from pedpred.evaluation.literature import LiteratureSettings
 from pedpred.features.perception import Following, parse_tracker
 from pedpred.fields import parsed, parsed_each, parsed_together
 from pedpred.forecasting import MethodRow
@@ -43,7 +42,9 @@ from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages.drive import trials_of
 from stages.features import features_of, kalman_of, protocol_of
+from stages.literature import comparison_of
 from stages.train import PHASES, settings_of
+from stages.train_far import recordings_of, worlds_of
 from stages.validate_simulation import flow_of
 
 SENSED = "simulated/worlds"
@@ -206,6 +207,15 @@ def _report(cfg: Params) -> None:
     _names("report.page.methods", shown.methods, _keys(cfg))
 
 
+def _literature(cfg: Params) -> None:
+    comparison_of(cfg)
+    worlds_of(cfg)
+    recordings_of(cfg)
+    with configured("literature"):
+        one_of("network", cfg["literature"]["network"], cfg["methods"]["memoryless"])
+        kalman_of(cfg, cfg["literature"]["tracker"])
+
+
 PARTS: dict[str, Check] = {
     "mirrors": _each("mirrors", lambda cfg, name: Mirrors.parse(name, part(cfg, "mirrors", name))),
     "trackers": _each("trackers", lambda cfg, name: parse_tracker(row(cfg, "trackers", name))),
@@ -233,7 +243,7 @@ PARTS: dict[str, Check] = {
     "comparison": _comparison,
     "recording": _recording,
     "driving": _driving,
-    "literature": _whole("literature", LiteratureSettings),
+    "literature": _literature,
     "report": _report,
 }
 """Key of params.yaml -> what makes its settings, as stages do."""

@@ -68,7 +68,7 @@ def main(cfg: DictConfig) -> None:
     out, figures = Path(cfg.get("out", "reports")), metrics_now(Path("reports/metrics"))
     methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
     paper = Paper.parse(part(cfg, "report", "paper"))
-    studies = {name: plain(folds) for name, folds in cfg.folds.items() if name != "literature"}
+    studies = {name: plain(folds) for name, folds in cfg.folds.items()}
     evaluated = {study: gather(study, folds) for study, folds in studies.items()}
     pages = {study: evaluated[study] for study in PAGES if study in evaluated}
     galleries = {study: draw_gallery(own, methods) for study, own in pages.items()}

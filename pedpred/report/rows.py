@@ -96,20 +96,22 @@ class ReplayRows(Texts):
 
 @dataclass(frozen=True)
 class PublishedRow:
-    """Errors that others published under the protocol of `pedpred.evaluation.literature`.
+    """Errors that others published under the protocol of `pedpred.literature`.
 
     Attributes:
         name: of their method.
-        errors_m: place -> (ADE, FDE).
+        samples: number of forecasts the best of which counts.
+        errors_m: scene, or "mean" of all five -> (ADE, FDE).
         remark: how theirs was measured.
     """
 
     name: str
+    samples: int
     errors_m: Mapping[str, Range]
     remark: str
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"errors_m": "(0, 1000]"})
+        check_ranges(self, {"errors_m": "(0, 1000]", "samples": "[1, 1000]"})
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
 
 from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
 from pedpred.report.findings import Paper, in_the_noise, judge_expectations, percent_better, sum_up
@@ -156,40 +155,6 @@ def paper_section(results: Sequence[Result], methods: Methods, paper: Paper) -> 
 def _by_study(results: Sequence[Result]) -> dict[str, list[Result]]:
     studies = dict.fromkeys(result.study for result in results)
     return {study: [result for result in results if result.study == study] for study in studies}
-
-
-def literature_section(
-    literature: Mapping[str, Figures], published: Sequence[Mapping[str, Any]], methods: Methods
-) -> list[Section]:
-    """The simple methods beside published figures, under the protocol of the literature; nothing without it.
-
-    Figures come by place; published rows have `name`, `remark` and `errors_m`: {place: [ADE, FDE]}.
-    """
-    if not literature:
-        return []
-    keys = ("ade_m", "fde_m")
-    columns = [f"{place}, {key[:3].upper()} [m]" for place in literature for key in keys]
-    rows = []
-    for name in methods.ordered({name for figures in literature.values() for name in figures}):
-        cells = [
-            metric_cell(f"literature.{place}", name, key, figures.get(name, {}))
-            for place, figures in literature.items()
-            for key in keys
-        ]
-        rows.append(Row([Cell(methods[name].label), *cells, Cell("measured here")], name))
-    for row in published:
-        errors = [error for place in literature for error in row["errors_m"].get(place, (None, None))]
-        cells = [Cell(NOTHING if error is None else f"{error:.2f}") for error in errors]
-        rows.append(Row([Cell(row["name"]), *cells, Cell(row["remark"])]))
-    text = (
-        "Most publications see 8 annotations, 0.4 s apart, and forecast the next 12. Here are the simple "
-        "methods on the native annotations, full windows only; the scene that the literature calls univ is "
-        "students001 and students003 together. The networks are not in the table: they forecast another "
-        "horizon in other steps. Published rows are quoted from others and were trained on the other scenes; "
-        "people who are not seen for all 20 annotations are left out here."
-    )
-    table = Table(["method", *columns, "remark"], rows)
-    return [Section("Beside the literature", [Text(text), table], "literature")]
 
 
 def latency_section(updates: Sequence[Mapping[str, float]]) -> list[Section]:

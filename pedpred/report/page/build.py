@@ -18,6 +18,7 @@ from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
 from pedpred.report.gallery import Evaluated
 from pedpred.report.gather import title_of
+from pedpred.report.literature import literature_section
 from pedpred.report.measures import Figures
 from pedpred.report.methods import Methods
 from pedpred.report.page.player import Replay
@@ -26,7 +27,6 @@ from pedpred.report.sections import (
     answer_section,
     expectations_section,
     latency_section,
-    literature_section,
     paper_section,
     parts_sections,
     warnings,
@@ -45,7 +45,7 @@ class Contents:
     methods: Methods
     paper: Paper
     further: Sequence[Section] = ()  # of pictures beside those of the test sets
-    literature: Mapping[str, Figures] = field(default_factory=dict)  # by place, under its own protocol
+    literature: Mapping[str, Figures] = field(default_factory=dict)  # by scene, see report/literature.py
     published: Sequence[Mapping[str, Any]] = ()  # rows of others under that protocol
     latency: Sequence[Mapping[str, float]] = ()  # of `benchmarks.online`, one row per crowd
     places: Sequence[Block] = ()  # the real places side by side

@@ -1,0 +1,137 @@
+"""ETH and UCY as most publications compare on them: our methods beside published figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pedpred.report.document import NOTHING, Block, Cell, Row, Section, Table, Text
+from pedpred.report.measures import Figures
+from pedpred.report.methods import Methods
+from pedpred.report.tables import interval
+
+Published = Mapping[str, Any]
+"""A row of `report.published`: name, samples, errors_m (scene or mean -> [ADE, FDE]), remark."""
+
+SCENES = ("eth", "hotel", "univ", "zara1", "zara2")
+"""What is averaged in the last column, each with the same weight."""
+MEAN = "mean"
+_ONE, _BEST = ("ade_m", "fde_m"), ("best_ade_m", "best_fde_m")
+_SEEN = (
+    "8 annotations 0.4 s apart are seen, the next 12 are forecast; one scene is left out at a time, and "
+    "every person who is seen in all 20 annotations counts. Errors are ADE / FDE in metres. Networks read "
+    "positions, no map; figures are the mean of three trainings. The usual folds test Zara with other "
+    "recordings of the same street in training; rows with the whole street or campus left out are stricter. "
+    "The file of the scene eth is used as it is, though its frame rate is disputed."
+)
+_TWENTY = (
+    "The error of the best of 20 forecasts, chosen with the truth. It rewards spread: read it beside the "
+    "probabilities (NLL, energy score) and the most likely path. Ours are chosen from the forecast "
+    "distribution so that they cover it (pedpred/literature/samples.py)."
+)
+
+
+def literature_section(
+    literature: Mapping[str, Figures], published: Sequence[Published], methods: Methods
+) -> list[Section]:
+    """Tables of one forecast and of the best of 20; nothing without figures.
+
+    Args:
+        literature: scene, or scene_fold for stricter folds -> method -> figures.
+        published: rows of others.
+        methods: labels and order.
+    """
+    if not literature:
+        return []
+    single = Table(_header(), _rows(literature, _ONE, methods) + _quoted(published, 1))
+    best = Table(_header(), _rows(literature, _BEST, methods) + _quoted(published, 20))
+    blocks: list[Block] = [Text(_SEEN), single, Section("Best of 20", [Text(_TWENTY), best])]
+    if further := _probabilities(literature, methods):
+        blocks.append(Section("Probabilities", [further]))
+    return [Section("Beside the literature", blocks, "literature")]
+
+
+def _header() -> list[str]:
+    return ["method", *SCENES, MEAN, "remark"]
+
+
+def strict_key(literature: Mapping[str, Figures], scene: str) -> str | None:
+    """Entry of a scene whose whole street or campus was left out; None where there is none."""
+    return next((key for key in literature if key.startswith(f"{scene}_")), None)
+
+
+def _rows(literature: Mapping[str, Figures], keys: tuple[str, str], methods: Methods) -> list[Row]:
+    """A row per method; a second one for networks under stricter folds, which differ at some scenes alone."""
+    names = methods.ordered({name for figures in literature.values() for name in figures})
+    rows = []
+    for name in names:
+        usual = {scene: scene for scene in SCENES}
+        rows.append(_row(literature, name, methods[name].label, keys, usual, ""))
+        stricter = {scene: strict_key(literature, scene) or scene for scene in SCENES}
+        if methods[name].learned and stricter != usual:
+            remark = "whole street or campus left out"
+            rows.append(_row(literature, name, methods[name].label, keys, stricter, remark))
+    return [row for row in rows if any(cell.text != NOTHING for cell in row.cells[1:-1])]
+
+
+def _row(
+    literature: Mapping[str, Figures],
+    name: str,
+    label: str,
+    keys: tuple[str, str],
+    entries: Mapping[str, str],
+    remark: str,
+) -> Row:
+    """Errors at all scenes, and their mean where there are all."""
+    cells, errors = [Cell(label)], list[list[float]]()
+    for scene in SCENES:
+        own = literature.get(entries[scene], {}).get(name, {})
+        if not own.keys() >= set(keys):
+            cells.append(Cell(NOTHING))
+            continue
+        pair = [float(own[key]) for key in keys]
+        errors.append(pair)
+        bounds = own.get(f"{keys[0]}_ci95")
+        cells.append(
+            Cell(_pair(pair), remark=f"95 % interval of the ADE {interval(bounds)} m" if bounds else "")
+        )
+    whole = len(errors) == len(SCENES)
+    cells.append(Cell(_pair(np.mean(errors, axis=0)) if whole else NOTHING, strong=whole))
+    return Row([*cells, Cell(remark)], name)
+
+
+def _quoted(published: Sequence[Published], samples: int) -> list[Row]:
+    """Rows of others with so many samples."""
+    rows = []
+    for row in published:
+        if row["samples"] != samples:
+            continue
+        errors = dict(row["errors_m"])
+        if set(SCENES) <= set(errors):
+            errors[MEAN] = np.mean([errors[scene] for scene in SCENES], axis=0)
+        cells = [Cell(_pair(errors[key], 2) if key in errors else NOTHING) for key in (*SCENES, MEAN)]
+        rows.append(Row([Cell(row["name"]), *cells, Cell(row["remark"])]))
+    return rows
+
+
+def _probabilities(literature: Mapping[str, Figures], methods: Methods) -> Table | None:
+    """Most likely path, best of 1, 3 and 6 modes, NLL, energy score and collisions of methods with modes."""
+    keys = {
+        "most_likely_ade_m": "ADE of the most likely path [m]", "min_ade_m_k3": "minADE3 [m]",
+        "min_ade_m_k6": "minADE6 [m]", "nll": "NLL [nats]", "energy_score_m": "energy score [m]",
+        "collision_share": "collisions [%]",
+    }  # fmt: skip
+    rows = []
+    for scene in SCENES:
+        for name, own in literature.get(scene, {}).items():
+            if own.keys() >= keys.keys() | {"best_ade_m"}:
+                scale = [100 if "share" in key else 1 for key in keys]
+                cells = [Cell(f"{s * own[key]:.3g}") for s, key in zip(scale, keys, strict=True)]
+                rows.append(Row([Cell(f"{methods[name].label}, {scene}"), *cells], name))
+    return Table(["method, scene", *keys.values()], rows) if rows else None
+
+
+def _pair(pair: Sequence[float] | np.ndarray, digits: int = 3) -> str:
+    return " / ".join(f"{value:.{digits}f}" for value in pair)

@@ -1,0 +1,53 @@
+"""literature_windows: what a network reads in the windows of ETH and UCY, and what follows, as Parquet."""
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from pedpred.config import stage
+from pedpred.literature.recordings import are_available, read_recording
+from pedpred.literature.settings import ComparisonSettings
+from pedpred.literature.windows import WindowSet, find_windows, protocol_of, training_rows
+from pedpred.models.features import RowFormat
+from pedpred.storage.situations import situation_columns, write_situations, write_situations_manifest
+from pedpred.tracking import KalmanBank
+from pedpred.workers import in_parallel
+from stages.features import features_of, kalman_of
+from stages.literature import comparison_of
+
+_MODEL = "mixture"
+"""Whose inputs these are."""
+_PARTS = 5
+"""Stretches of equal time of each recording, each a file."""
+
+
+def windows_of(cfg: DictConfig, settings: ComparisonSettings, recording: str) -> WindowSet:
+    """Read a recording and find its windows."""
+    tracker = KalmanBank.around(kalman_of(cfg, settings.tracker))
+    return find_windows(
+        read_recording(settings, recording), settings.protocol, tracker, cfg.protocol.standstill_mps
+    )
+
+
+def windows_into(out: Path, cfg: DictConfig, settings: ComparisonSettings, name: str) -> None:
+    """Write the rows of one recording. A job of one worker."""
+    made_with = RowFormat(protocol_of(settings.protocol), _MODEL, features_of(cfg, _MODEL))
+    names = []
+    if are_available(settings):
+        windows = windows_of(cfg, settings, name)
+        for number, rows in enumerate(training_rows(windows, made_with.features, _PARTS)):
+            names.append(f"{name}_{number}")
+            write_situations(rows, out / name, names[-1], situation_columns(made_with))
+    write_situations_manifest(out / name, made_with, names)
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Write data/far/windows/<recording>; no rows where the recordings are not available."""
+    settings, out = comparison_of(cfg), Path(cfg.get("out", "data/far/windows"))
+    tasks = [(out, cfg, settings, name) for name in settings.recordings]
+    in_parallel(windows_into, tasks, "windows of the literature", "recording")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,208 @@
+"""The comparison with the literature: windows in company, paths that cover a forecast, folds, tables."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.baselines.present_motion import PRESENT_MOTION
+from pedpred.errors import ConfigError, ValueRuleError
+from pedpred.evaluation import MetricSettings
+from pedpred.literature.measures import BEST_ADE, mean_scores, measure
+from pedpred.literature.mixing import RecordingShare
+from pedpred.literature.samples import covering_paths
+from pedpred.literature.settings import WindowSettings
+from pedpred.literature.windows import find_windows, protocol_of, training_rows
+from pedpred.models.mixture.features import MixtureFeatures
+from pedpred.report.literature import SCENES, literature_section
+from pedpred.report.methods import Methods
+from pedpred.scenes import Predictions, Scene, Trajectories
+from pedpred.sources.eth_ucy import read_text
+from pedpred.tracking import KalmanBank, KalmanSettings
+from stages.literature import comparison_of
+from tests.conftest import ROOT, raw_folder
+from tests.worlds import empty_map
+
+PROTOCOL = WindowSettings(observed_steps=8, predicted_steps=12, step_s=0.4)
+BANK = KalmanBank.around(
+    KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initial_speed_mps=1.0)
+)
+FEATURES = MixtureFeatures()
+READER = {"frame_rate_hz": 25.0, "annotation_frames": 10, "resolution_m": 0.1, "margin_m": 1.0}
+ASIDE = np.array([3.0, -2.0])
+PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
+
+
+def crowd(seed=0, people=6, ticks=40):
+    """People who come and go and wander."""
+    rng, parts = np.random.default_rng(seed), []
+    for person in range(people):
+        first = int(rng.integers(0, 15))
+        last = int(rng.integers(first + 2, ticks))
+        steps = np.arange(first, last)
+        path = rng.uniform(-4, 4, 2) + np.cumsum(
+            rng.normal(0, 0.1, (len(steps), 2)) + rng.normal(0, 0.4, 2), axis=0
+        )
+        parts.append((0.4 * steps, np.full(len(steps), 10 + person), path))
+    return Trajectories(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def found(trajectories):
+    return find_windows(Scene("square", trajectories, empty_map(), 0.4), PROTOCOL, BANK, 0.2)
+
+
+def read_inputs(windows):
+    (rows,) = training_rows(windows, FEATURES, 1)
+    order = np.argsort(windows.end_s, kind="stable")
+    return {
+        (windows.track[w], round(windows.end_s[w], 3)): {n: v[i] for n, v in rows.items()}
+        for i, w in enumerate(order)
+    }
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 1000))
+def test_a_window_knows_the_last_8_annotations_and_nothing_else(seed):
+    whole = crowd(seed)
+    usual = read_inputs(found(whole))
+    for (track, end_s), inputs in list(usual.items())[:4]:
+        near = (whole.time_s > end_s - 8 * 0.4 + 0.1) & (whole.time_s < end_s + 0.1)
+        own = (whole.track_id == track) & (whole.time_s < end_s + 12 * 0.4 + 0.1)
+        moved = np.where(near[:, None], whole.position, whole.position + 7.0)
+        moved[own & ~near & (whole.time_s > end_s)] -= 7.0  # the truth of this window stays
+        again = read_inputs(found(replace(whole, position=moved)))[track, end_s]
+        for name, values in inputs.items():
+            np.testing.assert_array_equal(again[name], values, err_msg=name)
+
+
+def test_people_beside_are_seen():
+    whole = crowd(3, people=8)
+    usual, seen = read_inputs(found(whole)), 0
+    for key, inputs in usual.items():
+        alone = read_inputs(found(whole.select(whole.track_id == key[0])))[key]
+        np.testing.assert_array_equal(alone["history"], inputs["history"])
+        assert not alone["neighbours"].any()
+        seen += inputs["neighbours"].any()
+    assert seen > len(usual) / 2
+
+
+@pytest.mark.parametrize(
+    ("scene", "windows", "ade_m", "fde_m"),
+    [
+        ("eth", 364, 1.075, 2.282),
+        ("hotel", 1197, 0.319, 0.614),
+        ("univ", 24334, 0.524, 1.165),
+        ("zara1", 2356, 0.427, 0.952),
+        ("zara2", 5910, 0.324, 0.724),
+    ],
+)
+def test_constant_velocity_has_the_errors_of_the_field_and_of_a_few_lines(scene, windows, ade_m, fde_m):
+    folder, errors, ours = raw_folder("eth_ucy"), [], []
+    for name in comparison_of(PARAMS).scenes[scene]:
+        frame, track, *position = np.loadtxt(folder / f"{name}.txt").T
+        position = np.stack(position, axis=-1)
+        for one in np.unique(track):
+            rows = np.flatnonzero(track == one)
+            rows = rows[np.argsort(frame[rows])]
+            for k in range(len(rows) - 19):
+                if frame[rows[k + 19]] - frame[rows[k]] == 190:
+                    path = position[rows[k : k + 20]]
+                    going = path[7] + np.outer(np.arange(1, 13), path[7] - path[6])
+                    errors.append(np.hypot(*(going - path[8:]).T))
+        own = find_windows(read_text(folder, name, {**READER, "recording": name}), PROTOCOL, BANK, 0.2)
+        ours.append(np.linalg.norm(PRESENT_MOTION["cv"]()(own.request).point - own.truth, axis=-1))
+    ours, errors = np.concatenate(ours), np.array(errors)
+    assert len(ours) == len(errors) == windows
+    assert ours.mean() == pytest.approx(errors.mean(), abs=1e-6) == pytest.approx(ade_m, abs=6e-4)
+    assert ours[:, -1].mean() == pytest.approx(fde_m, abs=6e-4)
+
+
+def fan(rows=3, modes=4, steps=5, seed=0):
+    rng = np.random.default_rng(seed)
+    path = np.cumsum(rng.normal(0.3, 0.2, (rows, modes, steps, 2)), axis=2)
+    root = rng.normal(0, 0.1, (rows, modes, steps, 2, 2))
+    covariance = root @ root.swapaxes(-1, -2) + 0.01 * np.eye(2)
+    weight = -np.sort(-rng.dirichlet(np.ones(modes), rows), axis=1)
+    return Predictions((weight[..., None, None] * path).sum(1), path, weight, 0.4, covariance)
+
+
+def test_covering_paths_move_with_the_forecast_and_leave_less_uncovered_than_draws():
+    forecast = fan(rows=20)
+    paths, draws = covering_paths(forecast), forecast.sample(20, np.random.default_rng(1))
+    moved = replace(forecast, path=forecast.path + ASIDE, point=forecast.point + ASIDE)
+    np.testing.assert_allclose(covering_paths(moved), paths + ASIDE, atol=1e-9)
+    np.testing.assert_array_equal(covering_paths(forecast), paths)
+    truth = forecast.sample(200, np.random.default_rng(2))
+
+    def uncovered(chosen):
+        away = np.linalg.norm(chosen[:, None] - truth[:, :, None], axis=-1).mean(axis=-1)
+        return away.min(axis=2).mean()
+
+    assert uncovered(paths) < 0.9 * uncovered(draws)
+
+
+def test_paths_of_a_sure_forecast_are_its_modes():
+    forecast = fan(rows=2, modes=2)
+    sure = replace(forecast, covariance=1e-18 * np.tile(np.eye(2), (2, 2, 5, 1, 1)))
+    away = np.linalg.norm(covering_paths(sure)[:, :, None] - sure.path[:, None], axis=-1).max(axis=-1)
+    assert (away.min(axis=2) < 1e-6).all()
+    assert (away.min(axis=1) < 1e-6).all()
+
+
+def test_what_is_measured():
+    windows = found(crowd(1, people=12))
+
+    def fanned(request):
+        own = fan(len(request.rows), 3, 12)
+        return replace(own, path=own.path + request.asked.position[:, None, None], point=own.point)
+
+    scores = measure(windows, fanned, 20, MetricSettings())
+    assert (scores.values[BEST_ADE] <= scores.values["most_likely_ade_m"] + 0.2).all()
+    single = measure(windows, PRESENT_MOTION["cv"](), 20, MetricSettings())
+    assert np.isnan(single.values[BEST_ADE]).all()
+    both = mean_scores([scores, replace(scores, values={k: v + 1 for k, v in scores.values.items()})])
+    np.testing.assert_allclose(both.values["ade_m"], scores.values["ade_m"] + 0.5)
+
+
+def test_shares_follow_the_root_of_the_sizes():
+    shares = RecordingShare(real_share=0.6).mixed({"room": 3.0, "square": 1.0}, {"eth": 100, "univ": 10000})
+    assert shares == pytest.approx({"room": 0.3, "square": 0.1, "eth": 0.6 / 11, "univ": 6 / 11})
+    assert protocol_of(PROTOCOL).horizon_steps == 12
+
+
+def test_no_fold_trains_on_what_it_tests():
+    comparison = comparison_of(PARAMS)
+    published = [fold.test for name, fold in comparison.folds.items() if name in comparison.scenes]
+    assert published == [(scene,) for scene in SCENES]
+    given = dict(PARAMS["literature"])
+    for change in ({"train": ["biwi_eth"]}, {"train": ["biwi"]}, {"test": ["zara9"]}):
+        own = {**given, "folds": {"eth": {"test": ["eth"], "train": ["biwi_hotel"], **change}}}
+        with pytest.raises(ConfigError, match=r"literature\.folds\.eth\.(train|test)"):
+            comparison_of({"literature": own})
+    with pytest.raises(ValueRuleError, match="real_share"):
+        RecordingShare(real_share=1.5)
+
+
+def test_the_tables_name_stricter_folds_and_average_whole_rows_alone():
+    methods = Methods.parse(PARAMS["report"]["methods"], PARAMS["comparison"]["reference"])
+    own = {"ade_m": 0.4, "fde_m": 0.8, "best_ade_m": 0.2, "best_fde_m": 0.3}
+    figures = {scene: {"cv": {"ade_m": 0.5, "fde_m": 1.0}, "mixture": own} for scene in SCENES}
+    figures["zara1_without_street"] = {"mixture": own | {"ade_m": 0.9}}
+    (section,) = literature_section(figures, PARAMS["report"]["published"], methods)
+    _, single, best = section.blocks
+    rows = {(row.cells[0].text, row.cells[-1].text): [cell.text for cell in row.cells] for row in single.rows}
+    label = methods["mixture"].label
+    assert rows[label, ""][-2] == "0.400 / 0.800"
+    assert rows[label, "whole street or campus left out"][4:7] == [
+        "0.900 / 0.800",
+        "0.400 / 0.800",
+        "0.500 / 0.800",
+    ]
+    assert all(cells[0] != "Trajectron++ (Salzmann et al. 2020)" for cells in rows.values())
+    names = [row.cells[0].text for row in best.blocks[1].rows]
+    assert names.count(label) == 2
+    assert methods["cv"].label not in names
+    assert literature_section({}, [], methods) == []
