@@ -14,7 +14,10 @@ from pedpred.literature.windows import WindowSet
 from pedpred.metrics import METRICS
 
 BEST_ADE, BEST_FDE = "best_ade_m", "best_fde_m"
-"""Errors of the nearest of the samples, each with its own nearest one; NaN for a method with one path."""
+"""Errors of the nearest of the samples, each with its own nearest one; NaN for a method with one path.
+
+The samples are those of `covering_paths`, or all modes of a method that gives no covariances.
+"""
 
 
 def measure(windows: WindowSet, forecaster: Forecaster, samples: int, settings: MetricSettings) -> Scores:
@@ -31,8 +34,10 @@ def measure(windows: WindowSet, forecaster: Forecaster, samples: int, settings: 
     scene = describe_scene(request.asked, request.scene.occupancy, settings)
     scores = score(predictions, windows.truth, windows.track, scene, METRICS)
     best = np.full((2, len(windows.track)), np.nan)
-    if predictions.covariance is not None and predictions.modes > 1:
-        away_m = np.linalg.norm(covering_paths(predictions, samples) - windows.truth[:, None], axis=-1)
+    if predictions.modes > 1:
+        spread = predictions.covariance is not None
+        paths = covering_paths(predictions, samples) if spread else predictions.path[:, :samples]
+        away_m = np.linalg.norm(paths - windows.truth[:, None], axis=-1)
         best = np.stack([away_m.mean(axis=2).min(axis=1), away_m[..., -1].min(axis=1)])
     return replace(scores, values={**scores.values, BEST_ADE: best[0], BEST_FDE: best[1]})
 
