@@ -1,5 +1,7 @@
 """Untrained networks, their folders, and tracks to train them on."""
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
@@ -59,14 +61,14 @@ def export(folder):
     return folder, network, encoder
 
 
-def export_mixture(folder):
+def export_mixture(folder, protocol=PROTOCOL):
     """Write a network without memory, with large weights; the folder, the network and no encoder."""
     torch.manual_seed(0)
     settings = parse_settings({"architecture": "mixture", "modes": 4, "units": 32})
-    network = settings.build(widths_of(MIXTURE_ROWS.features), 10).eval()
+    network = settings.build(widths_of(MIXTURE_ROWS.features), protocol.horizon_steps).eval()
     for weights in network.parameters():
         torch.nn.init.normal_(weights, std=0.1)
-    write_model(folder, network, GridAutoencoder(60, 64).encoder, MIXTURE_ROWS)
+    write_model(folder, network, GridAutoencoder(60, 64).encoder, replace(MIXTURE_ROWS, protocol=protocol))
     return folder, network, None
 
 

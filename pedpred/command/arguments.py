@@ -15,6 +15,7 @@ from pedpred import command as package
 from pedpred.command.conversion import convert, info, layout_of, refuse_overwriting
 from pedpred.command.driving import check_drive, drive
 from pedpred.command.evaluation import evaluate
+from pedpred.command.field_protocol import PROTOCOL
 from pedpred.command.prediction import predict
 from pedpred.command.warming import add_model, add_warm_up, named_path
 from pedpred.driving.forecasters import NAMES
@@ -202,6 +203,10 @@ def _model(command: argparse.ArgumentParser, tracker: str) -> None:
 
 
 def _conditions(command: argparse.ArgumentParser) -> None:
+    usual = (
+        "measure as the literature on ETH and UCY does: 8 annotations 0.4 s apart are seen, 12 are forecast"
+    )
+    command.add_argument("--protocol", choices=[PROTOCOL], help=usual)
     command.add_argument("--alone", action="store_true", help="everybody alone, without the other people")
     theirs = (
         "measure somebody else's forecasts too: a table (.csv, .parquet) with track, time, mode, weight, "

@@ -16,6 +16,7 @@ import numpy as np
 
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.conversion import read_given
+from pedpred.command.field_protocol import assess_windows, field_table
 from pedpred.command.foreign import ForeignForecasts, by_name, read_forecasts
 from pedpred.command.prediction import read_tracker, robot_for
 from pedpred.command.tables import SHOWN, caution, table, verdict
@@ -64,7 +65,9 @@ def evaluate(given: argparse.Namespace) -> None:
         _add_pool(scores)
     figures = {name: summarise_methods(own, STRONGEST, settings) for name, own in scores.items()}
     for name, rows in figures.items():
-        sys.stdout.write(table(name, rows, scores[name]))
+        sys.stdout.write(
+            field_table(name, scores[name]) if given.protocol else table(name, rows, scores[name])
+        )
     sys.stdout.write(verdict(list(scores.values())[-1], settings))
     sys.stdout.writelines(caution(name, place) for name, place in places.items())
     if given.json is not None:
@@ -94,6 +97,8 @@ def _assessed(
         scene = replace(scene, trajectories=apart.moved(scene.trajectories))
         foreign = {name: apart.moved(own) for name, own in foreign.items()}
         meaningless += ["collision_share", "mode_collision_share"]
+    if given.protocol:
+        return assess_windows(scene, predictor, given.model is not None, settings, foreign)
     answered = partial(_answered, foreign) if foreign else None
     metrics = None if given.json else {key: METRICS[key] for key in SHOWN}
     found = assess(scene, predictor, settings, None, foreign, answered, metrics)

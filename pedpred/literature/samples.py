@@ -8,6 +8,7 @@ nearest in the mean (k-means with the mean distance over the steps, a quantiser 
 from __future__ import annotations
 
 import numpy as np
+
 from pedpred.compiled import compiled
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Predictions
@@ -41,7 +42,7 @@ def covering_paths(predictions: Predictions, count: int = 20) -> np.ndarray:
 
 
 def even_draws(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Evenly spread numbers in [0, 1) and pairs of standard normal numbers: an additive recurrence. [D], [D, 2]."""
+    """Evenly spread numbers in [0, 1) [D] and pairs of normal ones [D, 2], by an additive recurrence."""
     steps = _RATIO ** -np.arange(1, 4)
     even = (0.5 + np.outer(np.arange(1, count + 1), steps)) % 1.0
     away, turn = np.sqrt(-2.0 * np.log1p(-even[:, 1])), 2.0 * np.pi * even[:, 2]

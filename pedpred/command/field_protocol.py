@@ -1,0 +1,119 @@
+"""`pedpred evaluate --protocol eth-ucy`: the windows and figures that the literature compares."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from pedpred.baselines.present_motion import PRESENT_MOTION
+from pedpred.command.foreign import ForeignForecasts
+from pedpred.errors import ValueRuleError
+from pedpred.evaluation import MetricSettings, Scores
+from pedpred.forecasting import ForecastRequest
+from pedpred.literature.measures import BEST_ADE, BEST_FDE, measure
+from pedpred.literature.settings import WindowSettings
+from pedpred.literature.windows import WindowSet, find_windows
+from pedpred.online.assessment import NETWORK
+from pedpred.online.batch import predictions_in_blocks
+from pedpred.online.predictor import OnlinePredictor
+from pedpred.scenes import Predictions, Scene
+
+PROTOCOL = "eth-ucy"
+WINDOWS = WindowSettings(observed_steps=8, predicted_steps=12, step_s=0.4)
+SAMPLES = 20
+_SHOWN = {
+    "ade_m": "ADE m", "fde_m": "FDE m", "most_likely_ade_m": "most likely ADE m",
+    BEST_ADE: f"best of {SAMPLES} ADE m", BEST_FDE: "FDE m", "nll": "NLL nats",
+}  # fmt: skip
+_SAME_S = 1e-3
+_LOG = logging.getLogger(__name__)
+
+
+def assess_windows(
+    scene: Scene,
+    predictor: OnlinePredictor,
+    wanted: bool,
+    settings: MetricSettings,
+    foreign: Mapping[str, ForeignForecasts],
+) -> dict[str, Scores]:
+    """Measure simple methods, a model and others' forecasts in the windows of a recording.
+
+    Args:
+        scene: annotations every 0.4 s.
+        predictor: with the model, whose tracker simple methods use, too.
+        wanted: somebody named the model, so that one of another time step or horizon is an error.
+        settings: thresholds of the metrics.
+        foreign: forecasts of others by name; windows without one in each of them are left out.
+
+    Raises:
+        ValueRuleError: the recording has no window, or the model forecasts other steps.
+        SourceError: a file of forecasts does not belong to the windows.
+    """
+    if abs(scene.detection_dt_s - WINDOWS.step_s) > _SAME_S:
+        rule = f"this protocol needs annotations every {WINDOWS.step_s:g} s"
+        raise ValueRuleError("--protocol", f"{scene.name}, every {scene.detection_dt_s:g} s", rule)
+    about = predictor.description
+    windows = find_windows(scene, WINDOWS, predictor.filters, about.standstill_mps)
+    named = _as_recorded(windows)
+    for own in foreign.values():
+        kept = own.answered(named)
+        windows, named = _select(windows, kept), replace(named, rows=named.rows[kept])
+    if not len(windows.track):
+        length = WINDOWS.observed_steps + WINDOWS.predicted_steps
+        raise ValueRuleError("windows", 0, f"nobody in {scene.name} is annotated {length} times in a row")
+    scores = {key: measure(windows, make(), SAMPLES, settings) for key, make in PRESENT_MOTION.items()}
+    sizes = about.protocol
+    fits = (sizes.dt_s, sizes.horizon_steps) == (WINDOWS.step_s, WINDOWS.predicted_steps)
+    if fits and not about.memory:
+        scores[NETWORK] = measure(windows, partial(_forecast, predictor), SAMPLES, settings)
+    else:
+        has = f"{sizes.horizon_steps} steps of {sizes.dt_s:g} s" + (" and a memory" if about.memory else "")
+        rule = f"this protocol needs {WINDOWS.predicted_steps} steps of {WINDOWS.step_s:g} s, without memory"
+        if wanted:
+            raise ValueRuleError("--model", has, rule)
+        _LOG.info("the default model is left out: it forecasts %s, and %s", has, rule)
+    for name, forecasts in foreign.items():
+        scores[name] = measure(windows, partial(_answer, forecasts, named), SAMPLES, settings)
+    return scores
+
+
+def _as_recorded(windows: WindowSet) -> ForecastRequest:
+    """The same windows with the ids and times of the recording, as files of forecasts have them."""
+    request = windows.request
+    table = replace(request.asked, track_id=windows.track, time_s=windows.end_s)
+    return replace(request, table=table, rows=np.arange(len(windows.track)), tracks=None)
+
+
+def _select(windows: WindowSet, kept: np.ndarray) -> WindowSet:
+    """Some of the windows. [W] bool."""
+    request = replace(windows.request, rows=windows.request.rows[kept])
+    return WindowSet(request, windows.truth[kept], windows.track[kept], windows.end_s[kept])
+
+
+def _answer(forecasts: ForeignForecasts, named: ForecastRequest, request: ForecastRequest) -> Predictions:
+    """What others forecast for these windows, whose request names them otherwise."""
+    return forecasts(named)
+
+
+def _forecast(predictor: OnlinePredictor, request: ForecastRequest) -> Predictions:
+    """The model's forecasts of the windows, in their order."""
+    blocks = predictions_in_blocks(predictor, request, f"forecast {request.scene.name}")
+    which, parts = zip(*blocks, strict=True)
+    return Predictions.join(parts).select(np.argsort(np.concatenate(which)))
+
+
+def field_table(name: str, scores: Mapping[str, Scores]) -> str:
+    """Write the figures of a scene: a row per method."""
+    cells = [["method", *_SHOWN.values()]]
+    for method, own in scores.items():
+        means = [own.values[key].mean() for key in _SHOWN]
+        cells.append([method, *("-" if np.isnan(mean) else f"{mean:.3f}" for mean in means)])
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
+    count = len(next(iter(scores.values())).track)
+    about = f"{name}: {count} windows of {WINDOWS.observed_steps} + {WINDOWS.predicted_steps} annotations"
+    return "\n".join([about, *lines, "", ""])
