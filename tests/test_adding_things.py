@@ -33,7 +33,7 @@ SMALL += ["training.corridor.sets=[real/toy]"]
 OTHERS = [f"~folds.real.{fold}" for fold in PARAMS["folds"]["real"]]
 LEARNED = [f"{group}.{name}" for group in ("networks", "memoryless") for name in PARAMS["methods"][group]]
 OTHERS += [f"methods.{name}.where=[]" for name in LEARNED]
-OTHERS += ["~folds.sim", "~folds.transfer", "~folds.literature"]
+OTHERS += ["~folds.sim", "~folds.transfer"]
 OTHERS += ["~report.methods.mixture", "~report.methods.mixture_small"]
 OTHERS += [f"+report.methods.toy={{label: {SHOWN['label']}, colour: '{SHOWN['colour']}', role: network}}"]
 EXPORT = f"networks: models/folds/toy, network: toy, tracker: {PLACE['tracker']}"

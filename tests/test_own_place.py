@@ -160,11 +160,10 @@ def test_a_missing_place_is_in_no_result(project, monkeypatch):
     project["folds"] = {
         "transfer": {"simulation": {"test": ["real/eth"]}},
         "real": {"fold": {"train": [], "test": ["real/eth"]}},
-        "literature": {"native": {"test": ["literature/eth"]}},
     }
     for name in NETWORKS:
         run("train", project, name=name, phase="finetune", fold="fold")
-    for study, networks in (("transfer", "main"), ("real", "folds/fold"), ("literature", "main")):
+    for study, networks in (("transfer", "main"), ("real", "folds/fold")):
         evaluate(project, networks)
         run("gather", project, name=study)
         assert json.loads(Path(f"reports/metrics/{study}.json").read_text()) == {}

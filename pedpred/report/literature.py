@@ -21,7 +21,7 @@ MEAN = "mean"
 _ONE, _BEST = ("ade_m", "fde_m"), ("best_ade_m", "best_fde_m")
 _SEEN = (
     "8 annotations 0.4 s apart are seen, the next 12 are forecast; one scene is left out at a time, and "
-    "every person who is seen in all 20 annotations counts. Errors are ADE / FDE in metres. Networks read "
+    "every person who is seen in all 20 annotations counts. Errors are in metres. Networks read "
     "positions, no map; figures are the mean of three trainings. The usual folds test Zara with other "
     "recordings of the same street in training; rows with the whole street or campus left out are stricter. "
     "The file of the scene eth is used as it is, though its frame rate is disputed."
@@ -54,7 +54,7 @@ def literature_section(
 
 
 def _header() -> list[str]:
-    return ["method", *SCENES, MEAN, "remark"]
+    return ["method", *(word for scene in (*SCENES, MEAN) for word in (f"{scene} ADE", "FDE")), "remark"]
 
 
 def strict_key(literature: Mapping[str, Figures], scene: str) -> str | None:
@@ -89,16 +89,15 @@ def _row(
     for scene in SCENES:
         own = literature.get(entries[scene], {}).get(name, {})
         if not own.keys() >= set(keys):
-            cells.append(Cell(NOTHING))
+            cells += [Cell(NOTHING)] * len(keys)
             continue
-        pair = [float(own[key]) for key in keys]
-        errors.append(pair)
-        bounds = own.get(f"{keys[0]}_ci95")
-        cells.append(
-            Cell(_pair(pair), remark=f"95 % interval of the ADE {interval(bounds)} m" if bounds else "")
-        )
+        errors.append([float(own[key]) for key in keys])
+        for key, error in zip(keys, errors[-1], strict=True):
+            bounds, place = own.get(f"{key}_ci95"), f"literature.{entries[scene]}.{name}.{key}"
+            cells.append(Cell(f"{error:.3f}", place, remark=f"95 % {interval(bounds)} m" if bounds else ""))
     whole = len(errors) == len(SCENES)
-    cells.append(Cell(_pair(np.mean(errors, axis=0)) if whole else NOTHING, strong=whole))
+    means = np.mean(errors, axis=0) if whole else ()
+    cells += [Cell(f"{mean:.3f}", strong=True) for mean in means] or [Cell(NOTHING)] * len(keys)
     return Row([*cells, Cell(remark)], name)
 
 
@@ -111,7 +110,8 @@ def _quoted(published: Sequence[Published], samples: int) -> list[Row]:
         errors = dict(row["errors_m"])
         if set(SCENES) <= set(errors):
             errors[MEAN] = np.mean([errors[scene] for scene in SCENES], axis=0)
-        cells = [Cell(_pair(errors[key], 2) if key in errors else NOTHING) for key in (*SCENES, MEAN)]
+        pairs = [errors.get(key, (None, None)) for key in (*SCENES, MEAN)]
+        cells = [Cell(NOTHING if error is None else f"{error:.2f}") for pair in pairs for error in pair]
         rows.append(Row([Cell(row["name"]), *cells, Cell(row["remark"])]))
     return rows
 
@@ -131,7 +131,3 @@ def _probabilities(literature: Mapping[str, Figures], methods: Methods) -> Table
                 cells = [Cell(f"{s * own[key]:.3g}") for s, key in zip(scale, keys, strict=True)]
                 rows.append(Row([Cell(f"{methods[name].label}, {scene}"), *cells], name))
     return Table(["method, scene", *keys.values()], rows) if rows else None
-
-
-def _pair(pair: Sequence[float] | np.ndarray, digits: int = 3) -> str:
-    return " / ".join(f"{value:.{digits}f}" for value in pair)

@@ -56,9 +56,9 @@ def measured() -> dict[str, dict[str, float]]:
     }
 
 
-def published(place: str) -> dict[str, dict]:
-    """Read the committed figures of a real place under the protocol of the literature."""
-    return json.loads((ROOT / "reports" / "metrics" / "literature.json").read_text())[place]
+def published(scene: str) -> dict[str, dict]:
+    """Read the committed figures of a scene of the literature."""
+    return json.loads((ROOT / "reports" / "metrics" / "literature.json").read_text())[scene]
 
 
 if __name__ == "__main__":

@@ -8,10 +8,13 @@ import yaml
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.evaluation import EvaluationSettings, summarise_methods
-from pedpred.evaluation.literature import ask_about_stretches, find_stretches, score_stretches
-from pedpred.tracking import KalmanSettings
+from pedpred.literature.measures import measure
+from pedpred.literature.windows import find_windows
+from pedpred.sources.eth_ucy import read_text
+from pedpred.tracking import KalmanBank, KalmanSettings
+from stages.literature import comparison_of
+from tests.conftest import raw_folder
 from tests.trust.figures import COMMITTED, TOLERANCE, measured, published
-from tests.worlds import recorded
 
 PARAMS = yaml.safe_load((Path(__file__).resolve().parents[2] / "params.yaml").read_text())
 
@@ -23,17 +26,18 @@ def test_simulation_and_network_err_as_they_did():
     assert found.keys() == before.keys()
 
 
-@pytest.mark.parametrize("place", ["eth", "hotel"])
-def test_real_errors_are_the_published_ones(place, ewap_folder):
+@pytest.mark.parametrize("scene", ["eth", "hotel", "zara1"])
+def test_real_errors_are_the_published_ones(scene):
     """Nothing amplifies a rounding here: what is published has five digits, and all of them hold."""
-    options, literature = PARAMS["places"][place], PARAMS["literature"]
-    scene = recorded(ewap_folder, place)
-    steps = (literature[key] for key in ("observed_steps", "predicted_steps", "step_s"))
-    found, tuned = find_stretches(scene.trajectories, *steps), PARAMS["trackers"][options["tracker"]]
+    comparison, how = comparison_of(PARAMS), EvaluationSettings(bootstrap=1)
+    (name,) = comparison.scenes[scene]
+    recording = read_text(raw_folder("eth_ucy"), name, {**comparison.reader, "recording": name})
+    tuned = PARAMS["trackers"][comparison.tracker]
     tracker = KalmanSettings(**{name: value for name, value in tuned.items() if name != "kind"})
-    request, how = ask_about_stretches(scene, found, tracker), EvaluationSettings(bootstrap=1)
-    scores = {m: score_stretches(request, found, make(), how) for m, make in PRESENT_MOTION.items()}
+    still_mps = PARAMS["protocol"]["standstill_mps"]
+    windows = find_windows(recording, comparison.protocol, KalmanBank.around(tracker), still_mps)
+    scores = {m: measure(windows, make(), 1, how) for m, make in PRESENT_MOTION.items()}
     figures = summarise_methods(scores, STRONGEST, how)
     for method, own in figures.items():
-        for name in ("ade_m", "fde_m"):
-            assert own[name] == pytest.approx(published(place)[method][name], abs=2e-5)
+        for key in ("ade_m", "fde_m"):
+            assert own[key] == pytest.approx(published(scene)[method][key], abs=2e-5)
