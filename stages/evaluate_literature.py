@@ -10,7 +10,6 @@ from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.config import one_of, stage
 from pedpred.evaluation.scores import write_scores
 from pedpred.literature.measures import mean_scores, measure
-from pedpred.literature.recordings import are_available
 from pedpred.literature.settings import ComparisonSettings
 from pedpred.models.forecaster import forecaster
 from pedpred.workers import in_parallel
@@ -24,6 +23,8 @@ def evaluate_recording(
     """Measure all methods in one recording; networks are the mean of their seeds. A job of one worker."""
     torch.set_num_threads(1)
     settings, windows = metric_settings(cfg), windows_of(cfg, comparison, name)
+    if windows is None:
+        return
     measured = partial(measure, windows, samples=comparison.samples, settings=settings)
     scores = {key: measured(forecaster=method()) for key, method in PRESENT_MOTION.items()}
     folders = [Path("models/literature", cfg.fold, str(seed)) for seed in comparison.seeds]
@@ -41,8 +42,7 @@ def main(cfg: DictConfig) -> None:
     comparison = comparison_of(cfg)
     fold, out = one_of("fold", cfg.fold, comparison.folds), Path(cfg.get("out", "data/literature"), cfg.fold)
     out.mkdir(parents=True, exist_ok=True)
-    there = are_available(comparison)
-    pairs = [(scene, name) for scene in fold.test for name in comparison.scenes[scene] if there]
+    pairs = [(scene, name) for scene in fold.test for name in comparison.scenes[scene]]
     tasks = [(cfg, comparison, *pair, out) for pair in pairs]
     in_parallel(evaluate_recording, tasks, f"literature, {cfg.fold}", "recording")
 

@@ -5,36 +5,36 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import stage
-from pedpred.literature.recordings import are_available, read_recording
 from pedpred.literature.settings import ComparisonSettings
 from pedpred.literature.windows import WindowSet, find_windows, protocol_of, training_rows
 from pedpred.models.features import RowFormat
+from pedpred.storage.scenes import read_scene
 from pedpred.storage.situations import situation_columns, write_situations, write_situations_manifest
 from pedpred.tracking import KalmanBank
 from pedpred.workers import in_parallel
 from stages.features import features_of, kalman_of
 from stages.literature import comparison_of
 
+RECORDINGS = Path("data/eth_ucy")
 _MODEL = "mixture"
 """Whose inputs these are."""
 _PARTS = 5
 """Stretches of equal time of each recording, each a file."""
 
 
-def windows_of(cfg: DictConfig, settings: ComparisonSettings, recording: str) -> WindowSet:
-    """Read a recording and find its windows."""
-    tracker = KalmanBank.around(kalman_of(cfg, settings.tracker))
-    return find_windows(
-        read_recording(settings, recording), settings.protocol, tracker, cfg.protocol.standstill_mps
-    )
+def windows_of(cfg: DictConfig, settings: ComparisonSettings, recording: str) -> WindowSet | None:
+    """Read a recording and find its windows; None where it is not available."""
+    scene, tracker = read_scene(RECORDINGS / recording), KalmanBank.around(kalman_of(cfg, settings.tracker))
+    if scene.unavailable is not None:
+        return None
+    return find_windows(scene, settings.protocol, tracker, cfg.protocol.standstill_mps)
 
 
 def windows_into(out: Path, cfg: DictConfig, settings: ComparisonSettings, name: str) -> None:
     """Write the rows of one recording. A job of one worker."""
     made_with = RowFormat(protocol_of(settings.protocol), _MODEL, features_of(cfg, _MODEL))
     names = []
-    if are_available(settings):
-        windows = windows_of(cfg, settings, name)
+    if windows := windows_of(cfg, settings, name):
         for number, rows in enumerate(training_rows(windows, made_with.features, _PARTS)):
             names.append(f"{name}_{number}")
             write_situations(rows, out / name, names[-1], situation_columns(made_with))

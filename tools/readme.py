@@ -2,7 +2,7 @@
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. Its figures come from
 reports/metrics/{transfer,real}.json; while a place has none, all tables stay as they are. That of drives
-comes from reports/metrics/driving.
+comes from reports/metrics/driving, those beside the literature from reports/metrics/literature.json.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from pedpred.errors import StorageError
 from pedpred.files import atomic_write, read_json
 from pedpred.report.comparison import metrics_now
 from pedpred.report.drives import LABELS
+from pedpred.report.literature import literature_tables
 from pedpred.report.methods import Methods
 
 Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
@@ -196,8 +197,13 @@ def pages(root: Path) -> dict[Path, str]:
         logging.warning("the tables stay as they are: there are no figures of %s", ", ".join(without))
         return {}
     methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
+    literature = metrics_now(root / _METRICS).get("literature", {})
+    ours_and_theirs = (
+        literature_tables(literature, params["report"]["published"], methods) if literature else {}
+    )
     tables = tables_from(studies, methods) | {
-        "drives": drives_table(metrics_now(root / _METRICS / "driving"))
+        "drives": drives_table(metrics_now(root / _METRICS / "driving")),
+        **{name: table.markdown("") for name, table in ours_and_theirs.items()},
     }
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
     return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}

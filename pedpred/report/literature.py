@@ -45,12 +45,25 @@ def literature_section(
     """
     if not literature:
         return []
-    single = Table(_header(), _rows(literature, _ONE, methods) + _quoted(published, 1))
-    best = Table(_header(), _rows(literature, _BEST, methods) + _quoted(published, 20))
-    blocks: list[Block] = [Text(_SEEN), single, Section("Best of 20", [Text(_TWENTY), best])]
-    if further := _probabilities(literature, methods):
+    tables = literature_tables(literature, published, methods)
+    best = Section("Best of 20", [Text(_TWENTY), tables["literature_best"]])
+    blocks: list[Block] = [Text(_SEEN), tables["literature_one"], best]
+    if further := tables.get("literature_modes"):
         blocks.append(Section("Probabilities", [further]))
     return [Section("Beside the literature", blocks, "literature")]
+
+
+def literature_tables(
+    literature: Mapping[str, Figures], published: Sequence[Published], methods: Methods
+) -> dict[str, Table]:
+    """Tables by name: of one forecast, of the best of 20, and of modes where there are any."""
+    tables = {
+        "literature_one": Table(_header(), _rows(literature, _ONE, methods) + _quoted(published, 1)),
+        "literature_best": Table(_header(), _rows(literature, _BEST, methods) + _quoted(published, 20)),
+    }
+    if modes := _probabilities(literature, methods):
+        tables["literature_modes"] = modes
+    return tables
 
 
 def _header() -> list[str]:
