@@ -160,3 +160,30 @@ def test_rows_about_something_else_are_passed_over(tmp_path):
     path.write_text("time;id;x;y;vehicle\n0;ped0;0;0;\n0;;3;;car\n1;ped0;1;0;\n")
     with pytest.raises(SourceError, match="line 3"):
         read_file(path)
+
+
+@given(
+    wide=st.integers(3, 12),
+    deep=st.integers(2, 8),
+    apart_m=st.sampled_from([0.5, 1.0, 2.0]),
+    seen=st.integers(2, 6),
+    dt_s=st.sampled_from([0.1, 0.4, 1.0]),
+    speed_mps=st.sampled_from([0.0, 0.3, 1.2]),
+    clock=st.sampled_from(["time", "frame"]),
+)
+@settings(max_examples=60, deadline=None)
+def test_people_in_ranks_and_files_are_who_their_titles_say(
+    tmp_path_factory, wide, deep, apart_m, seen, dt_s, speed_mps, clock
+):
+    """Neighbours on a lattice stand nearer than a step, and whole numbers count its rows."""
+    rows = [
+        f"{k if clock == 'frame' else k * dt_s:g},{one},"
+        f"{one % wide * apart_m + speed_mps * dt_s * k:g},{one // wide * apart_m:g}"
+        for k in range(seen)
+        for one in range(wide * deep)
+    ]
+    path = tmp_path_factory.mktemp("parade") / "parade.csv"
+    path.write_text("\n".join([f"{clock},id,x,y", *rows]) + "\n")
+    people = read_file(path, TableOptions(rate_hz=1 / dt_s)).trajectories
+    assert len(np.unique(people.track_id)) == wide * deep
+    assert len(np.unique(people.time_s)) == seen

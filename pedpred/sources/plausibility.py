@@ -7,6 +7,7 @@ metres a second.
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from pedpred.tables.units import UNITS
 _log = logging.getLogger(__name__)
 _CLEAR = 2.0
 """In one reading people must go shorter steps, or be seen more often, than in the other by this factor."""
+_LONG_PERCENT = 95
+"""Of steps; longer ones may be gaps in tracks."""
 _FAR = 4.0
 """Of tracks that are too fast, steps must be shorter by this factor."""
 _FASTEST_MPS, _SLOWEST_MPS = 6.0, 0.05
@@ -47,8 +50,10 @@ def ids_come_first(first: np.ndarray, second: np.ndarray, position: np.ndarray) 
         Whether the first one does; None if the file could be read in both ways.
     """
     one, other = _motion(first, second, position), _motion(second, first, position)
-    by_steps = _clearly_less(one[0], other[0])
-    return _clearly_less(other[1], one[1]) if by_steps is None else by_steps
+    by_steps = _clearly_less(one.usual_step, other.usual_step)
+    if by_steps is None:
+        return _clearly_less(other.seen, one.seen)
+    return None if _clearly_less(one.long_step, other.long_step) is not by_steps else by_steps
 
 
 def _clearly_less(one: float, other: float) -> bool | None:
@@ -58,20 +63,35 @@ def _clearly_less(one: float, other: float) -> bool | None:
     return one < other
 
 
-def _motion(track_id: np.ndarray, frame: np.ndarray, position: np.ndarray) -> tuple[float, float]:
-    """Median step plus median change between steps, and how often people are seen.
+@dataclass(frozen=True)
+class _Motion:
+    """How tracks move, in the unit of positions and per detection.
 
-    The first is infinite where nobody is seen twice.
+    Attributes:
+        usual_step: median step plus median change between steps; infinite where nobody is seen twice.
+        long_step: the same of the 95th percentiles.
+        seen: median number of detections of a track.
     """
+
+    usual_step: float
+    long_step: float
+    seen: float
+
+
+def _motion(track_id: np.ndarray, frame: np.ndarray, position: np.ndarray) -> _Motion:
     order = np.lexsort((frame, track_id))
     step = np.diff(position[order], axis=0)
     same = np.diff(track_id[order]) == 0
     seen = float(np.median(np.unique(track_id, return_counts=True)[1])) if len(track_id) else 0.0
     if not same.any():
-        return np.inf, seen
+        return _Motion(np.inf, np.inf, seen)
     change = np.linalg.norm(np.diff(step, axis=0)[same[1:] & same[:-1]], axis=-1)
-    length = float(np.median(np.linalg.norm(step[same], axis=-1)))
-    return length + (float(np.median(change)) if len(change) else 0.0), seen
+    length = np.linalg.norm(step[same], axis=-1)
+    usual, long = (
+        float(np.percentile(length, share)) + (float(np.percentile(change, share)) if len(change) else 0.0)
+        for share in (50, _LONG_PERCENT)
+    )
+    return _Motion(usual, long, seen)
 
 
 def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> None:
@@ -146,12 +166,14 @@ def _are_exchanged(people: Trajectories) -> bool:
     """Whether steps would be shorter with ids and times exchanged, and tracks are brief or too fast."""
     as_titled = _motion(people.track_id, people.time_s, people.position)
     exchanged = _motion(people.time_s, people.track_id, people.position)
-    if not _clearly_less(exchanged[0], as_titled[0]):
+    if not _clearly_less(exchanged.usual_step, as_titled.usual_step):
         return False
-    fast = as_titled[0] > _FASTEST_MPS * people.usual_interval_s()
-    if fast and as_titled[0] > _FAR * exchanged[0]:
+    if not _clearly_less(exchanged.long_step, as_titled.long_step):  # rows of people, as on parade
+        return False
+    fast = as_titled.usual_step > _FASTEST_MPS * people.usual_interval_s()
+    if fast and as_titled.usual_step > _FAR * exchanged.usual_step:
         return True
-    return bool(_clearly_less(as_titled[1], exchanged[1]))
+    return bool(_clearly_less(as_titled.seen, exchanged.seen))
 
 
 def _is_clock(people: Trajectories, values: np.ndarray) -> bool:
@@ -167,8 +189,14 @@ def _is_clock(people: Trajectories, values: np.ndarray) -> bool:
 
 
 def _holds_ids(people: Trajectories, values: np.ndarray) -> bool:
-    """Whether values are few whole numbers, each more often than an id, which is there once or twice."""
+    """Whether values are few whole numbers, each more often than an id, which is there once or twice.
+
+    As ids, none may be twice in one instant.
+    """
     if not len(values) or (values != np.round(values)).any():
+        return False
+    order = np.lexsort((people.time_s, values))
+    if ((np.diff(values[order]) == 0) & (np.diff(people.time_s[order]) == 0)).any():
         return False
     seen, often = (
         np.median(np.unique(column, return_counts=True)[1]) for column in (people.track_id, values)
