@@ -182,7 +182,7 @@ def test_a_bag_under_another_name_is_named(tmp_path):
         (write_vadere, "endTime-PID1", "endTime-PID1 endTime-PID7", "2 columns endTime"),
         (write_vadere, "1 0.2 0.6", "1 0.9 0.6", "endTime is before simTime"),
         (write_viswalk, "COORDCENTX", "LENGTH", "the attribute COORDCENTX was not recorded"),
-        (write_viswalk, "1.2000", "1,2000", r"line 6: COORDCENTX|x = '1,2000' is not a number"),
+        (write_viswalk, "1.2000", "1,2000", r"numbers have commas in line 6 and points in line 6"),
         (write_atc, "1200,", "1200,7,", "line 1: 9 columns|no header"),
     ],
 )

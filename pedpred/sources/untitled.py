@@ -24,6 +24,7 @@ from pedpred.tables.detections import with_positions, without_copies
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import lines_of, of_width
 from pedpred.tables.options import TableOptions
+from pedpred.tables.reading import numbered
 from pedpred.tables.text import OWN_FILE, read_numbers
 from pedpred.tables.units import UNITS
 
@@ -65,7 +66,7 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     if rate_hz is None:
         raise SourceError(path, None, *NO_RATE)
     columns |= {"time_s": _frames(right, columns.pop("frame")) / rate_hz, "x_m": position[:, 0]}
-    columns |= {"track_id": left.of_tracks(columns["track_id"]), "y_m": position[:, 1]}
+    columns |= {"track_id": numbered(left, columns["track_id"], options), "y_m": position[:, 1]}
     columns = without_copies(path, columns)
     _log.info("%s: each line is %s, x, y, as people move (%s, %g Hz)", path, order, unit, rate_hz)
     with translate_errors(partial(SourceError, path, None)):

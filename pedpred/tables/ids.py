@@ -13,7 +13,6 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.tables.text import OWN_FILE, Row, is_number, whole_number
 
-_SHOWN_NAMES = 3
 _LONGEST_NAME, _MOST_NAMES = 200, 500_000
 _LONGEST_PLAIN = 18  # digits that fit into 64 bits
 _NOBODY = {"", "nan", "null", "none"}
@@ -51,7 +50,7 @@ class Ids:
         """
         for line, fields in rows:
             name = fields[at].strip()
-            if not self.later and _is_plain(name):
+            if not self.later and is_plain(name):
                 self.plain_rows += 1
                 yield line, fields
             else:
@@ -92,7 +91,7 @@ class Ids:
         later = np.fromiter(values, np.int64, len(self.later))
         return np.concatenate([column[: self.plain_rows], later[column[self.plain_rows :]]])
 
-    def of_tracks(self, column: np.ndarray) -> np.ndarray:
+    def of_tracks(self, column: np.ndarray) -> tuple[np.ndarray, list[str]]:
         """Ids as numbers: those that they write, or their places in the order of appearance.
 
         The latter where some are words, or where two of them are the same number, such as 1 and 01.
@@ -101,28 +100,25 @@ class Ids:
             column: see `whole`.
 
         Returns:
-            [M] int64.
+            [M] int64, and the ids in the order of their places; none where the numbers are the ids.
 
         Raises:
             SourceError: see `whole`.
         """
         values = self.whole(column)
         if values is not None and not self.later:
-            return values
+            return values, []
         names, places = self._named(column)
         if values is not None:
             number = np.zeros(len(names), np.int64)
             number[places] = values
             _, group, sizes = np.unique(number, return_inverse=True, return_counts=True)
             if sizes.max(initial=1) == 1:
-                return values
+                return values, []
             one, other = (names[k] for k in np.flatnonzero(group == sizes.argmax())[:2])
             problem = f"{self.title} {one} and {other} are the same number, but written differently"
             _log.warning("%s: %s: they are read as different people", self.path, problem)
-        shown = ", ".join(f"{name} is {place}" for place, name in enumerate(names[:_SHOWN_NAMES]))
-        more = ", ..." * (len(names) > _SHOWN_NAMES)
-        _log.info("%s: ids are words, and numbered: %s%s", self.path, shown, more)
-        return places
+        return places, names
 
     def _named(self, column: np.ndarray) -> tuple[list[str], np.ndarray]:
         """All ids in the order of appearance, and of each row the place of its id."""
@@ -134,7 +130,7 @@ class Ids:
         return list(places), np.concatenate([early, later[column[self.plain_rows :]]])
 
 
-def _is_plain(name: str) -> bool:
+def is_plain(name: str) -> bool:
     """Whether a whole number is written in the only usual way, so that it says its letters."""
     digits = name[1:] if name.startswith("-") else name
     usual = digits[:1] != "0" or name == "0"
