@@ -34,6 +34,8 @@ _DEGREES_PER_S = 2e-4
 _REGULAR, _IRREGULAR = 1e-3, 0.1
 """A clock's steps differ by less than the first share of their median, others by more than the second."""
 _FEWEST_STEPS = 5
+_MOST_ROWS, _BLOCK_ROWS = 2**18, 2**16
+"""How many rows are looked at for their titles, and how many at once for speeds, which bounds the memory."""
 _SPAN_S = 0.4
 """Speeds are measured over this time at least, so that noise and short steps do not count."""
 
@@ -149,7 +151,8 @@ def check_titles(path: Path, people: Trajectories) -> None:
     Raises:
         SourceError: nobody moves like this, but people would if two titles were exchanged.
     """
-    problem = None
+    problem, some = None, slice(_MOST_ROWS)
+    people = Trajectories(people.time_s[some], people.track_id[some], people.position[some])
     if _are_exchanged(people):
         problem = "tracks jump; people would walk if the columns of ids and of times or frames were exchanged"
     for title, values in zip("xy", people.position.T, strict=True):
@@ -208,11 +211,17 @@ def _speeds_mps(people: Trajectories) -> np.ndarray:
     """Speeds along all tracks, each over at least `_SPAN_S`, m/s."""
     if not len(people):
         return np.zeros(0)
-    order = np.lexsort((people.time_s, people.track_id))
-    track, time_s, position = people.track_id[order], people.time_s[order], people.position[order]
-    life = np.cumsum(np.append(0, np.diff(track) != 0))
-    clock = time_s + life * (np.ptp(time_s) + 2 * _SPAN_S)  # rises over all tracks, one after the other
-    later = np.minimum(np.searchsorted(clock, clock + _SPAN_S - 1e-6), len(track) - 1)
-    measured = (track[later] == track) & (time_s[later] - time_s >= _SPAN_S / 2)
-    way_m = np.linalg.norm(position[later] - position, axis=-1)[measured]
-    return way_m / (time_s[later] - time_s)[measured]
+    order = np.argsort(people.track_id, kind="stable")  # rows are in order of time
+    starts = np.diff(people.track_id[order], prepend=people.track_id[order[0]]) != 0
+    clock = np.cumsum(starts) * (np.ptp(people.time_s) + 2 * _SPAN_S)
+    clock += people.time_s[order]  # rises over all tracks, one after the other
+    parts = []
+    for first in range(0, len(order), _BLOCK_ROWS):
+        now = slice(first, first + _BLOCK_ROWS)
+        later = np.minimum(np.searchsorted(clock, clock[now] + _SPAN_S - 1e-6), len(order) - 1)
+        row, then = order[now], order[later]
+        after_s = people.time_s[then] - people.time_s[row]
+        measured = (people.track_id[then] == people.track_id[row]) & (after_s >= _SPAN_S / 2)
+        way_m = np.linalg.norm(people.position[then] - people.position[row], axis=-1)
+        parts.append(way_m[measured] / after_s[measured])
+    return np.concatenate(parts)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,6 @@ import numpy as np
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
-from pedpred.storage.tracks import tracks_of
 from pedpred.tables.clocks import set_time
 from pedpred.tables.comments import frame_rate_hz, unit_of_lengths
 from pedpred.tables.decimals import with_decimal_points
@@ -28,6 +28,7 @@ from pedpred.tables.titles import LENGTHS, meaning_of, titles_of_tracks
 from pedpred.tables.units import UNITS
 
 _NAME = "Name all columns in order, such as --columns time,id,x,y"
+_PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
 _LONGEST_TITLES, _SHOWN_NAMES = 200, 3
 _log = logging.getLogger(__name__)
 
@@ -100,7 +101,7 @@ def _read(
         del columns["line"]
         if lines is not None:
             _tell(path, titles, wanted, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
-        return tracks_of(columns, path)
+        return _tracks(columns)
 
 
 def numbered(ids: Ids, column: np.ndarray, options: TableOptions) -> np.ndarray:
@@ -121,6 +122,20 @@ def numbered(ids: Ids, column: np.ndarray, options: TableOptions) -> np.ndarray:
         more = ", ..." * (len(names) > _SHOWN_NAMES)
         _log.info("%s: ids are words, and numbered: %s%s", ids.path, shown, more)
     return numbers
+
+
+def _tracks(columns: dict[str, np.ndarray]) -> Trajectories:
+    """The tracks in columns, which are emptied on the way: two million rows are large.
+
+    Raises:
+        ValueRuleError: a value is impossible.
+    """
+    for field, names in _PAIRS.items():
+        if set(names) <= set(columns):
+            columns[field] = np.stack([columns.pop(name) for name in names], axis=-1)
+    return Trajectories(
+        **{field.name: columns[field.name] for field in fields(Trajectories) if field.name in columns}
+    )
 
 
 def _said(title: str) -> str | None:
