@@ -183,7 +183,12 @@ def test_a_bag_under_another_name_is_named(tmp_path):
         (write_vadere, "1 0.2 0.6", "1 0.9 0.6", "endTime is before simTime"),
         (write_viswalk, "COORDCENTX", "LENGTH", "the attribute COORDCENTX was not recorded"),
         (write_viswalk, "1.2000", "1,2000", r"numbers have commas in line 6 and points in line 6"),
-        (write_atc, "1200,", "1200,7,", "line 1: 9 columns|no header"),
+        (
+            write_atc,
+            "1200,",
+            "1200,7,",
+            "line 1: 9 columns|no header|no comment says the frame rate|line 2: 8 columns",
+        ),
     ],
 )
 def test_what_is_wrong_with_a_text_is_said(tmp_path, write, old, new, named):

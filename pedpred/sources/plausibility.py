@@ -23,8 +23,9 @@ _LONG_PERCENT = 95
 """Of steps; longer ones may be gaps in tracks."""
 _FAR = 4.0
 """Of tracks that are too fast, steps must be shorter by this factor."""
-_FASTEST_MPS, _SLOWEST_MPS = 6.0, 0.05
-"""Between these lies the speed that 99 % of the time is not exceeded, where people walk."""
+_JUMP_MPS, _FASTEST_MPS, _SLOWEST_MPS = 12.0, 6.0, 0.05
+"""Nobody runs as fast as the first. Where people walk, 99 % of their speeds are less than the second, and some
+are more than the third."""
 _USUAL_MPS = 3.0
 """Where it lies at most in the unit that is meant."""
 _LIKELY = ("m", "ft", "cm", "mm")
@@ -110,7 +111,10 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> 
     speed_mps = _speeds_mps(trajectories)
     if not len(speed_mps):
         return
-    usual_mps = float(np.percentile(speed_mps, 99))
+    usual_mps, jumps = float(np.percentile(speed_mps, 99)), int((speed_mps > _JUMP_MPS).sum())
+    if jumps and usual_mps <= _FASTEST_MPS:
+        cause = "are ids exchanged, or were people who were not seen put at 0, 0?"
+        _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
     if usual_mps > _FASTEST_MPS:
         likely = next((unit for unit in _LIKELY if usual_mps * UNITS[unit] <= _USUAL_MPS), "mm")
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), nobody walks so fast"
@@ -119,6 +123,9 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> 
             remedy += "or correct --rate or the order of --columns"
             raise SourceError(path, None, problem, remedy)
         _log.warning("%s: %s", path, problem)
+    elif usual_mps > _USUAL_MPS:
+        text = "%s: people move at up to %.3g m/s (1 %% are faster), which is running; are lengths metres?"
+        _log.warning(text, path, usual_mps)
     elif usual_mps < _SLOWEST_MPS:
         _log.warning(
             "%s: nobody moves faster than %.2g m/s; are lengths metres, times seconds?", path, usual_mps

@@ -108,7 +108,7 @@ def format_of(path: Path, options: TableOptions | None = None) -> Format:
         return found
     if problem := begins.foreign():
         raise problem
-    return _TEXT if path.suffix not in (".csv", ".tsv") and not has_header(path) else _TABLE
+    return _TABLE if has_header(path) else _TEXT
 
 
 def checked_interval_s(path: Path, people: Trajectories, titled: bool, sure: bool) -> float:
@@ -148,7 +148,7 @@ def check_clock(path: Path, dt_s: float) -> None:
             raise SourceError(path, None, problem, IN_SECONDS)
 
 
-_TEXT = Format("text with id frame x y or frame id x y", lambda begins: False, read_untitled, any_unit=True)
+_TEXT = Format("text without titles", lambda begins: False, read_untitled, any_unit=True)
 _TABLE = Format("table", lambda begins: False, read_table, any_unit=True)
 """What other texts are, with and without a header."""
 

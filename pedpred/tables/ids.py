@@ -14,6 +14,7 @@ from pedpred.errors import SourceError
 from pedpred.tables.text import OWN_FILE, Row, is_number, whole_number
 
 _LONGEST_NAME, _MOST_NAMES = 200, 500_000
+_FEW_FRACTIONS = 0.25  # more are no errors
 _LONGEST_PLAIN = 18  # digits that fit into 64 bits
 _NOBODY = {"", "nan", "null", "none"}
 _log = logging.getLogger(__name__)
@@ -71,6 +72,26 @@ class Ids:
             raise SourceError(self.path, line, f"more than {_MOST_NAMES} different {self.title}", self.remedy)
         self.first_lines.append(line)
         return self.later.setdefault(name, len(self.later))
+
+    def holds_fractions(self) -> bool:
+        """Whether all are numbers, and many of the different ones no whole ones, as those of times are."""
+        numbers = [float(name) for name in self.later if is_number(name)]
+        fractions = sum(not value.is_integer() for value in numbers)
+        return len(numbers) == len(self.later) and fractions > _FEW_FRACTIONS * len(numbers)
+
+    def written(self, column: np.ndarray) -> np.ndarray:
+        """The numbers that they are.
+
+        Args:
+            column: what was read from the rows of `numbered`. [M] int64
+
+        Returns:
+            [M] float64.
+        """
+        later = np.array([float(name) for name in self.later])
+        return np.concatenate(
+            [column[: self.plain_rows].astype(np.float64), later[column[self.plain_rows :]]]
+        )
 
     def whole(self, column: np.ndarray) -> np.ndarray | None:
         """The whole numbers that the ids write; None: some are words.
