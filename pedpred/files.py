@@ -85,15 +85,20 @@ def read_bytes(path: Path, largest: int = _LARGEST_BYTES) -> bytes:
         return file.read(size)
 
 
-def read_lines(path: Path, encoding: str = "utf-8-sig") -> Iterator[tuple[int, str]]:
+def read_lines(path: Path, encoding: str = "utf-8-sig", errors: str = "strict") -> Iterator[tuple[int, str]]:
     """Number (from 1) and content of each line that is not blank; only one is in memory.
+
+    Args:
+        path: the file.
+        encoding: of the text.
+        errors: name of the handler of bytes that are no text in this encoding, see `codecs.register_error`.
 
     Raises:
         OSError: the file cannot be read.
         UnicodeError: it is no text in this encoding.
         ShapeError: a line is too long for a text file.
     """
-    with path.open(encoding=encoding) as file:
+    with path.open(encoding=encoding, errors=errors) as file:
         for number in itertools.count(1):
             line = file.readline(_LONGEST_LINE)
             if len(line) == _LONGEST_LINE:

@@ -67,20 +67,66 @@ def test_a_map_changes_forecasts_and_may_be_a_path(tmp_path, forecasts):
     ("change", "error", "named"),
     [
         (lambda t: t.drop(columns="x"), ValueRuleError, "no column for x_m"),
-        (lambda t: t.assign(x=t.x.where(t.index != 3)), SourceError, "line 4: x = 'nan'"),
+        (lambda t: t.assign(time=t.time.where(t.index != 3)), SourceError, "line 4: time = '' is not a"),
         (lambda t: t.assign(id=t.id.where(t.index != 3)), ValueRuleError, "row 4 has no id"),
         (
             lambda t: t.rename(columns={"time": "frame"}).round().drop_duplicates(["frame", "id"]),
             SourceError,
             "rate",
         ),
-        (lambda t: t.assign(x=100 * t.x), SourceError, "nobody walks so fast"),
+        (lambda t: t.assign(x=100 * t.x, y=100 * t.y), SourceError, "nobody walks so fast"),
         (lambda t: t.assign(time=1000 * t.time), SourceError, "looks like milliseconds"),
+        (lambda t: t.assign(x=13 + 1e-7 * t.x, y=52 + 1e-7 * t.y), SourceError, "look like degrees"),
     ],
 )
 def test_what_is_wrong_with_a_frame_is_said(change, error, named):
     with pytest.raises(error, match=named):
         pedpred.predict(change(WALKS))
+
+
+@pytest.mark.parametrize("nothing", [np.nan, None, pd.NA])
+def test_rows_without_a_position_are_missing_detections_as_in_files(caplog, nothing):
+    gap = WALKS.assign(id=WALKS.id.map({1: "Ann", 2: "Bo"})).astype(object)
+    gap.loc[5, ["x", "y"]] = nothing
+    found = pedpred.predict(gap)
+    assert "1 row, the first in line 6" in caplog.text
+    pd.testing.assert_frame_equal(found, pedpred.predict(gap.drop(index=5)))
+    vehicles = pd.concat([WALKS, pd.DataFrame({"time": [0.2, 0.6]})], ignore_index=True)
+    pd.testing.assert_frame_equal(pedpred.predict(vehicles), pedpred.predict(WALKS), check_dtype=False)
+
+
+def test_rows_that_repeat_another_one_are_left_out_as_in_files(caplog, forecasts):
+    pd.testing.assert_frame_equal(pedpred.predict(pd.concat([WALKS, WALKS[:3]])), forecasts)
+    assert "3 rows" in caplog.text
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_forecasts_of_the_command_are_of_the_names_in_the_file(tmp_path, kind, capsys):
+    """Also of names that are numbers of somebody else, and `evaluate` measures them as the network's."""
+    names = {1: "Bo", 2: "0"}
+    walks = pd.concat([WALKS.assign(time=WALKS.time + 3.2 * k, x=WALKS.x + 3.2 * k) for k in range(3)])
+    walks.assign(id=walks.id.map(names)).to_csv(tmp_path / "walk.csv", index=False)
+    theirs = tmp_path / f"theirs.{kind}"
+    main(["predict", str(tmp_path / "walk.csv"), "-o", str(theirs)])
+    read = pd.read_csv(theirs, dtype={"track": str}) if kind == "csv" else pd.read_parquet(theirs)
+    assert set(read.track) == set(names.values())
+    capsys.readouterr()
+    main(["evaluate", str(tmp_path / "walk.csv"), "--forecasts", str(theirs)])
+    rows = {line.split()[0]: line.split()[1] for line in capsys.readouterr().out.splitlines()[2:7] if line}
+    assert float(rows["theirs"]) < 0.2, "those of the same people"
+    read.assign(track=read.track.map({"Bo": "Cy", "0": "Di"})).to_csv(tmp_path / "others.csv", index=False)
+    with pytest.raises(SystemExit, match="forecasts are of Cy, Di; tracks of the recording are Bo, 0"):
+        main(["evaluate", str(tmp_path / "walk.csv"), "--forecasts", str(tmp_path / "others.csv")])
+
+
+def test_numbers_that_a_file_is_told_to_have_still_mean_its_people(tmp_path, capsys):
+    """Forecasts that call tracks by the numbers which `pedpred info` names."""
+    walks = pd.concat([WALKS.assign(time=WALKS.time + 3.2 * k, x=WALKS.x + 3.2 * k) for k in range(3)])
+    walks.assign(id=walks.id.map({1: "Ann", 2: "Bo"})).to_csv(tmp_path / "walk.csv", index=False)
+    pedpred.predict(walks.assign(id=walks.id - 1)).to_csv(tmp_path / "theirs.csv", index=False)
+    main(["evaluate", str(tmp_path / "walk.csv"), "--forecasts", str(tmp_path / "theirs.csv")])
+    rows = {line.split()[0]: line.split()[1] for line in capsys.readouterr().out.splitlines()[2:7] if line}
+    assert float(rows["theirs"]) < 0.2
 
 
 @pytest.mark.parametrize(
@@ -90,6 +136,7 @@ def test_what_is_wrong_with_a_frame_is_said(change, error, named):
         ({"x": np.nan}, "column x: .*missing values"),
         ({"x": np.inf}, "column x holds other values than finite numbers"),
         ({"track": 0.5}, "column track holds other values than whole numbers"),
+        ({"track": [None, *"Bo"] * 320}, "column track has 320 missing values"),
     ],
 )
 def test_what_is_wrong_with_forecasts_in_parquet_is_said(tmp_path, forecasts, change, named):

@@ -182,8 +182,13 @@ def test_a_bag_under_another_name_is_named(tmp_path):
         (write_vadere, "endTime-PID1", "endTime-PID1 endTime-PID7", "2 columns endTime"),
         (write_vadere, "1 0.2 0.6", "1 0.9 0.6", "endTime is before simTime"),
         (write_viswalk, "COORDCENTX", "LENGTH", "the attribute COORDCENTX was not recorded"),
-        (write_viswalk, "1.2000", "1,2000", r"line 6: COORDCENTX|x = '1,2000' is not a number"),
-        (write_atc, "1200,", "1200,7,", "line 1: 9 columns|no header"),
+        (write_viswalk, "1.2000", "1,2000", r"numbers have commas in line 6 and points in line 6"),
+        (
+            write_atc,
+            "1200,",
+            "1200,7,",
+            "line 1: 9 columns|no header|no comment says the frame rate|line 2: 8 columns",
+        ),
     ],
 )
 def test_what_is_wrong_with_a_text_is_said(tmp_path, write, old, new, named):
@@ -309,7 +314,7 @@ def test_footsteps_are_sampled_as_often_as_asked(tmp_path):
         (b"PAR1\0\0", "Parquet"),
         (b"\x89HDF\r\n\x1a\n\0", "HDF5.*Pedestrian Dynamics Data Archive"),
         (b"\x80\x04\x95", "pickle"),
-        ("time,id,x,y".encode("utf-16"), "UTF-16.*UTF-8"),
+        ("time,id,x,y".encode("utf-16-le"), "UTF-16.*UTF-8"),
         (b"<geometry unit='m'><rooms/></geometry>", r"<geometry>.*--map"),
         (b"\0\1\2\3", "neither text nor a known recording.*00 01 02 03"),
     ],

@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
 from pedpred.command.maps import map_at
 from pedpred.errors import StorageError
+from pedpred.geometry import rotate
 from pedpred.storage.maps import read_map, read_map_file
 from pedpred.storage.pixels import blocked_cells, blocked_greys
 
@@ -324,3 +325,43 @@ def test_a_picture_of_another_kind_is_to_be_converted(tmp_path, name):
     write(tmp_path, name=name, image=name)
     with pytest.raises(StorageError, match=rf"{name}.*of another kind than PNG, .*convert it to PNG"):
         read_map(tmp_path)
+
+
+@given(st.floats(-7.0, 7.0), st.sampled_from([["1"], ["L"], ["RGB"], ["RGBA"]]))
+@settings(max_examples=30, deadline=None)
+def test_a_yaw_turns_a_map_about_its_lower_left_corner(tmp_path_factory, yaw_rad, kind):
+    """As the pose of the origin in the nav_msgs/OccupancyGrid that map_server publishes."""
+    grey = np.where(np.random.default_rng(0).random((9, 14)) < 0.3, 0, 255).astype(np.uint8)
+    path = write(
+        tmp_path_factory.mktemp("turned"), Image.fromarray(grey).convert(*kind), origin=[3, -2, yaw_rad]
+    )
+    found = map_at(path)
+    centres = np.argwhere(blocked(grey)) * 0.1 + 0.05
+    there = np.array([3.0, -2.0]) + rotate(centres, np.full(len(centres), yaw_rad))
+    assert found.occupied[tuple(found.cell_of(there).T)].all()
+    drawn = found.origin + (np.argwhere(found.occupied) + 0.5) * found.resolution_m
+    apart = np.linalg.norm(drawn[:, None] - there, axis=-1)
+    assert apart.min(axis=1).max() < 0.15
+
+
+def test_a_quarter_turn_keeps_the_cells_of_a_map(tmp_path):
+    for turns in range(-3, 4):
+        path = write(tmp_path / str(turns), origin=[0, 0, turns * math.pi / 2])
+        np.testing.assert_array_equal(map_at(path).occupied, np.rot90(blocked(GREY), turns))
+        assert map_at(path.parent).occupied.sum() == map_at(path.with_name("plain.png")).occupied.sum()
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"origin": [0, 0, math.inf]}, "yaw = inf, but it must be finite"),
+        ({"origin": [0, 0, "north"]}, "origin = 'north' is not a number"),
+        ({"resolution": True}, "resolution = True is not a number"),
+        ({"resolution": 0}, "resolution_m = 0.0"),
+        ({"image": "elsewhere.png"}, "is no file in the folder"),
+        ({"negate": 2}, "negate = 2, but it must be 0 or 1"),
+    ],
+)
+def test_what_is_wrong_with_a_turned_map_is_said(changed, message, tmp_path):
+    with pytest.raises(StorageError, match=message):
+        map_at(write(tmp_path, **{"origin": [0, 0, 0.3]} | changed))

@@ -160,3 +160,87 @@ def test_rows_about_something_else_are_passed_over(tmp_path):
     path.write_text("time;id;x;y;vehicle\n0;ped0;0;0;\n0;;3;;car\n1;ped0;1;0;\n")
     with pytest.raises(SourceError, match="line 3"):
         read_file(path)
+
+
+@given(
+    wide=st.integers(3, 12),
+    deep=st.integers(2, 8),
+    apart_m=st.sampled_from([0.5, 1.0, 2.0]),
+    seen=st.integers(2, 6),
+    dt_s=st.sampled_from([0.1, 0.4, 1.0]),
+    speed_mps=st.sampled_from([0.0, 0.3, 1.2]),
+    clock=st.sampled_from(["time", "frame"]),
+)
+@settings(max_examples=60, deadline=None)
+def test_people_in_ranks_and_files_are_who_their_titles_say(
+    tmp_path_factory, wide, deep, apart_m, seen, dt_s, speed_mps, clock
+):
+    """Neighbours on a lattice stand nearer than a step, and whole numbers count its rows."""
+    rows = [
+        f"{k if clock == 'frame' else k * dt_s:g},{one},"
+        f"{one % wide * apart_m + speed_mps * dt_s * k:g},{one // wide * apart_m:g}"
+        for k in range(seen)
+        for one in range(wide * deep)
+    ]
+    path = tmp_path_factory.mktemp("parade") / "parade.csv"
+    path.write_text("\n".join([f"{clock},id,x,y", *rows]) + "\n")
+    people = read_file(path, TableOptions(rate_hz=1 / dt_s)).trajectories
+    assert len(np.unique(people.track_id)) == wide * deep
+    assert len(np.unique(people.time_s)) == seen
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    people=st.integers(3, 12),
+    time_first=st.booleans(),
+    separator=st.sampled_from([" ", "\t", ",", ";", " | "]),
+    comma=st.booleans(),
+    suffix=st.sampled_from([".txt", ".csv", ".dat"]),
+    rate_hz=st.sampled_from([2.5, 10.0, 29.97]),
+)
+@settings(max_examples=40, deadline=None)
+def test_numbers_with_fractions_are_the_times_of_a_text_without_titles(
+    tmp_path_factory, seed, people, time_first, separator, comma, suffix, rate_hz
+):
+    rows = crowd(seed, people, 20)
+    written = []
+    for who, frame, *place in rows:
+        fields = [f"{who:.0f}", f"{frame / rate_hz:.4f}", *(f"{value:.4f}" for value in place)]
+        fields[:2] = fields[1::-1] if time_first else fields[:2]
+        text = separator.join(fields)
+        written.append(text.replace(".", ",") if comma and separator != "," else text)
+    path = tmp_path_factory.mktemp("untitled") / f"walk{suffix}"
+    path.write_text("\n".join(written) + "\n")
+    scene = read_file(path, TableOptions(unit="m"))
+    order = np.lexsort((rows[:, 1], rows[:, 0]))
+    np.testing.assert_allclose(positions(scene), rows[order][:, 2:], atol=1e-4)
+    np.testing.assert_allclose(
+        np.unique(scene.trajectories.time_s), np.unique(rows[:, 1]) / rate_hz, atol=1e-4
+    )
+
+
+def test_a_fourth_column_that_never_changes_is_asked_for(tmp_path):
+    """Annotations of BIWI hold frame, id, x, z, y and velocities; a height after x and y may be constant."""
+    rows = crowd(3, 6, 40)
+    lines = [f"{frame:.7e} {who:.7e} {x:.7e} 0.0 {y:.7e} 0.0 0.0 0.0" for who, frame, x, y in rows]
+    path = tmp_path / "obsmat.txt"
+    path.write_text("\n".join(lines))
+    with pytest.raises(SourceError, match=r"column 4 should be y, but it is 0.0 in all lines.*--columns"):
+        read_file(path, TableOptions(rate_hz=RATE_HZ))
+    named = TableOptions(("frame", "id", "x", "z", "y", "a", "b", "c"), RATE_HZ)
+    order = np.lexsort((rows[:, 1], rows[:, 0]))
+    np.testing.assert_allclose(positions(read_file(path, named)), rows[order][:, 2:], atol=1e-5)
+    path.write_text("\n".join(f"{frame:.0f} {who:.0f} {x} 2.0 1.7" for who, frame, x, _ in rows))
+    assert len(read_file(path, TableOptions(rate_hz=RATE_HZ)).trajectories) == len(rows), "a narrow corridor"
+
+
+def test_jumps_and_running_are_warned_about(tmp_path, caplog):
+    time_s = np.arange(0, 60, 0.1)
+    walk = np.stack([400.0 + 1.3 * time_s, 300.0 + 0 * time_s], axis=-1)
+    check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk))
+    assert not caplog.text
+    check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk / 0.3048))
+    assert "which is running; are lengths metres?" in caplog.text
+    walk[300] = 0.0
+    check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk))
+    assert "people jump" in caplog.text

@@ -264,7 +264,23 @@ def test_what_cannot_be_meant_is_refused_with_a_remedy_for_an_own_file(tmp_path,
     assert "fetch" not in str(error.value)
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "latin-1"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize("unit", ["µs", "s"])
+def test_any_usual_encoding_is_the_same_people(tmp_path, encoding, unit, caplog):
+    """Comments, titles and names have letters that are no ASCII."""
+    clock, *places = values(ROWS, time=unit.replace("µ", "u"))
+    names = [f"Jürgen {who:.0f}" for who in ROWS[:, 0]]
+    path = written(
+        tmp_path / "walk.csv", [f"t [{unit}]", "id", "x", "y", "größe"], [clock, names, *places, clock]
+    )
+    path.write_bytes(f"# überall in m\n{path.read_text()}".encode(encoding))
+    options = TableOptions()
+    assert_are_the_people(read_file(path, options).trajectories)
+    assert set(options.names.of_number.values()) == set(names)
+    assert ("Windows-1252" in caplog.text) == (encoding == "cp1252")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
 def test_other_encodings_are_named(tmp_path, encoding):
     path = tmp_path / "walk.csv"
     path.write_bytes("t,id,x,y,größe\n0,1,1,2,3\n".encode(encoding))

@@ -25,6 +25,7 @@ from pedpred.sources.scene_folder import read_own
 from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
 from pedpred.sources.stanford import PictureOptions, read_homography
 from pedpred.storage.scenes import write_scene
+from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
 
 _OPEN_END_M = 6.0
@@ -78,8 +79,12 @@ def convert(given: argparse.Namespace) -> None:
         write_scene(scene, given.output)
 
 
-def read_given(given: argparse.Namespace) -> Scene:
+def read_given(given: argparse.Namespace, names: TrackNames | None = None) -> Scene:
     """Read the scene that the arguments name, on the map that they name; a misplaced map is warned about.
+
+    Args:
+        given: the arguments.
+        names: takes those of tracks whose ids are words.
 
     Raises:
         ValueRuleError: open ends are given without a geometry file, or another option has no meaning.
@@ -88,7 +93,10 @@ def read_given(given: argparse.Namespace) -> Scene:
     ground = "" if replaced else given.map_topic
     transform = None if given.transform is None else Transform(*given.transform)
     classes = given.classes or PERSON_CLASSES
-    scene = read_any(given.scene, given.topic, _options(given), transform, ground, classes)
+    options = _options(given)
+    if names is not None:
+        options = replace(options, names=names)
+    scene = read_any(given.scene, given.topic, options, transform, ground, classes)
     if ground := _ground_given(given):
         scene = replace(scene, occupancy=ground)
     elif not given.no_map and not scene.occupancy.occupied.any():
@@ -193,7 +201,7 @@ def read_any(
     Args:
         path: what a file begins with determines the format, the name that of bags.
         topic: of a bag's people; a recording of this project is read as a bag if one is given.
-        options: what a file of tracks does not say itself.
+        options: what a file of tracks does not say itself; takes the names of tracks.
         transform: of the people's frame, where it is not the map's.
         map_topic: of a bag's map, see `read_bag`.
         classes: of people among a bag's detections, see `read_bag`.
@@ -202,6 +210,7 @@ def read_any(
         StorageError, SourceError: the file is missing, damaged or of another format.
         ValueRuleError: an option has no meaning for the format.
     """
+    options = options or TableOptions()
     if not path.is_dir() and not _is_named(path):
         scene = read_file(path, options)
     elif surplus := [name for name, field in _FOR_FILES.items() if getattr(options, field, None) is not None]:
@@ -210,9 +219,9 @@ def read_any(
             surplus[0], value, f"{path} says times and lengths itself; it is for tables and texts"
         )
     elif _is_foreign(path) or (path.is_file() and (topic is not None or map_topic is not None)):
-        return read_bag(path, topic, transform, map_topic, classes)
+        return read_bag(path, topic, transform, map_topic, classes, options.names.of_number)
     else:
-        scene = read_own(path) if path.is_dir() else read_recording(path, transform)
+        scene = read_own(path, options) if path.is_dir() else read_recording(path, transform)
         check_speeds(path, scene.trajectories, sure=True)
         transform = transform if path.is_dir() else None
     if transform is None:

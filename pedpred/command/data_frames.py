@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pedpred.command.forecast_tables import forecast_table
@@ -13,12 +14,11 @@ from pedpred.command.prediction import robot_for
 from pedpred.errors import ValueRuleError
 from pedpred.online.replay import as_windows, replay_scene
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
-from pedpred.sources.plausibility import check_speeds
-from pedpred.sources.single_file import check_clock
+from pedpred.sources.single_file import checked_interval_s
 from pedpred.tables.options import TableOptions
 from pedpred.tables.reading import tracks_in_rows
 from pedpred.tables.text import Row
-from pedpred.tables.titles import titles_of_tracks
+from pedpred.tables.titles import LENGTHS, titles_of_tracks
 
 _TABLE = Path("table")
 _METHOD = "pedpred"
@@ -36,7 +36,8 @@ def predict(
 
     Args:
         table: detections with the columns time (s) or frame, id, x, y (m); or what such
-            columns may be called in CSV files. Ids may be anything that is not missing.
+            columns may be called in CSV files. Ids may be anything that is not missing. Rows without a
+            position (NaN, None) are missing detections, and left out.
         occupancy: static obstacles in the same frame, or the path of a map; None: free ground.
         rate_hz: frames per second, where there are frames.
         unit: of lengths: "m", "cm", "mm", "ft" or "inch".
@@ -48,21 +49,20 @@ def predict(
 
     Raises:
         ValueRuleError: a column is missing, or an id.
-        SourceError: a value is no number, or people would move at impossible speeds; the line is the row.
+        SourceError: a value is no number, titles are exchanged, positions are degrees, or people would move
+            at impossible speeds; the line is the row.
     """
     titles = [str(title) for title in table.columns]
     named = titles_of_tracks(titles)
     (id_title,) = (title for title, name in named.items() if name == "track_id")
-    who, names = pd.factorize(table.iloc[:, titles.index(id_title)])
-    if (who < 0).any():
-        raise ValueRuleError(id_title, None, f"row {int((who < 0).argmax()) + 1} has no id")
-    columns = [
-        who.tolist() if title == id_title else table.iloc[:, titles.index(title)].tolist() for title in named
-    ]
-    people = tracks_in_rows(_TABLE, list(named), _rows(columns), TableOptions(None, rate_hz, unit))
-    dt_s = people.usual_interval_s()
-    check_clock(_TABLE, dt_s)
-    check_speeds(_TABLE, people, sure=unit is not None)
+    values = {title: table.iloc[:, titles.index(title)] for title in named}
+    who, names = pd.factorize(values[id_title])
+    placed = np.logical_or.reduce([values[t].notna() for t, name in named.items() if name in LENGTHS])
+    if (lost := (who < 0) & placed).any():
+        raise ValueRuleError(id_title, None, f"row {int(lost.argmax()) + 1} has no id")
+    values[id_title] = pd.Series(who, index=table.index).where(who >= 0)
+    people = tracks_in_rows(_TABLE, list(named), _rows(values.values()), TableOptions(None, rate_hz, unit))
+    dt_s = checked_interval_s(_TABLE, people, titled=True, sure=unit is not None)
     if isinstance(occupancy, str | Path):
         occupancy = map_at(Path(occupancy))
     scene = Scene("table", people, occupancy or OccupancyMap.free_around(people.position), dt_s)
@@ -73,7 +73,10 @@ def predict(
     return forecasts.assign(track=names.take(forecasts["track"].to_numpy()))
 
 
-def _rows(columns: Sequence[Sequence[object]]) -> Iterator[Row]:
-    """The rows as text, which is exact for numbers, counted from 1."""
-    for row, values in enumerate(zip(*columns, strict=True), start=1):
-        yield row, [str(value) for value in values]
+def _rows(columns: Iterable[pd.Series]) -> Iterator[Row]:
+    """The rows as text, which is exact for numbers, counted from 1; missing values are empty."""
+    written = (
+        ["" if missing else str(value) for value, missing in zip(column.tolist(), column.isna(), strict=True)]
+        for column in columns
+    )
+    yield from enumerate(zip(*written, strict=True), start=1)

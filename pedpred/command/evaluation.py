@@ -29,6 +29,7 @@ from pedpred.online.assessment import ALWAYS, assess
 from pedpred.ros import Transform
 from pedpred.scenes import Placement, Scene, Trajectories, placement
 from pedpred.sources.single_file import check_clock
+from pedpred.tables.names import TrackNames
 from pedpred.tracking import KalmanSettings, tune_kalman
 
 _log = logging.getLogger(__name__)
@@ -55,12 +56,14 @@ def evaluate(given: argparse.Namespace) -> None:
     for path in given.scene:
         one = copy.copy(given)
         one.scene = path
-        scene = read_given(one)
+        names = TrackNames()
+        scene = read_given(one, names)
         check_clock(path, scene.detection_dt_s)
         if scene.name in scores:
             raise ValueRuleError("name", scene.name, f"{path} is the second scene of that name")
         places[scene.name] = placement(scene.trajectories.position, scene.occupancy)
-        scores[scene.name] = _assessed(scene, given, tracker, settings, foreign)
+        theirs = {name: forecasts.of_tracks(names) for name, forecasts in foreign.items()}
+        scores[scene.name] = _assessed(scene, given, tracker, settings, theirs)
     if len(scores) > 1:
         _add_pool(scores)
     figures = {name: summarise_methods(own, STRONGEST, settings) for name, own in scores.items()}

@@ -8,12 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from pedpred.errors import SourceError
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.files import atomic_write, translate_errors
 from pedpred.storage.columns import column_names, count_rows, read_columns
 from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.ids import Ids
+from pedpred.tables.lines import of_width
+from pedpred.tables.names import TrackNames
 from pedpred.tables.text import read_numbers, text_lines
 
 COLUMNS = ("track", "time", "mode", "weight", "step", "x", "y")
@@ -21,14 +26,21 @@ COLUMNS = ("track", "time", "mode", "weight", "step", "x", "y")
 
 SUFFIXES = (".csv", ".parquet")
 _WHOLE = ("track", "mode", "step")
+_LARGEST_WORDS_BYTES = 2**26
 
 
-def forecast_table(windows: EvaluationWindows, method: str) -> pd.DataFrame:
-    """The forecasts of a method with the columns `COLUMNS`; steps count from 1."""
+def forecast_table(windows: EvaluationWindows, method: str, names: TrackNames | None = None) -> pd.DataFrame:
+    """The forecasts of a method with the columns `COLUMNS`; steps count from 1.
+
+    Args:
+        windows: with the forecasts.
+        method: whose.
+        names: of tracks, in place of their numbers.
+    """
     own = windows.predictions[method]
     row, mode, step = (axis.ravel() for axis in np.indices(own.path.shape[:3]))
     columns = {
-        "track": windows.track_id[row],
+        "track": (names or TrackNames()).column(windows.track_id)[row],
         "time": windows.time_s[row],
         "mode": mode,
         "weight": own.weight[row, mode],
@@ -39,9 +51,11 @@ def forecast_table(windows: EvaluationWindows, method: str) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def write_forecasts(windows: EvaluationWindows, method: str, path: Path) -> None:
+def write_forecasts(
+    windows: EvaluationWindows, method: str, path: Path, names: TrackNames | None = None
+) -> None:
     """Write `forecast_table` as CSV (to 0.1 mm) or, where the name ends in .parquet, as Parquet (exactly)."""
-    table = forecast_table(windows, method)
+    table = forecast_table(windows, method, names)
     with atomic_write(path) as new:
         if path.suffix == ".parquet":
             table.to_parquet(new, index=False, compression="zstd")
@@ -49,31 +63,43 @@ def write_forecasts(windows: EvaluationWindows, method: str, path: Path) -> None
             table.to_csv(new, index=False, float_format="%.4f")
 
 
-def read_forecast_table(path: Path) -> dict[str, np.ndarray]:
+def read_forecast_table(path: Path, names: TrackNames) -> dict[str, np.ndarray]:
     """Read the columns of such a file, with `track_id` for track, and `line`.
+
+    Args:
+        path: the file.
+        names: takes those of tracks, where some are words; `track_id` then counts them.
 
     Raises:
         SourceError: a column is missing or holds something else than finite numbers.
         StorageError: the Parquet file is damaged.
     """
     if path.suffix == ".parquet":
-        return _read_parquet(path)
+        return _read_parquet(path, names)
     lines = text_lines(path)
     _, header = next(lines, (1, ""))
     titles = [title.strip() for title in next(csv.reader([header]), [])]
     _check_columns(path, titles)
-    rows = ((line, next(csv.reader([text]))) for line, text in lines)
-    return read_numbers(path, rows, titles, {name: name for name in COLUMNS} | {"track": "track_id"})
+    rows = of_width(path, ((line, next(csv.reader([text]))) for line, text in lines), titles)
+    ids, wanted = Ids(path, "track"), {name: name for name in COLUMNS} | {"track": "track_id"}
+    columns = read_numbers(path, ids.numbered(rows, titles.index("track")), titles, wanted)
+    columns["track_id"], words = ids.of_tracks(columns["track_id"])
+    names.add(words)
+    return columns
 
 
-def _read_parquet(path: Path) -> dict[str, np.ndarray]:
+def _read_parquet(path: Path, names: TrackNames) -> dict[str, np.ndarray]:
     _check_columns(path, column_names(path))
     if (rows := count_rows(path)) * len(COLUMNS) > MOST_NUMBERS:
         raise SourceError(
             path, None, f"{rows} rows, at most {MOST_NUMBERS // len(COLUMNS)}", "Divide the file"
         )
     with translate_errors(partial(SourceError, path, None)):
-        columns = read_columns(path, dict.fromkeys(COLUMNS, ()))
+        words = _read_words(path, "track")
+        columns = read_columns(path, {name: () for name in COLUMNS if words is None or name != "track"})
+        if words is not None:
+            names.add(words.dictionary.to_pylist())
+            columns["track"] = words.indices.to_numpy()
         for name, values in columns.items():
             whole = name in _WHOLE
             if values.dtype.kind not in ("iu" if whole else "iuf") or not np.isfinite(values).all():
@@ -84,6 +110,28 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
             for name, values in columns.items()
         }
     return {"line": np.arange(1, rows + 1), "track_id": columns.pop("track"), **columns}
+
+
+def _read_words(path: Path, name: str) -> pa.DictionaryArray | None:
+    """The words in a column; None: it holds no text.
+
+    Raises:
+        SourceError: words are missing or too long.
+    """
+    with pq.ParquetFile(path, read_dictionary=[name], page_checksum_verification=True) as file:
+        kind, at = file.schema_arrow.field(name).type, file.schema_arrow.names.index(name)
+        kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+        if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
+            return None
+        groups = (file.metadata.row_group(group) for group in range(file.num_row_groups))
+        size = sum(group.column(at).total_uncompressed_size for group in groups)
+        if size > _LARGEST_WORDS_BYTES:
+            problem = f"the words of column {name} take {size} bytes, at most {_LARGEST_WORDS_BYTES}"
+            raise SourceError(path, None, problem, "Divide the file")
+        words = file.read([name])[name].unify_dictionaries().combine_chunks()
+    if words.null_count:
+        raise SourceError(path, None, f"column {name} has {words.null_count} missing values")
+    return words if isinstance(words, pa.DictionaryArray) else words.dictionary_encode()
 
 
 def _check_columns(path: Path, titles: list[str]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,11 @@ from pedpred.errors import SourceError, ValueRuleError
 from pedpred.forecasting import ForecastRequest
 from pedpred.ros import Transform
 from pedpred.scenes import Predictions
+from pedpred.tables.names import TrackNames
 
 _SAME_S = 0.005
+_SAME = "Ids and times must be those of the recording"
+_SHOWN = 3
 _LOG = logging.getLogger(__name__)
 
 
@@ -32,6 +35,7 @@ class ForeignForecasts:
         path: modes, the most likely first, m. [F, K, S, 2]
         weight: of the modes. [F, K]
         step_s: time between two steps, s; None: that of the windows.
+        names: of tracks, where `track_id` counts words.
     """
 
     source: Path
@@ -40,6 +44,32 @@ class ForeignForecasts:
     path: np.ndarray
     weight: np.ndarray
     step_s: float | None
+    names: TrackNames = field(default_factory=TrackNames)
+
+    def of_tracks(self, names: TrackNames) -> ForeignForecasts:
+        """The forecasts of the people in a recording, under the numbers that these have there.
+
+        Args:
+            names: of tracks in the recording.
+
+        Raises:
+            SourceError: none of them is there.
+        """
+        if not self.names.of_number and not names.of_number:
+            return self
+        own, whose = np.unique(self.track_id, return_inverse=True)
+        written = [str(name) for name in self.names.column(own)]
+        found = names.numbers(written)
+        here = np.array([number is not None for number in found], bool)
+        if not here.any():
+            shown, known = (", ".join(some[:_SHOWN]) for some in (written, list(names.of_number.values())))
+            problem = f"forecasts are of {shown}; tracks of the recording are {known or 'numbers'}"
+            raise SourceError(self.source, None, problem, _SAME)
+        number = np.array([0 if number is None else number for number in found], np.int64)[whose]
+        order = np.lexsort((self.time_s, number))
+        order = order[here[whose][order]]
+        kept = {name: getattr(self, name)[order] for name in ("time_s", "path", "weight")}
+        return replace(self, track_id=number[order], names=names, **kept)
 
     def moved(self, transform: Transform) -> ForeignForecasts:
         """The forecasts of people who are in another frame than the map, as seen in the map's."""
@@ -56,8 +86,7 @@ class ForeignForecasts:
         if not found.any():
             windows, own = _span(asked.track_id, asked.time_s), _span(self.track_id, self.time_s)
             problem = f"no forecast belongs to a window of {request.scene.name}: forecasts are of {own}, "
-            remedy = "Ids and times must be those of the recording"
-            raise SourceError(self.source, None, f"{problem}windows of {windows}", remedy)
+            raise SourceError(self.source, None, f"{problem}windows of {windows}", _SAME)
         if not found.all():
             text = "%s has forecasts for %d of %d windows; all methods are compared there"
             _LOG.info(text, self.source, found.sum(), len(found))
@@ -134,15 +163,16 @@ def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
     Raises:
         SourceError: the file cannot be understood; it names the line, or whose forecast is wrong.
     """
+    names = TrackNames()
     if path.suffix == ".ndjson":
         columns, step_s = trajnet_columns(path)
     else:
-        columns = read_forecast_table(path)
+        columns = read_forecast_table(path, names)
     if not len(columns["line"]):
         raise SourceError(path, None, "no forecasts")
-    names = ("track_id", "time", "mode", "step")
-    order = np.lexsort([columns[name] for name in reversed(names)])
-    track, time_s, mode, step = (columns[name][order] for name in names)
+    keys = ("track_id", "time", "mode", "step")
+    order = np.lexsort([columns[name] for name in reversed(keys)])
+    track, time_s, mode, step = (columns[name][order] for name in keys)
     whole = np.flatnonzero(np.append(True, (track[1:] != track[:-1]) | (time_s[1:] != time_s[:-1])))
     modes, steps = len(np.unique(mode)), len(np.unique(step))
     fits = np.diff(np.append(whole, len(order))) == modes * steps
@@ -152,10 +182,11 @@ def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
         fits = (same_mode & same_step).all(axis=(1, 2))
     if not fits.all():
         row = order[whole[np.flatnonzero(~fits)[0]]]
-        problem = f"the forecast of track {columns['track_id'][row]} at {columns['time'][row]:g} s"
+        who = names.column(columns["track_id"][row : row + 1])[0]
+        problem = f"the forecast of track {who} at {columns['time'][row]:g} s"
         needed = f"needs each step from 1 to {steps} once in each of {modes} modes, as the others have it"
         raise SourceError(path, int(columns["line"][row]), f"{problem} {needed}")
-    return _forecasts(path, columns, order, (len(whole), modes, steps), step_s)
+    return _forecasts(path, columns, order, (len(whole), modes, steps), step_s, names)
 
 
 def _forecasts(
@@ -164,6 +195,7 @@ def _forecasts(
     order: np.ndarray,
     shape: tuple[int, int, int],
     step_s: float | None,
+    names: TrackNames,
 ) -> ForeignForecasts:
     """Put sorted rows together, the most likely modes first."""
     paths = np.stack([columns["x"], columns["y"]], axis=-1)[order].reshape(*shape, 2)
@@ -186,4 +218,5 @@ def _forecasts(
         paths[rows, likely],
         weight[rows, likely],
         step_s,
+        names,
     )

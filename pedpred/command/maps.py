@@ -6,11 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pedpred.command.turned_maps import read_turned_map, yaw_of
 from pedpred.errors import StorageError
 from pedpred.files import read_yaml
 from pedpred.scenes import OccupancyMap
 from pedpred.sources.geometries import GEOMETRIES
-from pedpred.storage.maps import picture_of, read_map, read_map_file
+from pedpred.storage.maps import picture_of, read_map_file
 
 _YAML = (".yaml", ".yml")
 _PICTURES = (".pgm", ".ppm", ".png", ".bmp", ".jpg", ".jpeg")
@@ -18,7 +19,7 @@ _REMEDY = "Correct the file"
 
 
 def map_at(path: Path) -> OccupancyMap:
-    """Read a map; unknown cells count as free.
+    """Read a map; unknown cells count as free, and a yaw turns the map about its lower left corner.
 
     Args:
         path: a folder with map.yaml, a YAML file of any name, or the picture that one beside it names.
@@ -26,9 +27,11 @@ def map_at(path: Path) -> OccupancyMap:
     Raises:
         StorageError: a file is missing or damaged, or no YAML file names the picture.
     """
-    if path.is_dir():
-        return read_map(path)
-    about = path if path.suffix.lower() in _YAML else _describing(path)
+    named = path / "map.yaml" if path.is_dir() else path
+    about = named if named.suffix.lower() in _YAML else _describing(named)
+    content = read_yaml(about, partial(StorageError, about, "map", remedy=_REMEDY))
+    if yaw_rad := yaw_of(about, content):
+        return read_turned_map(about, content, yaw_rad, _REMEDY)
     return read_map_file(about, _REMEDY)
 
 

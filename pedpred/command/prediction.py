@@ -21,6 +21,7 @@ from pedpred.online.replay import as_windows, replay_scene
 from pedpred.ros import check_recordable, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import Forecast, Scene
+from pedpred.tables.names import TrackNames
 from pedpred.tracking import KalmanSettings
 
 _log = logging.getLogger(__name__)
@@ -37,13 +38,14 @@ def predict(given: argparse.Namespace) -> None:
     if is_table and given.grid is not None:
         raise ValueRuleError("--grid", given.grid, "a table has no occupancy: the output must end in .mcap")
     tracker = None if given.tracker is None else read_tracker(Path(given.tracker))
-    scene = read_given(given)
+    names = TrackNames()
+    scene = read_given(given, names)
     predictor = robot_for(scene, given.model, tracker, given.detection_noise_m)
     if not is_table:
         check_recordable(scene, predictor.protocol.horizon_steps, given.grid)
     windows = as_windows(scene, _with_progress(scene, predictor), _METHOD, predictor.protocol)
     if is_table:
-        write_forecasts(windows, _METHOD, given.output)
+        write_forecasts(windows, _METHOD, given.output, names)
         _log.info("%s: forecasts in %s", scene.name, given.output)
         return
     write_recording(scene, given.output, windows, {_METHOD: _COLOUR}, _METHOD, given.grid)

@@ -42,6 +42,7 @@ def read_bag(
     transform: Transform | None = None,
     map_topic: str | None = None,
     classes: Collection[str] = PERSON_CLASSES,
+    names: dict[int, str] | None = None,
 ) -> Scene:
     """Read the people and the map of a bag.
 
@@ -62,6 +63,7 @@ def read_bag(
         map_topic: of the map; None: /map, or the only topic that is called map, or the only one that is
             neither a costmap nor predicted occupancy; "": the bag's maps are left out.
         classes: who is a person, where detections have classes.
+        names: takes those of tracks whose numbers are not their names: number -> name.
 
     Returns:
         The scene, named after the file. The last message of the map's topic counts, with the updates after
@@ -81,7 +83,7 @@ def read_bag(
             people = People(instants, partial(_log.warning, "%s: %s", path))
             frame = None if ground is None else frame_name(ground.header.frame_id)
             position = people.in_one_frame(frame, transform, partial(_transforms, bag))
-            trajectories = people.trajectories(position)
+            trajectories = people.trajectories(position, names)
             dt_s = _checked_interval_s(path, trajectories)
             free = partial(OccupancyMap.free_around, trajectories.position)
             name = Path(path.stem) if path.suffix in _FOLLOWED else path

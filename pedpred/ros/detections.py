@@ -186,11 +186,14 @@ class People:
         first = self._received_s[before] if before >= 0 else -np.inf
         return first, self._received_s[after] if after < len(own) else np.inf
 
-    def trajectories(self, position: Sequence[np.ndarray]) -> Trajectories:
+    def trajectories(
+        self, position: Sequence[np.ndarray], names: dict[int, str] | None = None
+    ) -> Trajectories:
         """The tracks of all people.
 
         Args:
             position: of the people in each message, m; NaN where nobody knows. [n, 2] each
+            names: takes those of tracks whose numbers are not their names: number -> name.
 
         Raises:
             ValueRuleError: ids do not say who is who.
@@ -198,14 +201,14 @@ class People:
         ids, position = self._named([each.ids for each in self._instants], position)
         check_identity(ids, self._time_s, position)
         numbers, counts = TrackNumbers(), [len(each) for each in ids]
-        track_id = np.array(
-            [
-                numbers.number((name, int(number)) if number else name)
-                for each, number in zip(ids, self._passes, strict=True)
-                for name in each
-            ],
-            np.int64,
-        )
+        called = [
+            f"{name} ({number + 1})" if number else name  # after time has gone back
+            for each, number in zip(ids, self._passes.tolist(), strict=True)
+            for name in each
+        ]
+        track_id = np.array([numbers.number(name) for name in called], np.int64)
+        if names is not None:
+            names.update((n, name) for n, name in zip(track_id.tolist(), called, strict=True) if n < 0)
         time_s = self._time_s.repeat(counts)
         places = np.concatenate([np.zeros((0, 2)), *position])
         kept, left_out = find_usable(time_s, track_id, places)

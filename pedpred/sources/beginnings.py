@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
+from pedpred.tables.encodings import UTF_16
 
 _LOOKED_AT_BYTES = 2**16
 _PAIRS = 16  # bytes of which each second one is 0 in UTF-16
@@ -25,7 +26,6 @@ _OTHERS = {
     (b"\x93NUMPY",): ("an array of NumPy", _TABLE),
     (b"\x80\x03", b"\x80\x04"): ("a pickle of Python", f"{_TABLE}; pickles are not opened"),
     (b"MATLAB",): ("a file of MATLAB", _TABLE),
-    (b"\xff\xfe", b"\xfe\xff"): ("text in UTF-16", "Save it as UTF-8"),
     (b"%PDF",): ("a PDF document", "Name the table of tracks"),
     (b"\x89PNG", b"P5", b"\xff\xd8\xff"): ("a picture", "Name the table of tracks; pictures are for --map"),
 }
@@ -59,11 +59,16 @@ class Beginning:
     @cached_property
     def lines(self) -> Sequence[str]:
         """The lines that are not blank, without the last one if the file goes on; none of binary files."""
-        if b"\0" in self.raw:
+        if b"\0" in self.raw and not self._is_utf_16:
             return ()
-        lines = self.raw.decode("utf-8-sig", errors="replace").splitlines()
+        encoding = "utf-16" if self._is_utf_16 else "utf-8-sig"
+        lines = self.raw.decode(encoding, errors="replace").splitlines()
         whole = lines[:-1] if len(self.raw) == _LOOKED_AT_BYTES else lines
         return [line for line in whole if line.strip()]
+
+    @property
+    def _is_utf_16(self) -> bool:
+        return self.raw.startswith(UTF_16)
 
     def line(self, comment: str = "#") -> str:
         """The first line that is no comment; empty where there is none."""
@@ -80,11 +85,11 @@ class Beginning:
             return SourceError(
                 self.path, None, problem, "Of XML, FCD of SUMO is read; geometries are for --map"
             )
-        if b"\0" not in self.raw:
+        if b"\0" not in self.raw or self._is_utf_16:
             return None
         if any(set(self.raw[first:_PAIRS:2]) == {0} for first in (0, 1)):
             return SourceError(
-                self.path, None, "this is text in UTF-16, which is not read", "Save it as UTF-8"
+                self.path, None, "this is UTF-16 without a mark, which is not read", "Save it as UTF-8"
             )
         problem = f"neither text nor a known recording; it begins with the bytes {self.raw[:8].hex(' ')}"
         return SourceError(self.path, None, problem, "Convert it to a table with the columns time,id,x,y")

@@ -82,6 +82,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
         rows = _is_seen(best)
         _log.info("%s: %s is person %d, seen in %d frames", path, body, number_ + 1, rows.sum())
         parts.append((time_s[first][rows], np.full(rows.sum(), number_ + 1), _MM * best[rows]))
+    options.names.of_number.update(enumerate(places, start=1))
     with translate_errors(partial(SourceError, path, None)):
         return Trajectories(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 

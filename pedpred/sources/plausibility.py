@@ -7,6 +7,7 @@ metres a second.
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,13 @@ from pedpred.tables.units import UNITS
 _log = logging.getLogger(__name__)
 _CLEAR = 2.0
 """In one reading people must go shorter steps, or be seen more often, than in the other by this factor."""
+_LONG_PERCENT = 95
+"""Of steps; longer ones may be gaps in tracks."""
 _FAR = 4.0
 """Of tracks that are too fast, steps must be shorter by this factor."""
-_FASTEST_MPS, _SLOWEST_MPS = 6.0, 0.05
-"""Between these lies the speed that 99 % of the time is not exceeded, where people walk."""
+_JUMP_MPS, _FASTEST_MPS, _SLOWEST_MPS = 12.0, 6.0, 0.05
+"""Nobody runs as fast as the first. Where people walk, 99 % of their speeds are less than the second, and some
+are more than the third."""
 _USUAL_MPS = 3.0
 """Where it lies at most in the unit that is meant."""
 _LIKELY = ("m", "ft", "cm", "mm")
@@ -31,6 +35,8 @@ _DEGREES_PER_S = 2e-4
 _REGULAR, _IRREGULAR = 1e-3, 0.1
 """A clock's steps differ by less than the first share of their median, others by more than the second."""
 _FEWEST_STEPS = 5
+_MOST_ROWS, _BLOCK_ROWS = 2**18, 2**16
+"""How many rows are looked at for their titles, and how many at once for speeds, which bounds the memory."""
 _SPAN_S = 0.4
 """Speeds are measured over this time at least, so that noise and short steps do not count."""
 
@@ -47,8 +53,10 @@ def ids_come_first(first: np.ndarray, second: np.ndarray, position: np.ndarray) 
         Whether the first one does; None if the file could be read in both ways.
     """
     one, other = _motion(first, second, position), _motion(second, first, position)
-    by_steps = _clearly_less(one[0], other[0])
-    return _clearly_less(other[1], one[1]) if by_steps is None else by_steps
+    by_steps = _clearly_less(one.usual_step, other.usual_step)
+    if by_steps is None:
+        return _clearly_less(other.seen, one.seen)
+    return None if _clearly_less(one.long_step, other.long_step) is not by_steps else by_steps
 
 
 def _clearly_less(one: float, other: float) -> bool | None:
@@ -58,20 +66,35 @@ def _clearly_less(one: float, other: float) -> bool | None:
     return one < other
 
 
-def _motion(track_id: np.ndarray, frame: np.ndarray, position: np.ndarray) -> tuple[float, float]:
-    """Median step plus median change between steps, and how often people are seen.
+@dataclass(frozen=True)
+class _Motion:
+    """How tracks move, in the unit of positions and per detection.
 
-    The first is infinite where nobody is seen twice.
+    Attributes:
+        usual_step: median step plus median change between steps; infinite where nobody is seen twice.
+        long_step: the same of the 95th percentiles.
+        seen: median number of detections of a track.
     """
+
+    usual_step: float
+    long_step: float
+    seen: float
+
+
+def _motion(track_id: np.ndarray, frame: np.ndarray, position: np.ndarray) -> _Motion:
     order = np.lexsort((frame, track_id))
     step = np.diff(position[order], axis=0)
     same = np.diff(track_id[order]) == 0
     seen = float(np.median(np.unique(track_id, return_counts=True)[1])) if len(track_id) else 0.0
     if not same.any():
-        return np.inf, seen
+        return _Motion(np.inf, np.inf, seen)
     change = np.linalg.norm(np.diff(step, axis=0)[same[1:] & same[:-1]], axis=-1)
-    length = float(np.median(np.linalg.norm(step[same], axis=-1)))
-    return length + (float(np.median(change)) if len(change) else 0.0), seen
+    length = np.linalg.norm(step[same], axis=-1)
+    usual, long = (
+        float(np.percentile(length, share)) + (float(np.percentile(change, share)) if len(change) else 0.0)
+        for share in (50, _LONG_PERCENT)
+    )
+    return _Motion(usual, long, seen)
 
 
 def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> None:
@@ -88,7 +111,10 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> 
     speed_mps = _speeds_mps(trajectories)
     if not len(speed_mps):
         return
-    usual_mps = float(np.percentile(speed_mps, 99))
+    usual_mps, jumps = float(np.percentile(speed_mps, 99)), int((speed_mps > _JUMP_MPS).sum())
+    if jumps and usual_mps <= _FASTEST_MPS:
+        cause = "are ids exchanged, or were people who were not seen put at 0, 0?"
+        _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
     if usual_mps > _FASTEST_MPS:
         likely = next((unit for unit in _LIKELY if usual_mps * UNITS[unit] <= _USUAL_MPS), "mm")
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), nobody walks so fast"
@@ -97,6 +123,9 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> 
             remedy += "or correct --rate or the order of --columns"
             raise SourceError(path, None, problem, remedy)
         _log.warning("%s: %s", path, problem)
+    elif usual_mps > _USUAL_MPS:
+        text = "%s: people move at up to %.3g m/s (1 %% are faster), which is running; are lengths metres?"
+        _log.warning(text, path, usual_mps)
     elif usual_mps < _SLOWEST_MPS:
         _log.warning(
             "%s: nobody moves faster than %.2g m/s; are lengths metres, times seconds?", path, usual_mps
@@ -129,7 +158,8 @@ def check_titles(path: Path, people: Trajectories) -> None:
     Raises:
         SourceError: nobody moves like this, but people would if two titles were exchanged.
     """
-    problem = None
+    problem, some = None, slice(_MOST_ROWS)
+    people = Trajectories(people.time_s[some], people.track_id[some], people.position[some])
     if _are_exchanged(people):
         problem = "tracks jump; people would walk if the columns of ids and of times or frames were exchanged"
     for title, values in zip("xy", people.position.T, strict=True):
@@ -146,12 +176,14 @@ def _are_exchanged(people: Trajectories) -> bool:
     """Whether steps would be shorter with ids and times exchanged, and tracks are brief or too fast."""
     as_titled = _motion(people.track_id, people.time_s, people.position)
     exchanged = _motion(people.time_s, people.track_id, people.position)
-    if not _clearly_less(exchanged[0], as_titled[0]):
+    if not _clearly_less(exchanged.usual_step, as_titled.usual_step):
         return False
-    fast = as_titled[0] > _FASTEST_MPS * people.usual_interval_s()
-    if fast and as_titled[0] > _FAR * exchanged[0]:
+    if not _clearly_less(exchanged.long_step, as_titled.long_step):  # rows of people, as on parade
+        return False
+    fast = as_titled.usual_step > _FASTEST_MPS * people.usual_interval_s()
+    if fast and as_titled.usual_step > _FAR * exchanged.usual_step:
         return True
-    return bool(_clearly_less(as_titled[1], exchanged[1]))
+    return bool(_clearly_less(as_titled.seen, exchanged.seen))
 
 
 def _is_clock(people: Trajectories, values: np.ndarray) -> bool:
@@ -167,8 +199,14 @@ def _is_clock(people: Trajectories, values: np.ndarray) -> bool:
 
 
 def _holds_ids(people: Trajectories, values: np.ndarray) -> bool:
-    """Whether values are few whole numbers, each more often than an id, which is there once or twice."""
+    """Whether values are few whole numbers, each more often than an id, which is there once or twice.
+
+    As ids, none may be twice in one instant.
+    """
     if not len(values) or (values != np.round(values)).any():
+        return False
+    order = np.lexsort((people.time_s, values))
+    if ((np.diff(values[order]) == 0) & (np.diff(people.time_s[order]) == 0)).any():
         return False
     seen, often = (
         np.median(np.unique(column, return_counts=True)[1]) for column in (people.track_id, values)
@@ -180,11 +218,17 @@ def _speeds_mps(people: Trajectories) -> np.ndarray:
     """Speeds along all tracks, each over at least `_SPAN_S`, m/s."""
     if not len(people):
         return np.zeros(0)
-    order = np.lexsort((people.time_s, people.track_id))
-    track, time_s, position = people.track_id[order], people.time_s[order], people.position[order]
-    life = np.cumsum(np.append(0, np.diff(track) != 0))
-    clock = time_s + life * (np.ptp(time_s) + 2 * _SPAN_S)  # rises over all tracks, one after the other
-    later = np.minimum(np.searchsorted(clock, clock + _SPAN_S - 1e-6), len(track) - 1)
-    measured = (track[later] == track) & (time_s[later] - time_s >= _SPAN_S / 2)
-    way_m = np.linalg.norm(position[later] - position, axis=-1)[measured]
-    return way_m / (time_s[later] - time_s)[measured]
+    order = np.argsort(people.track_id, kind="stable")  # rows are in order of time
+    starts = np.diff(people.track_id[order], prepend=people.track_id[order[0]]) != 0
+    clock = np.cumsum(starts) * (np.ptp(people.time_s) + 2 * _SPAN_S)
+    clock += people.time_s[order]  # rises over all tracks, one after the other
+    parts = []
+    for first in range(0, len(order), _BLOCK_ROWS):
+        now = slice(first, first + _BLOCK_ROWS)
+        later = np.minimum(np.searchsorted(clock, clock[now] + _SPAN_S - 1e-6), len(order) - 1)
+        row, then = order[now], order[later]
+        after_s = people.time_s[then] - people.time_s[row]
+        measured = (people.track_id[then] == people.track_id[row]) & (after_s >= _SPAN_S / 2)
+        way_m = np.linalg.norm(people.position[then] - people.position[row], axis=-1)
+        parts.append(way_m[measured] / after_s[measured])
+    return np.concatenate(parts)

@@ -13,6 +13,7 @@ from pedpred.fields import parsed
 from pedpred.scenes import Scene
 from pedpred.sources.single_file import check_clock
 from pedpred.storage.scenes import read_scene
+from pedpred.tables.options import TableOptions
 from pedpred.tables.reading import read_table
 
 
@@ -21,8 +22,12 @@ class FolderSettings:
     """A scene folder says everything itself."""
 
 
-def read_own(folder: Path) -> Scene:
+def read_own(folder: Path, options: TableOptions | None = None) -> Scene:
     """Read a scene folder whose tracks are in `tracks.parquet` or in `tracks.csv`.
+
+    Args:
+        folder: the folder.
+        options: takes the names of tracks.
 
     Raises:
         StorageError: a file is missing or cannot be understood, or both tables are there; it names the file.
@@ -34,7 +39,7 @@ def read_own(folder: Path) -> Scene:
     if stored.exists():
         problem = f"{stored.name} is here too, and only one can be right"
         raise StorageError(table, "file", problem, "Remove one of them")
-    return read_scene(folder, read_table(table))
+    return read_scene(folder, read_table(table, options))
 
 
 def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:

@@ -82,15 +82,8 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
             "--scale", options.pixel_m, f"{path} is {kind.name}, whose positions are no pixels"
         )
     trajectories = kind.read(path, options)
-    try:
-        dt_s = trajectories.usual_interval_s()
-    except ValueRuleError as cause:
-        raise SourceError(path, None, str(cause), _ONCE) from cause
-    check_clock(path, dt_s)
-    check_degrees(path, trajectories, sure=options.unit is not None)
-    if kind is _TABLE and options.columns is None:
-        check_titles(path, trajectories)
-    check_speeds(path, trajectories, sure=options.unit is not None)
+    titled = kind is _TABLE and options.columns is None
+    dt_s = checked_interval_s(path, trajectories, titled, sure=options.unit is not None)
     walls = kind.walls(path)
     if walls is None:
         return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
@@ -115,7 +108,32 @@ def format_of(path: Path, options: TableOptions | None = None) -> Format:
         return found
     if problem := begins.foreign():
         raise problem
-    return _TEXT if path.suffix not in (".csv", ".tsv") and not has_header(path) else _TABLE
+    return _TABLE if has_header(path) else _TEXT
+
+
+def checked_interval_s(path: Path, people: Trajectories, titled: bool, sure: bool) -> float:
+    """Check that tracks can be those of people; return the usual time between two detections, s.
+
+    Args:
+        path: the file, for errors.
+        people: what was read from it.
+        titled: its own titles say what its columns hold.
+        sure: the caller has said the unit of lengths.
+
+    Raises:
+        SourceError: nobody is detected twice, times are no seconds, positions are degrees, titles are
+            exchanged, or people would move at impossible speeds.
+    """
+    try:
+        dt_s = people.usual_interval_s()
+    except ValueRuleError as cause:
+        raise SourceError(path, None, str(cause), _ONCE) from cause
+    check_clock(path, dt_s)
+    check_degrees(path, people, sure)
+    if titled:
+        check_titles(path, people)
+    check_speeds(path, people, sure)
+    return dt_s
 
 
 def check_clock(path: Path, dt_s: float) -> None:
@@ -130,7 +148,7 @@ def check_clock(path: Path, dt_s: float) -> None:
             raise SourceError(path, None, problem, IN_SECONDS)
 
 
-_TEXT = Format("text with id frame x y or frame id x y", lambda begins: False, read_untitled, any_unit=True)
+_TEXT = Format("text without titles", lambda begins: False, read_untitled, any_unit=True)
 _TABLE = Format("table", lambda begins: False, read_table, any_unit=True)
 """What other texts are, with and without a header."""
 

@@ -1,4 +1,6 @@
-"""Texts without titles: `id frame x y` or `frame id x y`, and perhaps z. How people move says which.
+"""Texts without titles: id, frame or time, x, y and perhaps z; frame or time may come first.
+
+Numbers with fractions are times, s; else how people move says which column holds ids.
 
 Separators, decimal commas, missing detections and copies are those of tables, see `pedpred.tables.reading`;
 the frame rate and the unit of lengths those of comments, see `pedpred.tables.comments`.
@@ -7,7 +9,7 @@ the frame rate and the unit of lengths those of comments, see `pedpred.tables.co
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -24,12 +26,15 @@ from pedpred.tables.detections import with_positions, without_copies
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import lines_of, of_width
 from pedpred.tables.options import TableOptions
-from pedpred.tables.text import OWN_FILE, read_numbers
+from pedpred.tables.reading import numbered
+from pedpred.tables.text import OWN_FILE, Row, read_numbers
 from pedpred.tables.units import UNITS
 
 COLUMNS = ("id", "frame", "x", "y")
 _NAMES = ("track_id", "frame", "x_m", "y_m")
+_Y = COLUMNS.index("y")
 _REMEDY = "Name the columns in order, such as --columns time,id,x,y"
+_WRONG = f"{OWN_FILE}. Or, if columns hold something else: {_REMEDY}"
 _log = logging.getLogger(__name__)
 
 
@@ -46,31 +51,66 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     lines = lines_of(path, header=False)
     line, first = next(lines.rows)
     if len(first) < len(COLUMNS):
-        problem = f"{len(first)} columns, expected {' '.join(COLUMNS)} and perhaps z"
+        problem = f"no header, and {len(first)} columns, expected {' '.join(COLUMNS)} and perhaps z"
         remedy = "Separate values by blanks, tabs, commas or semicolons"
         raise SourceError(path, line, problem, remedy)
     titles = (*COLUMNS, "z", *(f"column_{n}" for n in range(6, len(first) + 1)))[: len(first)]
+    still = _Still(first)
     rows = of_width(path, chain([(line, first)], lines.rows), titles)
-    rows = with_decimal_points(path, with_positions(path, rows, (2, 3), 0), (2, 3), lines.separator)
-    left, right = (Ids(path, title, _REMEDY) for title in COLUMNS[:2])
-    rows = right.numbered(left.numbered(rows, 0), 1)
-    columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), OWN_FILE)
+    rows = still.watched(with_positions(path, rows, (2, 3), 0))
+    rows = with_decimal_points(path, rows, range(len(COLUMNS)), lines.separator)
+    both = Ids(path, COLUMNS[0], _REMEDY), Ids(path, COLUMNS[1], _REMEDY)
+    rows = both[1].numbered(both[0].numbered(rows, 0), 1)
+    columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), _WRONG)
+    still.check(path)
     unit = unit_of_lengths(path, lines.comments, options.unit) or "m"
-    position = UNITS[unit] * np.stack([columns["x_m"], columns["y_m"]], axis=-1)
-    order = "id, frame"
-    if not _ids_first(path, (left, right), columns, position, titles):
-        order, left, right = "frame, id", right, left
-        columns["track_id"], columns["frame"] = columns["frame"], columns["track_id"]
-    rate_hz = frame_rate_hz(path, lines.comments, options.rate_hz)
-    if rate_hz is None:
-        raise SourceError(path, None, *NO_RATE)
-    columns |= {"time_s": _frames(right, columns.pop("frame")) / rate_hz, "x_m": position[:, 0]}
-    columns |= {"track_id": left.of_tracks(columns["track_id"]), "y_m": position[:, 1]}
-    columns = without_copies(path, columns)
-    _log.info("%s: each line is %s, x, y, as people move (%s, %g Hz)", path, order, unit, rate_hz)
+    position = UNITS[unit] * np.stack([columns.pop("x_m"), columns.pop("y_m")], axis=-1)
+    fractions = [ids.holds_fractions() for ids in both]
+    ids_first = fractions[1] if any(fractions) else _ids_first(path, both, columns, position, titles)
+    (who, clock), names = (both, _NAMES) if ids_first else (both[::-1], _NAMES[1::-1])
+    if any(fractions):
+        order, clock_is, time_s = ("id", "time"), "s", clock.written(columns[names[1]])
+    else:
+        rate_hz = frame_rate_hz(path, lines.comments, options.rate_hz)
+        if rate_hz is None:
+            raise SourceError(path, None, *NO_RATE)
+        order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
+        time_s = _frames(clock, columns[names[1]]) / rate_hz
+    found = {"line": columns["line"], "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
+    found = without_copies(path, found | {"track_id": numbered(who, columns[names[0]], options)})
+    shown = ", ".join(order if ids_first else order[::-1])
+    _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit, clock_is)
     with translate_errors(partial(SourceError, path, None)):
-        position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
-        return Trajectories(columns["time_s"], columns["track_id"], position)
+        position = np.stack([found["x_m"], found["y_m"]], axis=-1)
+        return Trajectories(found["time_s"], found["track_id"], position)
+
+
+class _Still:
+    """Notices a fourth column that never changes while a later one does: x, z, y, or other values."""
+
+    def __init__(self, first: Sequence[str]) -> None:
+        self._first, self._changed = first, [False] * len(first)
+
+    def watched(self, rows: Iterable[Row]) -> Iterator[Row]:
+        """The rows, while it looks at them."""
+        at = range(_Y, len(self._first)) if len(self._first) > len(COLUMNS) else ()
+        for line, fields in rows:
+            for k in at:
+                self._changed[k] |= fields[k] != self._first[k]
+            yield line, fields
+
+    def check(self, path: Path) -> None:
+        """Check that the fourth column can be y.
+
+        Raises:
+            SourceError: it never changes, and a later one does.
+        """
+        if not self._changed[_Y] and any(self._changed):
+            problem = (
+                f"without a header, column {_Y + 1} should be y, but it is {self._first[_Y]} in all lines"
+            )
+            remedy = f"{_REMEDY}, with any other word for columns that are not used"
+            raise SourceError(path, None, problem, remedy)
 
 
 def _ids_first(

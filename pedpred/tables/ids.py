@@ -13,8 +13,8 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.tables.text import OWN_FILE, Row, is_number, whole_number
 
-_SHOWN_NAMES = 3
 _LONGEST_NAME, _MOST_NAMES = 200, 500_000
+_FEW_FRACTIONS = 0.25  # more are no errors
 _LONGEST_PLAIN = 18  # digits that fit into 64 bits
 _NOBODY = {"", "nan", "null", "none"}
 _log = logging.getLogger(__name__)
@@ -51,7 +51,7 @@ class Ids:
         """
         for line, fields in rows:
             name = fields[at].strip()
-            if not self.later and _is_plain(name):
+            if not self.later and is_plain(name):
                 self.plain_rows += 1
                 yield line, fields
             else:
@@ -73,6 +73,26 @@ class Ids:
         self.first_lines.append(line)
         return self.later.setdefault(name, len(self.later))
 
+    def holds_fractions(self) -> bool:
+        """Whether all are numbers, and many of the different ones no whole ones, as those of times are."""
+        numbers = [float(name) for name in self.later if is_number(name)]
+        fractions = sum(not value.is_integer() for value in numbers)
+        return len(numbers) == len(self.later) and fractions > _FEW_FRACTIONS * len(numbers)
+
+    def written(self, column: np.ndarray) -> np.ndarray:
+        """The numbers that they are.
+
+        Args:
+            column: what was read from the rows of `numbered`. [M] int64
+
+        Returns:
+            [M] float64.
+        """
+        later = np.array([float(name) for name in self.later])
+        return np.concatenate(
+            [column[: self.plain_rows].astype(np.float64), later[column[self.plain_rows :]]]
+        )
+
     def whole(self, column: np.ndarray) -> np.ndarray | None:
         """The whole numbers that the ids write; None: some are words.
 
@@ -92,7 +112,7 @@ class Ids:
         later = np.fromiter(values, np.int64, len(self.later))
         return np.concatenate([column[: self.plain_rows], later[column[self.plain_rows :]]])
 
-    def of_tracks(self, column: np.ndarray) -> np.ndarray:
+    def of_tracks(self, column: np.ndarray) -> tuple[np.ndarray, list[str]]:
         """Ids as numbers: those that they write, or their places in the order of appearance.
 
         The latter where some are words, or where two of them are the same number, such as 1 and 01.
@@ -101,28 +121,25 @@ class Ids:
             column: see `whole`.
 
         Returns:
-            [M] int64.
+            [M] int64, and the ids in the order of their places; none where the numbers are the ids.
 
         Raises:
             SourceError: see `whole`.
         """
         values = self.whole(column)
         if values is not None and not self.later:
-            return values
+            return values, []
         names, places = self._named(column)
         if values is not None:
             number = np.zeros(len(names), np.int64)
             number[places] = values
             _, group, sizes = np.unique(number, return_inverse=True, return_counts=True)
             if sizes.max(initial=1) == 1:
-                return values
+                return values, []
             one, other = (names[k] for k in np.flatnonzero(group == sizes.argmax())[:2])
             problem = f"{self.title} {one} and {other} are the same number, but written differently"
             _log.warning("%s: %s: they are read as different people", self.path, problem)
-        shown = ", ".join(f"{name} is {place}" for place, name in enumerate(names[:_SHOWN_NAMES]))
-        more = ", ..." * (len(names) > _SHOWN_NAMES)
-        _log.info("%s: ids are words, and numbered: %s%s", self.path, shown, more)
-        return places
+        return places, names
 
     def _named(self, column: np.ndarray) -> tuple[list[str], np.ndarray]:
         """All ids in the order of appearance, and of each row the place of its id."""
@@ -134,7 +151,7 @@ class Ids:
         return list(places), np.concatenate([early, later[column[self.plain_rows :]]])
 
 
-def _is_plain(name: str) -> bool:
+def is_plain(name: str) -> bool:
     """Whether a whole number is written in the only usual way, so that it says its letters."""
     digits = name[1:] if name.startswith("-") else name
     usual = digits[:1] != "0" or name == "0"

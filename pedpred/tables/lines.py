@@ -1,7 +1,7 @@
 """Lines of a text with columns: comments, a header, and fields between separators.
 
-Commas, semicolons, tabs or blanks separate fields; quotes hold fields together. Lines that begin with `#`,
-`%` or `//` are comments, unless one is the header.
+Commas, semicolons, tabs, vertical bars or blanks separate fields; quotes hold fields together. Lines that
+begin with `#`, `%` or `//` are comments, unless one is the header.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pedpred.tables.decimals import has_decimal_comma
 from pedpred.tables.text import Row, check_width, is_number, text_lines
 from pedpred.tables.titles import titles_of_tracks
 
-_SEPARATORS = (";", "\t", ",")
+_SEPARATORS = (";", "\t", "|", ",")
 _COMMENTS = ("#", "%", "//", "sep=")  # with the last, spreadsheets say the separator
 _UTF8 = "Save it as text in UTF-8"
 _FEWEST = 3

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_choice
+from pedpred.tables.names import TrackNames
 from pedpred.tables.titles import titles_of_tracks
 from pedpred.tables.units import UNITS
 
@@ -24,12 +25,14 @@ class TableOptions:
         rate_hz: of frame numbers; None: the file says it, or has times.
         unit: of lengths, a key of `UNITS`; None: the file says it, or they are metres.
         pixel_m: side of a pixel, m, where people were annotated in a picture.
+        names: of tracks whose ids are words; the reader adds them.
     """
 
     columns: tuple[str, ...] | None = None
     rate_hz: float | None = None
     unit: str | None = None
     pixel_m: float | None = None
+    names: TrackNames = field(default_factory=TrackNames, compare=False)
 
     def __post_init__(self) -> None:
         if self.columns is not None:

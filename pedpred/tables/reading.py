@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
+
+import numpy as np
 
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
-from pedpred.storage.tracks import tracks_of
 from pedpred.tables.clocks import set_time
 from pedpred.tables.comments import frame_rate_hz, unit_of_lengths
 from pedpred.tables.decimals import with_decimal_points
@@ -26,7 +28,8 @@ from pedpred.tables.titles import LENGTHS, meaning_of, titles_of_tracks
 from pedpred.tables.units import UNITS
 
 _NAME = "Name all columns in order, such as --columns time,id,x,y"
-_LONGEST_TITLES = 200
+_PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
+_LONGEST_TITLES, _SHOWN_NAMES = 200, 3
 _log = logging.getLogger(__name__)
 
 
@@ -50,7 +53,7 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
 def tracks_in_rows(
     path: Path, header: Sequence[str], rows: Iterable[Row], options: TableOptions
 ) -> Trajectories:
-    """Read the detections in rows of text, from whatever file; every one has a position.
+    """Read the detections in rows of text, from whatever file; rows without a position are missing ones.
 
     Args:
         path: the file, for errors.
@@ -82,10 +85,9 @@ def _read(
     clock = "time_s" if "time_s" in at else "frame"
     others = [column for name, column in at.items() if name != clock]
     rows = without_other_rows(path, of_width(path, rows, titles), others)
-    if lines is not None:
-        places = [at[name] for name in LENGTHS]
-        rows = with_positions(path, rows, places, at["track_id"])
-        rows = with_decimal_points(path, rows, [*places, at[clock]], lines.separator)
+    places = [at[name] for name in LENGTHS]
+    rows = with_positions(path, rows, places, at["track_id"])
+    rows = with_decimal_points(path, rows, [*places, at[clock]], lines.separator if lines else None)
     columns = read_numbers(path, ids.numbered(rows, at["track_id"]), titles, wanted, OWN_FILE)
     units = _units(path, wanted, unit_of_lengths(path, comments, options.unit))
     for name in LENGTHS:
@@ -94,12 +96,46 @@ def _read(
     with translate_errors(lambda problem: SourceError(path, None, problem)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
         set_time(path, columns, units[clock], rate_hz)
-        columns["track_id"] = ids.of_tracks(columns["track_id"])
+        columns["track_id"] = numbered(ids, columns["track_id"], options)
         columns = without_copies(path, columns)
         del columns["line"]
         if lines is not None:
             _tell(path, titles, wanted, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
-        return tracks_of(columns, path)
+        return _tracks(columns)
+
+
+def numbered(ids: Ids, column: np.ndarray, options: TableOptions) -> np.ndarray:
+    """Ids as numbers; where these are no ids but places of words, the words become the tracks' names.
+
+    Args:
+        ids: of the file.
+        column: what was read from them. [M] int64
+        options: takes the names.
+
+    Returns:
+        [M] int64.
+    """
+    numbers, names = ids.of_tracks(column)
+    if names:
+        options.names.add(names)
+        shown = ", ".join(f"{name} is {place}" for place, name in enumerate(names[:_SHOWN_NAMES]))
+        more = ", ..." * (len(names) > _SHOWN_NAMES)
+        _log.info("%s: ids are words, and numbered: %s%s", ids.path, shown, more)
+    return numbers
+
+
+def _tracks(columns: dict[str, np.ndarray]) -> Trajectories:
+    """The tracks in columns, which are emptied on the way: two million rows are large.
+
+    Raises:
+        ValueRuleError: a value is impossible.
+    """
+    for field, names in _PAIRS.items():
+        if set(names) <= set(columns):
+            columns[field] = np.stack([columns.pop(name) for name in names], axis=-1)
+    return Trajectories(
+        **{field.name: columns[field.name] for field in fields(Trajectories) if field.name in columns}
+    )
 
 
 def _said(title: str) -> str | None:

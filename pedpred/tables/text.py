@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import islice
@@ -11,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import SourceError, brief
-from pedpred.files import read_lines, translate_errors
+from pedpred.files import translate_errors
 from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.encodings import decoded_lines
 
 Row = tuple[int, Sequence[str]]
 """Line number (from 1) and fields of a line."""
@@ -41,7 +43,7 @@ def text_lines(path: Path, remedy: str = _FETCHED) -> Iterator[tuple[int, str]]:
     with translate_errors(
         lambda problem: SourceError(path, None, f"not a readable text file ({problem})", remedy)
     ):
-        yield from read_lines(path)
+        yield from decoded_lines(path)
 
 
 def text_rows(path: Path) -> Iterator[Row]:
@@ -135,11 +137,9 @@ def read_numbers(
         SourceError: there are too many rows, or one has another number of columns or something else than a
             number; it names the line.
     """
-    types = {
-        name: np.int64 if name in (*_WHOLE, "line") else np.float64 for name in ("line", *wanted.values())
-    }
-    parts: dict[str, list[np.ndarray]] = {name: [np.zeros(0, kind)] for name, kind in types.items()}
-    rows, most_rows, count = iter(rows), MOST_NUMBERS // len(parts), 0
+    names = ("line", *wanted.values())
+    columns = {name: array("q" if name in (*_WHOLE, "line") else "d") for name in names}
+    rows, most_rows, count = iter(rows), MOST_NUMBERS // len(columns), 0
     while block := list(islice(rows, _BLOCK_ROWS)):
         count += len(block)
         if count > most_rows:
@@ -147,11 +147,12 @@ def read_numbers(
         for line, fields in block:
             check_width(path, line, fields, titles, remedy)
         lines = [line for line, _ in block]
-        parts["line"].append(np.array(lines))
+        columns["line"].extend(lines)
         for title, column in zip(titles, zip(*(fields for _, fields in block), strict=True), strict=True):
             if name := wanted.get(title):
-                parts[name].append(_parsed(path, lines, title, column, name in _WHOLE, remedy))
-    return {name: np.concatenate(parts.pop(name)) for name in list(parts)}
+                values = _parsed(path, lines, title, column, name in _WHOLE, remedy)
+                columns[name].frombytes(values.tobytes())
+    return {name: np.frombuffer(column, column.typecode) for name, column in columns.items()}
 
 
 def _parsed(

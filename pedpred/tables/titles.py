@@ -28,10 +28,10 @@ LENGTHS = ("x_m", "y_m")
 _SAY = {
     "time": "t time times timestamp timestamps stamp",
     "frame": "frame frames",
-    "id": "id ids uid identifier identity",
+    "id": "id ids uid pid identifier identity",
     "who": "track trajectory ped pedestrian person agent object obj subject human participant walker people",
-    "x": "x",
-    "y": "y",
+    "x": "x easting",
+    "y": "y northing",
 }
 _QUANTITY = {word: quantity for quantity, words in _SAY.items() for word in words.split()}
 _BESIDE = {
