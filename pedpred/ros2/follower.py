@@ -112,6 +112,7 @@ class Follower:
         self._identities = Identities(settings.identities, settings.people_type)
         self._named: dict[int, str] = {}
         self._is_behind = False
+        self._latest: Forecast | None = None
         self._shown_s = -np.inf
         self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
         self._heard: Instant | None = None
@@ -252,9 +253,10 @@ class Follower:
         if left_out:
             _log.warning("%s", left_out)
         forecast = self._predictor.update(one.stamp_s, track_id[kept], place[kept])
-        if forecast.time_s != one.stamp_s:
+        if forecast is self._latest:  # the frame was dropped
             self.counts.late += 1
             return
+        self._latest = forecast
         self.counts.forecasts += 1
         self.counts.people, self.forecast_s = len(forecast), given.arrived_s
         if self._map.occupancy is None and self.settings.use_map and len(forecast):
