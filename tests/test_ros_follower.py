@@ -12,10 +12,12 @@ from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
 from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.message_types import known_types, serialize
+from pedpred.ros.people import ADAPTERS
 from pedpred.ros.planning import HORIZON, ROW, grid_messages
 from pedpred.ros.scene_messages import header, map_message
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
 from pedpred.ros2.follower import UPDATE_TYPE, Follower, output_types
+from pedpred.ros2.identities import UNNAMED_TYPES
 from pedpred.ros2.live_frames import KEPT_S, MOST_FRAMES, MOST_POSES, LiveFrames
 from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of
 from pedpred.scenes import OccupancyMap, Predictions
@@ -368,3 +370,48 @@ def test_markers_and_grids_are_made_no_more_often_than_viewers_need():
         assert all({"predictions", "predictions/people"} <= own for own in shown)
         for topic in ("predictions/markers", "predicted_occupancy/horizon"):
             assert least <= sum(topic in own for own in shown) <= most
+
+
+def position(x):
+    return {"position": {"x": x, "y": 1.0}, "orientation": {"w": 1.0}}
+
+
+def persons(xs):
+    """Fields of one message of each type, of people at some places; without header."""
+    likely = [{"hypothesis": {"class_id": "person", "score": 0.9}}]
+    return {
+        PEOPLE: {"people": [{"name": str(k), "position": position(x)["position"]} for k, x in enumerate(xs)]},
+        "people_msgs/msg/PositionMeasurementArray": {
+            "people": [{"object_id": str(k), "pos": position(x)["position"]} for k, x in enumerate(xs)]
+        },
+        "spencer_tracking_msgs/msg/TrackedPersons": {
+            "tracks": [{"track_id": k, "pose": {"pose": position(x)}} for k, x in enumerate(xs)]
+        },
+        "hunav_msgs/msg/Agents": {
+            "agents": [{"id": k, "type": 1, "position": position(x)} for k, x in enumerate(xs)]
+        },
+        AGENTS: {"agent_states": [{"id": k, "type": 1, "pose": position(x)} for k, x in enumerate(xs)]},
+        BOXES: {
+            "detections": [
+                {"id": str(k), "results": likely, "bbox": {"center": position(x)}} for k, x in enumerate(xs)
+            ]
+        },
+        "geometry_msgs/msg/PoseArray": {"poses": [position(x) for x in xs]},
+    }
+
+
+@pytest.mark.parametrize("kind", sorted(ADAPTERS))
+def test_people_of_every_type_are_followed(kind, caplog):
+    """Two people who walk; types without ids that last get them from the nearest, and the log says so."""
+    follower = follower_of(people_type=kind)
+    for k in range(15):
+        content = persons([0.1 * k, 5.0 - 0.05 * k])[kind]
+        stamp = {"header": header(10**9 + k * 10**8, "map")}
+        answers = answered(follower, serialize(kind, stamp | content))
+    rows = rows_of(answers["predictions"])
+    last = rows[(rows["mode"] == 0) & (rows["step"] == 10)]
+    unnamed = kind in UNNAMED_TYPES
+    assert last["track_id"].tolist() == ([1, 2] if unnamed else [0, 1])
+    assert last["x"][0] > 2.5
+    assert last["x"][1] < 4.0
+    assert ("people have no ids that say who is who" in caplog.text) == unnamed
