@@ -7,6 +7,7 @@ if it has rclpy. Packages without wheels are in tests/ros_packages: true names o
 import importlib.util
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -104,10 +105,16 @@ class Place:
             process.wait(LIMIT_S)
 
     @contextmanager
-    def node(self, *arguments, ready="forecasting people", number=signal.SIGTERM):
+    def node(
+        self,
+        *arguments,
+        ready="forecasting people",
+        number=signal.SIGTERM,
+        command=(PYTHON, "-m", "pedpred.ros2"),
+    ):
         """Run the node until the block ends, which a signal tells it; its log lines are in `told`."""
         told = self.folder / "node.txt"
-        process = self.start([PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments], told)
+        process = self.start([*command, "--ros-args", *arguments], told)
         self.wait(lambda: process.poll() is not None or ready in told.read_text(), repr(ready), told)
         assert process.poll() is None, told.read_text()
         try:
@@ -351,6 +358,37 @@ def test_a_manager_starts_the_node(place):
         heard = place.exchange(publish, (0, agents()), walk, record, {"/predictions": 5})
     assert all(set(rows_of(cloud)["track_id"]) == {5} for cloud in heard["/predictions"])
     assert "forecasting people of /people" in told.read_text()
+
+
+def test_what_colcon_installs_starts_the_node_with_its_parameters(place):
+    """The index of packages finds it; parameters of its file that another argument does not change count."""
+    source, installed = place.folder / "src/pedpred_ros", place.folder / "install/pedpred_ros"
+    shutil.copytree(ROOT / "ros/pedpred_ros", source)
+    command = [PYTHON.parent / "colcon", "build", "--packages-select", "pedpred_ros"]
+    done = subprocess.run(
+        command, cwd=place.folder, capture_output=True, text=True, timeout=LIMIT_S, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    script = "from ament_index_python.packages import get_package_share_directory as found; "
+    command = [PYTHON, "-c", script + "print(found('pedpred_ros'))"]
+    environment = place.environment | {"AMENT_PREFIX_PATH": str(installed)}
+    found = subprocess.run(command, capture_output=True, text=True, env=environment, check=True).stdout
+    share = Path(found.strip())
+    assert share == installed / "share/pedpred_ros"
+    there = {str(path.relative_to(share)) for path in share.rglob("*.*")}
+    assert {"launch/pedpred.launch.py", "rviz/pedpred.rviz", "config/nav2_people_layer.yaml"} <= there
+    (packages,) = installed.glob("lib/python*/site-packages")
+    place.environment["PYTHONPATH"] += f":{packages}"
+    arguments = ["--params-file", str(share / "config/pedpred.yaml"), "-p", "use_map:=false"]
+    command = (PYTHON, installed / "lib/pedpred_ros/pedpred")
+    publish, record = [("/people", PEOPLE_TYPE, "rv")], [("/predicted_occupancy/horizon", GRID, "rt")]
+    record.append(("/predictions", CLOUD, "rv"))
+    walk = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(5)]
+    with place.node(*arguments, command=command):
+        until = {"/predictions": 5, "/predicted_occupancy/horizon": 1}
+        heard = place.exchange(publish, (0, people(60.0)), walk, record, until)
+    side_m = heard["/predicted_occupancy/horizon"][-1].info.resolution
+    assert side_m == pytest.approx(0.1)  # the parameter of the file: otherwise there is no grid
 
 
 def test_a_node_that_still_compiles_ends_when_it_is_told_to(place):
