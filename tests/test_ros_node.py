@@ -321,6 +321,31 @@ def test_what_is_missing_between_frames_is_said_and_not_repeated(place):
     assert len(lines) <= 3
 
 
+def test_no_message_ends_or_stalls_the_node(place):
+    """Wrong ones on all topics, again and again, then people, who are forecast; errors are told a few times."""
+    crowd = people(50.0, **{str(k): (k % 100, k // 100) for k in range(5000)})
+    nowhere = serialize(GRID, {"info": {"width": 1, "height": 1, "resolution": 0.1}}).hex()
+    loop = transforms(*(pose(*edge, *CAMERA, 50.0) for edge in (("a", "b"), ("b", "a"))))
+    cut = people(50.0, ada=(1.0, 1.0))[:-20]
+    odd = [(0, crowd), (0, cut), (0, "00010000"), (0, people(50.0, "a", ada=(1.0, 1.0))), (1, nowhere)]
+    odd += [(1, room()[:-2]), (2, loop), (2, "00010000ffffffff"), (0, people(50.0, ada=(np.nan, np.inf)))]
+    odd.append((0, people(70.0, **{"9" * 5000: (1e8, -1e8)})))
+    send = [(0.3 * k, *one) for k in range(10) for one in odd]
+    send += [(3.0 + k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(20)]
+    publish = [("/people", PEOPLE_TYPE, "rv"), ("/map", GRID, "rv"), ("/tf", TF, "rv")]
+    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
+    with place.node() as told:
+        until = {"/predictions": 20, "/diagnostics": 6}
+        heard = place.exchange(publish, (0, people(20.0)), send, record, until)
+    assert [rows_of(cloud)["x"].size > 0 for cloud in heard["/predictions"]] == [True] * 20
+    lines = [line for line in told.read_text().splitlines() if "left out" in line]
+    for text in ("people = 5000, but at most 1000", "it must be a people_msgs/msg/People", "has no parent"):
+        assert any(text in line for line in lines), text
+    assert len(lines) < len(send) / 4
+    (table,) = ({pair.key: pair.value for pair in one.values} for one in heard["/diagnostics"][-1].status)
+    assert int(table["left out: too many people"]) > 0
+
+
 def test_people_without_ids_are_told_apart(place):
     def poses(k, places):
         listed = [{"position": {"x": x, "y": y}, "orientation": {"w": 1.0}} for x, y in places]
