@@ -1,5 +1,11 @@
 """`pedpred drive`: tables that grow, do not depend on how they grew, and refuse to be mixed."""
 
+import os
+import re
+import signal
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -27,6 +33,25 @@ def test_a_table_is_the_same_however_it_grew(tmp_path, capsys):
     before = (tmp_path / "grown.csv").stat()
     assert driven(tmp_path / "grown.csv", "--episodes", "2", *methods) == whole
     assert before.st_size == len(whole)
+
+
+@pytest.mark.parametrize("processes", ["1", "2"])
+def test_drives_that_are_interrupted_go_on_where_they_were(tmp_path, processes):
+    """Ctrl-C keeps what is done; the rest, driven later, gives the bytes of an undisturbed run."""
+    table, methods = tmp_path / "table.csv", ("--method", "standing", "--method", "kalman")
+    command = [sys.executable, "-m", "pedpred.command", "drive", CORNER, "--table", str(table), *methods]
+    command += ["--risk", "0.1", "--episodes", "5000", "--processes", processes]
+    environment = os.environ | {"TQDM_MININTERVAL": "0"}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=ROOT, env=environment) as started:
+        while not re.search(r" [2-9]/5000", started.stderr.readline()):  # each state of the bar is a line
+            assert started.poll() is None
+        started.send_signal(signal.SIGINT)
+        assert "Traceback" not in started.communicate()[1]
+        assert started.returncode == 130
+    done = 1 + max(row.episode for row in read_table(table))
+    assert done >= 2
+    options = *methods, "--risk", "0.1", "--episodes", str(done + 1)
+    assert driven(table, *options) == driven(tmp_path / "whole.csv", *options)
 
 
 def test_drives_of_other_settings_are_not_added(tmp_path):

@@ -12,11 +12,13 @@ from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
 from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.message_types import known_types, serialize
+from pedpred.ros.people import ADAPTERS
 from pedpred.ros.planning import HORIZON, ROW, grid_messages
 from pedpred.ros.scene_messages import header, map_message
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
 from pedpred.ros2.follower import UPDATE_TYPE, Follower, output_types
-from pedpred.ros2.live_frames import KEPT_S, LiveFrames
+from pedpred.ros2.identities import UNNAMED_TYPES
+from pedpred.ros2.live_frames import KEPT_S, MOST_FRAMES, MOST_POSES, LiveFrames
 from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of
 from pedpred.scenes import OccupancyMap, Predictions
 
@@ -240,20 +242,52 @@ def test_people_without_ids_are_refused_where_ids_are_asked_for():
 
 
 def test_time_that_goes_back_forgets_what_moves_and_keeps_what_is_fixed():
+    """And a publisher with false stamps spoils its own frame alone."""
     frames, still = LiveFrames(), (Rotation.identity(), np.ones(3))
 
-    def add(at_s, child, fixed):
+    def add(at_s, child, fixed=False):
         raw = transforms(transform("map", child, *still, at_s))
         frames.add(known_types().deserialize_cdr(raw, TF), at_s, fixed)
 
-    add(100.0, "camera", True)
-    add(100.0, "base_link", False)
-    add(50.0, "other", False)
+    add(100.0, "camera", fixed=True)
+    add(100.0, "base_link")
+    add(100.0, "other")
     assert frames.lack("base_link", "map", 100.0) == ""
-    add(90.0, "base_link", False)
+    add(90.0, "base_link")
     assert "older than the people" in frames.lack("base_link", "map", 100.0)
-    assert "'other' has no parent" in frames.lack("other", "map", 50.0)
+    for at_s in (2e9, 90.1, 2e9, -5.0):
+        add(at_s, "base_link")
+        assert frames.lack("other", "map", 100.0) == ""
+    assert "older than the people" in frames.lack("base_link", "map", 100.0)
     assert frames.lack("camera", "map", 1e6) == ""
+
+
+@pytest.mark.parametrize("stamp_s", [0.0, 7.0], ids=["without stamps", "always the same stamp"])
+def test_transforms_whose_stamps_stand_still_do_not_pile_up(stamp_s):
+    """Nor do frames that come and go; what has no stamp is of the time when it came."""
+    frames, count = LiveFrames(), 2 * MOST_FRAMES
+    robot, person = (
+        known_types().deserialize_cdr(
+            transforms(transform("map", name, Rotation.identity(), (0, 0, 0), stamp_s)), TF
+        )
+        for name in ("robot", "p")
+    )
+    for k in range(count):
+        person.transforms[0].child_frame_id = f"p{k}"
+        for message in (person, *[robot] * 8):
+            frames.add(message, 100.0 + k / 10, False)
+    kept = [samples for parents in frames._tree._samples.values() for samples in parents.values()]
+    assert len(kept) <= MOST_FRAMES + 200
+    assert sum(map(len, kept)) <= 9 * (MOST_POSES + 200 + MOST_FRAMES + 200)
+    assert frames.lack("robot", "map", stamp_s or 100.0 + (count - 1) / 10) == ""
+    assert "'p0' has no parent" in frames.lack("p0", "map", stamp_s or 100.0)
+
+
+def test_a_loop_of_frames_is_called_so():
+    frames, still = LiveFrames(), (Rotation.identity(), np.ones(3))
+    edges = [transform(parent, child, *still, 5.0) for parent, child in (("b", "a"), ("c", "b"), ("a", "c"))]
+    frames.add(known_types().deserialize_cdr(transforms(*edges), TF), 5.0, False)
+    assert "'a' is in a loop: 'a' in 'b' in 'c' in 'a'" in frames.lack("a", "map", 5.0)
 
 
 def test_transforms_do_not_pile_up():
@@ -336,3 +370,48 @@ def test_markers_and_grids_are_made_no_more_often_than_viewers_need():
         assert all({"predictions", "predictions/people"} <= own for own in shown)
         for topic in ("predictions/markers", "predicted_occupancy/horizon"):
             assert least <= sum(topic in own for own in shown) <= most
+
+
+def position(x):
+    return {"position": {"x": x, "y": 1.0}, "orientation": {"w": 1.0}}
+
+
+def persons(xs):
+    """Fields of one message of each type, of people at some places; without header."""
+    likely = [{"hypothesis": {"class_id": "person", "score": 0.9}}]
+    return {
+        PEOPLE: {"people": [{"name": str(k), "position": position(x)["position"]} for k, x in enumerate(xs)]},
+        "people_msgs/msg/PositionMeasurementArray": {
+            "people": [{"object_id": str(k), "pos": position(x)["position"]} for k, x in enumerate(xs)]
+        },
+        "spencer_tracking_msgs/msg/TrackedPersons": {
+            "tracks": [{"track_id": k, "pose": {"pose": position(x)}} for k, x in enumerate(xs)]
+        },
+        "hunav_msgs/msg/Agents": {
+            "agents": [{"id": k, "type": 1, "position": position(x)} for k, x in enumerate(xs)]
+        },
+        AGENTS: {"agent_states": [{"id": k, "type": 1, "pose": position(x)} for k, x in enumerate(xs)]},
+        BOXES: {
+            "detections": [
+                {"id": str(k), "results": likely, "bbox": {"center": position(x)}} for k, x in enumerate(xs)
+            ]
+        },
+        "geometry_msgs/msg/PoseArray": {"poses": [position(x) for x in xs]},
+    }
+
+
+@pytest.mark.parametrize("kind", sorted(ADAPTERS))
+def test_people_of_every_type_are_followed(kind, caplog):
+    """Two people who walk; types without ids that last get them from the nearest, and the log says so."""
+    follower = follower_of(people_type=kind)
+    for k in range(15):
+        content = persons([0.1 * k, 5.0 - 0.05 * k])[kind]
+        stamp = {"header": header(10**9 + k * 10**8, "map")}
+        answers = answered(follower, serialize(kind, stamp | content))
+    rows = rows_of(answers["predictions"])
+    last = rows[(rows["mode"] == 0) & (rows["step"] == 10)]
+    unnamed = kind in UNNAMED_TYPES
+    assert last["track_id"].tolist() == ([1, 2] if unnamed else [0, 1])
+    assert last["x"][0] > 2.5
+    assert last["x"][1] < 4.0
+    assert ("people have no ids that say who is who" in caplog.text) == unnamed

@@ -7,6 +7,7 @@ if it has rclpy. Packages without wheels are in tests/ros_packages: true names o
 import importlib.util
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -104,10 +105,16 @@ class Place:
             process.wait(LIMIT_S)
 
     @contextmanager
-    def node(self, *arguments, ready="forecasting people", number=signal.SIGTERM):
+    def node(
+        self,
+        *arguments,
+        ready="forecasting people",
+        number=signal.SIGTERM,
+        command=(PYTHON, "-m", "pedpred.ros2"),
+    ):
         """Run the node until the block ends, which a signal tells it; its log lines are in `told`."""
         told = self.folder / "node.txt"
-        process = self.start([PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments], told)
+        process = self.start([*command, "--ros-args", *arguments], told)
         self.wait(lambda: process.poll() is not None or ready in told.read_text(), repr(ready), told)
         assert process.poll() is None, told.read_text()
         try:
@@ -314,6 +321,31 @@ def test_what_is_missing_between_frames_is_said_and_not_repeated(place):
     assert len(lines) <= 3
 
 
+def test_no_message_ends_or_stalls_the_node(place):
+    """Wrong ones on all topics, again and again, then people, who are forecast; errors are told a few times."""
+    crowd = people(50.0, **{str(k): (k % 100, k // 100) for k in range(5000)})
+    nowhere = serialize(GRID, {"info": {"width": 1, "height": 1, "resolution": 0.1}}).hex()
+    loop = transforms(*(pose(*edge, *CAMERA, 50.0) for edge in (("a", "b"), ("b", "a"))))
+    cut = people(50.0, ada=(1.0, 1.0))[:-20]
+    odd = [(0, crowd), (0, cut), (0, "00010000"), (0, people(50.0, "a", ada=(1.0, 1.0))), (1, nowhere)]
+    odd += [(1, room()[:-2]), (2, loop), (2, "00010000ffffffff"), (0, people(50.0, ada=(np.nan, np.inf)))]
+    odd.append((0, people(70.0, **{"9" * 5000: (1e8, -1e8)})))
+    send = [(0.3 * k, *one) for k in range(10) for one in odd]
+    send += [(3.0 + k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(20)]
+    publish = [("/people", PEOPLE_TYPE, "rv"), ("/map", GRID, "rv"), ("/tf", TF, "rv")]
+    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
+    with place.node() as told:
+        until = {"/predictions": 20, "/diagnostics": 6}
+        heard = place.exchange(publish, (0, people(20.0)), send, record, until)
+    assert [rows_of(cloud)["x"].size > 0 for cloud in heard["/predictions"]] == [True] * 20
+    lines = [line for line in told.read_text().splitlines() if "left out" in line]
+    for text in ("people = 5000, but at most 1000", "it must be a people_msgs/msg/People", "has no parent"):
+        assert any(text in line for line in lines), text
+    assert len(lines) < len(send) / 4
+    (table,) = ({pair.key: pair.value for pair in one.values} for one in heard["/diagnostics"][-1].status)
+    assert int(table["left out: too many people"]) > 0
+
+
 def test_people_without_ids_are_told_apart(place):
     def poses(k, places):
         listed = [{"position": {"x": x, "y": y}, "orientation": {"w": 1.0}} for x, y in places]
@@ -351,6 +383,37 @@ def test_a_manager_starts_the_node(place):
         heard = place.exchange(publish, (0, agents()), walk, record, {"/predictions": 5})
     assert all(set(rows_of(cloud)["track_id"]) == {5} for cloud in heard["/predictions"])
     assert "forecasting people of /people" in told.read_text()
+
+
+def test_what_colcon_installs_starts_the_node_with_its_parameters(place):
+    """The index of packages finds it; parameters of its file that another argument does not change count."""
+    source, installed = place.folder / "src/pedpred_ros", place.folder / "install/pedpred_ros"
+    shutil.copytree(ROOT / "ros/pedpred_ros", source)
+    command = [PYTHON.parent / "colcon", "build", "--packages-select", "pedpred_ros"]
+    done = subprocess.run(
+        command, cwd=place.folder, capture_output=True, text=True, timeout=LIMIT_S, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    script = "from ament_index_python.packages import get_package_share_directory as found; "
+    command = [PYTHON, "-c", script + "print(found('pedpred_ros'))"]
+    environment = place.environment | {"AMENT_PREFIX_PATH": str(installed)}
+    found = subprocess.run(command, capture_output=True, text=True, env=environment, check=True).stdout
+    share = Path(found.strip())
+    assert share == installed / "share/pedpred_ros"
+    there = {str(path.relative_to(share)) for path in share.rglob("*.*")}
+    assert {"launch/pedpred.launch.py", "rviz/pedpred.rviz", "config/nav2_people_layer.yaml"} <= there
+    (packages,) = installed.glob("lib/python*/site-packages")
+    place.environment["PYTHONPATH"] += f":{packages}"
+    arguments = ["--params-file", str(share / "config/pedpred.yaml"), "-p", "use_map:=false"]
+    command = (PYTHON, installed / "lib/pedpred_ros/pedpred")
+    publish, record = [("/people", PEOPLE_TYPE, "rv")], [("/predicted_occupancy/horizon", GRID, "rt")]
+    record.append(("/predictions", CLOUD, "rv"))
+    walk = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(5)]
+    with place.node(*arguments, command=command):
+        until = {"/predictions": 5, "/predicted_occupancy/horizon": 1}
+        heard = place.exchange(publish, (0, people(60.0)), walk, record, until)
+    side_m = heard["/predicted_occupancy/horizon"][-1].info.resolution
+    assert side_m == pytest.approx(0.1)  # the parameter of the file: otherwise there is no grid
 
 
 def test_a_node_that_still_compiles_ends_when_it_is_told_to(place):

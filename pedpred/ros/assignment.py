@@ -11,6 +11,8 @@ _GATE_M, _GATE_MPS, _LARGEST_GATE_M = 0.5, 1.5, 2.0
 """A detection belongs to a person if it is at most so far from the expected place, m, plus m/s since it was
 seen. Expected is the last place plus the motion before, which the last few detections give."""
 _SMOOTHING_S = 0.4
+_MOST_TRACKS = 2000
+"""Of more, those who were seen last stay: detections that are noise must not fill the memory."""
 
 
 class NearestTracks:
@@ -34,15 +36,19 @@ class NearestTracks:
         if len(self._seen_s) and time_s < self._seen_s.max() - LOST_AFTER_S:
             self._keep(np.zeros(len(self._seen_s), bool))
         self._keep(time_s - self._seen_s <= LOST_AFTER_S)
+        self._keep(np.sort(np.argsort(self._seen_s, kind="stable")[-_MOST_TRACKS:]))
         gap_s = np.maximum(time_s - self._seen_s, 0.0)
         expected = self._position + gap_s[:, None] * self._velocity
         track_id = np.zeros(len(position), np.int64)
         placed = np.flatnonzero(np.isfinite(position).all(axis=1))
         apart = distances_m(expected, position[placed])
-        gate = np.minimum(_GATE_M + _GATE_MPS * gap_s, _LARGEST_GATE_M)[:, None]
-        person, found = cheapest_pairs(np.where(apart <= gate, apart, 2.0 * _LARGEST_GATE_M))
-        near = apart[person, found] <= gate[person, 0]
-        person, found = person[near], placed[found[near]]
+        within = apart <= np.minimum(_GATE_M + _GATE_MPS * gap_s, _LARGEST_GATE_M)[:, None]
+        rows, columns = np.flatnonzero(within.any(axis=1)), np.flatnonzero(within.any(axis=0))
+        near = np.ix_(rows, columns)  # all others are paired with nobody, at whatever cost
+        person, found = cheapest_pairs(np.where(within[near], apart[near], 2.0 * _LARGEST_GATE_M))
+        person, found = rows[person], columns[found]
+        chosen = within[person, found]
+        person, found = person[chosen], placed[found[chosen]]
         track_id[found] = self._track_id[person]
         self._move(person, position[found], gap_s[person], time_s)
         new = np.flatnonzero(track_id == 0)

@@ -19,6 +19,7 @@ are not interpolated. Where it does not move, the first and the last pose hold f
 _SAME_M, _SAME_RAD = 0.001, 0.001
 _ALWAYS = (-np.inf, np.inf)
 _NO_UNIT = 0.1  # a quaternion has the norm 1
+_TOLD = 5  # frames of a loop
 _COLUMNS = 9  # received (s), stamp (s), translation (m), quaternion (x, y, z, w)
 
 
@@ -37,45 +38,74 @@ class FrameTree:
     def add(self, message: Any, received_s: float, fixed: bool) -> None:
         """Take a tf2_msgs/TFMessage; those of /tf_static are fixed. Impossible poses are left out."""
         for one in message.transforms:
-            child, parent = frame_name(one.child_frame_id), frame_name(one.header.frame_id)
-            at, turn = one.transform.translation, one.transform.rotation
-            pose = np.array([at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w])
-            sound = rule_of("position", pose)[1].all() and abs(np.linalg.norm(pose[3:]) - 1.0) < _NO_UNIT
-            if child == parent or not sound:
-                continue
-            if fixed:
-                self._fixed.add((child, parent))
-            samples = self._samples.setdefault(child, {}).setdefault(parent, array("d"))
-            samples.extend((received_s, seconds(one.header.stamp), *pose))
+            self.hold(one, received_s, seconds(one.header.stamp), fixed)
 
-    def forget(self, before_s: float = np.inf) -> None:
-        """Drop what is older than a time, by the clock of the stamps (default: all), but fixed transforms.
+    def hold(self, one: Any, received_s: float, stamp_s: float, fixed: bool) -> None:
+        """Take a geometry_msgs/TransformStamped, unless its pose is impossible.
 
-        The last one of every other edge stays, unless all are dropped; of a fixed one only the last counts.
+        Args:
+            one: decoded.
+            received_s: when it came, s.
+            stamp_s: the time that it is about, s.
+            fixed: whether it holds always.
         """
-        for child, parents in list(self._samples.items()):
-            for parent, samples in list(parents.items()):
+        child, parent = frame_name(one.child_frame_id), frame_name(one.header.frame_id)
+        at, turn = one.transform.translation, one.transform.rotation
+        pose = np.array([at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w])
+        sound = rule_of("position", pose)[1].all() and abs(np.linalg.norm(pose[3:]) - 1.0) < _NO_UNIT
+        if child == parent or not sound:
+            return
+        if fixed:
+            self._fixed.add((child, parent))
+        samples = self._samples.setdefault(child, {}).setdefault(parent, array("d"))
+        samples.extend((received_s, stamp_s, *pose))
+
+    def forget(self, child: str) -> None:
+        """Drop the poses of a frame, but fixed ones."""
+        kept = {
+            parent: samples
+            for parent, samples in self._samples.pop(child, {}).items()
+            if (child, parent) in self._fixed
+        }
+        if kept:
+            self._samples[child] = kept
+
+    def trim(self, kept_s: float, most_poses: int, most_frames: int) -> None:
+        """Drop poses that are much older than the latest one of their edge, and frames that are too many.
+
+        Args:
+            kept_s: how much older, by the clock of the stamps; the latest one stays, and of a fixed edge no
+                other one, s.
+            most_poses: of an edge; those that came last stay.
+            most_frames: that move; those whose poses came last stay.
+        """
+        came_s: dict[str, float] = {}
+        for child, parents in self._samples.items():
+            for parent, samples in parents.items():
                 rows = np.array(samples).reshape(-1, _COLUMNS)
-                kept = rows[:, 1] >= before_s
                 if (child, parent) in self._fixed:
-                    kept[:] = False
-                if (child, parent) in self._fixed or np.isfinite(before_s):
-                    kept[-1:] = True
-                parents[parent] = array("d", rows[kept].ravel())
-                if not kept.any():
-                    del parents[parent]
-            if not parents:
-                del self._samples[child]
+                    rows = rows[-1:]
+                else:
+                    came_s[child] = max(rows[-1, 0], came_s.get(child, -np.inf))
+                    rows = rows[rows[:, 1] >= rows[:, 1].max() - kept_s][-most_poses:]
+                parents[parent] = array("d", rows.ravel())
+        for child in sorted(came_s, key=came_s.__getitem__)[: max(len(came_s) - most_frames, 0)]:
+            self.forget(child)
+
+    def age_s(self, frame: str, target: str, time_s: float) -> float | None:
+        """How much older than a time the latest pose is of the edge between two frames that lags most, s.
+
+        None where no frame between them moves.
+        """
+        edges = {*pairwise(self.chain(frame)), *pairwise(self.chain(target))} - self._fixed
+        return max((time_s - float(self._known(edge)[0][-1]) for edge in edges), default=None)
 
     def lack(self, frame: str, target: str, time_s: float) -> str:
         """Say what is missing to bring a place from one frame into another at a time; empty if nothing is."""
         up, down = self.chain(frame), self.chain(target)
         if up[-1] != down[-1]:
             above = {name: chain[-1] for name, chain in ((frame, up), (target, down))}
-            ends = " and ".join(
-                f"{name!r} {'has no parent' if top == name else f'ends at {top!r}'}"
-                for name, top in above.items()
-            )
+            ends = " and ".join(f"{name!r} {self._end(name, top)}" for name, top in above.items())
             return f"no /tf leads from {frame!r} to {target!r}: {ends}"
         while len(up) > 1 and len(down) > 1 and up[-2:] == down[-2:]:
             up, down = up[:-1], down[:-1]
@@ -100,6 +130,13 @@ class FrameTree:
                 break
             found.append(parent)
         return found
+
+    def _end(self, frame: str, top: str) -> str:
+        if top in self._samples:
+            return (
+                f"is in a loop: {' in '.join(map(repr, (*self.chain(frame)[-_TOLD:], *self._samples[top])))}"
+            )
+        return "has no parent" if top == frame else f"ends at {top!r}"
 
     def moves(self, frame: str) -> bool:
         """Whether a frame, or one above it, is seen at different poses in its parent."""

@@ -17,6 +17,7 @@ PERSON_CLASSES = ("person", "people", "pedestrian", "human")
 """The classes that are people, unless others are wanted."""
 _WORD = re.compile(r"[^\W\d_]+")
 _LARGEST = 2**63 - 1
+_MOST_DIGITS = len(str(_LARGEST))
 _ROBOT = 2
 """The type of a robot among the agents of pedsim and of HuNavSim."""
 
@@ -78,13 +79,22 @@ class TrackNumbers:
 
     def __init__(self) -> None:
         self._given: dict[str, int] = {}
+        self._next = -1
 
     def number(self, name: object) -> int:
         """The number of a name, the same on every call, of 64 bits; different names have different ones."""
         text = str(name)
-        if text.isascii() and text.isdecimal() and text == str(int(text)) and int(text) <= _LARGEST:
+        short = text.isascii() and text.isdecimal() and len(text) <= _MOST_DIGITS
+        if short and text == str(int(text)) and int(text) <= _LARGEST:
             return int(text)
-        return self._given.setdefault(text, -1 - len(self._given))
+        if text not in self._given:
+            self._given[text] = self._next
+            self._next -= 1
+        return self._given[text]
+
+    def forget(self, name: str) -> None:
+        """Drop a name; its number is given to no other one, and another one to this name."""
+        self._given.pop(name, None)
 
 
 def find_usable(time_s: np.ndarray, track_id: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, str]:

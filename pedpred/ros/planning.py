@@ -6,14 +6,21 @@ weights and covariances of every step, and every ROS installation reads this one
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from pedpred.ros.message_types import MAP, TYPES
 from pedpred.ros.scene_messages import Content, header, map_info
-from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
+from pedpred.scenes import BODY_M, OccupancyMap, Predictions, predicted_occupancy
 
 PREDICTIONS, HORIZON = "/predictions", "/predicted_occupancy/horizon"
 PREDICTIONS_TYPE, GRID_TYPE = "sensor_msgs/msg/PointCloud2", TYPES[MAP]
+
+MOST_CELLS = 2**24
+"""Of all steps of predicted occupancy together."""
+_DEVIATIONS, _MARGIN = 4.0, 1.5
+"""A person's rectangle ends so many standard deviations and cells beyond the paths."""
 
 _COLUMNS = {
     "x": "<f4",
@@ -82,7 +89,12 @@ def predictions_message(track_id: np.ndarray, predictions: Predictions, time_ns:
 
 
 def grid_messages(
-    predictions: Predictions, ground: OccupancyMap, time_ns: int, frame: str, horizon: bool = False
+    predictions: Predictions,
+    ground: OccupancyMap,
+    time_ns: int,
+    frame: str,
+    horizon: bool = False,
+    is_wanted: Callable[[str], bool] = lambda topic: True,
 ) -> dict[str, Content]:
     """Topic -> nav_msgs/OccupancyGrid of each step: how likely somebody is in a cell, in per cent.
 
@@ -96,19 +108,53 @@ def grid_messages(
         frame: name of the world frame.
         horizon: add `HORIZON`, the largest value of all steps, stamped with the present: for costmaps,
             which have one value per cell.
+        is_wanted: whether somebody wants a topic.
     """
-    shares = predicted_occupancy(predictions, ground)
-    per_cent = np.rint(100 * shares).astype(np.int8)
+    part = _reached(predictions, ground)
+    corner = ground.origin + ground.resolution_m * np.array([each.start for each in part])
+    cut = OccupancyMap(ground.occupied[part], corner, ground.resolution_m)
+    per_cent = np.rint(100 * predicted_occupancy(predictions, cut)).astype(np.int8)
+    info = map_info(ground, time_ns)
+
+    def grid(cells: np.ndarray, then_ns: int) -> Content:
+        whole = np.zeros(ground.occupied.shape[::-1], np.int8)
+        whole.T[part] = cells
+        return {"header": header(then_ns, frame), "info": info, "data": whole.ravel()}
+
     messages = {}
     for step, cells in enumerate(per_cent, start=1):
-        then_ns = time_ns + round(step * predictions.dt_s * 1e9)
-        info = map_info(ground, time_ns)
-        messages[grid_topic(step)] = {"header": header(then_ns, frame), "info": info, "data": cells.T.ravel()}
-    if horizon:
-        data = per_cent.max(axis=0, initial=0).T.ravel()
-        messages[HORIZON] = {
-            "header": header(time_ns, frame),
-            "info": map_info(ground, time_ns),
-            "data": data,
-        }
+        topic = grid_topic(step)
+        if is_wanted(topic):
+            messages[topic] = grid(cells, time_ns + round(step * predictions.dt_s * 1e9))
+    if horizon and is_wanted(HORIZON):
+        messages[HORIZON] = grid(per_cent.max(axis=0, initial=0), time_ns)
     return messages
+
+
+def _reached(predictions: Predictions, ground: OccupancyMap) -> tuple[slice, slice]:
+    """The cells of a rectangle, one at least, beyond which `predicted_occupancy` expects nobody."""
+    path = predictions.path.reshape(-1, 2)
+    spread = np.zeros((len(path), 2))
+    if predictions.covariance is not None:
+        spread = np.sqrt(np.diagonal(predictions.covariance, axis1=-2, axis2=-1)).reshape(-1, 2)
+    known = np.isfinite(path).all(axis=1)
+    path, wide = path[known], _DEVIATIONS * (spread[known] + _MARGIN * ground.resolution_m) + BODY_M
+    last = np.array(ground.occupied.shape) - 1
+    if not len(path):
+        return slice(0, 1), slice(0, 1)
+    low, high = (path - wide).min(axis=0), (path + wide).max(axis=0)
+    first, end = (np.clip(ground.cell_of(each), 0, last).tolist() for each in (low, high))
+    return slice(first[0], end[0] + 1), slice(first[1], end[1] + 1)
+
+
+def fitting_ground(ground: OccupancyMap, cell_m: float, steps: int) -> OccupancyMap:
+    """The ground of a map without its obstacles, for grids of so many steps.
+
+    Args:
+        ground: the map.
+        cell_m: side of a cell; larger where there would be too many cells, m.
+        steps: of the forecasts.
+    """
+    most, (width_m, height_m) = MOST_CELLS / steps, ground.extent_m.tolist()
+    least_m = max(np.sqrt(2.0 * width_m * height_m / most), 2.0 * (width_m + height_m) / (most - 2.0))
+    return ground.free(max(cell_m, float(least_m)))  # (w/c + 1) (h/c + 1) <= most, as cells are whole

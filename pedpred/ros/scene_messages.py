@@ -94,20 +94,25 @@ def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
 
     Raises:
         ShapeError: the map is empty or has too many cells.
-        ValueRuleError: it is tilted, or a cell is neither unknown nor a percentage.
+        ValueRuleError: it is tilted, nowhere or without size, or has not one value per cell, each unknown or
+            a percentage.
     """
     info = message.info
     check_cells(info.width, info.height)
     yaw_rad = _yaw(info.origin.orientation)
-    cells = np.asarray(message.data).reshape(info.height, info.width).T
+    data = np.asarray(message.data)
+    if len(data) != info.width * info.height:
+        rule = f"a map of {info.width} x {info.height} cells has a value for each cell"
+        raise ValueRuleError("data", f"{len(data)} values", rule)
+    cells = data.reshape(info.height, info.width).T
     for value in (cells.min(), cells.max()):
         if not _UNKNOWN <= value <= _OCCUPIED:
             rule = "cells are -1 (unknown) or 0 to 100 (per cent); publish raw costs as an OccupancyGrid"
             raise ValueRuleError("data", int(value), rule)
     origin = np.array([info.origin.position.x, info.origin.position.y])
     side_m = float(resolution_m or str(np.float32(info.resolution)))
-    blocked = cells > _OCCUPIED / 2
-    return turned_map(blocked, origin, side_m, yaw_rad) if yaw_rad else OccupancyMap(blocked, origin, side_m)
+    straight = OccupancyMap(cells > _OCCUPIED / 2, origin, side_m)
+    return turned_map(straight.occupied, origin, side_m, yaw_rad) if yaw_rad else straight
 
 
 def updated_grid(grid: Any, update: Any) -> Any:
@@ -160,15 +165,20 @@ def turned_map(blocked: np.ndarray, origin: np.ndarray, side_m: float, yaw_rad: 
     shape = np.ceil((high - low) / side_m - _LEVEL).astype(np.int64)
     check_cells(*shape.tolist())
     found = np.zeros(shape, bool)
-    parts = [(np.arange(count * _POINTS) + 0.5) * side_m / _POINTS for count in shape]
+    padded = np.pad(blocked, 1)  # points outside the map are looked up in its rim, which is free
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    (x, y) = (
+        (np.arange(n * _POINTS) + 0.5) / _POINTS + (end - origin[axis]) / side_m
+        for axis, (n, end) in enumerate(zip(shape, low, strict=True))
+    )
     for row in range(shape[0]):
-        own = parts[0][row * _POINTS : (row + 1) * _POINTS]
-        points = low - origin + np.stack(np.meshgrid(own, parts[1], indexing="ij"), -1)
-        cell = np.floor(rotate(points, np.full(points.shape[:-1], -yaw_rad)) / side_m).astype(np.int64)
-        inside = ((cell >= 0) & (cell < blocked.shape)).all(axis=-1)
-        hit = np.zeros(inside.shape, bool)
-        hit[inside] = blocked[tuple(cell[inside].T)]
-        found[row] = hit.reshape(_POINTS, -1, _POINTS).any(axis=(0, 2))
+        own = x[row * _POINTS : (row + 1) * _POINTS, None]
+        cell = (cos * own + sin * y, cos * y - sin * own)
+        inner = (
+            np.clip(part + 1.0, 0.0, size + 1.0).astype(np.int32)
+            for part, size in zip(cell, blocked.shape, strict=True)
+        )
+        found[row] = padded[tuple(inner)].reshape(_POINTS, -1, _POINTS).any(axis=(0, 2))
     return OccupancyMap(found, low, side_m)
 
 

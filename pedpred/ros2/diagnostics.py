@@ -17,7 +17,7 @@ _LATEST = 100
 
 
 class Latencies:
-    """Times from the arrival of a message of people to its forecast, of the last ones."""
+    """Times from the arrival of a message of people in a queue to its forecast, of the last ones."""
 
     def __init__(self) -> None:
         self._taken_s: deque[float] = deque(maxlen=_LATEST)
@@ -46,6 +46,8 @@ def diagnose(follower: Follower, now_s: float, publishers: int) -> tuple[int, st
         problems.append("nobody publishes people")
     elif now_s - follower.heard_s > _SILENT_S:
         problems.append("no people heard")
+    elif now_s - follower.forecast_s > _SILENT_S:
+        problems.append("people are heard, but there is no forecast: see what is left out, and the log")
     return (
         (WARN, "; ".join(problems))
         if problems
@@ -69,19 +71,17 @@ def diagnostics_content(
 
 def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
     """What stands in the table of a status."""
-    counts, there, age_s = follower.counts, follower.occupancy, follower.transform_age_s
-    size = "none"
-    if there is not None:
-        share = 100 * there.occupied.mean()
-        size = "{} x {} cells, {:.1f} % blocked".format(*there.occupied.shape, share)
+    counts, age_s = follower.counts, follower.transform_age_s
     return {
-        "map": size,
+        "map": follower.map_told,
         "frame": follower.frame,
         "people": counts.people,
         "messages": counts.messages,
         "forecasts": counts.forecasts,
         "left out: no transform": counts.lost,
-        "left out: late": counts.late,
+        "left out: earlier than another": counts.late,
+        "left out: forecasts take too long": counts.slow,
+        "left out: too many people": counts.crowded,
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
-        "age of /tf (s)": "no /tf" if age_s is None else f"{age_s:.2f}",
+        "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",
     }

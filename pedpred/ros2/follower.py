@@ -13,22 +13,23 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
-from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.decoding import Connection, Decoder
 from pedpred.ros.detections import Instant
 from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.markers import forecast_message, names_markers
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
-from pedpred.ros.people import TrackNumbers, find_usable
+from pedpred.ros.people import find_usable
 from pedpred.ros.planning import (
     GRID_TYPE,
     HORIZON,
     PREDICTIONS_TYPE,
+    fitting_ground,
     grid_messages,
     grid_topic,
     predictions_message,
 )
 from pedpred.ros.scene_messages import Content, header, map_of_grid, updated_grid
+from pedpred.ros2.identities import Identities
 from pedpred.ros2.live_frames import LiveFrames
 from pedpred.ros2.settings import NodeSettings
 from pedpred.scenes import Forecast, OccupancyMap
@@ -36,11 +37,11 @@ from pedpred.scenes import Forecast, OccupancyMap
 PREDICTIONS, MARKERS, PEOPLE, NAMES = (f"predictions{part}" for part in ("", "/markers", "/people", "/names"))
 MARKERS_TYPE, PEOPLE_TYPE = "visualization_msgs/msg/MarkerArray", "people_msgs/msg/People"
 TEXT_TYPE = "std_msgs/msg/String"
-UNNAMED_TYPES = ("geometry_msgs/msg/PoseArray", "people_msgs/msg/PositionMeasurementArray")
-"""Detections of these types say nothing, or nothing that lasts, about who is who."""
-
 _COLOUR = (0.84, 0.37, 0.0)
 _MOST_WAITING = 100
+_BEHIND_S, _CAUGHT_UP_S = 2.0, 0.2
+"""People who had to wait longer are left out, and those after them until they wait less than this: when
+forecasts take longer than messages need to come, late ones would be late for ever."""
 _SHOWN_EVERY_S = 0.08
 """Viewers and costmaps need no more than this, and markers and grids take longer than forecasts, s."""
 _log = logging.getLogger(__name__)
@@ -64,6 +65,8 @@ class Counts:
     people: int = 0
     lost: int = 0
     late: int = 0
+    slow: int = 0
+    crowded: int = 0
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,7 @@ class _Map:
     occupancy: OccupancyMap | None = None
     raw: bytes = b""
     grid: Any = None
+    told: str = "none"
 
 
 class Follower:
@@ -105,11 +109,13 @@ class Follower:
         self._decoder, self._frames = Decoder(), LiveFrames()
         self._map = _Map(frame_name(settings.map_frame))
         self._waiting: deque[_Waiting] = deque()
-        self._numbers, self._names, self._told = TrackNumbers(), dict[int, str](), 0
-        self._tracks = NearestTracks()
-        self._assigns = settings.identities == "assigned"
+        self._identities = Identities(settings.identities, settings.people_type)
+        self._named: dict[int, str] = {}
+        self._is_behind = False
+        self._latest: Forecast | None = None
         self._shown_s = -np.inf
-        self.counts, self.heard_s, self._heard_stamp_s = Counts(), -np.inf, 0.0
+        self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
+        self._heard: Instant | None = None
 
     @property
     def frame(self) -> str:
@@ -128,23 +134,27 @@ class Follower:
 
     @property
     def transform_age_s(self) -> float | None:
-        """How much older the latest transform is than the latest people, s."""
-        return self._frames.age_s(self._heard_stamp_s) if np.isfinite(self.heard_s) else None
+        """How much older than the latest people a transform is that they need, s; None if they need none."""
+        heard = self._heard
+        return self._frames.age_s(heard.frame, self._map.frame, heard.stamp_s) if heard else None
+
+    @property
+    def map_told(self) -> str:
+        """Size of the map in words."""
+        return self._map.told
 
     def map_came(self, raw: bytes) -> None:
         """Use a nav_msgs/OccupancyGrid from now on; the same one again is ignored."""
         if raw == self._map.raw:
             return
-        message = self._decoder.decode(raw, Connection(MAP, TYPES[MAP]))
+        message = self._decoded(raw, TYPES[MAP])
         occupancy, frame = map_of_grid(message), frame_name(message.header.frame_id)
         if frame != self._map.frame:
             _log.warning("the map is in %r, forecasts were in %r: all are forgotten", frame, self._map.frame)
             self._predictor.reset()
         self._predictor.set_map(occupancy)
-        self._map = _Map(frame, occupancy, raw, message)
-        width_m, height_m = occupancy.extent_m
-        share = 100 * occupancy.occupied.mean()
-        _log.info("map of %.1f x %.1f m in %r, %.1f %% blocked", width_m, height_m, frame, share)
+        self._map = _Map(frame, occupancy, raw, message, told_map(occupancy))
+        _log.info("map of %.1f x %.1f m in %r: %s", *occupancy.extent_m, frame, self._map.told)
 
     def map_update_came(self, raw: bytes) -> None:
         """Change a part of the map by a map_msgs/OccupancyGridUpdate; without a map it is left out."""
@@ -152,44 +162,72 @@ class Follower:
         if before is None:
             _log.warning("an update of the map is left out: the map has not come")
             return
-        update = self._decoder.decode(raw, Connection("map_updates", UPDATE_TYPE))
+        update = self._decoded(raw, UPDATE_TYPE)
         grid = updated_grid(self._map.grid, update)
         occupancy = map_of_grid(grid)
         self._map.grid = grid
         if not np.array_equal(occupancy.occupied, before.occupied):
             self._predictor.set_map(occupancy)
-            self._map.occupancy = occupancy
+            self._map.occupancy, self._map.told = occupancy, told_map(occupancy)
 
     def transforms_came(self, raw: bytes, clock_s: float, fixed: bool) -> None:
         """Take a tf2_msgs/TFMessage; `fixed` if it is of /tf_static."""
-        self._frames.add(self._decoder.decode(raw, Connection("/tf", TRANSFORMS)), clock_s, fixed)
+        self._frames.add(self._decoded(raw, TRANSFORMS), clock_s, fixed)
 
-    def people_came(self, raw: bytes, clock_ns: int, now_s: float) -> None:
+    def people_came(self, raw: bytes, clock_ns: int, now_s: float, waited_s: float = 0.0) -> None:
         """Take people, who wait for the transform of their time.
 
         Args:
             raw: the message.
             clock_ns: the clock of the stamps, for people without one.
             now_s: see the class.
+            waited_s: how long it lay in a queue, s.
+
+        Raises:
+            ValueRuleError: there are too many people in it.
         """
         self.counts.messages += 1
         self.heard_s = now_s
+        self._is_behind = waited_s > (_CAUGHT_UP_S if self._is_behind else _BEHIND_S)
+        if self._is_behind:
+            self.counts.slow += 1
+            _log.warning(
+                "left out: people of %.1f s ago. Forecasts take too long: send fewer of them, or less often",
+                waited_s,
+            )
+            return
         kind = self.settings.people_type
-        message = self._decoder.decode(raw, Connection("people", kind))
+        message = self._decoded(raw, kind)
         stamp = message.header.stamp
         time_ns = stamp.sec * 10**9 + stamp.nanosec
         instant = Instant.of(message, kind, clock_ns / 1e9, self.settings.class_ids)
+        if len(instant.ids) > self.settings.most_people:
+            self.counts.crowded += 1
+            rule = f"at most {self.settings.most_people}: check the detector, or raise most_people"
+            raise ValueRuleError("people", len(instant.ids), rule)
         if instant.others:
             text = "left out: detections of class %s; parameter class_ids says who is a person"
             _log.info(text, sorted(set(instant.others)))
         if not time_ns:
             _log.warning("people have no stamp: the time of their arrival is taken")
             time_ns, instant = clock_ns, replace(instant, stamp_s=clock_ns / 1e9)
-        self._heard_stamp_s = instant.stamp_s
+        self._heard = instant
         if len(self._waiting) >= _MOST_WAITING:
             self._waiting.popleft()
             self.counts.lost += 1
         self._waiting.append(_Waiting(now_s, time_ns, instant))
+
+    def _decoded(self, raw: bytes, kind: str) -> Any:
+        """A message.
+
+        Raises:
+            ValueRuleError: it is none of its type.
+        """
+        try:
+            return self._decoder.decode(raw, Connection("", kind))
+        except Exception as cause:  # whatever rosbags raises
+            rule = f"it must be a {kind}: does the publisher have another edition of its package? ({cause})"
+            raise ValueRuleError("message", f"{len(raw)} bytes", rule) from cause
 
     def answers(self, now_s: float) -> Iterator[Answer]:
         """What to publish for people whose transforms have come, or who have waited long enough in vain."""
@@ -210,50 +248,32 @@ class Follower:
     def _answered(self, given: _Waiting, frame: str) -> Iterator[Answer]:
         one = given.instant
         place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
-        track_id = self._track_ids(one, place)
+        track_id = self._identities.number(one, place)
         kept, left_out = find_usable(np.full(len(place), one.stamp_s), track_id, place)
         if left_out:
             _log.warning("%s", left_out)
         forecast = self._predictor.update(one.stamp_s, track_id[kept], place[kept])
-        if forecast.time_s != one.stamp_s:
+        if forecast is self._latest:  # the frame was dropped
             self.counts.late += 1
             return
+        self._latest = forecast
         self.counts.forecasts += 1
-        self.counts.people = len(forecast)
+        self.counts.people, self.forecast_s = len(forecast), given.arrived_s
         if self._map.occupancy is None and self.settings.use_map and len(forecast):
             _log.warning(
                 "no map has come: forecasts go through walls. Publish `map`, or set use_map to false"
             )
         yield from self._contents(forecast, given.time_ns, frame)
 
-    def _track_ids(self, one: Instant, place: np.ndarray) -> np.ndarray:
-        """Numbers of the people of a message. [D] int64."""
-        names = [name for name in one.ids if name]
-        unnamed = bool(one.ids) and (not names or len(set(names)) < len(names))
-        if unnamed or self.settings.people_type in UNNAMED_TYPES:
-            if self.settings.identities == "given" and unnamed:
-                rule = "each person needs an id of his or her own; or set identities to auto"
-                raise ValueRuleError("id", list(one.ids), rule)
-            self._assigns |= self.settings.identities == "auto"
-        if self._assigns:
-            _log.warning(
-                "people have no ids that say who is who: the nearest one is taken, who may be another"
-            )
-            return self._tracks.assign(one.stamp_s, place)
-        numbers = [self._numbers.number(name) for name in one.ids]
-        for number, name in zip(numbers, one.ids, strict=True):
-            if number < 0:
-                self._names[number] = name
-        return np.array(numbers, np.int64)
-
     def _contents(self, forecast: Forecast, time_ns: int, frame: str) -> Iterator[Answer]:
         cloud = predictions_message(forecast.track_id, forecast.predictions, time_ns, frame)
         yield Answer(PREDICTIONS, PREDICTIONS_TYPE, cloud)
-        named = [self._names.get(int(track), str(track)) for track in forecast.track_id]
-        if len(self._names) > self._told:
-            self._told = len(self._names)
-            text = json.dumps({str(number): name for number, name in self._names.items()})
+        names = self._identities.names
+        named = [names.get(int(track), str(track)) for track in forecast.track_id]
+        if names.keys() - self._named.keys():
+            text = json.dumps({str(number): name for number, name in names.items()})
             yield Answer(NAMES, TEXT_TYPE, {"data": text})
+        self._named = names
         if self.settings.publish_people and self._is_heard(PEOPLE):
             yield Answer(PEOPLE, PEOPLE_TYPE, people_content(forecast, named, time_ns, frame))
         if abs(forecast.time_s - self._shown_s) >= _SHOWN_EVERY_S:
@@ -270,11 +290,23 @@ class Follower:
         if heard:
             paths = forecast.predictions.path.reshape(-1, 2)
             there = self._map.occupancy
-            ground = there.free(cell_m) if there else OccupancyMap.free_around(paths, cell_m=cell_m)
-            grids = grid_messages(forecast.predictions, ground, time_ns, frame, horizon=True)
+            ground = fitting_ground(there or OccupancyMap.free_around(paths, cell_m=cell_m), cell_m, steps)
+            if there is not None and ground.resolution_m > cell_m:
+                _log.warning(
+                    "predicted_occupancy has cells of %.2f m: the map is large for smaller ones",
+                    ground.resolution_m,
+                )
+            wanted = {f"/{topic}" for topic in heard}
+            grids = grid_messages(forecast.predictions, ground, time_ns, frame, True, wanted.__contains__)
             for topic, content in grids.items():
-                if topic.lstrip("/") in heard:
-                    yield Answer(topic.lstrip("/"), GRID_TYPE, content)
+                yield Answer(topic.lstrip("/"), GRID_TYPE, content)
+
+
+def told_map(occupancy: OccupancyMap) -> str:
+    """Size of a map and share of its obstacles in words."""
+    return "{} x {} cells, {:.1f} % blocked".format(
+        *occupancy.occupied.shape, 100 * occupancy.occupied.mean()
+    )
 
 
 def people_content(forecast: Forecast, names: list[str], time_ns: int, frame: str) -> Content:

@@ -12,12 +12,17 @@ from pedpred.ros.scene_messages import seconds
 from pedpred.tracking.tracks import LOST_AFTER_S
 
 KEPT_S = 10.0
-_BETWEEN = 200  # messages between two clean-ups
+MOST_POSES, MOST_FRAMES = 10_000, 1000
+"""Of an edge, such as 10 s at 1000 Hz; and frames that move, such as one per person."""
+_BETWEEN = 200  # transforms between two clean-ups
 _log = logging.getLogger(__name__)
 
 
 class LiveFrames:
-    """A tree of frames that forgets what is older than `KEPT_S`, and all that moves when time goes back."""
+    """A tree of frames that forgets what is older than `KEPT_S`, and a frame whose time goes back.
+
+    Each frame has a clock of its own here: a publisher with false stamps spoils its own frame, no other one.
+    """
 
     def __init__(self) -> None:
         self._tree, self._latest_s, self._count = FrameTree(), dict[str, float](), 0
@@ -27,27 +32,34 @@ class LiveFrames:
 
         Args:
             message: decoded.
-            received_s: by the clock of the stamps, s.
+            received_s: by the clock of the stamps, s; the time of what has none.
             fixed: whether it is of /tf_static.
         """
-        for one in () if fixed else message.transforms:
-            child, stamp_s = frame_name(one.child_frame_id), seconds(one.header.stamp)
-            latest_s = self._latest_s.get(child, -np.inf)
-            if stamp_s < latest_s - LOST_AFTER_S:
-                _log.warning(
-                    "time of /tf goes back from %s s to %s s: transforms are forgotten", latest_s, stamp_s
-                )
-                self._tree.forget()
-                self._latest_s.clear()
-            self._latest_s[child] = max(stamp_s, self._latest_s.get(child, -np.inf))
-        self._tree.add(message, received_s, fixed)
-        self._count += 1
-        if self._count % _BETWEEN == 0:
-            self._tree.forget(max(self._latest_s.values(), default=-np.inf) - KEPT_S)
+        for one in message.transforms:
+            stamp_s = seconds(one.header.stamp) or received_s
+            if not fixed:
+                self._notice_jumps(frame_name(one.child_frame_id), stamp_s)
+            self._tree.hold(one, received_s, stamp_s, fixed)
+            self._count += 1
+            if self._count % _BETWEEN == 0:
+                self._tree.trim(KEPT_S, MOST_POSES, MOST_FRAMES)
+                there = (child for child in self._latest_s if self._tree.chain(child)[1:])
+                self._latest_s = {child: self._latest_s[child] for child in there}
 
-    def age_s(self, time_s: float) -> float | None:
-        """How much older the latest transform is than a time, s; None if there are none."""
-        return time_s - max(self._latest_s.values()) if self._latest_s else None
+    def _notice_jumps(self, child: str, stamp_s: float) -> None:
+        latest_s = self._latest_s.get(child, -np.inf)
+        if stamp_s < latest_s - LOST_AFTER_S:
+            _log.warning(
+                "time of /tf goes back from %s s to %s s: transforms of %r are forgotten",
+                *(latest_s, stamp_s, child),
+            )
+            self._tree.forget(child)
+            latest_s = -np.inf
+        self._latest_s[child] = max(stamp_s, latest_s)
+
+    def age_s(self, frame: str, target: str, time_s: float) -> float | None:
+        """See `FrameTree.age_s`."""
+        return self._tree.age_s(frame, target, time_s)
 
     def lack(self, frame: str, target: str, time_s: float) -> str:
         """Say what is missing to bring people from one frame into another; empty if nothing is."""

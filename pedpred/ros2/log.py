@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 EVERY_S = 5.0
+_MOST_KINDS = 1000
 
 
 class RosHandler(logging.Handler):
@@ -22,13 +23,18 @@ class RosHandler(logging.Handler):
         self._said: dict[str, tuple[float, int]] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Say a record, with the number of those like it that were not said."""
-        now_s = time.monotonic()
-        said_s, count = self._said.get(str(record.msg), (-EVERY_S, 0))
+        """Say a record, with the number of those like it that were not said.
+
+        Alike are those with the same wording, or with the same `kind` where they have one (`extra`).
+        """
+        now_s, kind = time.monotonic(), str(getattr(record, "kind", record.msg))
+        said_s, count = self._said.pop(kind, (-EVERY_S, 0))
         if now_s - said_s < EVERY_S:
-            self._said[str(record.msg)] = said_s, count + 1
+            self._said[kind] = said_s, count + 1
             return
-        self._said[str(record.msg)] = now_s, 0
+        self._said[kind] = now_s, 0
+        while len(self._said) > _MOST_KINDS:
+            del self._said[next(iter(self._said))]  # the one that came the longest ago
         text = self.format(record) + (f" ({count} more like this)" if count else "")
         if record.levelno >= logging.ERROR:
             self._logger.error(text)

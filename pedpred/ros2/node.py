@@ -135,9 +135,12 @@ class PedpredNode(LifecycleNode):
         except ConfigError as problem:
             _log.warning("people must be in the frame of the map: %s", problem)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._retry = self.create_timer(_RETRY_S, self._guarded(self._publish_answers), clock=steady)
+        self._retry = self.create_timer(
+            _RETRY_S, self._guarded("answers", self._publish_answers), clock=steady
+        )
         self._retry.cancel()  # each wake-up takes about a millisecond, so only while people wait
-        self._own += [self._retry, self.create_timer(_DIAGNOSTICS_S, self._diagnose, clock=steady)]
+        told = self._guarded("/diagnostics", self._diagnose)
+        self._own += [self._retry, self.create_timer(_DIAGNOSTICS_S, told, clock=steady)]
 
     def _add_publishers(self) -> None:
         assert self._follower is not None
@@ -164,7 +167,7 @@ class PedpredNode(LifecycleNode):
         reliable = settings.people_reliability == "reliable"
         qos = _reliable(_PEOPLE_DEPTH) if reliable else _sensor(_PEOPLE_DEPTH)
         self._people = self.create_subscription(
-            _message_class(settings.people_type), "people", self._guarded(self._people_came), qos, raw=True
+            _message_class(settings.people_type), "people", self._people_heard, qos, raw=True
         )
         heard = f"{self.resolve_topic_name('people')} ({settings.people_type}, {settings.people_reliability})"
         _log.info("forecasting people of %s on %s", heard, self.resolve_topic_name(PREDICTIONS))
@@ -205,16 +208,21 @@ class PedpredNode(LifecycleNode):
         made, silent = _message_class(kind), SubscriptionEventCallbacks(use_default_callbacks=False)
         self._own.append(
             self.create_subscription(
-                made, topic, self._guarded(callback), qos, event_callbacks=silent, raw=True
+                made, topic, self._guarded(topic, callback), qos, event_callbacks=silent, raw=True
             )
         )
 
-    def _people_came(self, raw: bytes) -> None:
+    def _people_heard(self, raw: bytes, about: dict[str, Any]) -> None:
+        """Take people and what the middleware knows of their message: two arguments ask rclpy for it."""
+        self._guarded("people", self._people_came)(raw, about["received_timestamp"])
+
+    def _people_came(self, raw: bytes, received_ns: int) -> None:
         if self._follower is not None:
             begun_s = time.monotonic()
-            self._follower.people_came(raw, self.get_clock().now().nanoseconds, begun_s)
+            waited_s = max(time.time_ns() - received_ns, 0) / 1e9 if received_ns else 0.0
+            self._follower.people_came(raw, self.get_clock().now().nanoseconds, begun_s, waited_s)
             self._publish_answers()
-            self._latencies.add(time.monotonic() - begun_s)
+            self._latencies.add(waited_s + time.monotonic() - begun_s)
 
     def _moving_came(self, raw: bytes) -> None:
         self._transforms_came(raw, fixed=False)
@@ -253,14 +261,16 @@ class PedpredNode(LifecycleNode):
         content = diagnostics_content(name, level, summary, values, now_ns)
         self._sinks["/diagnostics"].publish(serialize(DIAGNOSTICS_TYPE, content))
 
-    def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
+    def _guarded(self, what: str, callback: Callable[..., None]) -> Callable[..., None]:
         """A callback that logs every error and goes on: a bad message must not end the node."""
 
         def called(*message: Any) -> None:
             try:
                 callback(*message)
             except Exception as problem:  # whatever is wrong with this message, the next one may be right
-                _log.error("message left out: " + type(problem).__name__ + ": %s", problem)
+                name, field = type(problem).__name__, str(getattr(problem, "field", "")).partition("[")[0]
+                text = "message of %r left out: " + ("" if isinstance(problem, PedpredError) else f"{name}: ")
+                _log.error(text + "%s", what, problem, extra={"kind": (what, name, field)})
 
         return called
 

@@ -15,7 +15,12 @@ _CHOICES: dict[str, Sequence[str]] = {
     "people_reliability": ("best_effort", "reliable"),
     "identities": ("auto", "given", "assigned"),
 }
-_RANGES = {"transform_timeout_s": "[0, 60]", "detection_noise_m": "[0, 10]", "occupancy_cell_m": "[0, 100]"}
+_RANGES = {
+    "transform_timeout_s": "[0, 60]",
+    "detection_noise_m": "[0, 10]",
+    "occupancy_cell_m": "[0, 100]",
+    "most_people": "[1, 100000]",
+}
 _RANGES |= {"max_age_s": "[0, 60]"}
 
 
@@ -50,6 +55,9 @@ class NodeSettings:
     transform_timeout_s: float = _told(0.2, "how long people wait for the transform of their time, s", True)
     detection_noise_m: float = _told(0.0, "standard deviation of a detection's coordinate, m")
     max_age_s: float = _told(0.5, "a person is forecast while the last detection is at most this old, s")
+    most_people: int = _told(
+        1000, "a message with more people is left out: forecasts would take seconds", True
+    )
     occupancy_cell_m: float = _told(
         0.0, "side of the cells of `predicted_occupancy`, m; 0: it is not published", True
     )

@@ -1,0 +1,112 @@
+"""Who is who among the people of a stream of messages: by their ids, or by where they are."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+
+import numpy as np
+
+from pedpred.errors import ValueRuleError
+from pedpred.ros.assignment import NearestTracks
+from pedpred.ros.detections import Instant
+from pedpred.ros.people import TrackNumbers
+from pedpred.tracking.tracks import LOST_AFTER_S
+
+UNNAMED_TYPES = ("geometry_msgs/msg/PoseArray", "people_msgs/msg/PositionMeasurementArray")
+"""Detections of these types say nothing, or nothing that lasts, about who is who."""
+_REMEMBERED_S = 2 * LOST_AFTER_S
+"""A name that is not used for so long loses its number: its person is lost, too."""
+_MESSAGES, _JUDGED, _FLEETING = 10, 100, 0.95
+"""An id is known if it is in one of so many messages before. Of the last so many detections, a larger share
+without a known id means that ids do not stay with people."""
+_NAMELESS = -(2**62)
+"""Numbers of people without an id among others who have one begin here: no name has these."""
+_log = logging.getLogger(__name__)
+
+
+class Identities:
+    """Numbers people, and remembers the names of those who have one.
+
+    Args:
+        how: `NodeSettings.identities`.
+        kind: type of the messages.
+    """
+
+    def __init__(self, how: str, kind: str):
+        self._how, self._kind = how, kind
+        self._assigns, self._nearest, self._numbers = how == "assigned", NearestTracks(), TrackNumbers()
+        self._used_s: dict[str, float] = {}
+        self._names: dict[int, str] = {}
+        self._unclear: deque[bool] = deque(maxlen=_MESSAGES)
+        self._recent: deque[frozenset[str]] = deque(maxlen=_MESSAGES)
+        self._new: deque[bool] = deque(maxlen=_JUDGED)
+
+    @property
+    def names(self) -> dict[int, str]:
+        """Number -> name of people who are there, or were just there, and whose name is no number."""
+        return self._names
+
+    def number(self, one: Instant, place: np.ndarray) -> np.ndarray:
+        """Number the people of a message. [D] int64.
+
+        Args:
+            one: the message.
+            place: where they are, in a frame that does not move, m. [D, 2]
+
+        Raises:
+            ValueRuleError: ids are asked for, and some have none or share one.
+        """
+        if not self._assigns:
+            self._judge(one)
+        if self._assigns:
+            _log.warning(
+                "people have no ids that say who is who: the nearest one is taken, who may be another"
+            )
+            self._names = {}
+            return self._nearest.assign(one.stamp_s, place)
+        return self._named(one, place)
+
+    def _judge(self, one: Instant) -> None:
+        """Assign from now on, or say so, where ids say nothing about who is who."""
+        names = [name for name in one.ids if name]
+        unnamed = not names or len(set(names)) < len(names)
+        if self._how == "given" and one.ids and unnamed:
+            rule = "each person needs an id of his or her own; or set identities to auto"
+            raise ValueRuleError("id", list(one.ids), rule)
+        if one.ids:
+            self._unclear.append(unnamed)
+        fleeting = self._fleeting(names)
+        if fleeting:
+            _log.warning(
+                "ids do not stay with people: of the last %d detections, %d have an id of their own",
+                *(len(self._new), sum(self._new)),
+            )
+        without = 2 * sum(self._unclear) > len(self._unclear) or self._kind in UNNAMED_TYPES
+        self._assigns = self._how == "auto" and (without or fleeting)
+
+    def _fleeting(self, names: list[str]) -> bool:
+        """Whether hardly any id lasts from one message to the next."""
+        if self._recent:
+            self._new.extend(not any(name in known for known in self._recent) for name in names)
+        if names:
+            self._recent.append(frozenset(names))
+        return len(self._new) == _JUDGED and sum(self._new) > _FLEETING * _JUDGED
+
+    def _named(self, one: Instant, place: np.ndarray) -> np.ndarray:
+        for name in [n for n, used_s in self._used_s.items() if abs(one.stamp_s - used_s) > _REMEMBERED_S]:
+            self._numbers.forget(name)
+            del self._used_s[name]
+        self._used_s |= dict.fromkeys(filter(None, one.ids), one.stamp_s)
+        numbers = {name: self._numbers.number(name) for name in self._used_s}
+        self._names = {number: name for name, number in numbers.items() if number < 0}
+        found = np.array([numbers.get(name, 0) for name in one.ids], np.int64)
+        nameless = np.array([not name for name in one.ids], bool)
+        if nameless.any():
+            _log.warning(
+                "%d of %d people have no id: the nearest one without an id is taken",
+                nameless.sum(),
+                len(found),
+            )
+            found[nameless] = _NAMELESS + self._nearest.assign(one.stamp_s, place[nameless])
+        return found
