@@ -25,6 +25,8 @@ from tests.forecasts import METHODS, PAPER
 from tests.simulated import read
 from tests.test_report import MEETING, curve_tables, metrics_of, planned, wall_scene
 
+pytestmark = pytest.mark.usefixtures("quick_pictures")
+
 REPORTS = Path(__file__).resolve().parents[1] / "reports"
 LATENCY = [{"pedestrians": n, "median_ms": 0.5 * n, "p99_ms": 0.7 * n} for n in (1, 20, 200)]
 
@@ -90,7 +92,7 @@ def contents(hall):
 
 
 @pytest.fixture(scope="module")
-def text(contents):
+def text(contents, quick_pictures):
     return render_page(contents)
 
 

@@ -18,7 +18,7 @@ from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.calibration import radius2, share_inside, squared_mahalanobis
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
-from pedpred.report.canvas import png_bytes
+from pedpred.report.canvas import avif_bytes, png_bytes
 from pedpred.report.curves import by_stage, training_figure
 from pedpred.report.document import Picture, Pictures, Section, join_pages
 from pedpred.report.error_plots import horizon_figure, horizon_table
@@ -473,6 +473,10 @@ def test_all_pictures_come_out_the_same_twice_and_small():
         if "camera" not in one.name:  # its background is noise here, the worst case for a PNG
             assert len(file) < 300_000, one.name
         assert min(Image.open(io.BytesIO(file)).size) > 200
+    packed = avif_bytes(first[0].figure)
+    assert packed == avif_bytes(second[0].figure)
+    assert Image.open(io.BytesIO(packed)).format == "AVIF"
+    assert len(packed) < len(png_bytes(first[0].figure))
 
 
 def test_axes_stand_where_few_decimals_say_so():
