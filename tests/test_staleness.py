@@ -20,10 +20,12 @@ MIXTURE = {
     "train_robot",
 }
 MIXTURE |= {"evaluate_main_situations", "evaluate_fold_situations"}
+LITERATURE = {"far_worlds", "literature_windows", "train_far", "train_literature", "evaluate_literature"}
+LITERATURE |= {"gather_literature"}
 PAGES = {"gather", "record", "report"}
-OTHERS = {"config", "fetch", "ingest", "simulate", "validate_simulation", "evaluate_baseline"}
+OTHERS = {"config", "fetch", "ingest", "simulate", "validate_simulation", "evaluate_baseline", "ingest_literature"}
 ROBOTS = {"export", "drive"}
-ALL = LSTM | MIXTURE | PAGES | OTHERS | ROBOTS
+ALL = LSTM | MIXTURE | LITERATURE | PAGES | OTHERS | ROBOTS
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +44,7 @@ def test_the_inputs_of_the_lstm_are_its_own(graph, change):
 
 @pytest.mark.parametrize("change", ["beams", "neighbours"])
 def test_the_inputs_of_the_mixture_are_its_own(graph, change):
-    assert families(graph, f"features.mixture.{change}") == MIXTURE | PAGES | ROBOTS
+    assert families(graph, f"features.mixture.{change}") == MIXTURE | LITERATURE | PAGES | ROBOTS
 
 
 @pytest.mark.parametrize("change", ["label", "colour"])

@@ -1,8 +1,8 @@
 """Rebuild the long branches of the pipeline side by side: `python -m tools.branches`.
 
 `make reproduce` starts with it. `dvc repro` runs one stage after the other, and a training uses one core. The
-LSTMs and each of the networks without memory need nothing of each other, so one `dvc repro` per branch trains
-and evaluates them at once. Each names its own stages only: DVC refuses a stage, even an unchanged one, while
+LSTMs, the networks of the literature and each network without memory need nothing of each other, so one
+`dvc repro` per branch trains them at once. Each names its own stages only: DVC refuses a stage, even an unchanged one, while
 another command looks at it. What fails is reported by the `dvc repro` that follows, which runs it again.
 """
 
@@ -24,7 +24,7 @@ SHARED = ("ingest", "simulate", "situations_simulated", "situations_real")
 
 
 def branches(params: DictConfig) -> dict[str, list[str]]:
-    """The last stages of each branch: of the LSTMs and simple methods, and of each network without memory."""
+    """The last stages of each branch: LSTMs and simple methods, the literature, each network without memory."""
     lstms = ["evaluate_main", "evaluate_fold", "evaluate_baseline", "validate_simulation"]
     others = {
         name: [
@@ -34,7 +34,7 @@ def branches(params: DictConfig) -> dict[str, list[str]]:
         ]
         for name in params.methods.memoryless
     }
-    return {"lstms": lstms} | others
+    return {"lstms": lstms, "literature": ["evaluate_literature"]} | others
 
 
 def stage_names(folder: Path) -> nx.DiGraph:
