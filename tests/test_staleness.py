@@ -23,7 +23,15 @@ MIXTURE |= {"evaluate_main_situations", "evaluate_fold_situations"}
 LITERATURE = {"far_worlds", "literature_windows", "train_far", "train_literature", "evaluate_literature"}
 LITERATURE |= {"gather_literature"}
 PAGES = {"gather", "record", "report"}
-OTHERS = {"config", "fetch", "ingest", "simulate", "validate_simulation", "evaluate_baseline", "ingest_literature"}
+OTHERS = {
+    "config",
+    "fetch",
+    "ingest",
+    "simulate",
+    "validate_simulation",
+    "evaluate_baseline",
+    "ingest_literature",
+}
 ROBOTS = {"export", "drive"}
 ALL = LSTM | MIXTURE | LITERATURE | PAGES | OTHERS | ROBOTS
 
