@@ -22,7 +22,7 @@ _NOISE, _MOTION = 2.5, 5.0
 def moving_shares(
     first: np.ndarray, last: np.ndarray, new: np.ndarray, covariance: np.ndarray, noise_m: float
 ) -> np.ndarray:
-    """Share of the motion to forecast: 0 where it may be noise, 1 where not and for people who are not new. [N].
+    """Share of the motion to forecast: 0 where it may be noise, 1 for people who are not new. [N].
 
     Args:
         first: first detection, m. [N, 2]
