@@ -1,6 +1,6 @@
 """Interaction-aware pedestrian motion prediction in cluttered spaces (Pfeiffer et al. 2018).
 
-The names below are imported on first use, so that `import pedpred` itself loads nothing.
+The public names are imported on first use, so `import pedpred` alone loads nothing.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Hooks of mkdocs.yml: pages of the root, reports, pictures outside docs/, equations without JavaScript.
+"""Hooks of mkdocs.yml: pages of the root, reports, pictures outside docs/, equations, words that stay whole.
 
 Links to files that are not part of the site (code, configuration) become plain names.
 """
@@ -22,6 +22,12 @@ REPORTS, PLAYER = "reports/", "reports/index.html"
 
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
 _CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.DOTALL)
+_CELL_OR_TAG, _OPENS = re.compile(r"(<[^>]*>)"), re.compile(r"<(td|pre)\b")
+_WHOLE = {
+    "td": re.compile(r"\(-?[\d.]+-[\d.]+\)"),
+    "pre": re.compile(r"(?<![\w-])--?[a-z][\w-]*"),
+}
+"""What is not divided between two lines: intervals of figures, and options."""
 _EQUATION = re.compile(r"\$\$(.+?)\$\$|(?<![\w$])\$([^$\n]+)\$(?!\w)", re.DOTALL)
 
 
@@ -51,6 +57,21 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
     text = _LINK.sub(lambda link: _rewritten(link, own), markdown)
     parts = _CODE.split(text)
     return "".join(part if k % 2 else _EQUATION.sub(_mathml, part) for k, part in enumerate(parts))
+
+
+def on_page_content(html: str, page: Any, config: Any, files: Any) -> str:
+    """Keep intervals in cells, and options in commands, on one line."""
+    parts = _CELL_OR_TAG.split(html)
+    kept, inside = [], ""
+    for part in parts:
+        if tag := _OPENS.match(part):
+            inside = tag[1]
+        elif part in ("</td>", "</pre>"):
+            inside = ""
+        elif inside and not part.startswith("<"):
+            part = _WHOLE[inside].sub(r'<span class="whole">\g<0></span>', part)
+        kept.append(part)
+    return "".join(kept)
 
 
 def _targets(markdown: str) -> Iterator[tuple[str, str]]:

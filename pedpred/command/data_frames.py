@@ -32,7 +32,7 @@ def predict(
     unit: str | None = None,
     model: str | Path | None = None,
 ) -> pd.DataFrame:
-    """Forecast everybody after each of their detections, as a robot that sees them would.
+    """Forecast all people after each of their detections, with causal tracking as on a robot.
 
     Args:
         table: detections with the columns time (s) or frame, id, x, y (m); or what such

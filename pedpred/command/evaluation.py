@@ -1,4 +1,4 @@
-"""`pedpred evaluate`: measure the forecasts of a network, or of anybody, in scenes."""
+"""`pedpred evaluate`: measure forecasts of a network and of other programs in scenes."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _answered(foreign: Mapping[str, ForeignForecasts], request: ForecastRequest)
 
 @dataclass(frozen=True)
 class Apart:
-    """Shifts of time that let one track come after the other, so that nobody meets anybody.
+    """Time shifts that put tracks one after the other, so that no two people meet.
 
     Attributes:
         track_id: rising. [T]

@@ -1,4 +1,4 @@
-"""Forecasts that others made, from tables or TrajNet++, as a forecaster of the windows they answer."""
+"""Forecasts of other programs, from tables or TrajNet++, as a forecaster for the windows that they cover."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ForeignForecasts:
-    """Forecasts of some people at some instants, in a world frame. A forecaster of the windows it answers.
+    """Forecasts of some people at some instants, world frame; a forecaster for the windows that they cover.
 
     Attributes:
         source: the file.
@@ -72,7 +72,7 @@ class ForeignForecasts:
         return replace(self, track_id=number[order], names=names, **kept)
 
     def moved(self, transform: Transform) -> ForeignForecasts:
-        """The forecasts of people who are in another frame than the map, as seen in the map's."""
+        """Transform forecasts from the frame of the people to that of the map."""
         return replace(self, path=transform.to_map(self.path))
 
     def answered(self, request: ForecastRequest) -> np.ndarray:

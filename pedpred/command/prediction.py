@@ -59,7 +59,7 @@ def robot_for(
     tracker: KalmanSettings | None = None,
     detection_noise_m: float = 0.0,
 ) -> OnlinePredictor:
-    """Load a predictor that does not drop people between two detections of this scene.
+    """Load a predictor whose `max_age_s` covers the time between two detections of this scene.
 
     Args:
         scene: the scene.

@@ -22,7 +22,7 @@ _NOISE, _MOTION = 2.5, 5.0
 def moving_shares(
     first: np.ndarray, last: np.ndarray, new: np.ndarray, covariance: np.ndarray, noise_m: float
 ) -> np.ndarray:
-    """How far motion is more than noise: 0 not at all, 1 where it is, and for people who are not new. [N].
+    """Share of the motion to forecast: 0 where it may be noise, 1 for people who are not new. [N].
 
     Args:
         first: first detection, m. [N, 2]
@@ -37,7 +37,7 @@ def moving_shares(
 
 
 def shorten_paths(predictions: Predictions, position: np.ndarray, share: np.ndarray) -> Predictions:
-    """Predictions whose paths go only a share [N] of their way from where people are, m [N, 2]."""
+    """Shorten paths to a share [N] of their length from the people's positions, m [N, 2]."""
     if (share == 1.0).all():
         return predictions
     here, part = position[:, None, None], share[:, None, None, None]

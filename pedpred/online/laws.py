@@ -1,4 +1,4 @@
-"""Laws that forecasts obey whoever walks where, each measured as a number that has limits.
+"""Laws of forecasts, such as symmetries, each measured as a number with a limit.
 
 The worlds are drawn (`pedpred.online.trials`): speeds, headings, ages, detection rates. Tests state the laws
 one by one; `tools.judge` prints them for a model folder.
@@ -52,7 +52,7 @@ def straight_shares(
 def standing_errors_m(
     folder: Path, rng: np.random.Generator, rate_hz: float, noise_m: float, people: int = 16
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far from where they stand people are forecast at the last step, m.
+    """Distance of the last step from the true position of people who stand, m.
 
     Returns:
         Up to the third detection [F], and later [G].
@@ -69,12 +69,12 @@ def standing_errors_m(
 
 
 def moved_gap_m(folder: Path, rng: np.random.Generator) -> float:
-    """By how much forecasts do not turn by quarters and move with the world and its map, m."""
+    """Change of forecasts when world and map are moved and turned by multiples of 90 degrees, m."""
     return _gap_m(folder, crowded(rng), _somewhere(rng, False))
 
 
 def mirrored_gap_m(folder: Path, rng: np.random.Generator) -> float:
-    """By how much forecasts in a mirrored world are not mirrored, m."""
+    """Difference between forecasts of a mirrored world and mirrored forecasts, m."""
     return _gap_m(folder, crowded(rng), _somewhere(rng, True))
 
 
@@ -84,13 +84,13 @@ def _somewhere(rng: np.random.Generator, mirrored: bool) -> Move:
 
 
 def turned_gap_m(folder: Path, rng: np.random.Generator) -> float:
-    """By how much forecasts on free ground do not turn with the world by any angle, m."""
+    """Change of forecasts on free ground when the world is turned by any angle, m."""
     world, _ = straight_walkers(rng, 6, 6.0, float(rng.choice(RATES_HZ)))
     return _gap_m(folder, world, Move(rng.uniform(-np.pi, np.pi)))
 
 
 def renamed_gap_m(folder: Path, rng: np.random.Generator) -> float:
-    """By how much forecasts depend on people's ids and on the order of detections, m."""
+    """Change of forecasts when ids and the order of detections change, m."""
     world, order = crowded(rng), rng.permutation(8)
     names = replace(world, track_id=rng.permutation(1000)[:8])
     other = replace(names, position=names.position[:, order], track_id=names.track_id[order])
@@ -104,7 +104,7 @@ def renamed_gap_m(folder: Path, rng: np.random.Generator) -> float:
 
 
 def far_gap_m(folder: Path, rng: np.random.Generator) -> float:
-    """By how much forecasts change when one person 30 m away jumps and another comes and goes, m."""
+    """Change of forecasts when a person 30 m away jumps and another one comes and goes, m."""
     world = crowded(rng)
     frames, people = world.position.shape[:2]
     beyond = np.abs(world.position).max() + _FAR_M  # jumps that end here do not cross the crowd

@@ -185,7 +185,7 @@ def _shapes(plain: Mapping[str, list[int]]) -> dict[str, Shape]:
 
 
 class Answer(NamedTuple):
-    """What a network says of those people of whom it says anything.
+    """Outputs of a network for the people that it forecasts.
 
     Attributes:
         sound: who of the people asked about; the network gave no numbers, or none that are a forecast, for

@@ -20,7 +20,7 @@ kept: whether the last one will be kept (`pedpred.tracking.spacing`). [N] bool
 
 
 def slots_for(past_s: float) -> int:
-    """Kept detections T that inputs need which look back so far, s."""
+    """Number of detections T to keep for inputs that look back this far, s."""
     return math.ceil(past_s / SPACING_S) + 2
 
 

@@ -88,7 +88,7 @@ class People:
         return Pedestrians(self.track_id[rows], position, self.heading_rad[rows], self.velocity[rows])
 
     def stepped(self, rows: np.ndarray, memory: Arrays) -> People:
-        """Everybody after a step of the network of some of them, with their memory [R, ...] after it."""
+        """All people after a network step for some of them, with their new memory [R, ...]."""
         whole = {name: _written(values, rows, memory[name]) for name, values in self.memory.items()}
         return replace(self, ticks=_written(self.ticks, rows, self.ticks[rows] + 1), memory=whole)
 
@@ -112,7 +112,7 @@ def register_detections(
 ) -> People:
     """People after the detections of one instant.
 
-    An unknown id is added; one that jumps (`pedpred.tracking.tracks.jumped`) is somebody else from now on.
+    An unknown id is added; one that jumps (`pedpred.tracking.tracks.jumped`) is a new person.
 
     Args:
         people: before, at an earlier instant.

@@ -88,7 +88,7 @@ class OnlinePredictor:
         return self._about.protocol
 
     def reset(self) -> None:
-        """Forget everybody, and what was learned of the regions; the map stays."""
+        """Delete all tracks and what the regions have learned; the map stays."""
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
         self._regions = Regions.unlearned(self.protocol.horizon_steps, self._settings.detection_noise_m)
         none, answer = np.zeros(0, int), self._network.nobody()
@@ -100,7 +100,7 @@ class OnlinePredictor:
         return People.nobody(self._about.memory, slots_for(past_s), len(self._bank.filters))
 
     def set_map(self, occupancy: OccupancyMap) -> None:
-        """Use these static obstacles from now on; without a map everything is free.
+        """Replace the static obstacles; without a map, the ground is free.
 
         Raises:
             ValueRuleError: it is no map; the one before stays.
@@ -113,11 +113,12 @@ class OnlinePredictor:
     def update(
         self, time_s: float, track_id: np.ndarray, position: np.ndarray, velocity: np.ndarray | None = None
     ) -> Forecast:
-        """Take the detections of one instant, give everybody's forecast. Its arrays are read-only.
+        """Add the detections of one instant; return a forecast of each person, whose arrays are read-only.
 
         A frame that is not later than the last one is dropped, with a warning, and the last forecast returned
-        again. Who is not seen is extrapolated for `max_age_s` and forgotten after the model's `lost_after_s`.
-        Where time jumps by more than that, forward or backward, all are forgotten: twice after a false stamp.
+        again. A person who is not detected is extrapolated for `max_age_s`, and forgotten after the model's
+        `lost_after_s`. If time jumps by more than that, forward or backward, all tracks are deleted: twice
+        after a false stamp.
         An id that jumps farther than anybody can move is a new person. People for whom the network gives no
         valid forecast are left out, named in a warning and forgotten.
 

@@ -30,10 +30,10 @@ READING = (
 )
 CALIBRATION = (
     "Some methods give a probability density of the position at every step: a Gaussian, or several weighted "
-    "ones. Its smallest regions that hold 50, 90 and 95 % should include that share of the true positions: "
-    "fewer mean overconfidence, more mean underconfidence. NLL: negative log likelihood of the true "
-    "position; lower: tighter and better calibrated. The networks learn their densities in training; that "
-    "of the Kalman filter follows from its noise."
+    "ones. Its smallest regions that hold 50, 90 and 95 % should include that share of the true positions: a "
+    "smaller share means overconfidence, a larger one underconfidence. NLL: negative log likelihood of the "
+    "true position; lower: tighter and better calibrated. The networks learn their densities in training; "
+    "that of the Kalman filter follows from its noise."
 )
 NONCAUSAL = "**Non-causal protocol: the inputs know the future, so nothing on this page is a forecast.**"
 

@@ -33,8 +33,8 @@ _MARKS = (("o", INK), ("s", "#009E73"), ("^", "#D55E00"), ("D", "#0072B2"))
 def wall_windows(windows: EvaluationWindows, scene: Scene, methods: Methods) -> np.ndarray:
     """Choose windows whose straight continuation meets a wall, by people and errors. [<= len(RANKS)] rows.
 
-    Of each person the window of whose straight forecast most points lie in obstacles (the earliest such); of
-    these, the ones at `RANKS` of the main method's ADE, whether it is good there or not.
+    For each person, take the first window in which most points of the straight forecast lie in obstacles; of
+    these, choose those at `RANKS` of the main method's ADE, whether it is good there or not.
     """
     share = scene.occupancy.is_occupied(windows.predictions[methods.simple[0].key].point).mean(axis=1)
     order = np.lexsort((windows.time_s, -share, windows.track_id))
@@ -51,8 +51,9 @@ def wall_caption(scene: Scene, windows: EvaluationWindows, methods: Methods) -> 
     ranks = ", ".join(f"{100 * rank:.0f}" for rank in RANKS)
     straight, main = methods.simple[0].label, methods.main
     return (
-        f"{scene.name}: of each person the window of whose {straight} forecast most points lie in obstacles; "
-        f"of these, the ones at the {ranks} % quantiles of the {main.label}'s error. Dots: point forecasts; "
+        f"{scene.name}: for each person, the window in which most points of the {straight} forecast lie in "
+        f"obstacles; shown are those at the {ranks} % quantiles of the {main.label}'s error. "
+        "Dots: point forecasts; "
         f"{reading_of_modes([windows], main)}dashed: the true path; grey: other people."
     )
 

@@ -94,7 +94,7 @@ class Mirrors:
 
     @property
     def advice(self) -> str:
-        """What a person can do who has none of the files, in one line."""
+        """Say in one line how to get the files."""
         addresses = ", ".join(place for place in self.archives if "://" in place)
         archives = f" ({addresses})" if addresses else ""
         return (

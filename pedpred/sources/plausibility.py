@@ -24,8 +24,7 @@ _LONG_PERCENT = 95
 _FAR = 4.0
 """Of tracks that are too fast, steps must be shorter by this factor."""
 _JUMP_MPS, _FASTEST_MPS, _SLOWEST_MPS = 12.0, 6.0, 0.05
-"""Nobody runs as fast as the first. Where people walk, 99 % of their speeds are less than the second, and
-some are more than the third."""
+"""Nobody runs as fast as the first. Walkers exceed a speed between the others in 1 % of the time."""
 _USUAL_MPS = 3.0
 """Where it lies at most in the unit that is meant."""
 _LIKELY = ("m", "ft", "cm", "mm")

@@ -1,4 +1,4 @@
-"""How many frames a second has, as a file or its user says."""
+"""Frame rates, from files or options."""
 
 from __future__ import annotations
 

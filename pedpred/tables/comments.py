@@ -34,7 +34,7 @@ _UNIT = re.compile(
 
 
 def frame_rate_hz(path: Path, comments: Sequence[str], given: float | None) -> float | None:
-    """Frames per second that comments or the caller say; None: nobody does.
+    """Frames per second from comments or the caller; None: unknown.
 
     Raises:
         SourceError: they differ, or it is out of range.
@@ -49,7 +49,7 @@ def frame_rate_hz(path: Path, comments: Sequence[str], given: float | None) -> f
 
 
 def unit_of_lengths(path: Path, comments: Sequence[str], given: str | None) -> str | None:
-    """The unit of lengths that comments or the caller say; None: nobody does.
+    """Unit of lengths from comments or the caller; None: unknown.
 
     Raises:
         SourceError: they differ.

@@ -19,10 +19,10 @@ _log = logging.getLogger(__name__)
 def decoded_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Number (from 1) and content of each line that is not blank; see `read_lines`.
 
-    Bytes that are no UTF-8 are read as Windows-1252, with a warning at the end.
+    Bytes that are not UTF-8 are read as Windows-1252, with a warning at the end.
 
     Args:
-        path: a text; marks at its begin say UTF-16.
+        path: a text; a byte order mark means UTF-16.
 
     Raises:
         OSError, UnicodeError, ShapeError: see `read_lines`.
@@ -32,11 +32,11 @@ def decoded_lines(path: Path) -> Iterator[tuple[int, str]]:
     before = _western.count
     yield from read_lines(path, encoding, _HANDLER)
     if (count := _western.count - before) > 0:
-        _log.warning("%s: not all is UTF-8: %d bytes are read as Windows-1252", path, count)
+        _log.warning("%s: not all of the text is UTF-8: %d bytes are read as Windows-1252", path, count)
 
 
 class _Western:
-    """Decodes bytes that are no UTF-8, and counts them."""
+    """Decodes bytes that are not UTF-8, and counts them."""
 
     def __init__(self) -> None:
         self.count = 0

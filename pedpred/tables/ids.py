@@ -74,13 +74,13 @@ class Ids:
         return self.later.setdefault(name, len(self.later))
 
     def holds_fractions(self) -> bool:
-        """Whether all are numbers, and many of the different ones no whole ones, as those of times are."""
+        """Whether all ids are numbers and many distinct ones have fractions, as times do."""
         numbers = [float(name) for name in self.later if is_number(name)]
         fractions = sum(not value.is_integer() for value in numbers)
         return len(numbers) == len(self.later) and fractions > _FEW_FRACTIONS * len(numbers)
 
     def written(self, column: np.ndarray) -> np.ndarray:
-        """The numbers that they are.
+        """Return the ids as numbers.
 
         Args:
             column: what was read from the rows of `numbered`. [M] int64
@@ -152,7 +152,7 @@ class Ids:
 
 
 def is_plain(name: str) -> bool:
-    """Whether a whole number is written in the only usual way, so that it says its letters."""
+    """Whether a whole number has its usual spelling, which can be restored from its value."""
     digits = name[1:] if name.startswith("-") else name
     usual = digits[:1] != "0" or name == "0"
     return usual and len(digits) <= _LONGEST_PLAIN and digits.isdecimal() and digits.isascii()

@@ -29,7 +29,8 @@ _SAY = {
     "time": "t time times timestamp timestamps stamp",
     "frame": "frame frames",
     "id": "id ids uid pid identifier identity",
-    "who": "track trajectory ped pedestrian person agent object obj subject human participant walker people",
+    "who": "track trajectory ped pedestrian person agent object obj subject human participant walker people "
+    "name",
     "x": "x easting",
     "y": "y northing",
 }
