@@ -322,7 +322,7 @@ def test_what_is_missing_between_frames_is_said_and_not_repeated(place):
 
 
 def test_no_message_ends_or_stalls_the_node(place):
-    """Wrong ones on all topics, again and again, then people, who are forecast; errors are told rarely."""
+    """Wrong ones on all topics, again and again, then people, who are forecast; errors are told at times."""
     crowd = people(50.0, **{str(k): (k % 100, k // 100) for k in range(5000)})
     nowhere = serialize(GRID, {"info": {"width": 1, "height": 1, "resolution": 0.1}}).hex()
     loop = transforms(*(pose(*edge, *CAMERA, 50.0) for edge in (("a", "b"), ("b", "a"))))

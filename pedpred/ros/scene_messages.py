@@ -47,7 +47,8 @@ def nanoseconds(time_s: np.ndarray) -> np.ndarray:
 
 
 def stamp(time_ns: int) -> Content:
-    """builtin_interfaces/Time."""
+    """builtin_interfaces/Time; a later time than it can hold becomes the latest one."""
+    time_ns = min(time_ns, _LATEST_S * 10**9 - 1)
     return {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}
 
 
