@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from functools import cache
 from itertools import pairwise
 
 import pytest
@@ -15,6 +16,7 @@ SITES = {"zara": ["zara01", "zara02", "zara03"], "campus": ["students001", "stud
 FOLDS = sorted((ROOT / "conf/folds").glob("*.yaml"))
 
 
+@cache
 def composed(*overrides):
     return yaml.safe_load(config.composed(ROOT / "conf", list(overrides)))
 

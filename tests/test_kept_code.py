@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pedpred.compiled import compiled
+from pedpred.compiled import cache_folder, compiled
 from pedpred.contents import contents
 from tests.conftest import ROOT
+from tests.forked import run_forked
 
 MODULES = {
     "outer.py": """
@@ -89,17 +90,24 @@ print(value, " ".join(sorted({"outside", "inside", "deeper"} & set(compiled))))
 VALUE = 20.0 * (1.0 + np.sqrt(2.0) + np.sqrt(3.0)) + 1000.0
 
 
-def run(folder, cache, script=SCRIPT, wrapper=(), **environment):
-    """Run in a process of its own: the value that a loop gives, names of compiled loops, what was said."""
+def run(folder, cache, script=SCRIPT, wrapper=None, **environment):
+    """Run in a process of its own: the value that a loop gives, names of compiled loops, what was said.
+
+    With a wrapper, be it empty, the process begins with nothing imported, and may have another `pedpred`.
+    """
     environment = {"NUMBA_CACHE_DIR": str(cache), **environment, "PYTHONPATH": f"{folder}:{ROOT}"}
-    done = subprocess.run(
-        [*wrapper, sys.executable, "-B", "-c", script],
-        cwd=folder,
-        env={k: v for k, v in (os.environ | environment).items() if v},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    env = {k: v for k, v in (os.environ | environment).items() if v}
+    if wrapper is None:
+        done = run_forked(script, folder, env)
+    else:
+        done = subprocess.run(
+            [*wrapper, sys.executable, "-B", "-c", script],
+            cwd=folder,
+            env=env,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
     assert done.returncode == 0, done.stderr
     value, *names = done.stdout.split()
     return float(value), names, done.stderr
@@ -226,7 +234,7 @@ def full_disk(tmp_path):
 @pytest.mark.parametrize("place", [no_place, no_home, full_disk])
 def test_without_a_place_loops_are_compiled_all_the_same(before, tmp_path, place):
     environment, first = place(tmp_path)
-    value, names, said = run(before[0], tmp_path, first + SCRIPT, **environment)
+    value, names, said = run(before[0], tmp_path, first + SCRIPT, (), **environment)
     assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
     assert said.count("compiled code cannot be kept in ") == 1
     assert not kept(tmp_path)
@@ -268,7 +276,7 @@ def test_a_read_only_installation_works(before, tmp_path):
 
 def test_a_folder_that_cannot_be_written_to_is_read(before, tmp_path):
     """An image of a container, with code compiled when it was made; here the disk is full."""
-    value, names, said = run(before[0], before[1], full_disk(tmp_path)[1] + SCRIPT)
+    value, names, said = run(before[0], before[1], full_disk(tmp_path)[1] + SCRIPT, ())
     assert (value, names, said) == (pytest.approx(VALUE), [], "")
 
 
@@ -362,17 +370,19 @@ print(int(hashlib.sha256(world.trajectories.position.tobytes()).hexdigest()[:12]
 
 
 def test_a_loop_of_another_module_counts_in_a_simulation(tmp_path):
-    """`worlds.walking` calls `simulation.kernel`."""
+    """`worlds.walking` calls `simulation.kernel`. What is kept of the loops as they are is not compiled again."""
     shutil.copytree(ROOT / "pedpred", tmp_path / "pedpred", ignore=shutil.ignore_patterns("__pycache__"))
-    first, _, _ = run(tmp_path, tmp_path / "cache", WORLD)
-    assert run(tmp_path, tmp_path / "cache", WORLD)[0] == first
+    if cache_folder().exists():
+        shutil.copytree(cache_folder(), tmp_path / "cache" / "pedpred")
+    first, _, _ = run(tmp_path, tmp_path / "cache", WORLD, ())
+    assert run(tmp_path, tmp_path / "cache", WORLD, ())[0] == first
     kernel = tmp_path / "pedpred" / "simulation" / "kernel.py"
     edit(
         kernel,
         "return _blend(ground.distance, i, j, p, q), ",
         "return 0.5 * _blend(ground.distance, i, j, p, q), ",
     )
-    assert run(tmp_path, tmp_path / "cache", WORLD)[0] != first
+    assert run(tmp_path, tmp_path / "cache", WORLD, ())[0] != first
 
 
 def test_every_loop_has_contents():

@@ -47,7 +47,7 @@ NOT_RUN = {
     "dvc exp run": "likewise; here its overrides are composed, and its targets looked up",
     "dvc queue start": "likewise; test_pipeline.py runs a queue of two",
     "dvc exp apply": "needs a finished experiment",
-    "python -m tools.ablate": "trains for hours; here each point is composed",
+    "python -m tools.ablate": "trains for hours; test_ablation.py composes each point",
     "python -m stages.simulate +name=sim_test": "needs the layout on its page; test_layouts.py simulates it",
     "pedpred info build/rooms": "likewise",
     "torchrun": "needs the features of a run; test_processes.py trains with two processes",
@@ -61,6 +61,9 @@ IN_A_COPY = (
     *("dvc exp run --queue", "dvc repro --dry"),
 )
 """Commands that are run in a copy of the project with two commits."""
+
+FEWER = {"tools.fit_social_force": ["--trials", "2"], "tools.motion": ["--worlds", "1"]}
+"""Options of modules that make replicates, trials and worlds few."""
 
 
 def blocks(text, language):
@@ -130,7 +133,7 @@ def project(tmp_path_factory):
 
 @pytest.mark.parametrize("words", RUN)
 def test_a_command_on_a_page_runs(words, folder, request, monkeypatch):
-    """As written, but for replicates and trials, which are fewer."""
+    """As written, but for replicates, trials and worlds, which are fewer."""
     if begins(words, IN_A_COPY):
         ended = done(request.getfixturevalue("project"), *words)
     elif words[0] == "pedpred":
@@ -143,10 +146,9 @@ def test_a_command_on_a_page_runs(words, folder, request, monkeypatch):
         return
     else:
         assert words[:2] == ["python", "-m"]
-        fewer = ["--trials", "2"] if words[2] == "tools.fit_social_force" else []
         given = [PLACE if word == "<name>" else word for word in words[1:]]
         ended = subprocess.run(
-            [sys.executable, *given, *fewer],
+            [sys.executable, *given, *FEWER.get(words[2], [])],
             cwd=folder,
             env=os.environ | {"PYTHONPATH": str(ROOT)},
             capture_output=True,
@@ -156,18 +158,23 @@ def test_a_command_on_a_page_runs(words, folder, request, monkeypatch):
     assert ended.returncode == 0, ended.stderr
 
 
+@pytest.fixture(scope="module")
+def stages():
+    """The stages of the project, as DVC finds them."""
+    return Repo(str(ROOT)).stage
+
+
 @pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
 @pytest.mark.parametrize("words", CHECKED)
 def test_a_command_that_is_not_run_asks_for_what_exists(words, request):
-    """Targets, stages, options, overrides and points of ablations."""
+    """Targets, stages, options, overrides and ablations, whose points test_ablation.py composes."""
     if words[0] == "make":
         ended = done(request.getfixturevalue("project"), "make", "--dry-run", *words[1:])
         assert ended.returncode == 0, ended.stderr
     elif words[0] == "dvc":
         given = parse_args(words[1:])
-        repo = Repo(str(ROOT))
         for target in getattr(given, "targets", None) or []:
-            assert repo.stage.collect(target), target
+            assert request.getfixturevalue("stages").collect(target), target
         if words[:3] == ["dvc", "exp", "run"]:
             composed(ROOT / "conf", given.set_param)
     elif words[0] == "pedpred":
@@ -179,6 +186,4 @@ def test_a_command_that_is_not_run_asks_for_what_exists(words, request):
         if module.startswith("stages."):
             composed(ROOT / "conf", given)
         if module == "tools.ablate":
-            ablation = read_ablation(ROOT / f"conf/ablations/{given[0]}.yaml")
-            for overrides in ablation.points.values():
-                composed(ROOT / "conf", [*ablation.always, *overrides])
+            assert read_ablation(ROOT / f"conf/ablations/{given[0]}.yaml").points
