@@ -92,6 +92,34 @@ def browser():
         opened.close()
 
 
+LONGEST = (
+    *(
+        "pipeline",
+        "page_commands",
+        "own_place",
+        "adding_things",
+        "broken_streams",
+        "driving_trials",
+        "kept_code",
+    ),
+    *(
+        "package",
+        "machines",
+        "ablation",
+        "worlds",
+        "warm_up",
+        "processes",
+        "site",
+        "field_formats",
+        "laws",
+        "config",
+    ),
+    *("page", "house", "folds", "evaluate", "compiled", "driving", "evaluation_memory", "mixture"),
+)
+"""Modules that take longest; what waits much is first."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The pipeline's tests wait a lot: begun first, they wait beside the others."""
-    items.sort(key=lambda item: item.get_closest_marker("pipeline") is None)
+    """Let the longest modules begin first: they wait beside others, and none of them ends alone."""
+    place = {f"test_{name}": k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))

@@ -13,6 +13,7 @@ import yaml
 
 from pedpred import config
 from pedpred.command.libraries import LIBRARIES
+from tests.conftest import LONGEST
 
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
@@ -229,6 +230,11 @@ def test_an_experiment_on_a_page_sets_a_parameter_that_exists(page):
         for part in key.split("."):
             assert part in node, key
             node = node[part]
+
+
+def test_the_modules_that_begin_first_exist():
+    assert [name for name in LONGEST if not (ROOT / f"tests/test_{name}.py").exists()] == []
+    assert len(set(LONGEST)) == len(LONGEST)
 
 
 def test_nothing_refers_to_one_machine():

@@ -40,10 +40,10 @@ def test_a_wheel_forecasts_in_an_empty_environment(tmp_path):
     source, empty = tmp_path / "source", tmp_path / "empty"
     run(ROOT / ".ci" / "copy", source, cwd=ROOT)
     run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", tmp_path, source, cwd=tmp_path)
-    venv.create(empty, with_pip=True)
+    venv.create(empty)  # this pip serves it too
     (wheel,) = tmp_path.glob("*.whl")
     options = ("--quiet", "--no-compile", "--constraint", ROOT / "constraints.txt")
-    install = (empty / "bin" / "python", "-m", "pip", "install", *options)
+    install = (sys.executable, "-m", "pip", "--python", empty / "bin" / "python", "install", *options)
     run(*install, wheel, cwd=tmp_path)
     run(empty / "bin" / "python", "-I", "-c", TEN_LINES, ROOT, cwd=tmp_path)
     run(empty / "bin" / "pedpred", "warm-up", cwd=tmp_path)

@@ -16,9 +16,10 @@ from pedpred.ros.people import ADAPTERS
 from pedpred.ros.planning import HORIZON, ROW, grid_messages
 from pedpred.ros.scene_messages import header, map_message
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
-from pedpred.ros2.follower import UPDATE_TYPE, Follower, output_types
+from pedpred.ros2.follower import UPDATE_TYPE, Follower
 from pedpred.ros2.identities import UNNAMED_TYPES
 from pedpred.ros2.live_frames import KEPT_S, MOST_FRAMES, MOST_POSES, LiveFrames
+from pedpred.ros2.outputs import output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of
 from pedpred.scenes import OccupancyMap, Predictions
 

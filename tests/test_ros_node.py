@@ -25,7 +25,8 @@ from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros.planning import ROW
 from pedpred.ros.scene_messages import header, seconds
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE
-from pedpred.ros2.follower import MARKERS_TYPE, PEOPLE_TYPE, TEXT_TYPE, UPDATE_TYPE
+from pedpred.ros2.follower import UPDATE_TYPE
+from pedpred.ros2.outputs import MARKERS_TYPE, PEOPLE_TYPE, TEXT_TYPE
 from tests.test_ros_follower import people as people_bytes
 from tests.test_ros_follower import transform as pose
 from tests.test_ros_follower import transforms as transforms_bytes

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pedpred.ros2.follower import output_types
+from pedpred.ros2.outputs import output_types
 from pedpred.ros2.settings import NodeSettings, fields_of
 
 ROOT = Path(__file__).parents[1]
@@ -52,7 +52,8 @@ for name in {*LIBRARIES, "torch", "matplotlib"}:
 from pedpred import OnlinePredictor, warm_up
 from pedpred.ros.message_types import serialize
 from pedpred.ros2 import diagnostics, live_frames, main
-from pedpred.ros2.follower import PEOPLE_TYPE, Follower
+from pedpred.ros2.follower import Follower
+from pedpred.ros2.outputs import PEOPLE_TYPE
 from pedpred.ros2.settings import NodeSettings
 warm_up()
 settings = NodeSettings(use_map=False, identities="assigned", occupancy_cell_m=0.5)

@@ -13,7 +13,7 @@ from rosbags.typesys import get_types_from_msg
 
 from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE
-from pedpred.ros2.follower import MARKERS_TYPE, PEOPLE_TYPE, output_types
+from pedpred.ros2.outputs import MARKERS_TYPE, PEOPLE_TYPE, output_types
 from pedpred.ros2.settings import NodeSettings
 from tests.test_ros_follower import answered, follower_of, people
 

@@ -2,8 +2,9 @@
 
 `make reproduce` starts with it. `dvc repro` runs one stage after the other, and a training uses one core. The
 LSTMs, the networks of the literature and each network without memory need nothing of each other, so one
-`dvc repro` per branch trains them at once. Each names its own stages only: DVC refuses a stage, even an unchanged one, while
-another command looks at it. What fails is reported by the `dvc repro` that follows, which runs it again.
+`dvc repro` per branch trains and evaluates them at once. Each names its own stages only: DVC refuses a stage,
+even an unchanged one, while another command looks at it. What fails is reported by the `dvc repro` that
+follows, which runs it again.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ SHARED = ("ingest", "simulate", "situations_simulated", "situations_real")
 
 
 def branches(params: DictConfig) -> dict[str, list[str]]:
-    """The last stages of each branch: LSTMs and simple methods, the literature, each network without memory."""
+    """The last stages of each branch: LSTMs and simple methods, the literature, each Mixture."""
     lstms = ["evaluate_main", "evaluate_fold", "evaluate_baseline", "validate_simulation"]
     others = {
         name: [

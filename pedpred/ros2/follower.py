@@ -21,22 +21,29 @@ from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import find_usable
 from pedpred.ros.planning import (
     GRID_TYPE,
-    HORIZON,
     PREDICTIONS_TYPE,
     fitting_ground,
     grid_messages,
-    grid_topic,
     predictions_message,
 )
-from pedpred.ros.scene_messages import Content, header, map_of_grid, updated_grid
+from pedpred.ros.scene_messages import map_of_grid, updated_grid
 from pedpred.ros2.identities import Identities
 from pedpred.ros2.live_frames import LiveFrames
+from pedpred.ros2.outputs import (
+    MARKERS,
+    MARKERS_TYPE,
+    NAMES,
+    PEOPLE,
+    PEOPLE_TYPE,
+    PREDICTIONS,
+    TEXT_TYPE,
+    Answer,
+    grid_topics,
+    people_content,
+)
 from pedpred.ros2.settings import NodeSettings
 from pedpred.scenes import Forecast, OccupancyMap
 
-PREDICTIONS, MARKERS, PEOPLE, NAMES = (f"predictions{part}" for part in ("", "/markers", "/people", "/names"))
-MARKERS_TYPE, PEOPLE_TYPE = "visualization_msgs/msg/MarkerArray", "people_msgs/msg/People"
-TEXT_TYPE = "std_msgs/msg/String"
 _COLOUR = (0.84, 0.37, 0.0)
 _MOST_WAITING = 100
 _BEHIND_S, _CAUGHT_UP_S = 2.0, 0.2
@@ -45,15 +52,6 @@ forecasts take longer than messages need to come, late ones would be late for ev
 _SHOWN_EVERY_S = 0.08
 """Viewers and costmaps need no more than this, and markers and grids take longer than forecasts, s."""
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What is to be published: topic without namespace, type, fields."""
-
-    topic: str
-    kind: str
-    content: Content
 
 
 @dataclass
@@ -307,34 +305,3 @@ def told_map(occupancy: OccupancyMap) -> str:
     return "{} x {} cells, {:.1f} % blocked".format(
         *occupancy.occupied.shape, 100 * occupancy.occupied.mean()
     )
-
-
-def people_content(forecast: Forecast, names: list[str], time_ns: int, frame: str) -> Content:
-    """people_msgs/People: where everybody is, and the mean velocity of the first step of the forecast."""
-    velocity = forecast.velocity[:, 0]
-    position = forecast.position[:, 0] - forecast.dt_s * velocity
-    people = [
-        {
-            "name": name,
-            "position": {"x": float(x), "y": float(y)},
-            "velocity": {"x": float(vx), "y": float(vy)},
-            "reliability": 1.0,
-            "tagnames": ["track_id"],
-            "tags": [str(track)],
-        }
-        for name, track, (x, y), (vx, vy) in zip(names, forecast.track_id, position, velocity, strict=True)
-    ]
-    return {"header": header(time_ns, frame), "people": people}
-
-
-def output_types(settings: NodeSettings, steps: int) -> dict[str, str]:
-    """Topic -> type of all that a node with these settings can publish for forecasts of some steps."""
-    types = {PREDICTIONS: PREDICTIONS_TYPE, NAMES: TEXT_TYPE, MARKERS: MARKERS_TYPE, PEOPLE: PEOPLE_TYPE}
-    if settings.occupancy_cell_m:
-        types |= dict.fromkeys(grid_topics(steps), GRID_TYPE)
-    return types
-
-
-def grid_topics(steps: int) -> list[str]:
-    """Topics of predicted occupancy for forecasts of some steps, without namespace."""
-    return [topic.lstrip("/") for topic in (*(grid_topic(step + 1) for step in range(steps)), HORIZON)]

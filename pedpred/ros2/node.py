@@ -21,8 +21,9 @@ from pedpred.online.warming import warm_up
 from pedpred.ros.message_types import TRANSFORMS, serialize
 from pedpred.ros.planning import GRID_TYPE
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
-from pedpred.ros2.follower import PEOPLE, PREDICTIONS, UPDATE_TYPE, Follower, output_types
+from pedpred.ros2.follower import UPDATE_TYPE, Follower
 from pedpred.ros2.log import RosHandler
+from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, fields_of
 
 _NO_MAP = re.compile(r"costmap|predicted_occupancy/")
