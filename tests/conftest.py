@@ -69,7 +69,7 @@ def narrow_lstm():
 
 @pytest.fixture(scope="module")
 def quick_pictures():
-    """Pages hold larger pictures, which take a tenth of the time; `test_report.py` has a published one."""
+    """Pages hold larger pictures, in a tenth of the time; `test_report.py` has one as it is published."""
     from tests.pictures import quick_avif
 
     with quick_avif():

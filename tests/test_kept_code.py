@@ -370,7 +370,7 @@ print(int(hashlib.sha256(world.trajectories.position.tobytes()).hexdigest()[:12]
 
 
 def test_a_loop_of_another_module_counts_in_a_simulation(tmp_path):
-    """`worlds.walking` calls `simulation.kernel`. Loops that are kept are not compiled again."""
+    """`worlds.walking` calls `simulation.kernel`. Loops as they are need not be compiled again."""
     shutil.copytree(ROOT / "pedpred", tmp_path / "pedpred", ignore=shutil.ignore_patterns("__pycache__"))
     if cache_folder().exists():
         shutil.copytree(cache_folder(), tmp_path / "cache" / "pedpred")

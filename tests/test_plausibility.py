@@ -244,3 +244,19 @@ def test_jumps_and_running_are_warned_about(tmp_path, caplog):
     walk[300] = 0.0
     check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk))
     assert "people jump" in caplog.text
+
+
+@pytest.mark.parametrize("clock", ["time", "frame"])
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (1, 0, 2, 3)])
+def test_words_are_the_ids_of_a_text_without_titles(tmp_path, clock, order):
+    rows = crowd(3, 6, 30)
+    written = [
+        [f"ped{who:.0f}", f"{frame / RATE_HZ if clock == 'time' else frame:g}", str(x), str(y)]
+        for who, frame, x, y in rows
+    ]
+    path = tmp_path / "walk.txt"
+    path.write_text("\n".join(" ".join(fields[k] for k in order) for fields in written))
+    options = TableOptions(rate_hz=RATE_HZ)
+    scene = read_file(path, options)
+    assert set(options.names.of_number.values()) == {fields[0] for fields in written}
+    assert scene.detection_dt_s == pytest.approx(1 / RATE_HZ)

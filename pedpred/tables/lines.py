@@ -79,7 +79,9 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
 
 
 def has_header(path: Path) -> bool:
-    """Whether the first line that is no comment begins with a word, or a comment before it has its titles.
+    """Whether the first line that is not a comment has titles, or a comment before it has them.
+
+    A line that begins with a word has titles if it holds no numbers, or names the columns of tracks.
 
     Raises:
         SourceError: the file is missing or no text.
@@ -89,7 +91,8 @@ def has_header(path: Path) -> bool:
         separator = _separator(text)
         if not _is_comment(text):
             fields = _split(text, separator)
-            return not _is_numeric(fields[0]) or len(fields) in widths
+            words = not any(map(_is_numeric, fields)) or _names_tracks(_titles(text, separator))
+            return (words and not _is_numeric(fields[0])) or len(fields) in widths
         if _names_tracks(titles := _titles(text, separator)):
             widths = {len(titles)}
     return False
