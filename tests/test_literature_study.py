@@ -193,13 +193,17 @@ def test_the_tables_name_stricter_folds_and_average_whole_rows_alone():
     figures["zara1_without_street"] = {"mixture": own | {"ade_m": 0.9}}
     (section,) = literature_section(figures, PARAMS["report"]["published"], methods)
     _, single, best = section.blocks
-    rows = {(row.cells[0].text, row.cells[-1].text): [cell.text for cell in row.cells] for row in single.rows}
+    rows = {row.cells[0].text: [cell.text for cell in row.cells] for row in single.rows}
     label = methods["mixture"].label
-    assert rows[label, ""][-3:-1] == ["0.400", "0.800"]
-    stricter = rows[label, "whole street or campus left out"]
-    assert stricter[7:12:2] == ["0.900", "0.400", "0.500"]  # ADE at zara1, zara2 and in the mean
+    assert rows[label][1:3] == ["0.400", "0.800"]
+    stricter = rows[f"{label}, street or campus left out"]
+    assert [stricter[1], *stricter[9::2]] == [
+        "0.500",
+        "0.900",
+        "0.400",
+    ]  # ADE in the mean, at zara1 and zara2
     assert all(cells[0] != "Trajectron++ (Salzmann et al. 2020)" for cells in rows.values())
     names = [row.cells[0].text for row in best.blocks[1].rows]
-    assert names.count(label) == 2
+    assert sum(name.startswith(label) for name in names) == 2
     assert methods["cv"].label not in names
     assert literature_section({}, [], methods) == []

@@ -67,7 +67,7 @@ def literature_tables(
 
 
 def _header() -> list[str]:
-    return ["method", *(word for scene in (*SCENES, MEAN) for word in (f"{scene} ADE", "FDE")), "remark"]
+    return ["method", *(word for scene in (MEAN, *SCENES) for word in (f"{scene} ADE", "FDE"))]
 
 
 def strict_key(literature: Mapping[str, Figures], scene: str) -> str | None:
@@ -81,12 +81,12 @@ def _rows(literature: Mapping[str, Figures], keys: tuple[str, str], methods: Met
     rows = []
     for name in names:
         usual = {scene: scene for scene in SCENES}
-        rows.append(_row(literature, name, methods[name].label, keys, usual, ""))
+        rows.append(_row(literature, name, methods[name].label, keys, usual))
         stricter = {scene: strict_key(literature, scene) or scene for scene in SCENES}
         if methods[name].learned and stricter != usual:
-            remark = "whole street or campus left out"
-            rows.append(_row(literature, name, methods[name].label, keys, stricter, remark))
-    return [row for row in rows if any(cell.text != NOTHING for cell in row.cells[1:-1])]
+            label = f"{methods[name].label}, street or campus left out"
+            rows.append(_row(literature, name, label, keys, stricter))
+    return [row for row in rows if any(cell.text != NOTHING for cell in row.cells[1:])]
 
 
 def _row(
@@ -95,10 +95,9 @@ def _row(
     label: str,
     keys: tuple[str, str],
     entries: Mapping[str, str],
-    remark: str,
 ) -> Row:
     """Errors at all scenes, and their mean where there are all."""
-    cells, errors = [Cell(label)], list[list[float]]()
+    cells, errors = list[Cell](), list[list[float]]()
     for scene in SCENES:
         own = literature.get(entries[scene], {}).get(name, {})
         if not own.keys() >= set(keys):
@@ -108,10 +107,9 @@ def _row(
         for key, error in zip(keys, errors[-1], strict=True):
             bounds, place = own.get(f"{key}_ci95"), f"literature.{entries[scene]}.{name}.{key}"
             cells.append(Cell(f"{error:.3f}", place, remark=f"95 % {interval(bounds)} m" if bounds else ""))
-    whole = len(errors) == len(SCENES)
-    means = np.mean(errors, axis=0) if whole else ()
-    cells += [Cell(f"{mean:.3f}", strong=True) for mean in means] or [Cell(NOTHING)] * len(keys)
-    return Row([*cells, Cell(remark)], name)
+    means = np.mean(errors, axis=0) if len(errors) == len(SCENES) else ()
+    first = [Cell(f"{mean:.3f}", strong=True) for mean in means] or [Cell(NOTHING)] * len(keys)
+    return Row([Cell(label), *first, *cells], name)
 
 
 def _quoted(published: Sequence[Published], samples: int) -> list[Row]:
@@ -123,9 +121,9 @@ def _quoted(published: Sequence[Published], samples: int) -> list[Row]:
         errors = dict(row["errors_m"])
         if set(SCENES) <= set(errors):
             errors[MEAN] = np.mean([errors[scene] for scene in SCENES], axis=0)
-        pairs = [errors.get(key, (None, None)) for key in (*SCENES, MEAN)]
+        pairs = [errors.get(key, (None, None)) for key in (MEAN, *SCENES)]
         cells = [Cell(NOTHING if error is None else f"{error:.2f}") for pair in pairs for error in pair]
-        rows.append(Row([Cell(row["name"]), *cells, Cell(row["remark"])]))
+        rows.append(Row([Cell(row["name"], remark=row["remark"]), *cells]))
     return rows
 
 
