@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -42,11 +43,15 @@ def test_drives_that_are_interrupted_go_on_where_they_were(tmp_path, processes):
     command = [sys.executable, "-m", "pedpred.command", "drive", CORNER, "--table", str(table), *methods]
     command += ["--risk", "0.1", "--episodes", "5000", "--processes", processes]
     environment = os.environ | {"TQDM_MININTERVAL": "0"}
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=ROOT, env=environment) as started:
+    heeds = partial(
+        signal.signal, signal.SIGINT, signal.SIG_DFL
+    )  # background jobs are started without Ctrl-C
+    how = {"stderr": subprocess.PIPE, "text": True, "cwd": ROOT, "env": environment, "preexec_fn": heeds}
+    with subprocess.Popen(command, **how) as started:
         while not re.search(r" [2-9]/5000", started.stderr.readline()):  # each state of the bar is a line
             assert started.poll() is None
         started.send_signal(signal.SIGINT)
-        assert "Traceback" not in started.communicate()[1]
+        assert "Traceback" not in started.communicate(timeout=120)[1]
         assert started.returncode == 130
     done = 1 + max(row.episode for row in read_table(table))
     assert done >= 2
