@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,12 @@ from pedpred import config
 from pedpred.baselines.registry import baseline
 from pedpred.config import SETS, config_errors, configured, one_of, part, plain, read_params, row
 from pedpred.datasets.crops import CropSplit
+from pedpred.errors import ConfigError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
-from pedpred.fields import parsed, parsed_each, parsed_together
+from pedpred.fields import check_names, parsed, parsed_each, parsed_together
 from pedpred.forecasting import MethodRow
+from pedpred.literature.settings import ComparisonSettings
 from pedpred.models.features import FEATURES
 from pedpred.models.registry import parse_settings
 from pedpred.report.findings import Paper
@@ -37,6 +40,7 @@ from pedpred.simulation.settings import SetUse, SimulationSettings, social_force
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS, SOURCES
+from pedpred.sources.eth_ucy import EthUcySettings
 from pedpred.sources.mirrors import Mirrors
 from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
@@ -208,6 +212,23 @@ def _report(cfg: Params) -> None:
 
 
 def _literature(cfg: Params) -> None:
+    given = part(cfg, "literature")
+    with configured("literature"):
+        names = [*(own.name for own in fields(ComparisonSettings)), "worlds", "recorded"]
+        check_names(names, given, "", f"there are {', '.join(names)}")
+    with configured("literature.reader"):
+        parsed(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
+    for key, fold in part(cfg, "literature", "folds").items():
+        for name in ("test", "train"):
+            own = fold.get(name) if isinstance(fold, Mapping) else None
+            if not isinstance(own, list):
+                raise ConfigError(f"literature.folds.{key}.{name}", own, "it must be a list of names")
+    for phase in ("worlds", "recorded"):
+        with configured(f"literature.{phase}"):
+            known = cfg["situations"]["simulated"]
+            check_names(
+                known, part(cfg, "literature", phase)["shares"], "shares", f"there are {', '.join(known)}"
+            )
     comparison_of(cfg)
     worlds_of(cfg)
     recordings_of(cfg)

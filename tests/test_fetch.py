@@ -359,6 +359,7 @@ def test_committed_sums_name_the_recordings_of_ucy():
     listed = committed("eth_ucy")
     rows = yaml.safe_load((ROOT / "conf/places/recorded.yaml").read_text()).values()
     recordings = {row["settings"]["recording"] for row in rows if row["folder"] == "data/raw/eth_ucy"}
+    recordings |= set(yaml.safe_load((ROOT / "conf/literature/eth_ucy.yaml").read_text())["recordings"])
     assert set(listed.sums) == set(listed.inside) == {f"{name}.txt" for name in recordings}
     assert mirrors.lack(raw_folder("eth_ucy"), listed) is None
 

@@ -21,7 +21,13 @@ FREE = (  # names that are chosen freely, or that other parts of the configurati
     *(f"methods.{group}" for group in PARAMS["methods"]),
     "report.methods",
     *("online.exports", "online.promises", "situations.simulated", "recording.scenes", "driving.places"),
-    *("mirrors.juelich.inside", "report.published.*.errors_m", "report.page.replays"),
+    *(
+        "literature.scenes",
+        "literature.folds",
+        "mirrors.juelich.inside",
+        "report.published.*.errors_m",
+        "report.page.replays",
+    ),
     *(
         "report.paper.ade_m",
         "report.paper.ade_m.sim",
