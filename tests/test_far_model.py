@@ -82,6 +82,9 @@ def test_the_protocol_of_the_literature_measures_files_models_and_others(far, wa
         assert found["theirs"][key] == pytest.approx(found["cv"][key], abs=1e-6)
     assert found["network"]["best_ade_m"] <= found["network"]["most_likely_ade_m"]
     assert "best_ade_m" not in found["cv"]
+    assert "collision_share" in found["cv"]
+    main([*own, "--alone"])
+    assert "collision_share" not in json.loads(figures.read_text())["square"]["cv"]
     assert "square: 21 windows of 8 + 12 annotations" in capsys.readouterr().out
 
 
@@ -89,5 +92,9 @@ def test_a_model_or_a_recording_of_other_steps_is_refused_by_it(walks, model):
     own = ["evaluate", str(walks), "--protocol", "eth-ucy", "--rate"]
     with pytest.raises(SystemExit, match=r"--model.*10 steps of 0\.3 s.*needs 12 steps of 0\.4 s"):
         main([*own, "25", "--model", str(model[0])])
+    short = walks.with_name("short.txt")
+    short.write_text("\n".join(f"{10 * k} 1 {0.4 * k:.1f} 0.5" for k in range(12)) + "\n")
+    with pytest.raises(SystemExit, match=r"windows.*nobody in short is annotated 20 times in a row"):
+        main(["evaluate", str(short), "--protocol", "eth-ucy", "--rate", "25"])
     with pytest.raises(SystemExit, match=r"--protocol.*every 1 s.*needs annotations every 0\.4 s"):
         main([*own, "10"])

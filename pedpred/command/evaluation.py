@@ -101,10 +101,11 @@ def _assessed(
         foreign = {name: apart.moved(own) for name, own in foreign.items()}
         meaningless += ["collision_share", "mode_collision_share"]
     if given.protocol:
-        return assess_windows(scene, predictor, given.model is not None, settings, foreign)
-    answered = partial(_answered, foreign) if foreign else None
-    metrics = None if given.json else {key: METRICS[key] for key in SHOWN}
-    found = assess(scene, predictor, settings, None, foreign, answered, metrics)
+        found = assess_windows(scene, predictor, given.model is not None, settings, foreign)
+    else:
+        answered = partial(_answered, foreign) if foreign else None
+        metrics = None if given.json else {key: METRICS[key] for key in SHOWN}
+        found = assess(scene, predictor, settings, None, foreign, answered, metrics)
     return {
         method: replace(own, values={key: v for key, v in own.values.items() if key not in meaningless})
         for method, own in found.items()

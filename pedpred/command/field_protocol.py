@@ -63,8 +63,7 @@ def assess_windows(
         kept = own.answered(named)
         windows, named = _select(windows, kept), replace(named, rows=named.rows[kept])
     if not len(windows.track):
-        length = WINDOWS.observed_steps + WINDOWS.predicted_steps
-        raise ValueRuleError("windows", 0, f"nobody in {scene.name} is annotated {length} times in a row")
+        raise ValueRuleError("--forecasts", list(foreign), "no window has a forecast in each of the files")
     scores = {key: measure(windows, make(), SAMPLES, settings) for key, make in PRESENT_MOTION.items()}
     sizes = about.protocol
     fits = (sizes.dt_s, sizes.horizon_steps) == (WINDOWS.step_s, WINDOWS.predicted_steps)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pedpred.errors import ValueRuleError
 from pedpred.evaluation.literature import Stretches, find_stretches
 from pedpred.features import ForecastProtocol, ModelFeatures, extract_at_detections
 from pedpred.forecasting import ForecastRequest
@@ -55,10 +56,16 @@ def find_windows(
         settings: of the windows.
         tracker: of the observed positions.
         standstill_mps: below this speed the heading is held, m/s.
+
+    Raises:
+        ValueRuleError: there are no windows.
     """
     whole, step_s = scene.trajectories, settings.step_s
     sizes = settings.observed_steps, settings.predicted_steps, step_s
     found = find_stretches(whole, *sizes)
+    if not len(found.track):
+        length = settings.observed_steps + settings.predicted_steps
+        raise ValueRuleError("windows", 0, f"nobody in {scene.name} is annotated {length} times in a row")
     instants = np.repeat(whole.time_s[:, None], 2, axis=1)
     end_s = find_stretches(replace(whole, position=instants), *sizes).seen[:, -1, 0]
     tick = np.round(whole.time_s / step_s).astype(int)

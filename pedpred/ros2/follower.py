@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import ValueRuleError
+from pedpred.files import translate_errors
 from pedpred.online import OnlinePredictor
 from pedpred.ros.decoding import Connection, Decoder
 from pedpred.ros.detections import Instant
@@ -221,11 +222,13 @@ class Follower:
         Raises:
             ValueRuleError: it is none of its type.
         """
-        try:
+
+        def wording(problem: str) -> ValueRuleError:
+            rule = f"it must be a {kind}: does the publisher have another edition of its package? ({problem})"
+            return ValueRuleError("message", f"{len(raw)} bytes", rule)
+
+        with translate_errors(wording):
             return self._decoder.decode(raw, Connection("", kind))
-        except Exception as cause:  # whatever rosbags raises
-            rule = f"it must be a {kind}: does the publisher have another edition of its package? ({cause})"
-            raise ValueRuleError("message", f"{len(raw)} bytes", rule) from cause
 
     def answers(self, now_s: float) -> Iterator[Answer]:
         """What to publish for people whose transforms have come, or who have waited long enough in vain."""
