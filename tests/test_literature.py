@@ -6,12 +6,13 @@ import pytest
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, summarise_methods
-from pedpred.evaluation.literature import ask_about_stretches, find_stretches, score_stretches
+from pedpred.literature.measures import measure
+from pedpred.literature.settings import WindowSettings
+from pedpred.literature.stretches import find_stretches
+from pedpred.literature.windows import find_windows
 from pedpred.scenes import Scene, Trajectories
-from pedpred.sources.eth_ucy import read_text
-from pedpred.tracking import KalmanSettings
-from tests.conftest import raw_folder
-from tests.worlds import PLACES, empty_map, recorded
+from pedpred.tracking import KalmanBank, KalmanSettings
+from tests.worlds import empty_map, recorded
 
 SETTINGS = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initial_speed_mps=1.0)
 
@@ -27,23 +28,24 @@ def joined(*recordings):
     return Trajectories(*map(np.concatenate, parts))
 
 
-def requested(found):
-    return ask_about_stretches(Scene("walk", walk([[0, 0], [1, 0]]), empty_map(), 0.4), found, SETTINGS)
+def windows_of(trajectories, observed, predicted, step_s=0.4):
+    sizes = WindowSettings(observed_steps=observed, predicted_steps=predicted, step_s=step_s)
+    return find_windows(Scene("walk", trajectories, empty_map(), step_s), sizes, KalmanBank((SETTINGS,)), 0.0)
 
 
 def paths(found, method):
-    return PRESENT_MOTION[method]()(requested(found)).point
+    return PRESENT_MOTION[method]()(found.request).point
 
 
 def measured(found):
-    request, how = requested(found), EvaluationSettings(bootstrap=10)
-    scores = {key: score_stretches(request, found, make(), how) for key, make in PRESENT_MOTION.items()}
+    how = EvaluationSettings(bootstrap=10)
+    scores = {key: measure(found, make(), 1, how) for key, make in PRESENT_MOTION.items()}
     return summarise_methods(scores, "kalman_cv", how)
 
 
 def test_errors_by_hand():
     """Seen 0, 1 m; forecast 2, 3 m; true 2, 5 m: off by 0 and 2 m."""
-    found = find_stretches(walk([[0, 0], [1, 0], [2, 0], [5, 0]]), 2, 2, 0.4)
+    found = windows_of(walk([[0, 0], [1, 0], [2, 0], [5, 0]]), 2, 2)
     np.testing.assert_allclose(paths(found, "cv"), [[[2, 0], [3, 0]]])
     figures = measured(found)["cv"]
     assert (figures["ade_m"], figures["fde_m"], figures["windows"], figures["tracks"]) == (1.0, 2.0, 1, 1)
@@ -51,7 +53,7 @@ def test_errors_by_hand():
 
 def test_a_constant_acceleration_is_continued():
     """x = 0, 1, 4: the last velocity is 3 per step, the acceleration 2 per step^2; on to x = 4 + 3 + 1."""
-    found = find_stretches(walk([[0, 0], [1, 0], [4, 0], [9, 0]]), 3, 1, 0.4)
+    found = windows_of(walk([[0, 0], [1, 0], [4, 0], [9, 0]]), 3, 1)
     np.testing.assert_allclose(paths(found, "ca"), [[[8, 0]]])
 
 
@@ -64,11 +66,11 @@ def test_a_window_is_full_or_is_none():
     assert np.ptp(np.diff(np.concatenate([found.seen, found.truth], axis=1), axis=1)[..., 0]) == 0
     assert len(find_stretches(walk(line[:2]), 2, 1, 0.4).track) == 0
     with pytest.raises(ValueRuleError, match="windows"):
-        measured(find_stretches(walk(line[:2]), 2, 1, 0.4))
+        windows_of(walk(line[:2]), 2, 1)
 
 
 def test_on_a_straight_walk_everybody_is_right():
-    found = find_stretches(walk(np.outer(np.arange(30), [0.5, 0.2])), 8, 12, 0.4)
+    found = windows_of(walk(np.outer(np.arange(30), [0.5, 0.2])), 8, 12)
     assert len(found.track) == 11
     for method in PRESENT_MOTION:
         tolerance_m = 0.05 if method == "kalman_cv" else 1e-9  # the filter starts from standing people
@@ -77,7 +79,7 @@ def test_on_a_straight_walk_everybody_is_right():
 
 def test_forecasts_see_the_window_alone():
     path = np.random.default_rng(3).normal(0, 0.4, (40, 2)).cumsum(axis=0)
-    whole, part = find_stretches(walk(path), 8, 12, 0.4), find_stretches(walk(path[11:31]), 8, 12, 0.4)
+    whole, part = windows_of(walk(path), 8, 12), windows_of(walk(path[11:31]), 8, 12)
     for method in PRESENT_MOTION:
         np.testing.assert_allclose(paths(whole, method)[11], paths(part, method)[0], atol=1e-9)
 
@@ -97,33 +99,10 @@ def last_step_errors(track_id, position):
 def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_m, fde_m):
     trajectories = recorded(ewap_folder, place).trajectories
     errors = last_step_errors(trajectories.track_id, trajectories.position)
-    found = find_stretches(trajectories, 8, 12, 0.4)
+    found = windows_of(trajectories, 8, 12)
     figures, tracked = (measured(found)[method] for method in ("cv", "kalman_cv"))
     assert figures["windows"] == len(errors)
     assert figures["ade_m"] == pytest.approx(np.mean(errors), abs=1e-5) == pytest.approx(ade_m, abs=5e-4)
     assert figures["fde_m"] == pytest.approx(np.mean(errors, axis=0)[-1], abs=1e-5)
     assert figures["fde_m"] == pytest.approx(fde_m, abs=5e-4)
     assert tracked["ade_m"] < figures["ade_m"]
-
-
-@pytest.mark.parametrize(
-    ("recordings", "windows", "ade_m", "fde_m"),
-    [
-        (["zara01"], 2356, 0.427, 0.952),
-        (["zara02"], 5910, 0.324, 0.724),
-        (["students001", "students003"], 24334, 0.524, 1.165),  # "univ"
-    ],
-)
-def test_windows_and_constant_velocity_of_ucy_are_those_of_the_field(recordings, windows, ade_m, fde_m):
-    folder, raw, ours = raw_folder("eth_ucy"), [], []
-    for place in recordings:
-        frame, track, *position = np.loadtxt(folder / f"{PLACES[place]['settings']['recording']}.txt").T
-        order = np.argsort(frame, kind="stable")
-        raw += last_step_errors(track[order], np.stack(position, axis=1)[order])
-        scene = read_text(folder, place, PLACES[place]["settings"])
-        found = find_stretches(scene.trajectories, 8, 12, 0.4)
-        ours.append(np.linalg.norm(paths(found, "cv") - found.truth, axis=-1))
-    errors = np.concatenate(ours)
-    assert len(errors) == len(raw) == windows
-    np.testing.assert_allclose([errors.mean(), errors[:, -1].mean()], [ade_m, fde_m], atol=5e-4)
-    np.testing.assert_allclose(errors.mean(axis=0), np.mean(raw, axis=0), atol=1e-6)

@@ -78,6 +78,18 @@ def test_a_window_knows_the_last_8_annotations_and_nothing_else(seed):
             np.testing.assert_array_equal(again[name], values, err_msg=name)
 
 
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 1000), begun_s=st.floats(0, 1e5), slow=st.floats(-9e-4, 9e-4))
+def test_windows_do_not_depend_on_when_the_clock_began_nor_on_small_errors_of_its_rate(seed, begun_s, slow):
+    whole = crowd(seed)
+    usual = read_inputs(found(whole))
+    later = read_inputs(found(replace(whole, time_s=begun_s + (1 + slow) * whole.time_s)))
+    assert len(later) == len(usual)
+    for own, other in zip(usual.values(), later.values(), strict=True):
+        for name, values in own.items():
+            np.testing.assert_allclose(other[name], values, atol=1e-5, err_msg=name)
+
+
 def test_people_beside_are_seen():
     whole = crowd(3, people=8)
     usual, seen = read_inputs(found(whole)), 0

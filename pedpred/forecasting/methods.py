@@ -8,7 +8,7 @@ from typing import Any
 
 from pedpred.fields import check_choice, check_mapping, check_ranges
 
-WHERE = ("simulated", "real", "literature")
+WHERE = ("simulated", "real")
 """Kinds of test sets."""
 
 

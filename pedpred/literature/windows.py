@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation.literature import Stretches, find_stretches
 from pedpred.features import ForecastProtocol, ModelFeatures, extract_at_detections
 from pedpred.forecasting import ForecastRequest
 from pedpred.literature.settings import WindowSettings
+from pedpred.literature.stretches import TOLERANCE_S, Stretches, find_stretches
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import KalmanBank, follow
 from pedpred.tracking.tracks import last_rows
@@ -61,20 +61,19 @@ def find_windows(
         ValueRuleError: there are no windows.
     """
     whole, step_s = scene.trajectories, settings.step_s
-    sizes = settings.observed_steps, settings.predicted_steps, step_s
-    found = find_stretches(whole, *sizes)
+    found = find_stretches(whole, settings.observed_steps, settings.predicted_steps, step_s)
     if not len(found.track):
         length = settings.observed_steps + settings.predicted_steps
         raise ValueRuleError("windows", 0, f"nobody in {scene.name} is annotated {length} times in a row")
-    instants = np.repeat(whole.time_s[:, None], 2, axis=1)
-    end_s = find_stretches(replace(whole, position=instants), *sizes).seen[:, -1, 0]
-    tick = np.round(whole.time_s / step_s).astype(int)
-    ends, instant = np.unique(np.round(end_s / step_s).astype(int), return_inverse=True)
+    ends_s = np.unique(found.end_s)
+    ends_s = ends_s[np.diff(ends_s, prepend=-np.inf) > TOLERANCE_S]
+    instant = np.searchsorted(ends_s, found.end_s, side="right") - 1
     people, person = np.unique(whole.track_id, return_inverse=True)
     parts = []
     for ago in range(settings.observed_steps):
-        at = np.minimum(np.searchsorted(ends, tick + ago), len(ends) - 1)
-        row = np.flatnonzero(ends[at] == tick + ago)
+        then_s, near_s = whole.time_s + ago * step_s, (ago + 1) * TOLERANCE_S
+        at = np.minimum(np.searchsorted(ends_s, then_s - near_s), len(ends_s) - 1)
+        row = np.flatnonzero(np.abs(ends_s[at] - then_s) < near_s)
         now_s = at[row] * _APART_S - ago * step_s
         parts.append((now_s, at[row] * len(people) + person[row], whole.position[row]))
     now_s, track, position = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -85,7 +84,7 @@ def find_windows(
         _ask(seen, found, asked, instant * _APART_S, tracker, standstill_mps, protocol_of(settings)),
         found.truth,
         found.track,
-        end_s,
+        found.end_s,
     )
 
 

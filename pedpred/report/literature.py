@@ -16,7 +16,7 @@ Published = Mapping[str, Any]
 """A row of `report.published`: name, samples, errors_m (scene or mean -> [ADE, FDE]), remark."""
 
 SCENES = ("eth", "hotel", "univ", "zara1", "zara2")
-"""What is averaged in the last column, each with the same weight."""
+"""What is averaged, each with the same weight."""
 MEAN = "mean"
 _ONE, _BEST = ("ade_m", "fde_m"), ("best_ade_m", "best_fde_m")
 _SEEN = (
