@@ -46,8 +46,8 @@ def stage_names(folder: Path) -> nx.DiGraph:
 def needed(graph: nx.DiGraph, targets: Iterable[str]) -> list[str]:
     """Stages, or all of a kind, and those that they need, in the order in which they can run."""
     wanted = [name for name in graph if {name, name.partition("@")[0]} & set(targets)]
-    found = set(wanted).union(*(nx.descendants(graph, name) for name in wanted))
-    return [name for name in reversed(list(nx.topological_sort(graph))) if name in found]
+    required = set(wanted).union(*(nx.descendants(graph, name) for name in wanted))
+    return [name for name in reversed(list(nx.topological_sort(graph))) if name in required]
 
 
 @user_errors()
@@ -59,8 +59,8 @@ def main() -> None:
     subprocess.run([*command, *shared], check=False)
     running = []
     for last in branches(read_params(Path())).values():
-        own = [stage for stage in needed(graph, last) if stage not in shared]
-        running.append(subprocess.Popen([*command, *own]))
+        stages = [stage for stage in needed(graph, last) if stage not in shared]
+        running.append(subprocess.Popen([*command, *stages]))
     for branch in running:
         branch.wait()
 

@@ -35,15 +35,15 @@ IGNORED = r"config\.checked|data/raw|manifest\.json|about\.json|model\.json|fore
 
 def checksums(root: Path) -> dict[str, str]:
     """Name -> checksum of everything that was made below a project folder."""
-    found = {}
+    digests = {}
     for folder in ("data", "models", "reports/metrics"):
         for path in sorted((root / folder).rglob("*")):
             if path.is_file():
                 for part, digest in parts_of(path):
                     name = renamed(f"{path.relative_to(root)} {part}".strip())
                     if not re.search(IGNORED, name):
-                        found[name] = digest
-    return found
+                        digests[name] = digest
+    return digests
 
 
 def renamed(name: str) -> str:
@@ -89,12 +89,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("folder", type=Path, help="project folder that has been reproduced")
     parser.add_argument("--against", type=Path, help="file with lines of an earlier call")
-    given = parser.parse_args()
-    now = checksums(given.folder)
-    if given.against is None:
+    options = parser.parse_args()
+    now = checksums(options.folder)
+    if options.against is None:
         sys.stdout.writelines(f"{digest} {name}\n" for name, digest in now.items())
         return
-    lines = given.against.read_text().splitlines()
+    lines = options.against.read_text().splitlines()
     before = {name: digest for digest, _, name in (line.partition(" ") for line in lines)}
     common = before.keys() & now.keys()
     differ = sorted(name for name in common if before[name] != now[name])

@@ -20,9 +20,9 @@ def main() -> None:
     parser.add_argument("revision", help="a commit, branch or tag")
     parser.add_argument("--folder", type=Path, default=Path("reports/metrics"))
     options = parser.parse_args()
-    found = changes(metrics_at(options.revision, options.folder), metrics_now(options.folder))
-    sys.stdout.write(f"{changes_table(found)}\n")
-    sys.exit(int(any(change.verdict == "worse" for change in found)))
+    moved = changes(metrics_at(options.revision, options.folder), metrics_now(options.folder))
+    sys.stdout.write(f"{changes_table(moved)}\n")
+    sys.exit(int(any(change.verdict == "worse" for change in moved)))
 
 
 if __name__ == "__main__":

@@ -100,7 +100,7 @@ def fit_forces(
         return float(np.linalg.norm(paths - truth, axis=-1).mean())
 
     low = np.where([name.startswith("group_") for name in FITTED], _GROUP_LEAST, 1.0 / _SPAN)
-    found = minimize(
+    result = minimize(
         error_m,
         np.log(first),
         method="Nelder-Mead",
@@ -113,8 +113,8 @@ def fit_forces(
             "initial_simplex": _simplex(np.log(first)),
         },
     )
-    forces = dict(zip(FITTED, np.exp(found.x).tolist(), strict=True))
-    return Fit(forces, error_m(np.log(first)), float(found.fun), int(found.nfev))
+    forces = dict(zip(FITTED, np.exp(result.x).tolist(), strict=True))
+    return Fit(forces, error_m(np.log(first)), float(result.fun), int(result.nfev))
 
 
 def _simplex(center: np.ndarray) -> np.ndarray:
@@ -147,15 +147,15 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--base", default="helbing1995", help="the row that the search starts from")
     parser.add_argument("--trials", type=int, default=300, help="parameter sets to try (300: 2 minutes)")
     parser.add_argument("--out", type=Path, default=Path("conf/social_forces/walking.yaml"), help="rows")
-    given = parser.parse_args(arguments)
-    check_output(given.out)
+    options = parser.parse_args(arguments)
+    check_output(options.out)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    model = social_force_settings(row(read_params(Path()), "social_forces", given.base))
-    fit = fit_place(given.place, model, given.trials)
-    text = _ROW.format(place=given.place, base=given.base, **vars(fit))
+    model = social_force_settings(row(read_params(Path()), "social_forces", options.base))
+    fit = fit_place(options.place, model, options.trials)
+    text = _ROW.format(place=options.place, base=options.base, **vars(fit))
     text += "".join(f"    {key}: {value:.4g}\n" for key, value in fit.forces.items())
-    write_row(given.out, f"fitted_on_{given.place}", text)
-    logging.getLogger(__name__).info("%s\n%s", given.out, text)
+    write_row(options.out, f"fitted_on_{options.place}", text)
+    logging.getLogger(__name__).info("%s\n%s", options.out, text)
 
 
 if __name__ == "__main__":

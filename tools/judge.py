@@ -41,16 +41,16 @@ _TITLES = ("", "about", "what", "found", "limit", "remark")
 _WIDTHS = (4, 24, 44, 30, 24, 0)
 
 
-def folder_at(given: str, folder: Path, scratch: Path) -> Path | None:
+def folder_at(revision: str, folder: Path, scratch: Path) -> Path | None:
     """A model folder: the one that is named, or the judged one in a revision; None if it has none."""
-    if Path(given).exists():
-        return Path(given)
+    if Path(revision).exists():
+        return Path(revision)
     for name in (GRAPH, ABOUT):
-        command = ["git", "show", "--end-of-options", f"{given}:{(folder / name).as_posix()}"]
+        command = ["git", "show", "--end-of-options", f"{revision}:{(folder / name).as_posix()}"]
         done = subprocess.run(command, capture_output=True, check=False)  # noqa: S603, a list, no shell
         if done.returncode:
             why = done.stderr.decode(errors="replace").strip()
-            sys.stdout.write(f"{given} has no {folder / name}, so nothing is compared ({why})\n")
+            sys.stdout.write(f"{revision} has no {folder / name}, so nothing is compared ({why})\n")
             return None
         with atomic_write(scratch / folder / name) as new:
             new.write_bytes(done.stdout)
@@ -86,31 +86,31 @@ def summary(verdicts: list[Verdict]) -> str:
 def printed(verdicts: Iterable[Verdict]) -> list[Verdict]:
     """Print each verdict as it is measured, then a summary."""
     sys.stdout.write(_row(*_TITLES))
-    found = []
+    judged = []
     for verdict in verdicts:
-        found.append(verdict)
+        judged.append(verdict)
         sys.stdout.write(line(verdict))
         sys.stdout.flush()
-    sys.stdout.write(summary(found))
-    return found
+    sys.stdout.write(summary(judged))
+    return judged
 
 
 def replace(
-    folder: Path, model: Path, found: list[Verdict], params: DictConfig, accepted: Sequence[str] = ()
+    folder: Path, model: Path, verdicts: list[Verdict], params: DictConfig, accepted: Sequence[str] = ()
 ) -> int:
     """Install a model in a folder unless it is worse than the present one; return the exit code.
 
     Args:
         folder: of the present model, which is judged too if the new one breaks a promise.
         model: the new one.
-        found: its verdicts, with the comparison.
+        verdicts: its verdicts, with the comparison.
         params: of the project.
         accepted: what verdicts are about that may get worse.
     """
-    if folder.exists() and not all(verdict.holds for verdict in found):
+    if folder.exists() and not all(verdict.holds for verdict in verdicts):
         sys.stdout.write(f"\nThe same for {folder}:\n")
         present = printed(Judgement(folder, params).verdicts(None))
-        worse = got_worse(found, present)
+        worse = got_worse(verdicts, present)
         for verdict in (verdict for verdict in worse if verdict.about in accepted):
             sys.stdout.write(f"\naccepted: {line(verdict)}")
         worse = [verdict for verdict in worse if verdict.about not in accepted]
@@ -135,19 +135,22 @@ def main(arguments: list[str] | None = None) -> None:
     said = "what may get worse when a model is replaced, as the column `about` has it; may be repeated"
     parser.add_argument("--accept", action="append", default=[], metavar="ABOUT", help=said)
     parser.add_argument("--out", type=Path, help="write the verdicts there, JSON")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     params = read_params(Path())
-    judgement = Judgement(given.folder, params)
+    judgement = Judgement(options.folder, params)
     with tempfile.TemporaryDirectory() as scratch:
-        against = given.replace if given.replace and given.replace.exists() else None
-        if given.against:
-            against = folder_at(given.against, given.folder, Path(scratch))
+        against = options.replace if options.replace and options.replace.exists() else None
+        if options.against:
+            against = folder_at(options.against, options.folder, Path(scratch))
         verdicts = printed(judgement.verdicts(against))
-    if given.out is not None:
-        found: dict[str, Any] = {"folder": given.folder.as_posix(), "verdicts": [asdict(v) for v in verdicts]}
-        write_json(given.out, found)
-    if given.replace:
-        sys.exit(replace(given.replace, given.folder, verdicts, params, given.accept))
+    if options.out is not None:
+        record: dict[str, Any] = {
+            "folder": options.folder.as_posix(),
+            "verdicts": [asdict(v) for v in verdicts],
+        }
+        write_json(options.out, record)
+    if options.replace:
+        sys.exit(replace(options.replace, options.folder, verdicts, params, options.accept))
     sys.exit(int(not all(verdict.holds for verdict in verdicts)))
 
 

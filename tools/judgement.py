@@ -101,7 +101,9 @@ class Judgement:
         self.origin = read_origin(folder)
         resampling = {key: params.comparison[key] for key in ("bootstrap", "seed")}
         self.settings = parsed(EvaluationSettings, plain(params.evaluation) | resampling)
-        self.promises = {place: Promise(**own) for place, own in plain(params.online.promises).items()}
+        self.promises = {
+            place: Promise(**promised) for place, promised in plain(params.online.promises).items()
+        }
 
     def places(self) -> dict[str, Path]:
         """Name -> scene of each real place that is available."""
@@ -177,8 +179,8 @@ class Judgement:
         rooms = metrics.get("sim", {}).get("sim_test", {}).get(method, {})
         yield from room_verdicts("rooms, true states", rooms, TRUE_STATES)
 
-    def compared(self, about: str, own: Scores, other: Scores) -> Verdict:
+    def compared(self, about: str, scores: Scores, other: Scores) -> Verdict:
         """Whether the error is no larger than another model's; see `tools.verdicts.no_worse`."""
-        both = summarise_methods({"own": own, "other": other}, "other", self.settings)
+        both = summarise_methods({"own": scores, "other": other}, "other", self.settings)
         interval = both["own"]["ade_m_minus_reference_ci95"]
         return no_worse(about, both["own"]["ade_m"], both["other"]["ade_m"], interval)

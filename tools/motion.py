@@ -33,14 +33,18 @@ _LONGEST_GAP_S = 1.0
 
 def smooth_walks(scene: Scene) -> Iterator[np.ndarray]:
     """Averaged positions of each life every 0.2 s, m. [T, 2] each."""
-    given = scene.trajectories
-    order = np.lexsort((given.time_s, given.track_id))
-    track_id, time_s, position = given.track_id[order], given.time_s[order], given.position[order]
+    detections = scene.trajectories
+    order = np.lexsort((detections.time_s, detections.track_id))
+    track_id, time_s, position = (
+        detections.track_id[order],
+        detections.time_s[order],
+        detections.position[order],
+    )
     first = np.flatnonzero(births(track_id, time_s, position, _LONGEST_GAP_S))
-    for own in np.split(np.arange(len(order)), first[1:]):
-        now = np.arange(time_s[own[0]], time_s[own[-1]], _STEP_S)
+    for life in np.split(np.arange(len(order)), first[1:]):
+        now = np.arange(time_s[life[0]], time_s[life[-1]], _STEP_S)
         if len(now) > _AVERAGED + _ACROSS + _AHEAD:
-            path = np.stack([np.interp(now, time_s[own], position[own, axis]) for axis in range(2)], axis=1)
+            path = np.stack([np.interp(now, time_s[life], position[life, axis]) for axis in range(2)], axis=1)
             half = _AVERAGED // 2
             yield uniform_filter1d(path, _AVERAGED, axis=0)[half:-half]
 
@@ -88,16 +92,16 @@ def main() -> None:
     parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
     parser.add_argument("--rate", type=float, help="frames per second, where files count frames, Hz")
     parser.add_argument("--worlds", type=int, default=12, help="of each kind (default: %(default)s)")
-    given = parser.parse_args()
-    options = TableOptions(rate_hz=given.rate)
+    arguments = parser.parse_args()
+    options = TableOptions(rate_hz=arguments.rate)
     with user_errors():
         worlds = parsed(WorldSettings, part(read_params(Path()), "worlds"))
         rows = [
             describe_motion(path.stem, [read_any(path, options=options if path.is_file() else None)])
-            for path in given.recording or scene_folders(Path("data/scenes/real"))
+            for path in arguments.recording or scene_folders(Path("data/scenes/real"))
         ]
     for kind in DRAWN_KINDS:
-        rows.append(describe_motion(kind, (simulate_world(kind, n, worlds) for n in range(given.worlds))))
+        rows.append(describe_motion(kind, (simulate_world(kind, n, worlds) for n in range(arguments.worlds))))
     print(pd.DataFrame(rows).to_string(index=False, float_format="{:.3g}".format))
 
 

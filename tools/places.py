@@ -29,10 +29,10 @@ def main(arguments: list[str] | None = None) -> None:
     """Read params.yaml, write to standard output the names of places that some place's settings refer to."""
     parser = argparse.ArgumentParser(prog="python -m tools.places", description=__doc__)
     parser.add_argument("prefix", help="of the rows: tuned_on (trackers) or fitted_on (social_forces)")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     places = read_params(Path()).places
     used = {place[kind] for place in places.values() for kind in ("tracker", "social_force")}
-    sys.stdout.writelines(f"{name}\n" for name in places if f"{given.prefix}_{name}" in used)
+    sys.stdout.writelines(f"{name}\n" for name in places if f"{options.prefix}_{name}" in used)
 
 
 if __name__ == "__main__":

@@ -40,17 +40,19 @@ def faults(text: str, name: str, words: Mapping[str, str]) -> Iterator[str]:
         yield f"{name}: {lines} lines, at most {longest}"
     prose = _CODE.sub(lambda code: re.sub(r"[^\n]", " ", code[0]), text)
     for phrase, instead in words.items():
-        for found in re.finditer(phrase.replace(" ", r"\s+"), prose, re.IGNORECASE):
-            line = prose.count("\n", 0, found.start()) + 1
-            yield f"{name}:{line}: '{' '.join(found[0].split())}', write: {instead}"
+        for match in re.finditer(phrase.replace(" ", r"\s+"), prose, re.IGNORECASE):
+            line = prose.count("\n", 0, match.start()) + 1
+            yield f"{name}:{line}: '{' '.join(match[0].split())}', write: {instead}"
 
 
 def main() -> None:
     """Print all faults; fail when there are some."""
     words, root = word_list(), Path()
-    found = [f for page in pages(root) for f in faults(page.read_text(), str(page.relative_to(root)), words)]
-    sys.stdout.writelines(f"{fault}\n" for fault in found)
-    sys.exit(int(bool(found)))
+    problems = [
+        f for page in pages(root) for f in faults(page.read_text(), str(page.relative_to(root)), words)
+    ]
+    sys.stdout.writelines(f"{fault}\n" for fault in problems)
+    sys.exit(int(bool(problems)))
 
 
 if __name__ == "__main__":

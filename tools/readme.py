@@ -56,24 +56,24 @@ def tables_from(studies: Mapping[str, Figures], methods: Methods) -> dict[str, s
 
 def drives_table(driven: Mapping[str, Any]) -> str:
     """Make the table of drives: a row per method and limit of risk, a column per place; or no text."""
-    driven = {place: own for place, own in driven.items() if own}
+    driven = {place: drives for place, drives in driven.items() if drives}
     conditions = {
-        (m, r): None for own in driven.values() for m, limits in own["methods"].items() for r in limits
+        (m, r): None for drives in driven.values() for m, limits in drives["methods"].items() for r in limits
     }
-    titles = [f"{_words(place)} ({own['episodes']} episodes)" for place, own in driven.items()]
+    titles = [f"{_words(place)} ({drives['episodes']} episodes)" for place, drives in driven.items()]
     lines = [_line(["at fault, % (95 % interval); s to the goal", "limit", *titles]), _rule(len(titles) + 1)]
     for method, risk in conditions:
         cells = [LABELS.get(method, method), risk if risk != "0" else ""]
-        for own in driven.values():
-            found = own["methods"].get(method, {}).get(risk)
-            cells.append("" if found is None else _drives(found))
+        for drives in driven.values():
+            figures = drives["methods"].get(method, {}).get(risk)
+            cells.append("" if figures is None else _drives(figures))
         lines.append(_line(cells))
     return "\n".join(lines) if driven else ""
 
 
-def _drives(found: Mapping[str, Any]) -> str:
-    low, high = found["at_fault_ci95"]
-    return f"{100 * found['at_fault']:.0f} ({100 * low:.0f}-{100 * high:.0f}); {found['time_s']:.1f}"
+def _drives(figures: Mapping[str, Any]) -> str:
+    low, high = figures["at_fault_ci95"]
+    return f"{100 * figures['at_fault']:.0f} ({100 * low:.0f}-{100 * high:.0f}); {figures['time_s']:.1f}"
 
 
 def unseen_table(studies: Mapping[str, Figures], methods: Methods) -> str:
@@ -83,8 +83,10 @@ def unseen_table(studies: Mapping[str, Figures], methods: Methods) -> str:
     for first in range(0, len(every), _MOST_COLUMNS):
         places = every[first : first + _MOST_COLUMNS]
         lines = [_line(["ADE over 3 s, m", *map(_words, places)]), _rule(len(places))]
-        for label, _, own in rows:
-            cells = [_error(own[p], own[p]["ade_m"] == best[p]) if p in own else "" for p in places]
+        for label, _, metrics in rows:
+            cells = [
+                _error(metrics[p], metrics[p]["ade_m"] == best[p]) if p in metrics else "" for p in places
+            ]
             lines.append(_line([label, *cells]))
         tables.append("\n".join(lines))
     return "\n\n".join(tables)
@@ -97,27 +99,29 @@ def places_table(studies: Mapping[str, Figures], methods: Methods) -> str:
     shown = [row.label for row in methods.simple]
     shown += [f"{label}, {_TRAININGS['real']}" for label in (methods.networks[0].label, main)]
     shown.append(f"{main}, {_TRAININGS['transfer']}")
-    columns = {label: own for label, _, own in rows if label in shown}
+    columns = {label: metrics for label, _, metrics in rows if label in shown}
     lines = [_line(["ADE over 3 s, m", *columns]), _rule(len(columns))]
     for place in studies["real"]:
-        cells = [_error(own[place], own[place]["ade_m"] == best[place]) for own in columns.values()]
+        cells = [
+            _error(metrics[place], metrics[place]["ade_m"] == best[place]) for metrics in columns.values()
+        ]
         lines.append(_line([_words(place), *cells]))
     return "\n".join(lines)
 
 
 def _lowest(studies: Mapping[str, Figures], rows: Sequence[tuple[str, str, Any]]) -> dict[str, float]:
     """Return the lowest error at each place of a method that does not know the future."""
-    ranked = [own for _, role, own in rows if role != _NOT_RANKED]
-    return {p: min(own[p]["ade_m"] for own in ranked if p in own) for p in studies["real"]}
+    ranked = [metrics for _, role, metrics in rows if role != _NOT_RANKED]
+    return {p: min(metrics[p]["ade_m"] for metrics in ranked if p in metrics) for p in studies["real"]}
 
 
 def headline(studies: Mapping[str, Figures], methods: Methods) -> str:
     """Say how far the main method is from the best simple one at every unseen place."""
     main = _main(studies, methods)
     parts = []
-    for place, own in studies["real"].items():
-        simple = min(own[row.key]["ade_m"] for row in methods.simple if row.key in own)
-        parts.append(f"{_words(place)} {100 * (own[main.key]['ade_m'] / simple - 1):+.0f} %")
+    for place, metrics in studies["real"].items():
+        simple = min(metrics[row.key]["ade_m"] for row in methods.simple if row.key in metrics)
+        parts.append(f"{_words(place)} {100 * (metrics[main.key]['ade_m'] / simple - 1):+.0f} %")
     against = " and ".join(
         filter(None, [", ".join(r.label for r in methods.simple[:-1]), methods.simple[-1].label])
     )
@@ -132,19 +136,24 @@ def main_table(studies: Mapping[str, Figures], methods: Methods) -> str:
     lines.append(_rule(len(titles) + 2))
     for place in studies["real"]:
         for study, training in _TRAININGS.items():
-            own = studies[study].get(place, {}).get(main.key)
-            if own is None:
+            metrics = studies[study].get(place, {}).get(main.key)
+            if metrics is None:
                 continue
-            held = own.get("per_step_coverage_90")
-            cells = [_error(own), _error(own, key="fde_m"), _plain(own, "min_ade_m_k6"), _plain(own, "nll")]
+            held = metrics.get("per_step_coverage_90")
+            cells = [
+                _error(metrics),
+                _error(metrics, key="fde_m"),
+                _plain(metrics, "min_ade_m_k6"),
+                _plain(metrics, "nll"),
+            ]
             cells.append(f"{100 * held[-1]:.0f} %" if held else "-")
-            lines.append(_line([_words(place), training, str(own["windows"]), *cells]))
+            lines.append(_line([_words(place), training, str(metrics["windows"]), *cells]))
     return "\n".join(lines)
 
 
 def _main(studies: Mapping[str, Figures], methods: Methods) -> Any:
     """Return the last network that has figures at every place."""
-    has = [row for row in methods.networks if all(row.key in own for own in studies["real"].values())]
+    has = [row for row in methods.networks if all(row.key in metrics for metrics in studies["real"].values())]
     return has[-1]
 
 
@@ -155,19 +164,19 @@ def _rows(studies: Mapping[str, Figures], methods: Methods) -> Any:
             continue
         trained = method.role == "network"
         for study, training in _TRAININGS.items():
-            own = {p: known[method.key] for p, known in studies[study].items() if method.key in known}
-            if own and (trained or study == "real"):
-                yield f"{method.label}, {training}" if trained else method.label, method.role, own
+            metrics = {p: known[method.key] for p, known in studies[study].items() if method.key in known}
+            if metrics and (trained or study == "real"):
+                yield f"{method.label}, {training}" if trained else method.label, method.role, metrics
 
 
-def _error(own: Mapping[str, Any], best: bool = False, key: str = "ade_m") -> str:
-    low, high = own[f"{key}_ci95"]
-    value = f"**{own[key]:.3f}**" if best else f"{own[key]:.3f}"
+def _error(metrics: Mapping[str, Any], best: bool = False, key: str = "ade_m") -> str:
+    low, high = metrics[f"{key}_ci95"]
+    value = f"**{metrics[key]:.3f}**" if best else f"{metrics[key]:.3f}"
     return f"{value} ({low:.3f}-{high:.3f})"
 
 
-def _plain(own: Mapping[str, Any], key: str) -> str:
-    return f"{own[key]:.3f}" if own.get(key) is not None else "-"
+def _plain(metrics: Mapping[str, Any], key: str) -> str:
+    return f"{metrics[key]:.3f}" if metrics.get(key) is not None else "-"
 
 
 def _words(place: str) -> str:

@@ -54,9 +54,9 @@ def main(arguments: list[str] | None = None) -> None:
     """Fetch, and say what is missing and how to get it; or choose the simulated place."""
     parser = argparse.ArgumentParser(prog="python -m tools.recordings", description=__doc__)
     parser.add_argument("--stand-in", action="store_true", help="choose a simulated place if there is none")
-    given, params = parser.parse_args(arguments), read_params(Path())
+    options, params = parser.parse_args(arguments), read_params(Path())
     logging.basicConfig(level=logging.ERROR, format="%(message)s")
-    if given.stand_in:
+    if options.stand_in:
         choose_stand_in(params)
     else:
         sys.stdout.writelines(f"{line}\n" for line in fetch(params))

@@ -17,7 +17,7 @@ def write_row(path: Path, key: str, row: str) -> None:
         row: its comment, its key and its lines.
     """
     blocks = path.read_text().rstrip("\n").split("\n\n")
-    found = [k for k, block in enumerate(blocks) if re.search(rf"^{re.escape(key)}:", block, re.MULTILINE)]
-    place = found[0] if found else len(blocks)
+    numbers = [k for k, block in enumerate(blocks) if re.search(rf"^{re.escape(key)}:", block, re.MULTILINE)]
+    place = numbers[0] if numbers else len(blocks)
     blocks[place : place + 1] = [row.rstrip("\n")]
     write_text(path, "\n\n".join(blocks) + "\n")

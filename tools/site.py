@@ -53,8 +53,8 @@ def on_files(files: Any, config: Any) -> Any:
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
     """Rewrite links and equations of a page."""
-    own = page.file.src_uri
-    text = _LINK.sub(lambda link: _rewritten(link, own), markdown)
+    source = page.file.src_uri
+    text = _LINK.sub(lambda link: _rewritten(link, source), markdown)
     parts = _CODE.split(text)
     return "".join(part if k % 2 else _EQUATION.sub(_mathml, part) for k, part in enumerate(parts))
 

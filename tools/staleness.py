@@ -89,8 +89,8 @@ def stale(graph: nx.DiGraph, change: str) -> set[str]:
         raise ValueRuleError(
             "change", change, "no stage reads it; a file, or a key of params.yaml, is needed"
         )
-    found = set(first).union(*(nx.ancestors(graph, stage) for stage in first))
-    return {stage.name for stage in found}
+    changed = set(first).union(*(nx.ancestors(graph, stage) for stage in first))
+    return {stage.name for stage in changed}
 
 
 def staleness_table(graph: nx.DiGraph) -> str:
@@ -101,7 +101,8 @@ def staleness_table(graph: nx.DiGraph) -> str:
         names = stale(graph, change)
         count = Counter(family(name) for name in names)
         parts = [
-            own if count[own] == sizes[own] else f"{own} ({count[own]} of {sizes[own]})" for own in count
+            kind if count[kind] == sizes[kind] else f"{kind} ({count[kind]} of {sizes[kind]})"
+            for kind in count
         ]
         lines.append(f"| {title} (`{change}`) | {len(names)} | {', '.join(sorted(parts))} |")
     return "\n".join(lines)

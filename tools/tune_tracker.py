@@ -39,18 +39,18 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("place", help="a row of conf/places")
     parser.add_argument("--ahead", type=int, default=_AHEAD, help="detections that are forecast")
     parser.add_argument("--out", type=Path, default=Path("conf/trackers/kalman.yaml"), help="file of rows")
-    given = parser.parse_args(arguments)
-    check_output(given.out)
+    options = parser.parse_args(arguments)
+    check_output(options.out)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     params = read_params(Path())
-    sensor = SensorSettings(**row(params, "sensors", params.places[given.place].sensor))
-    scene = recording(given.place)
+    sensor = SensorSettings(**row(params, "sensors", params.places[options.place].sensor))
+    scene = recording(options.place)
     trajectories = sensed(scene, sensor).trajectories
-    best = tune_kalman(trajectories, given.ahead)
-    fit = log_likelihood(trajectories, best, given.ahead)
-    text = _ROW.format(place=given.place, ahead=given.ahead, fit=fit, **vars(best))
-    write_row(given.out, f"tuned_on_{given.place}", text)
-    logging.getLogger(__name__).info("%s\n%s", given.out, text)
+    best = tune_kalman(trajectories, options.ahead)
+    fit = log_likelihood(trajectories, best, options.ahead)
+    text = _ROW.format(place=options.place, ahead=options.ahead, fit=fit, **vars(best))
+    write_row(options.out, f"tuned_on_{options.place}", text)
+    logging.getLogger(__name__).info("%s\n%s", options.out, text)
 
 
 if __name__ == "__main__":

@@ -77,44 +77,46 @@ def below(about: str, what: str, value: float, most: float, remark: str = "", di
     return Verdict(about, what, f"{value:.{digits}f}", f"<= {most:.{digits}f}", bool(value <= most), remark)
 
 
-def got_worse(found: Sequence[Verdict], present: Sequence[Verdict]) -> list[Verdict]:
+def got_worse(candidate: Sequence[Verdict], present: Sequence[Verdict]) -> list[Verdict]:
     """The broken promises of a new model that the present one keeps, or that compare the two."""
     broken = {(verdict.about, verdict.what) for verdict in present if not verdict.holds}
-    new, old = (sum(not v.holds for v in verdicts) for verdicts in (found, present))
+    new, old = (sum(not v.holds for v in verdicts) for verdicts in (candidate, present))
     return [
-        v for v in found if not v.holds and (v.about, v.what) not in broken and (new > old or not v.counted)
+        v
+        for v in candidate
+        if not v.holds and (v.about, v.what) not in broken and (new > old or not v.counted)
     ]
 
 
-def no_worse(about: str, own: float, other: float, ci95: Sequence[float]) -> Verdict:
+def no_worse(about: str, ade_m: float, other: float, ci95: Sequence[float]) -> Verdict:
     """Whether an error is above another model's by more than seeds differ, beyond the paired interval, m."""
     most, (low, high) = SEEDS * other, ci95
-    found = f"{own:.3f} for {other:.3f}, {low:+.4f} ... {high:+.4f}"
+    measured = f"{ade_m:.3f} for {other:.3f}, {low:+.4f} ... {high:+.4f}"
     limit = f"interval from <= {most:.4f}"
-    return Verdict(about, "ADE against the other model, m", found, limit, bool(low <= most))
+    return Verdict(about, "ADE against the other model, m", measured, limit, bool(low <= most))
 
 
 def place_verdicts(
     place: str, figures: Figures, method: str, promise: Promise | None = None, remark: str = ""
 ) -> Iterator[Verdict]:
     """Errors beside the simple methods at a real place."""
-    own, reference = figures[method], figures[STRONGEST]
+    network, reference = figures[method], figures[STRONGEST]
     simple = [figures[key] for key in (STRAIGHT_ON, STRONGEST)]
     least = min(row["ade_m"] for row in simple)
-    yield below(place, "ADE / better simple method", own["ade_m"] / least, LEVEL, remark)
-    yield below(place, "end of its interval", _end_of_ratio(own, simple, reference), SURE, remark)
-    if "standing_ade_m" in own:
+    yield below(place, "ADE / better simple method", network["ade_m"] / least, LEVEL, remark)
+    yield below(place, "end of its interval", _end_of_ratio(network, simple, reference), SURE, remark)
+    if "standing_ade_m" in network:
         standing = min(row["standing_ade_m"] for row in simple)
-        yield below(place, "the same, standing people", own["standing_ade_m"] / standing, LEVEL, remark)
+        yield below(place, "the same, standing people", network["standing_ade_m"] / standing, LEVEL, remark)
     if promise is not None:
-        ratio = own["ade_m"] / figures[promise.method]["ade_m"]
+        ratio = network["ade_m"] / figures[promise.method]["ade_m"]
         yield below(place, f"ADE / {promise.method}", ratio, promise.most, remark)
-    if "nll" in own and "nll" in reference:
-        yield below(place, f"NLL (limit: {STRONGEST})", own["nll"], reference["nll"], remark)
+    if "nll" in network and "nll" in reference:
+        yield below(place, f"NLL (limit: {STRONGEST})", network["nll"], reference["nll"], remark)
 
 
 def _end_of_ratio(
-    own: Mapping[str, Any], simple: Sequence[Mapping[str, Any]], reference: Mapping[str, Any]
+    network: Mapping[str, Any], simple: Sequence[Mapping[str, Any]], reference: Mapping[str, Any]
 ) -> float:
     """Upper end of the interval of the error over the better simple one's.
 
@@ -122,25 +124,25 @@ def _end_of_ratio(
     """
     least = min(row["ade_m"] for row in simple)
     if reference["ade_m"] == least:
-        return float(1.0 + own["ade_m_minus_reference_ci95"][1] / least)
-    return float(own["ade_m_ci95"][1] / least)
+        return float(1.0 + network["ade_m_minus_reference_ci95"][1] / least)
+    return float(network["ade_m_ci95"][1] / least)
 
 
-def region_verdicts(place: str, own: Mapping[str, Any], remark: str = "") -> Iterator[Verdict]:
+def region_verdicts(place: str, network: Mapping[str, Any], remark: str = "") -> Iterator[Verdict]:
     """Shares of the true positions in the 50, 90 and 95 % regions at three horizons."""
-    for step in shown_steps(len(own["per_step_m"])):
-        shares = {p: 100 * own[f"per_step_coverage_{p}"][step] for p in REGIONS}
+    for step in shown_steps(len(network["per_step_m"])):
+        shares = {p: 100 * network[f"per_step_coverage_{p}"][step] for p in REGIONS}
         holds = all(low <= shares[p] <= high for p, (low, high) in REGIONS.items())
         limit = ", ".join(f"{low}-{high}" for low, high in REGIONS.values())
-        found = ", ".join(f"{share:.0f}" for share in shares.values())
+        measured = ", ".join(f"{share:.0f}" for share in shares.values())
         what = f"% in regions after step {step + 1}"
-        yield Verdict(place, what, found, limit, holds, remark, counted=True)
+        yield Verdict(place, what, measured, limit, holds, remark, counted=True)
 
 
-def room_verdicts(rooms: str, own: Mapping[str, Any], limits: Mapping[str, float]) -> Iterator[Verdict]:
+def room_verdicts(rooms: str, network: Mapping[str, Any], limits: Mapping[str, float]) -> Iterator[Verdict]:
     """Figures in simulated test rooms."""
     for key, most in limits.items():
-        yield below(rooms, key, own.get(key, float("nan")), most, digits=4)
+        yield below(rooms, key, network.get(key, float("nan")), most, digits=4)
 
 
 def law_verdicts(folder: Path, seed: int = 0, worlds: int = 5) -> Iterator[Verdict]:
@@ -155,10 +157,10 @@ def law_verdicts(folder: Path, seed: int = 0, worlds: int = 5) -> Iterator[Verdi
         age_s, share = (np.concatenate([walked[key] for walked in walks]) for key in ("age_s", "share"))
         for since_s in (1.0, SETTLED_S):
             shares = share[age_s >= since_s]
-            found = f"{shares.min():.3f} ... {shares.max():.3f}"
+            measured = f"{shares.min():.3f} ... {shares.max():.3f}"
             holds = bool(low <= shares.min() and shares.max() <= high)
             what = f"share of their way, {name}, from {since_s:g} s on"
-            yield Verdict("straight walkers", what, found, f"{low} ... {high}", holds)
+            yield Verdict("straight walkers", what, measured, f"{low} ... {high}", holds)
         for noise in (0.0, 0.02):
             newborn, later = laws.standing_errors_m(folder, rng, rate, noise)
             what = f"m, {name}, noise {100 * noise:.0f} cm"

@@ -68,15 +68,15 @@ class Place:
 
 def _recorded_ground(scene: Scene) -> OccupancyMap:
     """The map, blocked where nobody was recorded: a robot must not wait beyond the view of the recording."""
-    given = scene.occupancy
-    margin = math.ceil(_BESIDE_M / given.resolution_m) + 1
-    origin = given.origin - margin * given.resolution_m
-    ground = OccupancyMap(np.pad(given.occupied, margin), origin, given.resolution_m)
+    recorded = scene.occupancy
+    margin = math.ceil(_BESIDE_M / recorded.resolution_m) + 1
+    origin = recorded.origin - margin * recorded.resolution_m
+    ground = OccupancyMap(np.pad(recorded.occupied, margin), origin, recorded.resolution_m)
     cells = ground.cell_of(scene.trajectories.position)
     cells = cells[((cells >= 0) & (cells < ground.occupied.shape)).all(axis=1)]
     visited = np.zeros(ground.occupied.shape, bool)
     visited[tuple(cells.T)] = True
-    away_m = ndimage.distance_transform_edt(~visited) * given.resolution_m
+    away_m = ndimage.distance_transform_edt(~visited) * recorded.resolution_m
     return replace(ground, occupied=ground.occupied | (away_m > _BESIDE_M))
 
 

@@ -30,12 +30,17 @@ class Episodes(NamedTuple):
     @classmethod
     def of(cls, rows: Sequence[Row], samples: int = 1000, seed: int = 0) -> Episodes:
         """Arrange the episodes that all conditions have driven."""
-        found: dict[Condition, dict[int, Measures]] = {}
+        measured: dict[Condition, dict[int, Measures]] = {}
         for row in sorted(rows, key=lambda row: row.order):
-            found.setdefault(row.condition, {})[row.episode] = row.measures
-        common = sorted(set.intersection(*(set(own) for own in found.values()))) if found else []
+            measured.setdefault(row.condition, {})[row.episode] = row.measures
+        common = (
+            sorted(set.intersection(*(set(measures) for measures in measured.values()))) if measured else []
+        )
         value = {
-            name: {c: np.array([getattr(own[e], name) for e in common], float) for c, own in found.items()}
+            name: {
+                c: np.array([getattr(measures[e], name) for e in common], float)
+                for c, measures in measured.items()
+            }
             for name in MEASURES
         }
         rng = np.random.default_rng(seed)
@@ -63,8 +68,10 @@ def figures_of(rows: Sequence[Row]) -> dict[str, Any]:
     for condition in each.conditions:
         methods.setdefault(condition.method, {})[f"{condition.risk:g}"] = _condition_figures(each, condition)
     about: dict[str, Any] = {"place": rows[0].place, "robot": rows[0].robot, "episodes": each.draw.tracks}
-    others = [name for name, own in methods.items() if name != _MAIN and len(own) > 1]
-    compared = {name: found for name in others if (found := equal_time(each, _MAIN, name)) is not None}
+    others = [name for name, limits in methods.items() if name != _MAIN and len(limits) > 1]
+    compared = {
+        name: comparison for name in others if (comparison := equal_time(each, _MAIN, name)) is not None
+    }
     return about | {"methods": methods, "equal_time": compared}
 
 
@@ -72,22 +79,22 @@ _MAIN = "modes"
 
 
 def _condition_figures(each: Episodes, condition: Condition) -> dict[str, Any]:
-    own = {name: values[condition] for name, values in each.value.items()}
-    fault, path = each.at_fault(condition), own["path_ratio"]
+    measures = {name: values[condition] for name, values in each.value.items()}
+    fault, path = each.at_fault(condition), measures["path_ratio"]
     shares = {
         "at_fault": fault,
-        "collisions": (own["contacts"] > 0).astype(float),
-        "success": own["success"],
-        "reached": own["reached"],
+        "collisions": (measures["contacts"] > 0).astype(float),
+        "success": measures["success"],
+        "reached": measures["reached"],
     }
-    found: dict[str, Any] = {}
-    for name, values in (*shares.items(), ("time_s", own["time_s"])):
-        found[name] = round(float(values.mean()), _DIGITS)
-        found[f"{name}_ci95"] = [round(float(end), _DIGITS) for end in each.draw.interval(values)]
-    means = {name: own[name] for name in _MEANS} | {"path_ratio": path[np.isfinite(path)]}
+    figures: dict[str, Any] = {}
+    for name, values in (*shares.items(), ("time_s", measures["time_s"])):
+        figures[name] = round(float(values.mean()), _DIGITS)
+        figures[f"{name}_ci95"] = [round(float(end), _DIGITS) for end in each.draw.interval(values)]
+    means = {name: measures[name] for name in _MEANS} | {"path_ratio": path[np.isfinite(path)]}
     for name, values in means.items():
-        found[name] = round(float(values.mean()), _DIGITS) if len(values) else None
-    return found
+        figures[name] = round(float(values.mean()), _DIGITS) if len(values) else None
+    return figures
 
 
 _MEANS = ("time_ratio", "stopped_s", "intrusion_s", "jerk_mps3", "wall_contacts")
@@ -104,11 +111,11 @@ def summary(figures: Mapping[str, Any]) -> str:
     """Write `figures_of` a table as text."""
     cells = [["method", "risk", "at fault %", "95 % interval", *_COLUMNS]]
     for method, limits in figures["methods"].items():
-        for risk, own in limits.items():
-            low, high = own["at_fault_ci95"]
-            line = [method, risk, f"{100 * own['at_fault']:.1f}", f"{100 * low:.1f} - {100 * high:.1f}"]
+        for risk, measures in limits.items():
+            low, high = measures["at_fault_ci95"]
+            line = [method, risk, f"{100 * measures['at_fault']:.1f}", f"{100 * low:.1f} - {100 * high:.1f}"]
             for name, scale, form in _COLUMNS.values():
-                line.append("-" if own[name] is None else format(scale * own[name], form))
+                line.append("-" if measures[name] is None else format(scale * measures[name], form))
             cells.append(line)
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
@@ -120,10 +127,11 @@ def summary(figures: Mapping[str, Any]) -> str:
 
 def _compared(entry: tuple[str, Mapping[str, Any]]) -> str:
     """A line that compares modes with another method at equal time."""
-    name, found = entry
-    low, high = (100 * end for end in found["at_fault_ci95"])
+    name, comparison = entry
+    low, high = (100 * end for end in comparison["at_fault_ci95"])
+    difference = 100 * comparison["at_fault"]
     return (
-        f"{_MAIN} minus {name}, at {found['time_s']:.2f} s to the goal: {100 * found['at_fault']:+.1f} % of "
+        f"{_MAIN} minus {name}, at {comparison['time_s']:.2f} s to the goal: {difference:+.1f} % of "
         f"the episodes with a collision at fault (95 % interval {low:+.1f} to {high:+.1f})"
     )
 
@@ -146,21 +154,21 @@ def equal_time(each: Episodes, one: str, other: str) -> dict[str, Any] | None:
     curves = [[c for c in each.conditions if c.method == name] for name in (one, other)]
     weight = np.concatenate([np.ones((1, each.draw.tracks)), each.draw.weight])
     weight = weight / weight.sum(axis=1, keepdims=True)
-    times = [weight @ np.array([each.value["time_s"][c] for c in own]).T for own in curves if own]
-    if len(times) < 2 or any(own.shape[1] < 2 for own in times):
+    times = [weight @ np.array([each.value["time_s"][c] for c in curve]).T for curve in curves if curve]
+    if len(times) < 2 or any(curve.shape[1] < 2 for curve in times):
         return None
-    low, high = max(own[0].min() for own in times), min(own[0].max() for own in times)
+    low, high = max(curve[0].min() for curve in times), min(curve[0].max() for curve in times)
     if low > high:
         return None
     middle = 0.5 * (low + high)
     shares = []
-    for own, time_s in zip(curves, times, strict=True):
-        fault = weight @ np.array([each.at_fault(c) for c in own]).T
+    for curve, time_s in zip(curves, times, strict=True):
+        fault = weight @ np.array([each.at_fault(c) for c in curve]).T
         order = np.argsort(time_s, axis=1)
         rows = zip(np.take_along_axis(time_s, order, 1), np.take_along_axis(fault, order, 1), strict=True)
         shares.append(np.array([np.interp(middle, *pair) for pair in rows]))
     apart = shares[0] - shares[1]
     ends = np.percentile(apart[1:], [2.5, 97.5])
-    found = {"time_s": middle, "at_fault": apart[0]}
+    result = {"time_s": middle, "at_fault": apart[0]}
     bounds = [round(float(end), _DIGITS) for end in ends]
-    return {name: round(float(value), _DIGITS) for name, value in found.items()} | {"at_fault_ci95": bounds}
+    return {name: round(float(value), _DIGITS) for name, value in result.items()} | {"at_fault_ci95": bounds}

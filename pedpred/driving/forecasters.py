@@ -64,8 +64,8 @@ class PointForecasts:
 
     def update(self, time_s: float, track_id: np.ndarray, position: np.ndarray) -> Forecast:
         """See `Forecaster`."""
-        found = self._predictor.update(time_s, track_id, position)
-        return replace(found, predictions=Predictions.single(found.position, found.dt_s))
+        forecast = self._predictor.update(time_s, track_id, position)
+        return replace(forecast, predictions=Predictions.single(forecast.position, forecast.dt_s))
 
 
 class TrueFuture:

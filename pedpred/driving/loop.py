@@ -119,11 +119,11 @@ def _forecast(
     if not settings.shown:
         return forecaster.update(time_s, track_id, position)
     track_id, position = np.append(ROBOT, track_id), np.concatenate([[state[:2]], position])
-    found = forecaster.update(time_s, track_id, position)
-    people = found.track_id != ROBOT
+    forecast = forecaster.update(time_s, track_id, position)
+    people = forecast.track_id != ROBOT
     return replace(
-        found,
-        track_id=found.track_id[people],
-        velocity=found.velocity[people],
-        predictions=found.predictions.select(people),
+        forecast,
+        track_id=forecast.track_id[people],
+        velocity=forecast.velocity[people],
+        predictions=forecast.predictions.select(people),
     )

@@ -57,8 +57,8 @@ def find_contacts(drive: Drive, radius_m: float) -> Contacts:
     tick, person = np.nonzero(begins)
     share = share[tick, person]
     at = r[tick, person] + share[:, None] * u[tick, person]
-    own = np.diff(robot, axis=0)[tick] / drive.dt_s
-    towards = (own * at).sum(axis=-1) / reach
+    velocity = np.diff(robot, axis=0)[tick] / drive.dt_s
+    towards = (velocity * at).sum(axis=-1) / reach
     known = drive.there_s[tick, person] >= _NEW_S
     relative = np.sqrt(square[tick, person]) / drive.dt_s
     return Contacts((tick + share) * drive.dt_s, person, (towards > _MOVING_MPS) & known, relative)
@@ -108,7 +108,7 @@ def measure(drive: Drive, route_m: float, robot: Robot, walls: Walls) -> Measure
         robot: that drove.
         walls: of the place.
     """
-    found = find_contacts(drive, robot.radius_m)
+    contacts = find_contacts(drive, robot.radius_m)
     path, dt_s = drive.state[:, :2], drive.dt_s
     velocity = np.diff(path, axis=0) / dt_s
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
@@ -117,13 +117,13 @@ def measure(drive: Drive, route_m: float, robot: Robot, walls: Walls) -> Measure
     nearest = np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, initial=np.inf)
     clearance = [value_at(walls.distance, walls.origin, walls.cell_m, x, y) for x, y in path]
     touching = np.array(clearance) < robot.radius_m
-    time_s, faults = (len(path) - 1) * dt_s, int(found.fault.sum())
+    time_s, faults = (len(path) - 1) * dt_s, int(contacts.fault.sum())
     return Measures(
         reached=int(drive.reached),
         success=int(drive.reached and not faults),
         faults=faults,
-        contacts=len(found.fault),
-        fault_speed_mps=float(found.speed_mps[found.fault].max(initial=0.0)),
+        contacts=len(contacts.fault),
+        fault_speed_mps=float(contacts.speed_mps[contacts.fault].max(initial=0.0)),
         wall_contacts=int((touching[1:] & ~touching[:-1]).sum()),
         time_s=time_s,
         time_ratio=time_s * robot.speed_mps / route_m,

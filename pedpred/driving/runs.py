@@ -50,7 +50,7 @@ class Models:
     def conditions(self, methods: Sequence[str], risks: Sequence[float]) -> list[Condition]:
         """Combine all methods and limits of risk; forecasts without covariances get the limit 0 alone."""
         outputs = {name: read_description(folder).outputs for name, folder in self.others.items()}
-        certain = (*HARD, *(name for name, own in outputs.items() if "covariance" not in own))
+        certain = (*HARD, *(name for name, output in outputs.items() if "covariance" not in output))
         every = dict.fromkeys((*methods, *self.others))
         return [Condition(m, r) for m in every for r in ((0.0,) if m in certain else dict.fromkeys(risks))]
 
@@ -74,13 +74,13 @@ class Places(Protocol):
 
 def checksum(places: Places, settings: DriveSettings, model: Path) -> str:
     """Identify everything that a row of the table depends on, besides its condition and episode."""
-    found = hashlib.sha256(repr(replace(settings, planner=replace(settings.planner, risk=0.0))).encode())
-    found.update(places.digest())
-    found.update(repr(published_forces()).encode())
+    digest = hashlib.sha256(repr(replace(settings, planner=replace(settings.planner, risk=0.0))).encode())
+    digest.update(places.digest())
+    digest.update(repr(published_forces()).encode())
     files = [*sorted(model.iterdir()), *sorted(Path(__file__).parent.glob("*.py"))]
     for path in filter(Path.is_file, files):
-        found.update(read_bytes(path))
-    return found.hexdigest()[:16]
+        digest.update(read_bytes(path))
+    return digest.hexdigest()[:16]
 
 
 class Runner:
@@ -112,12 +112,12 @@ class Runner:
             A row of each; median time of a cycle of each, s.
         """
         place, episode = self.places.draw(number, self.settings)
-        rows, cycles, own = [], [], self.settings
+        rows, cycles, settings = [], [], self.settings
         for condition in wanted:
             done = self.driven(place, episode, condition)
-            found = measure(done, episode.route_m, own.robot, place.walls)
+            measures = measure(done, episode.route_m, settings.robot, place.walls)
             known = self._sums[self._models.of(condition.method)]
-            rows.append(Row(self.places.name, own.robot.kind, condition, number, known, found))
+            rows.append(Row(self.places.name, settings.robot.kind, condition, number, known, measures))
             cycles.append(float(np.median(done.cycle_s)))
         return rows, cycles
 

@@ -46,11 +46,11 @@ def as_scene(done: Drive, place: Place, episode: Episode) -> Scene:
     """The true people of a drive, and its robot as the track with the largest id."""
     start_s, ids = episode.watching * done.dt_s, episode.crowd().track_id
     tick, who = np.nonzero(np.isfinite(done.people[..., 0]))
-    own = np.arange(len(done.state))
+    ticks = np.arange(len(done.state))
     robot = int(ids.max(initial=0)) + 1
     everybody = Trajectories(
-        start_s + np.concatenate([tick, own]) * done.dt_s,
-        np.concatenate([ids[who], np.full(len(own), robot)]),
+        start_s + np.concatenate([tick, ticks]) * done.dt_s,
+        np.concatenate([ids[who], np.full(len(ticks), robot)]),
         np.concatenate([done.people[tick, who], done.state[:, :2]]),
     )
     return Scene(place.name, everybody, place.occupancy, done.dt_s)
@@ -58,8 +58,8 @@ def as_scene(done: Drive, place: Place, episode: Episode) -> Scene:
 
 def describe(done: Drive, episode: Episode, condition: Condition, robot: Robot) -> dict[str, Any]:
     """What a picture of a drive shows beside its scene, as plain values."""
-    found, way = find_contacts(done, robot.radius_m), done.state[:, :2]
-    at = way[np.minimum(np.round(found.time_s / done.dt_s).astype(int), len(way) - 1)]
+    contacts, way = find_contacts(done, robot.radius_m), done.state[:, :2]
+    at = way[np.minimum(np.round(contacts.time_s / done.dt_s).astype(int), len(way) - 1)]
     places = [[round(float(v), 3) for v in point] for point in at]
     return {
         "method": condition.method,
@@ -68,7 +68,7 @@ def describe(done: Drive, episode: Episode, condition: Condition, robot: Robot) 
         "reached": done.reached,
         "radius_m": robot.radius_m,
         "goal": [round(float(v), 3) for v in episode.course.goal],
-        "contacts": [{"at": a, "fault": bool(f)} for a, f in zip(places, found.fault, strict=True)],
+        "contacts": [{"at": a, "fault": bool(f)} for a, f in zip(places, contacts.fault, strict=True)],
     }
 
 

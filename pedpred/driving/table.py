@@ -78,15 +78,15 @@ def read_table(path: Path) -> list[Row]:
     """
     lines = csv.DictReader(line for _, line in read_lines(path))
     rows = []
-    for number, given in enumerate(lines, 2):
+    for number, cells in enumerate(lines, 2):
         try:
-            condition = Condition(given["method"], float(given["risk"]))
+            condition = Condition(cells["method"], float(cells["risk"]))
             if not re.fullmatch(NETWORK, condition.method):
                 raise ValueError(condition.method)
             figures: dict[str, Any] = {
-                name: (int if name in _WHOLE else float)(given[name]) for name in MEASURES
+                name: (int if name in _WHOLE else float)(cells[name]) for name in MEASURES
             }
-            keys = given["place"], given["robot"], condition, int(given["episode"]), given["settings"]
+            keys = cells["place"], cells["robot"], condition, int(cells["episode"]), cells["settings"]
             rows.append(Row(*keys, Measures(**figures)))
         except (KeyError, ValueError, TypeError) as cause:
             problem = f"line {number} is no row of a table of drives ({cause})"

@@ -59,12 +59,12 @@ class Walkers:
 
     def meet(self, state: tuple[float, ...], velocity: np.ndarray) -> None:
         """Say where the robot is, and how fast it moves, m/s; from now on people see it."""
-        own, speed = self._state, math.hypot(*velocity)
+        crowd, speed = self._state, math.hypot(*velocity)
         if not self._robots:
-            own.people[1 : self._inside + 1] = own.people[: self._inside].copy()
-            own.people[0], self._robots, self._inside = len(self.track_id), 1, self._inside + 1
-        own.position[-1], own.velocity[-1] = state[:2], velocity
-        own.desired[-1] = velocity / speed if speed > 1e-6 else 0.0
+            crowd.people[1 : self._inside + 1] = crowd.people[: self._inside].copy()
+            crowd.people[0], self._robots, self._inside = len(self.track_id), 1, self._inside + 1
+        crowd.position[-1], crowd.velocity[-1] = state[:2], velocity
+        crowd.desired[-1] = velocity / speed if speed > 1e-6 else 0.0
 
     def advance(self, ticks: int = 1) -> None:
         """Walk on for some instants; a robot goes on at its velocity."""

@@ -75,10 +75,10 @@ def read_ablation(path: Path) -> Ablation:
         return Ablation(**plain, points=points, columns=columns)
 
 
-def ablation_sections(asked: Path, found: Path, methods: Methods) -> list[Section]:
+def ablation_sections(asked: Path, results: Path, methods: Methods) -> list[Section]:
     """A picture per ablation that was run: `asked`/<name>.yaml and the rows in `found`/<name>.json."""
     sections = []
-    for path in sorted(found.glob("*.json")):
+    for path in sorted(results.glob("*.json")):
         ablation = read_ablation(asked / f"{path.stem}.yaml")
         figure = ablation_figure(ablation, parse_json(path.read_text()), methods)
         caption = f"Made by python -m tools.ablate {path.stem}; bars: 95 % intervals over tracks."
@@ -100,8 +100,8 @@ def point_rows(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]) ->
             row = {"point": name, "overrides": [*ablation.always, *ablation.points[name]], "method": method}
             rows.append(row | {key: methods[method][key] for key in ("ade_m", "ade_m_ci95")})
         if ablation.columns:
-            own = {t: _figure(c, ablation.methods[-1], files) for t, c in ablation.columns.items()}
-            rows[-1]["columns"] = own
+            columns = {t: _figure(c, ablation.methods[-1], files) for t, c in ablation.columns.items()}
+            rows[-1]["columns"] = columns
     return rows
 
 
@@ -157,10 +157,12 @@ def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], method
 def _columns_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], methods: Methods) -> Iterator[str]:
     if not ablation.columns:
         return
-    own = {row["point"]: row["columns"] for row in rows if "columns" in row}
-    body = [[name, *(f"{own[name][title]:.3f}" for title in ablation.columns)] for name in ablation.points]
+    columns = {row["point"]: row["columns"] for row in rows if "columns" in row}
+    body = [
+        [name, *(f"{columns[name][title]:.3f}" for title in ablation.columns)] for name in ablation.points
+    ]
     if ablation.repeated:
-        values = ([own[name][title] for name in ablation.points] for title in ablation.columns)
+        values = ([columns[name][title] for name in ablation.points] for title in ablation.columns)
         body.append([_SPREAD, *(f"{np.mean(v):.3f} ± {np.std(v, ddof=1):.3f}" for v in values)])
     yield markdown_table([methods[ablation.methods[-1]].label, *ablation.columns], body)
 
@@ -173,13 +175,13 @@ def steps_until(
     The levels are `within` times the first point's best error; None where a point did not get there. Curves
     (see `read_curve`) come as point -> method -> curve.
     """
-    found: dict[str, dict[float, dict[str, int | None]]] = {}
+    needed: dict[str, dict[float, dict[str, int | None]]] = {}
     for method in ablation.curves:
-        own = {point: curves[point][method] for point in ablation.points}
-        best_m = float(next(iter(own.values()))["validation_ade_m"].min())
+        errors = {point: curves[point][method] for point in ablation.points}
+        best_m = float(next(iter(errors.values()))["validation_ade_m"].min())
         levels_m = [factor * best_m for factor in ablation.within]
-        found[method] = {level: {p: _first_step(c, level) for p, c in own.items()} for level in levels_m}
-    return found
+        needed[method] = {level: {p: _first_step(c, level) for p, c in errors.items()} for level in levels_m}
+    return needed
 
 
 def _first_step(curve: pd.DataFrame, level_m: float) -> int | None:
@@ -188,13 +190,13 @@ def _first_step(curve: pd.DataFrame, level_m: float) -> int | None:
 
 
 def steps_table(
-    ablation: Ablation, found: Mapping[str, Mapping[float, Mapping[str, int | None]]], methods: Methods
+    ablation: Ablation, needed: Mapping[str, Mapping[float, Mapping[str, int | None]]], methods: Methods
 ) -> str:
     """Write a Markdown table of `steps_until`, a row per point."""
     columns = [
         (f"{methods[m].label} to {level_m:.3f} m", by_point)
-        for m in found
-        for level_m, by_point in found[m].items()
+        for m in needed
+        for level_m, by_point in needed[m].items()
     ]
     body = [
         [name, *("never" if steps[name] is None else str(steps[name]) for _, steps in columns)]

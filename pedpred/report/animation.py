@@ -77,10 +77,10 @@ def _changes(frames: list[Image.Image]) -> Iterator[Image.Image]:
     palette = frames[len(frames) // 2].quantize(_SHADES, dither=Image.Dither.NONE)
     before = None
     for frame in frames:
-        found = frame.quantize(palette=palette, dither=Image.Dither.NONE)
-        pixels = np.array(found)
-        found.putdata(np.where(pixels == before, _SHADES, pixels).ravel().tolist())
-        yield found
+        image = frame.quantize(palette=palette, dither=Image.Dither.NONE)
+        pixels = np.array(image)
+        image.putdata(np.where(pixels == before, _SHADES, pixels).ravel().tolist())
+        yield image
         before = pixels
 
 
@@ -104,7 +104,7 @@ def positions_at(trajectories: Trajectories, time_s: float, longest_gap_s: float
     """
     slack_s = 1e-6
     near = np.abs(trajectories.time_s - time_s) <= longest_gap_s + slack_s
-    found = {}
+    positions = {}
     for track in np.unique(trajectories.track_id[near]):
         mine = near & (trajectories.track_id == track)
         clock, position = trajectories.time_s[mine], trajectories.position[mine]
@@ -112,8 +112,8 @@ def positions_at(trajectories: Trajectories, time_s: float, longest_gap_s: float
         before = int(np.searchsorted(clock, time_s + slack_s, side="right")) - 1
         if before < 0 or after == len(clock) or clock[after] - clock[before] > longest_gap_s + slack_s:
             continue
-        found[int(track)] = np.array([np.interp(time_s, clock, axis) for axis in position.T])
-    return found
+        positions[int(track)] = np.array([np.interp(time_s, clock, axis) for axis in position.T])
+    return positions
 
 
 class _Sheet:
@@ -159,7 +159,7 @@ def _frames(
     sheet = _Sheet(scene, animation.width_px)
     trajectories = scene.trajectories
     start_s, renewed_s = busiest_start(windows.time_s, animation.duration_s), _interval_s(windows)
-    own = windows.predictions[method.key]
+    predictions = windows.predictions[method.key]
     red, green, blue = (1 - _FAINT * (1 - part) for part in to_rgb(method.colour))
     faint = to_hex((red, green, blue))
     for time_s in start_s + np.arange(0.0, animation.duration_s, animation.frame_s):
@@ -172,19 +172,19 @@ def _frames(
             draw.line(sheet.pixels(np.vstack([tail, position])), _TAIL, 2 * _SMOOTHING)
         latest = (windows.time_s <= time_s + 1e-6) & (windows.time_s > time_s - renewed_s + 1e-6)
         rows = np.flatnonzero(latest & np.isin(windows.track_id, list(here)))
-        for row, mode in product(rows, range(own.modes if own.modes > 1 else 0)):
-            weight = own.weight[row, mode]
+        for row, mode in product(rows, range(predictions.modes if predictions.modes > 1 else 0)):
+            weight = predictions.weight[row, mode]
             if weight >= _LEAST_WEIGHT:
-                way = sheet.pixels(np.vstack([windows.position[row], own.path[row, mode]]))
+                way = sheet.pixels(np.vstack([windows.position[row], predictions.path[row, mode]]))
                 draw.line(way, faint, round((1 + 5 * weight) * _SMOOTHING), joint="curve")
         for row in rows:
-            path = sheet.pixels(np.vstack([windows.position[row], own.point[row]]))
+            path = sheet.pixels(np.vstack([windows.position[row], predictions.point[row]]))
             draw.line(path, method.colour, _SMOOTHING)
             for x, y in path[1:]:
                 draw.circle((x, y), 1.6 * _SMOOTHING, method.colour)
         for x, y in sheet.pixels(np.array([*here.values()]).reshape(-1, 2)):
             draw.circle((x, y), _PERSON_RADIUS_M * sheet.scale, INK)
-        horizon_s = own.steps * own.dt_s
+        horizon_s = predictions.steps * predictions.dt_s
         caption = f"{scene.name}, t = {time_s:.1f} s, dots: {method.label}, the next {horizon_s:g} s"
         sheet.write(draw, 60 * _SMOOTHING + 2 * sheet.scale, caption)
         yield picture.reduce(_SMOOTHING)

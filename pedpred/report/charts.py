@@ -61,18 +61,21 @@ class Whisker:
 
 def whiskers(figures: Figures) -> dict[str, Whisker]:
     """The ADE of each method with its interval, on the scale that all but outliers share."""
-    top, _ = scale_of({name: own["ade_m_ci95"][1] for name, own in figures.items()})
-    found = {}
-    for name, own in figures.items():
-        low, high = own["ade_m_ci95"]
-        scaled = [100.0 * value / top for value in (low, own["ade_m"], high)]
-        found[name] = Whisker(*scaled, beyond=low > top)
-    return found
+    top, _ = scale_of({name: metrics["ade_m_ci95"][1] for name, metrics in figures.items()})
+    shown = {}
+    for name, metrics in figures.items():
+        low, high = metrics["ade_m_ci95"]
+        scaled = [100.0 * value / top for value in (low, metrics["ade_m"], high)]
+        shown[name] = Whisker(*scaled, beyond=low > top)
+    return shown
 
 
 def ends_of(figures: Figures) -> dict[str, float]:
     """Upper end of the last box or mean of each method, m."""
-    return {name: max(own["per_step_q75_m"][-1], own["per_step_m"][-1]) for name, own in figures.items()}
+    return {
+        name: max(metrics["per_step_q75_m"][-1], metrics["per_step_m"][-1])
+        for name, metrics in figures.items()
+    }
 
 
 def scale_of(ends: Mapping[str, float]) -> tuple[float, str | None]:
@@ -102,10 +105,10 @@ def box_plot(figures: Figures, title: str, dt_s: float, methods: Methods) -> Box
 
 
 def _boxes(
-    label: str, own: Mapping[str, Any], lefts: np.ndarray, width: float, top: float, dt_s: float
+    label: str, metrics: Mapping[str, Any], lefts: np.ndarray, width: float, top: float, dt_s: float
 ) -> list[Box]:
     """The boxes of one method; heights are cut at the frame's upper edge."""
-    columns = [own[f"per_step_{q}m"] for q in ("q25_", "q50_", "q75_", "")]
+    columns = [metrics[f"per_step_{q}m"] for q in ("q25_", "q50_", "q75_", "")]
     boxes = []
     for k, (low, median, high, mean) in enumerate(zip(*columns, strict=True)):
         bottom, middle, upper, dot = (round(_BOXES[1] * (1 - v / top), 1) for v in (low, median, high, mean))

@@ -72,12 +72,12 @@ def metrics_at(revision: str, folder: Path) -> dict[str, Any]:
         ValueRuleError: the revision is unknown.
         StorageError: one of the files is damaged there.
     """
-    found = {}
+    metrics = {}
     for name in filter(lambda name: name.endswith(".json"), _git("ls-tree", folder, revision).splitlines()):
         remedy = "Compare with another revision"
         with translate_errors(partial(StorageError, folder / name, revision, remedy=remedy)):
-            found[Path(name).stem] = parse_json(_git("show", folder, f"{revision}:./{name}"))
-    return found
+            metrics[Path(name).stem] = parse_json(_git("show", folder, f"{revision}:./{name}"))
+    return metrics
 
 
 def changes(before: Metrics, after: Metrics) -> list[Change]:
@@ -86,20 +86,20 @@ def changes(before: Metrics, after: Metrics) -> list[Change]:
     return [Change(name, old.get(name), new.get(name)) for name in [*new, *(old.keys() - new.keys())]]
 
 
-def changes_table(found: list[Change]) -> str:
+def changes_table(changes: list[Change]) -> str:
     """Write what moved beyond its interval, appeared or vanished as a Markdown table, and count the rest.
 
     A new figure of a method that was there before is only counted: a new metric would fill pages.
     """
-    counted = [change for change in found if change.verdict not in ("same", "within")]
-    known = {change.name[:3] for change in found if change.before is not None}
+    counted = [change for change in changes if change.verdict not in ("same", "within")]
+    known = {change.name[:3] for change in changes if change.before is not None}
     shown = [c for c in counted if c.verdict != "new" or c.name[:3] not in known]
     shown.sort(key=lambda change: ("worse", "vanished", "better", "new").index(change.verdict))
     rows = [[*c.name, _worded(c.before), _worded(c.after), c.verdict] for c in shown]
     header = ["file", "scene", "method", "figure", "before (95 % interval)", "now (95 % interval)", "verdict"]
-    count = {v: sum(c.verdict == v for c in found) for v in ("worse", "better", "within", "same")}
+    count = {v: sum(c.verdict == v for c in changes) for v in ("worse", "better", "within", "same")}
     count_line = (
-        f"{len(found)} figures: {count['worse']} worse and {count['better']} better than their earlier "
+        f"{len(changes)} figures: {count['worse']} worse and {count['better']} better than their earlier "
         f"interval, {count['within']} moved within it, {count['same']} unchanged, "
         f"{len(counted) - count['worse'] - count['better']} new or vanished."
     )

@@ -44,8 +44,8 @@ def by_stage(curves: Mapping[str, pd.DataFrame], methods: Methods) -> dict[str, 
         stage = name.removesuffix(f"_{network}").replace("_", " ")
         stages.setdefault(stage, {})[network] = curve
     return {
-        stage: {key: own[key] for key in [*[""] * ("" in own), *methods.ordered(own.keys() - {""})]}
-        for stage, own in stages.items()
+        stage: {key: names[key] for key in [*[""] * ("" in names), *methods.ordered(names.keys() - {""})]}
+        for stage, names in stages.items()
     }
 
 

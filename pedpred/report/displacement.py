@@ -56,7 +56,7 @@ def _rows(place: str, scenes: Sequence[EvaluationWindows], shown: Sequence[Metho
             continue
         true_m = float(truth[group].mean())
         limit_m = max(TOLERATED_M, TOLERATED_SHARE * abs(true_m))
-        means = [float(own[group].mean()) for own in forecasts]
+        means = [float(displacement[group].mean()) for displacement in forecasts]
         cells = [Cell(f"{mean:.2f}", strong=abs(mean - true_m) > limit_m) for mean in means]
         speeds = f"{low:g} - {high:g}" if np.isfinite(high) else f"above {low:g}"
         rows.append(Row([Cell(place), Cell(speeds), Cell(str(group.sum())), Cell(f"{true_m:.2f}"), *cells]))

@@ -71,11 +71,11 @@ def read_shown(drives: Path) -> list[Shown]:
     return [
         Shown(
             kind,
-            own["episode"],
-            [(read_scene(drives / f"{kind}_{about['method']}"), about) for about in own["drives"]],
+            shown["episode"],
+            [(read_scene(drives / f"{kind}_{about['method']}"), about) for about in shown["drives"]],
             _existing(drives / f"{kind}.mcap"),
         )
-        for kind, own in known.items()
+        for kind, shown in known.items()
     ]
 
 
@@ -92,10 +92,10 @@ def curves_figure(figures: Figures) -> Figure:
     figure = blank(6.0, 4.2)
     axes = figure.subplots()
     for method, limits in figures["methods"].items():
-        own = list(limits.values())
-        time_s, share = (np.array([one[name] for one in own]) for name in ("time_s", "at_fault"))
+        points = list(limits.values())
+        time_s, share = (np.array([one[name] for one in points]) for name in ("time_s", "at_fault"))
         aside, up = (
-            np.abs(np.array([one[f"{name}_ci95"] for one in own]).T - middle)
+            np.abs(np.array([one[f"{name}_ci95"] for one in points]).T - middle)
             for name, middle in (("time_s", time_s), ("at_fault", share))
         )
         bars: dict[str, Any] = {"elinewidth": 0.7, "capsize": 2, "marker": "o", "markersize": 4}
@@ -141,9 +141,9 @@ def _draw_drive(axes: Axes, scene: Scene, about: Mapping[str, Any]) -> None:
     first_s, robot = people.time_s.min(), people.track_id.max()
     whole = np.abs((people.time_s - first_s + 0.5 * _DISC_S) % _DISC_S - 0.5 * _DISC_S) < 1e-3
     for track in np.unique(people.track_id[people.track_id < robot]):
-        own = people.track_id == track
-        axes.plot(*people.position[own].T, color=FAINT, linewidth=0.9)
-        axes.plot(*people.position[own & whole].T, ".", color=FAINT, markersize=4)
+        here = people.track_id == track
+        axes.plot(*people.position[here].T, color=FAINT, linewidth=0.9)
+        axes.plot(*people.position[here & whole].T, ".", color=FAINT, markersize=4)
     axes.plot(*way.T, color=_ROBOT, linewidth=1.6)
     for x, y in people.position[(people.track_id == robot) & whole]:
         axes.add_patch(Circle((x, y), about["radius_m"], fill=False, edgecolor=_ROBOT, lw=0.7))
@@ -159,8 +159,10 @@ def drives_section(places: Mapping[str, tuple[Figures, Sequence[Shown]]]) -> Sec
     Args:
         places: name of a row of conf/driving -> figures, and the episodes that are shown.
     """
-    said = [Text(sentence, "note") for name, (own, _) in places.items() if (sentence := answer(name, own))]
-    parts = [_place_section(name, *own) for name, own in places.items()]
+    said = [
+        Text(sentence, "note") for name, (driven, _) in places.items() if (sentence := answer(name, driven))
+    ]
+    parts = [_place_section(name, *driven) for name, driven in places.items()]
     blocks: list[Block] = [Text(_ABOUT), *said, *parts]
     return Section("Does a robot collide less?", blocks if places else [], "drives")
 
@@ -178,12 +180,12 @@ _ABOUT = (
 def answer(name: str, figures: Figures) -> str:
     """Compare the network's modes with each other curve at the same time to the goal, in a sentence each."""
     said = []
-    for other, found in figures["equal_time"].items():
-        low, high = (100 * end for end in found["at_fault_ci95"])
+    for other, comparison in figures["equal_time"].items():
+        low, high = (100 * end for end in comparison["at_fault_ci95"])
         verdict = "fewer" if high < 0 else "more" if low > 0 else "neither clearly fewer nor more"
         said.append(
-            f"{_words(name)}: at {found['time_s']:.1f} s to the goal, {LABELS['modes']} has "
-            f"{100 * found['at_fault']:+.1f} % of episodes with a collision at fault relative to "
+            f"{_words(name)}: at {comparison['time_s']:.1f} s to the goal, {LABELS['modes']} has "
+            f"{100 * comparison['at_fault']:+.1f} % of episodes with a collision at fault relative to "
             f"{LABELS.get(other, other)} (95 % interval {low:+.1f} to {high:+.1f}, {figures['episodes']} "
             f"episodes): {verdict}."
         )
@@ -209,13 +211,13 @@ def drives_table(figures: Figures) -> Table:
     """Write all measures, a row for each method and limit of risk."""
     rows = []
     for method, limits in figures["methods"].items():
-        for risk, own in limits.items():
-            low, high = own["at_fault_ci95"]
+        for risk, measures in limits.items():
+            low, high = measures["at_fault_ci95"]
             cells = [Cell(LABELS.get(method, method)), Cell(risk if len(limits) > 1 else NOTHING)]
             bounds = f"{100 * low:.0f}-{100 * high:.0f}"
-            cells.append(Cell(f"{100 * own['at_fault']:.0f}", bounds=bounds, unit="%"))
+            cells.append(Cell(f"{100 * measures['at_fault']:.0f}", bounds=bounds, unit="%"))
             for key, scale, form in _MEASURES.values():
-                text = NOTHING if own[key] is None else format(scale * own[key], form)
+                text = NOTHING if measures[key] is None else format(scale * measures[key], form)
                 cells.append(Cell(text))
             rows.append(Row(cells))
     return Table(["method", "limit", FAULT, *_MEASURES], rows, texts=2)

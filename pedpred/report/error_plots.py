@@ -60,18 +60,18 @@ def horizon_figure(result: Result, methods: Methods) -> Figure:
 
 
 def _draw_method(
-    axes: Axes, found: Mapping[str, Any], shift: float, width: float, step_s: float, colour: str
+    axes: Axes, metrics: Mapping[str, Any], shift: float, width: float, step_s: float, colour: str
 ) -> None:
-    middle = np.arange(1, len(found["per_step_m"]) + 1) * step_s + shift
-    low, median, high = (np.array(found[f"per_step_q{q}_m"]) for q in (25, 50, 75))
+    middle = np.arange(1, len(metrics["per_step_m"]) + 1) * step_s + shift
+    low, median, high = (np.array(metrics[f"per_step_q{q}_m"]) for q in (25, 50, 75))
     axes.bar(middle, high - low, 0.88 * width, low, color=colour, alpha=0.35, linewidth=0)
     axes.hlines(median, middle - 0.44 * width, middle + 0.44 * width, color=colour, linewidth=1.6)
-    axes.plot(middle, found["per_step_m"], color=colour, linewidth=1.0, marker="o", markersize=2.2)
+    axes.plot(middle, metrics["per_step_m"], color=colour, linewidth=1.0, marker="o", markersize=2.2)
 
 
-def _entry(label: str, found: Mapping[str, Any], cut: bool) -> str:
-    beyond = f"\n(beyond: {found['per_step_m'][-1]:.2f} m at the end)" if cut else ""
-    return f"{label}, {found['ade_m']:.3f} m{beyond}"
+def _entry(label: str, metrics: Mapping[str, Any], cut: bool) -> str:
+    beyond = f"\n(beyond: {metrics['per_step_m'][-1]:.2f} m at the end)" if cut else ""
+    return f"{label}, {metrics['ade_m']:.3f} m{beyond}"
 
 
 def with_covariances(windows: Sequence[EvaluationWindows], methods: Methods) -> list[str]:
@@ -104,14 +104,14 @@ def calibration_figure(windows: Sequence[EvaluationWindows], title: str, methods
 def _shares(windows: Sequence[EvaluationWindows], name: str) -> np.ndarray:
     """`share_inside` of at most `_MEASURED` evenly chosen windows. [W, P]."""
     every, parts = -(-sum(map(len, windows)) // _MEASURED), []
-    for own in windows:
-        rows = np.arange(0, len(own), every)
-        parts.append(share_inside(own.predictions[name].select(rows), own.truth[rows]))
+    for scene in windows:
+        rows = np.arange(0, len(scene), every)
+        parts.append(share_inside(scene.predictions[name].select(rows), scene.truth[rows]))
     return np.concatenate(parts)
 
 
 def _draw_line(axes: Axes, inside: np.ndarray, colour: str) -> None:
     """Observed over expected coverage, %, with a dot at each region of the tables. inside: [W, 1]."""
     for shares, style in ((_SHARES, {"linewidth": 1.4}), (REGIONS, {"linestyle": "", "marker": "o"})):
-        found = [100 * coverage(inside, share)[0] for share in shares]
-        axes.plot(100 * np.asarray(shares), found, color=colour, markersize=4.0, **style)
+        held = [100 * coverage(inside, share)[0] for share in shares]
+        axes.plot(100 * np.asarray(shares), held, color=colour, markersize=4.0, **style)

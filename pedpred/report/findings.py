@@ -37,12 +37,12 @@ class Expectation:
 def _expectations(plain: Any, path: str) -> dict[str, list[Expectation]]:
     """Parse the expectations of each study."""
     check_mapping(path, plain)
-    found = {}
+    expected = {}
     for study, rows in plain.items():
         if not isinstance(rows, list):
             raise ValueRuleError(f"{path}.{study}", rows, "a list is needed")
-        found[study] = [parsed(Expectation, row, f"{path}.{study}[{n}]") for n, row in enumerate(rows)]
-    return found
+        expected[study] = [parsed(Expectation, row, f"{path}.{study}[{n}]") for n, row in enumerate(rows)]
+    return expected
 
 
 @dataclass(frozen=True)
@@ -115,20 +115,20 @@ def percent_better(gain: float) -> str:
     return f"{abs(gain):.1%} {'better' if gain >= 0 else 'worse'}".replace("%", " %")
 
 
-def in_the_noise(own: Mapping[str, Any]) -> bool:
+def in_the_noise(metrics: Mapping[str, Any]) -> bool:
     """Whether the interval of the paired difference to the reference includes zero."""
-    interval = own.get("ade_m_minus_reference_ci95")
+    interval = metrics.get("ade_m_minus_reference_ci95")
     return interval is not None and interval[0] <= 0.0 <= interval[1]
 
 
-def noise(own: Mapping[str, Any]) -> str:
+def noise(metrics: Mapping[str, Any]) -> str:
     """A remark where a difference is not significant."""
-    return ", but the interval of the difference includes 0" if in_the_noise(own) else ""
+    return ", but the interval of the difference includes 0" if in_the_noise(metrics) else ""
 
 
-def sum_up(found: Sequence[tuple[str, Finding]]) -> str:
+def sum_up(findings: Sequence[tuple[str, Finding]]) -> str:
     """Sum up all expectations; each comes with the test set that it is about."""
-    judgements = [(name, f) for name, f in found if f.verdict != "not measured"]
+    judgements = [(name, f) for name, f in findings if f.verdict != "not measured"]
     missed = [(name, f) for name, f in judgements if f.verdict == "missed"]
     if not judgements:
         return "None of the expectations could be checked: their methods were not evaluated."
@@ -138,6 +138,8 @@ def sum_up(found: Sequence[tuple[str, Finding]]) -> str:
         text = f"**{len(missed)} of {len(judgements)} expectations {verb} missed**: {listed}."
     else:
         text = f"All {len(judgements)} expectations that could be checked are met."
-    if len(judgements) < len(found):
-        text += f" {len(found) - len(judgements)} could not be checked, because a method was not evaluated."
+    if len(judgements) < len(findings):
+        text += (
+            f" {len(findings) - len(judgements)} could not be checked, because a method was not evaluated."
+        )
     return text

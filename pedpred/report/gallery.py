@@ -73,7 +73,7 @@ def draw_gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     if not results:
         return _training(evaluated.curves, methods)
     tested = {result.name: {s.name: s for s in evaluated.scenes[result.name]} for result in results}
-    scenes = {name: scene for own in tested.values() for name, scene in own.items()}
+    scenes = {name: scene for recorded in tested.values() for name, scene in recorded.items()}
     unknown = sorted(windows.keys() - scenes.keys())
     if unknown:
         raise ValueRuleError("forecasts of scene", unknown[0], f"only {sorted(scenes)} are known")
@@ -83,20 +83,23 @@ def draw_gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     ] = {}  # places without a camera picture share their instants
     for result in results:
         suffix = f"_{result.name}" if len(results) > 1 else ""
-        own = {name: windows[name] for name in tested[result.name] if name in windows}
+        recorded = {name: windows[name] for name in tested[result.name] if name in windows}
         horizons.append(_horizon(f"horizon{suffix}", result, methods))
-        seen = any(scenes[name].camera for name in own)
-        shared.setdefault(suffix if seen else "", {}).update(own)
-    for suffix, own in shared.items():
-        for name, found in _instants(own, scenes, CROWD[kind], methods).items():
-            snapshots.append(_snapshot(f"{suffix}_{name}", scenes, own, found, methods))
+        seen = any(scenes[name].camera for name in recorded)
+        shared.setdefault(suffix if seen else "", {}).update(recorded)
+    for suffix, recorded in shared.items():
+        for name, instants in _instants(recorded, scenes, CROWD[kind], methods).items():
+            snapshots.append(_snapshot(f"{suffix}_{name}", scenes, recorded, instants, methods))
     legend = _legend(windows, methods) + f" {_STILL}" * any(scene.camera for scene in scenes.values())
     others = {name: rooms for name, rooms in evaluated.scenes.items() if name not in tested}
     return [
         Section("Error over the horizon", [Pictures(horizons)], "horizon"),
         *calibration_section(results, methods, _calibration(windows, results, methods)),
         *displacement_section(
-            {place: [windows[name] for name in own if name in windows] for place, own in tested.items()},
+            {
+                place: [windows[name] for name in recorded if name in windows]
+                for place, recorded in tested.items()
+            },
             methods,
         ),
         Section("Instants, chosen by rule", [Text(legend), Pictures(snapshots)]),
@@ -138,13 +141,13 @@ def _instants(
     windows: Mapping[str, EvaluationWindows], scenes: Mapping[str, Scene], crowd: int, methods: Methods
 ) -> dict[str, Instant]:
     """What is shown of some scenes, by a name; an encounter that never happened is left out."""
-    found = {
+    chosen = {
         "gain": choose(windows, crowd, methods),
         "loss": choose(windows, crowd, methods, least=True),
         "avoidance": mutual_avoidance(windows, methods.reference),
         "obstacle": before_obstacle(windows, scenes, methods.reference),
     }
-    return {name: instant for name, instant in found.items() if instant is not None}
+    return {name: instant for name, instant in chosen.items() if instant is not None}
 
 
 def _snapshot(
@@ -154,9 +157,9 @@ def _snapshot(
     instant: Instant,
     methods: Methods,
 ) -> Picture:
-    scene, own = scenes[instant.scene], windows[instant.scene]
+    scene, predicted = scenes[instant.scene], windows[instant.scene]
     kind = "snapshot" if scene.camera is None else "camera"
-    return Picture(f"{kind}{ending}", instant.caption, snapshot_figure(scene, own, instant, methods))
+    return Picture(f"{kind}{ending}", instant.caption, snapshot_figure(scene, predicted, instant, methods))
 
 
 def _places(scenes: Mapping[str, Scene], shown_s: float) -> Section:

@@ -73,7 +73,7 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
     windows = {scene: windows[scene] for scene in sorted(windows)}
     if not windows and any(name not in missing for name in named):
         raise StorageError(root / "data/forecasts", "forecasts", f"there are none of the study {study}")
-    dt_s = next((own.dt_s for own in windows.values()), 0.0)
+    dt_s = next((recorded.dt_s for recorded in windows.values()), 0.0)
     results = results_of(metrics, folds.values(), study, dt_s, [f"{kind}/{name}" for name in missing])
     tested = [result.name for result in results]
     scenes = {name: sets[name] for name in [*tested, *sets] if name not in missing}

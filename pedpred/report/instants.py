@@ -76,15 +76,15 @@ def choose(
         ValueRuleError: no person moves at any time, or one of the two methods has no forecasts.
     """
     sign = -1.0 if least else 1.0
-    found = []
+    chosen = []
     for name in sorted(scenes):
         gain_m = sign * _gain_m(name, scenes[name], methods)
         for rows in walkers_by_instant(scenes[name]):
-            found.append((float(gain_m[rows].mean()), len(rows), name, int(rows[np.argmax(gain_m[rows])])))
-    if not found:
+            chosen.append((float(gain_m[rows].mean()), len(rows), name, int(rows[np.argmax(gain_m[rows])])))
+    if not chosen:
         raise ValueRuleError("scenes", sorted(scenes), "a person must be moving in one of them")
-    asked = min(least_moving, max(count for _, count, _, _ in found))
-    crowded = [candidate for candidate in found if candidate[1] >= asked]
+    asked = min(least_moving, max(count for _, count, _, _ in chosen))
+    crowded = [candidate for candidate in chosen if candidate[1] >= asked]
     gain, count, name, focus = max(crowded, key=lambda candidate: candidate[0])
     instant = Instant.of(name, scenes[name], focus)
     caption = (
@@ -109,10 +109,10 @@ def mutual_avoidance(scenes: Mapping[str, EvaluationWindows], reference: Method)
 
     In focus is one of the two; the earlier scene name and time wins a tie. None where there is no such pair.
     """
-    found = [found for name in sorted(scenes) for found in _meetings(name, scenes[name], reference)]
-    if not found:
+    meetings = [meeting for name in sorted(scenes) for meeting in _meetings(name, scenes[name], reference)]
+    if not meetings:
         return None
-    straight_m, true_m, other, instant = min(found, key=lambda meeting: meeting[0] - meeting[1])
+    straight_m, true_m, other, instant = min(meetings, key=lambda meeting: meeting[0] - meeting[1])
     caption = (
         f"{instant.where}: mutual avoidance. Of all pairs who walk towards each other and pass at "
         f"{APART_M[0]} to {APART_M[1]} m, the one that makes most room. Agents {instant.who} and {other}: "
@@ -155,7 +155,7 @@ def _meetings(
     scene: str, windows: EvaluationWindows, reference: Method
 ) -> list[tuple[float, float, int, Instant]]:
     """The best meeting of each instant: forecast and actual minimum distance, m; the other's id."""
-    found = []
+    meetings = []
     for rows in walkers_by_instant(windows):
         one, two = (rows[side] for side in np.triu_indices(len(rows), 1))
         straight_m = _nearest_m(windows.predictions[reference.key].point, one, two)
@@ -164,8 +164,8 @@ def _meetings(
         if fits.any():
             k = int(np.argmin(np.where(fits, straight_m - true_m, np.inf)))
             instant = Instant.of(scene, windows, int(one[k]))
-            found.append((float(straight_m[k]), float(true_m[k]), int(windows.track_id[two[k]]), instant))
-    return found
+            meetings.append((float(straight_m[k]), float(true_m[k]), int(windows.track_id[two[k]]), instant))
+    return meetings
 
 
 def _facing(windows: EvaluationWindows, one: np.ndarray, two: np.ndarray) -> np.ndarray:

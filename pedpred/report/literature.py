@@ -99,13 +99,13 @@ def _row(
     """Errors at all scenes, and their mean where there are all."""
     cells, errors = list[Cell](), list[list[float]]()
     for scene in SCENES:
-        own = literature.get(entries[scene], {}).get(name, {})
-        if not own.keys() >= set(keys):
+        metrics = literature.get(entries[scene], {}).get(name, {})
+        if not metrics.keys() >= set(keys):
             cells += [Cell(NOTHING)] * len(keys)
             continue
-        errors.append([float(own[key]) for key in keys])
+        errors.append([float(metrics[key]) for key in keys])
         for key, error in zip(keys, errors[-1], strict=True):
-            bounds, place = own.get(f"{key}_ci95"), f"literature.{entries[scene]}.{name}.{key}"
+            bounds, place = metrics.get(f"{key}_ci95"), f"literature.{entries[scene]}.{name}.{key}"
             cells.append(Cell(f"{error:.3f}", place, remark=f"95 % {interval(bounds)} m" if bounds else ""))
     means = np.mean(errors, axis=0) if len(errors) == len(SCENES) else ()
     first = [Cell(f"{mean:.3f}", strong=True) for mean in means] or [Cell(NOTHING)] * len(keys)
@@ -136,9 +136,9 @@ def _probabilities(literature: Mapping[str, Figures], methods: Methods) -> Table
     }  # fmt: skip
     rows = []
     for scene in SCENES:
-        for name, own in literature.get(scene, {}).items():
-            if own.keys() >= keys.keys() | {"best_ade_m"}:
+        for name, metrics in literature.get(scene, {}).items():
+            if metrics.keys() >= keys.keys() | {"best_ade_m"}:
                 scale = [100 if "share" in key else 1 for key in keys]
-                cells = [Cell(f"{s * own[key]:.3g}") for s, key in zip(scale, keys, strict=True)]
+                cells = [Cell(f"{s * metrics[key]:.3g}") for s, key in zip(scale, keys, strict=True)]
                 rows.append(Row([Cell(f"{methods[name].label}, {scene}"), *cells], name))
     return Table(["method, scene", *keys.values()], rows) if rows else None

@@ -40,7 +40,7 @@ class Result:
     @property
     def noncausal(self) -> bool:
         """Whether these are figures of the protocol whose inputs know the future."""
-        return any(own.get("noncausal") for own in self.figures.values())
+        return any(metrics.get("noncausal") for metrics in self.figures.values())
 
 
 def read_metrics(path: Path) -> dict[str, Figures]:
@@ -53,8 +53,8 @@ def read_metrics(path: Path) -> dict[str, Figures]:
     sets = read_json(path, wording)
     with translate_errors(wording):
         for name, figures in sets.items():
-            for method, own in figures.items():
-                missing = [field for field in _FIELDS if field not in own]
+            for method, metrics in figures.items():
+                missing = [field for field in _FIELDS if field not in metrics]
                 if missing:
                     raise StorageError(path, f"{name}/{method}/{missing[0]}", "it is missing")
     return sets
@@ -76,7 +76,7 @@ def results_of(
     Raises:
         ValueRuleError: a test set has no figures.
     """
-    found, folds = [], list(folds)
+    results, folds = [], list(folds)
     tested = {entry.split("/")[1] for fold in folds for entry in fold["test"]}
     owner = {  # the longest name fits: `hall_wide_a` is a scene of `hall_wide`, neither is one of `hall`
         key: max((name for name in tested if key.startswith(f"{name}_")), key=len, default="")
@@ -93,8 +93,8 @@ def results_of(
             place = "in simulated rooms that no training saw" if kind == "simulated" else f"at {name}"
             parts = {k.removeprefix(f"{name}_"): v for k, v in metrics.items() if owner.get(k) == name}
             words = place + _tuned(trained)
-            found.append(Result(name, study, kind, words, metrics[name], dt_s, parts, bool(trained)))
-    return found
+            results.append(Result(name, study, kind, words, metrics[name], dt_s, parts, bool(trained)))
+    return results
 
 
 def _tuned(sets: Sequence[str]) -> str:

@@ -119,6 +119,6 @@ class Methods:
 
     def ordered(self, keys: Iterable[str]) -> list[str]:
         """Keys in the order of display; those without a row last, by name."""
-        given = set(keys)
-        known = [row.key for row in self.rows if row.key in given]
-        return known + sorted(given - set(known))
+        wanted = set(keys)
+        known = [row.key for row in self.rows if row.key in wanted]
+        return known + sorted(wanted - set(known))

@@ -39,17 +39,19 @@ Columns = Sequence[tuple[Method, Sequence[str]]]
 
 def places_section(evaluated: Sequence[Evaluated], methods: Methods) -> Section:
     """Compare all studies of real places: errors, forecasts at walls, errors over the share of these."""
-    real = [own for own in evaluated if own.kind == "real"]
-    studies = {own.study: {result.name: result for result in own.results} for own in real if own.results}
-    missing = {name: how for own in real for name, how in own.missing.items()}
-    stand_ins = {name: how for own in real for name, how in own.stand_ins.items()}
+    real = [study for study in evaluated if study.kind == "real"]
+    studies = {
+        study.study: {result.name: result for result in study.results} for study in real if study.results
+    }
+    missing = {name: how for study in real for name, how in study.missing.items()}
+    stand_ins = {name: how for study in real for name, how in study.stand_ins.items()}
     blocks: list[Block] = [*warnings([], missing, stand_ins)]
     if studies:
         told = (methods.main, *methods.networks[:-1])
         said = [wins(studies, method, methods, bool(stand_ins)) for method in told]
         blocks += [Text(said[0], "sentence"), ratios_table(studies, methods)]
         blocks += [Text(words, "note") for words in said[1:]]
-        walls = wall_pictures(next(own for own in real if own.results), methods)
+        walls = wall_pictures(next(study for study in real if study.results), methods)
         blocks += [Pictures(walls)] if walls else []
         blocks.append(_gains(evaluated, methods))
         tables = [Section(metric_title(key), [places_table(studies, key, methods)]) for key in _LISTED]
@@ -94,12 +96,12 @@ def ratios_table(studies: Studies, methods: Methods) -> Table:
         study = next(study for study, results in studies.items() if name in results)
         cells = [Cell(name), metric_cell(f"{study}.{name}", key, "ade_m", base, shown=True)]
         for method, any_of in columns:
-            _, own = _entry(studies, name, method, any_of)
-            if not own or not base_m:  # nothing relates to an exact forecast
+            _, metrics = _entry(studies, name, method, any_of)
+            if not metrics or not base_m:  # nothing relates to an exact forecast
                 cells.append(Cell(NOTHING))
                 continue
-            ratio = own["ade_m"] / base_m
-            words = f"ADE {own['ade_m']:.3f} m, 95 % interval {interval(own['ade_m_ci95'])} m"
+            ratio = metrics["ade_m"] / base_m
+            words = f"ADE {metrics['ade_m']:.3f} m, 95 % interval {interval(metrics['ade_m_ci95'])} m"
             cells.append(Cell(f"{ratio:.2f}", remark=words, strong=ratio < 1))
         rows.append(Row(cells))
     header = ["ADE / that of the best simple method", "best simple ADE [m]", *_titles(columns, studies)]
@@ -113,29 +115,31 @@ def places_table(studies: Studies, key: str, methods: Methods) -> Table:
     for name in _figures(studies):
         cells = [Cell(name)]
         for method, any_of in columns:
-            study, own = _entry(studies, name, method, any_of)
-            cells.append(metric_cell(f"{study}.{name}", method.key, key, own, shown=True))
+            study, metrics = _entry(studies, name, method, any_of)
+            cells.append(metric_cell(f"{study}.{name}", method.key, key, metrics, shown=True))
         rows.append(Row(cells))
     return Table([metric_title(key), *_titles(columns, studies)], rows)
 
 
 def _figures(studies: Studies) -> dict[str, Mapping[str, Any]]:
     """The figures of the first study that has a place, by place."""
-    found: dict[str, Mapping[str, Any]] = {}
+    figures: dict[str, Mapping[str, Any]] = {}
     for results in studies.values():
-        found |= {name: result.figures for name, result in results.items() if name not in found}
-    return found
+        figures |= {name: result.figures for name, result in results.items() if name not in figures}
+    return figures
 
 
 def _columns(studies: Studies, methods: Methods) -> Columns:
-    keys = {key for results in studies.values() for own in results.values() for key in own.figures}
+    keys = {key for results in studies.values() for result in results.values() for key in result.figures}
     every: list[Sequence[str]] = [[study] for study in studies]
-    found = [methods[key] for key in methods.ordered(keys)]
-    return [(m, any_of) for m in found for any_of in (every if m.learned else [list(studies)])]
+    shown = [methods[key] for key in methods.ordered(keys)]
+    return [(m, any_of) for m in shown for any_of in (every if m.learned else [list(studies)])]
 
 
 def _titles(columns: Columns, studies: Studies) -> list[str]:
-    short = {study: SHORT.get(_training(study, own.values()), study) for study, own in studies.items()}
+    short = {
+        study: SHORT.get(_training(study, results.values()), study) for study, results in studies.items()
+    }
     return [m.label + (f", {short[s[0]]}" if len(s) < len(studies) else "") for m, s in columns]
 
 
@@ -151,7 +155,7 @@ def _entry(
 
 def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
     """Forecasts at the places where straight ones often meet walls."""
-    found = []
+    pictures = []
     for result in evaluated.results:
         straight = result.figures.get(methods.simple[0].key, {})
         if result.name not in evaluated.windows or straight.get("obstacle_share", 0.0) < LEAST_SHARE:
@@ -161,27 +165,27 @@ def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
         trained = _trained(evaluated.study, evaluated.results)
         caption = f"{wall_caption(scene, windows, methods)} Networks: {trained}."
         figure = wall_figure(scene, windows, rows, methods)
-        found.append(Picture(f"walls_{result.name}", caption, figure))
-    return found
+        pictures.append(Picture(f"walls_{result.name}", caption, figure))
+    return pictures
 
 
 def _gains(evaluated: Sequence[Evaluated], methods: Methods) -> Pictures:
     """The picture of gains; none where nothing has a gain."""
     main, straight = methods.main, methods.simple[0]
-    found = [
+    gained = [
         gain
-        for own in evaluated
-        for gain in gains(own.results, _trained(own.study, own.results), methods, main)
+        for study in evaluated
+        for gain in gains(study.results, _trained(study.study, study.results), methods, main)
     ]
-    if not found:
+    if not gained:
         return Pictures([])
-    where = STAND_IN if any(own.stand_ins for own in evaluated) else "real places"
+    where = STAND_IN if any(study.stand_ins for study in evaluated) else "real places"
     caption = (
         f"ADE of the {main.label} relative to the best simple method, over the share of {straight.label}'s "
         f"points in obstacles: {where} and single simulated rooms. Lines: 95 % interval of the "
         f"{main.label}'s ADE."
     )
-    return Pictures([Picture("walls", caption, gains_figure(found, methods))])
+    return Pictures([Picture("walls", caption, gains_figure(gained, methods))])
 
 
 def _training(study: str, results: Iterable[Result]) -> str:

@@ -48,14 +48,14 @@ def reconstructions_section(
 def choose_evenly(scenes: Mapping[str, EvaluationWindows], count: int) -> np.ndarray:
     """Choose crops with enough obstacles at evenly spaced ranks of occupied share: [<= count, G, G] bool."""
     windows = [scenes[name] for name in sorted(scenes)]
-    rows = [(own, row) for own in windows for row in range(len(own))]
-    occupied = np.concatenate([np.bitwise_count(own.packed_grid).sum(axis=1) for own in windows])
+    rows = [(scene, row) for scene in windows for row in range(len(scene))]
+    occupied = np.concatenate([np.bitwise_count(scene.packed_grid).sum(axis=1) for scene in windows])
     order = np.argsort(occupied, kind="stable")
     order = order[occupied[order] >= LEAST_SHARE * 8 * windows[0].packed_grid.shape[1]] if windows else order
     if not len(order):
         return np.zeros((0, 0, 0), bool)
     ranks = np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))
-    return np.array([own.grid(row) for own, row in (rows[index] for index in order[ranks])])
+    return np.array([scene.grid(row) for scene, row in (rows[index] for index in order[ranks])])
 
 
 @torch.no_grad()

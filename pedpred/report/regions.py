@@ -13,14 +13,18 @@ _SPREADS = 3.5
 """Standard deviations around each mode in which its region is searched."""
 
 
-def region_outlines(own: Predictions, row: int, step: int, share: float) -> list[np.ndarray]:
+def region_outlines(predictions: Predictions, row: int, step: int, share: float) -> list[np.ndarray]:
     """Closed outlines of the smallest region that holds a share of a forecast position, m. [corners, 2] each.
 
     An ellipse of a single Gaussian; of several modes, a contour of their density.
     """
-    assert own.covariance is not None
-    centre, covariance, weight = own.path[row, :, step], own.covariance[row, :, step], own.weight[row]
-    if own.modes == 1:
+    assert predictions.covariance is not None
+    centre, covariance, weight = (
+        predictions.path[row, :, step],
+        predictions.covariance[row, :, step],
+        predictions.weight[row],
+    )
+    if predictions.modes == 1:
         return [ellipse_outline(centre[0], covariance[0], share)]
     reach = _SPREADS * np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     x, y = np.linspace((centre - reach).min(axis=0), (centre + reach).max(axis=0), _CELLS).T

@@ -50,16 +50,18 @@ def warnings(
         missing: places whose recordings were not available, and how to get them.
         stand_ins: places whose people are simulated because no recording was available, and how.
     """
-    found: list[Block] = [Text(NONCAUSAL, "warning")] if any(result.noncausal for result in results) else []
+    blocks: list[Block] = [Text(NONCAUSAL, "warning")] if any(result.noncausal for result in results) else []
     if stand_ins:
         made = "; ".join(f"{name}, {how}" for name, how in stand_ins.items())
         words = "say nothing about real people"
-        found.append(Text(f"**In place of recordings: {made}.** Its figures {words}.", "warning"))
+        blocks.append(Text(f"**In place of recordings: {made}.** Its figures {words}.", "warning"))
     if missing:
         left_out = f"Not available, hence neither trained on nor tested: {', '.join(missing)}."
-        found.append(Text(f"**{left_out}**", "warning"))
-        found.append(Table(["place", "recording"], [Row([Cell(n), Cell(how)]) for n, how in missing.items()]))
-    return found
+        blocks.append(Text(f"**{left_out}**", "warning"))
+        blocks.append(
+            Table(["place", "recording"], [Row([Cell(n), Cell(how)]) for n, how in missing.items()])
+        )
+    return blocks
 
 
 def answer(result: Result, methods: Methods) -> str:
@@ -67,19 +69,20 @@ def answer(result: Result, methods: Methods) -> str:
     main, reference, start = methods.main, methods.reference, result.title
     if main.key not in result.figures:
         return f"{start}, the {main.label} was not evaluated."
-    own = result.figures[main.key]
+    metrics = result.figures[main.key]
+    horizon_s = len(metrics["per_step_m"]) * result.dt_s
     text = (
-        f"{start}, the {main.label} has an ADE of {own['ade_m']:.3f} m over "
-        f"{len(own['per_step_m']) * result.dt_s:.0f} s (95 % interval {interval(own['ade_m_ci95'])} m; "
-        f"{own['windows']} windows of {own['tracks']} tracks)"
+        f"{start}, the {main.label} has an ADE of {metrics['ade_m']:.3f} m over "
+        f"{horizon_s:.0f} s (95 % interval {interval(metrics['ade_m_ci95'])} m; "
+        f"{metrics['windows']} windows of {metrics['tracks']} tracks)"
     )
     if reference.key not in result.figures:
         return text + f"; the {reference.label} was not evaluated."
     other_m = result.figures[reference.key]["ade_m"]
-    gain, than = percent_better(1.0 - own["ade_m"] / other_m), f"the {reference.label}'s {other_m:.3f} m"
-    gap = gap_cell(result.name, main.key, own, methods)
+    gain, than = percent_better(1.0 - metrics["ade_m"] / other_m), f"the {reference.label}'s {other_m:.3f} m"
+    gap = gap_cell(result.name, main.key, metrics, methods)
     words = "" if gap.text == NOTHING else f"difference {gap.text} m, interval {gap.bounds} m"
-    if in_the_noise(own):
+    if in_the_noise(metrics):
         return f"{text}, not distinguishable from {than} ({gain}; {words})."
     return f"{text}, {gain} than {than}{f' ({words})' if words else ''}."
 
@@ -94,19 +97,19 @@ def answer_section(result: Result, methods: Methods) -> Section:
 
 def expectations_section(results: Sequence[Result], methods: Methods, paper: Paper) -> Section:
     """What was expected, and what was found."""
-    found = [finding for result in results for finding in judge_expectations(result, paper, methods)]
-    return Section("Expected and found", [Text(sum_up(found)), findings_table(found)], folded=True)
+    findings = [finding for result in results for finding in judge_expectations(result, paper, methods)]
+    return Section("Expected and found", [Text(sum_up(findings)), findings_table(findings)], folded=True)
 
 
 def parts_sections(results: Sequence[Result], methods: Methods) -> list[Section]:
     """Single scenes of pooled test sets."""
-    found = []
+    sections = []
     for result in (result for result in results if result.parts):
         wins = below_in(list(result.parts.values()), methods)
-        found.append(
+        sections.append(
             Section("Single scenes", [Text(f"ADE, m. {wins}"), scenes_table(result, methods)], folded=True)
         )
-    return found
+    return sections
 
 
 def below_in(scenes: Sequence[Figures], methods: Methods) -> str:
@@ -137,15 +140,15 @@ def paper_section(results: Sequence[Result], methods: Methods, paper: Paper) -> 
     """ADE of every method beside the paper's, test set by test set; nothing where it has no figures."""
     shown = [result for result in results if paper.errors_m(result)]
     header = ["ADE [m]"]
-    for study, own in _by_study(shown).items():
-        header += [f"paper, {study}", *(f"here, {result.name}" for result in own)]
+    for study, places in _by_study(shown).items():
+        header += [f"paper, {study}", *(f"here, {result.name}" for result in places)]
     rows = []
     for name in methods.ordered({name for result in shown for name in result.figures}):
         cells = [Cell(methods[name].label)]
-        for study, own in _by_study(shown).items():
+        for study, places in _by_study(shown).items():
             theirs = paper.ade_m[study].get(name)
             cells.append(Cell(NOTHING if theirs is None else f"{theirs:.3f}"))
-            cells += [metric_cell(r.name, name, "ade_m", r.figures.get(name, {})) for r in own]
+            cells += [metric_cell(r.name, name, "ade_m", r.figures.get(name, {})) for r in places]
         rows.append(Row(cells, name, name == methods.main.key))
     remarks = [Text(paper.remarks[study], "note") for study in _by_study(shown) if study in paper.remarks]
     remarks.append(Text("The paper's figures were measured on its own windows.", "note"))

@@ -66,24 +66,24 @@ def draw_situation(
 
 def _draw_modes(axes: Axes, windows: EvaluationWindows, row: int, method: Method, place: Placing) -> None:
     """Lines whose width tells a mode's weight; regions of `REGION` at half the horizon and at its end."""
-    colour, own = method.colour, windows.predictions[method.key]
-    if own.modes > 1:
-        paths = _with_present(windows, own.path[row], np.full(own.modes, row))
-        for path, weight in zip(paths, own.weight[row], strict=True):
+    colour, predictions = method.colour, windows.predictions[method.key]
+    if predictions.modes > 1:
+        paths = _with_present(windows, predictions.path[row], np.full(predictions.modes, row))
+        for path, weight in zip(paths, predictions.weight[row], strict=True):
             width, alpha = WIDEST * np.sqrt(weight), 0.25 + 0.5 * weight
             axes.plot(*place(path).T, color=colour, linewidth=width, alpha=alpha, zorder=3)
     style: dict[str, Any] = {"facecolor": to_rgba(colour, 0.1), "edgecolor": to_rgba(colour, 0.5)}
-    for step in shown_steps(own.steps)[1:] if own.covariance is not None else ():
-        for outline in region_outlines(own, row, step, REGION):
+    for step in shown_steps(predictions.steps)[1:] if predictions.covariance is not None else ():
+        for outline in region_outlines(predictions, row, step, REGION):
             axes.fill(*place(outline).T, linewidth=0.6, zorder=2, **style)
 
 
 def reading_of_modes(windows: Iterable[EvaluationWindows], method: Method) -> str:
     """How the modes and regions of a method are drawn, as far as it has any; each part ends in "; "."""
-    own = [scene.predictions[method.key] for scene in windows if method.key in scene.predictions]
+    predictions = [scene.predictions[method.key] for scene in windows if method.key in scene.predictions]
     text = "lines: its modes for the person in focus, wider for larger weights; "
-    words = text if any(answer.modes > 1 for answer in own) else ""
-    if any(answer.covariance is not None for answer in own):
+    words = text if any(answer.modes > 1 for answer in predictions) else ""
+    if any(answer.covariance is not None for answer in predictions):
         words += f"shaded: that person's {100 * REGION:.0f} % region at half the horizon and at its end; "
     return words
 

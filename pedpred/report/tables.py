@@ -29,7 +29,7 @@ def metric_keys(figures: Figures) -> tuple[list[str], list[str]]:
     """
     shown: dict[str, list[Any]] = {}
     for key in [*FIRST, *METRICS]:
-        column = [own.get(key) for own in figures.values()]
+        column = [metrics.get(key) for metrics in figures.values()]
         if any(value is not None for value in column) and column not in shown.values():
             shown[key] = column
     return [key for key in shown if key in FIRST], [key for key in shown if key not in FIRST]
@@ -41,12 +41,12 @@ def metrics_table(result: Result, methods: Methods) -> Table:
     header = ["method", *map(metric_title, keys), f"ADE minus {methods.reference.label} [m]"]
     rows = []
     for name in methods.ordered(result.figures):
-        own = result.figures[name]
-        size = f"{own['windows']} windows of {own['tracks']} tracks"
-        cells = [metric_cell(result.name, name, key, own) for key in keys]
-        bounds = interval(own["ade_m_ci95"])
+        metrics = result.figures[name]
+        size = f"{metrics['windows']} windows of {metrics['tracks']} tracks"
+        cells = [metric_cell(result.name, name, key, metrics) for key in keys]
+        bounds = interval(metrics["ade_m_ci95"])
         cells[0] = Cell(cells[0].text, cells[0].place, bounds, remark=size, whisker=marks[name])
-        cells.append(gap_cell(result.name, name, own, methods))
+        cells.append(gap_cell(result.name, name, metrics, methods))
         rows.append(_row(name, cells, methods))
     return Table(header, rows)
 
@@ -68,10 +68,10 @@ def scenes_table(result: Result, methods: Methods) -> Table:
     main = methods.main
     rows = []
     for scene, figures in result.parts.items():
-        place, own = f"{result.name}_{scene}", figures.get(main.key, {})
+        place, metrics = f"{result.name}_{scene}", figures.get(main.key, {})
         windows = max(each["windows"] for each in figures.values())
         errors = [metric_cell(place, name, "ade_m", figures.get(name, {})) for name in names]
-        last = gap_cell(place, main.key, own, methods)
+        last = gap_cell(place, main.key, metrics, methods)
         rows.append(Row([Cell(scene), Cell(str(windows)), *errors, last]))
     gap = f"{main.label} minus {methods.reference.label}"
     return Table(["scene", "windows", *(methods[name].label for name in names), gap], rows)
@@ -87,27 +87,27 @@ def calibration_table(result: Result, methods: Methods) -> Table | None:
     regions = [f"in the {100 * share:.0f} % ellipse [%]" for share in REGIONS]
     rows = []
     for name in names:
-        own = result.figures[name]
-        shares = [own[f"per_step_coverage_{100 * share:.0f}"] for share in REGIONS]
+        metrics = result.figures[name]
+        shares = [metrics[f"per_step_coverage_{100 * share:.0f}"] for share in REGIONS]
         cells = [Cell(" / ".join(f"{100.0 * values[step]:.0f}" for step in steps)) for values in shares]
-        cells.append(Cell(" / ".join(f"{own['per_step_nll'][step]:.2f}" for step in steps)))
+        cells.append(Cell(" / ".join(f"{metrics['per_step_nll'][step]:.2f}" for step in steps)))
         rows.append(_row(name, cells, methods))
     return Table([f"after {times} s", *regions, "NLL [nats]"], rows)
 
 
-def findings_table(found: Sequence[tuple[str, Finding]]) -> Table:
+def findings_table(findings: Sequence[tuple[str, Finding]]) -> Table:
     """Expectations, the figures that decide, and the decision."""
-    rows = [Row([Cell(text) for text in (name, f.claim, f.measured, f.verdict)]) for name, f in found]
+    rows = [Row([Cell(text) for text in (name, f.claim, f.measured, f.verdict)]) for name, f in findings]
     return Table(["where", "expected", "measured", "verdict"], rows, texts=4)
 
 
-def metric_cell(place: str, name: str, key: str, own: Mapping[str, Any], shown: bool = False) -> Cell:
+def metric_cell(place: str, name: str, key: str, metrics: Mapping[str, Any], shown: bool = False) -> Cell:
     """A metric of a method in a test set; its interval is a tooltip, or `shown` behind it in Markdown too."""
-    value, unit = own.get(key), METRICS[key].unit
+    value, unit = metrics.get(key), METRICS[key].unit
     if value is None:
         return Cell(NOTHING)
     text = f"{100.0 * value:.2f} %" if unit == "%" else f"{value:.{2 if unit == 'nats' else 3}f}"
-    bounds, scale = own.get(f"{key}_ci95"), 100.0 if unit == "%" else 1.0
+    bounds, scale = metrics.get(f"{key}_ci95"), 100.0 if unit == "%" else 1.0
     words = interval([scale * end for end in bounds], digits=2 if unit == "%" else 3) if bounds else ""
     where = f"{place}.{name}.{key}"
     if shown:
@@ -115,12 +115,12 @@ def metric_cell(place: str, name: str, key: str, own: Mapping[str, Any], shown: 
     return Cell(text, where, remark=f"95 % interval {words} {unit}" if words else "")
 
 
-def gap_cell(place: str, name: str, own: Mapping[str, Any], methods: Methods) -> Cell:
+def gap_cell(place: str, name: str, metrics: Mapping[str, Any], methods: Methods) -> Cell:
     """Paired difference of the ADE to the reference method with its interval, signed, m."""
-    bounds = own.get(f"{_GAP}_ci95")
-    if name == methods.reference.key or own.get(_GAP) is None or bounds is None:
+    bounds = metrics.get(f"{_GAP}_ci95")
+    if name == methods.reference.key or metrics.get(_GAP) is None or bounds is None:
         return Cell(NOTHING)
-    text, where = f"{own[_GAP]:+.3f}", f"{place}.{name}.{_GAP}"
+    text, where = f"{metrics[_GAP]:+.3f}", f"{place}.{name}.{_GAP}"
     return Cell(text, where, interval(bounds, "+"), remark="paired difference")
 
 

@@ -113,35 +113,35 @@ def gains(results: Iterable[Result], group: str, methods: Methods, method: Metho
 
     A place where the best simple method is exact, as on made-up straight lines, has no ratio and is left out.
     """
-    found = []
+    gained = []
     for result in results:
         for name, figures in (result.parts or {result.name: result.figures}).items():
             if method.key not in figures:
                 continue
-            own, straight = figures[method.key], figures[methods.simple[0].key]
+            metrics, straight = figures[method.key], figures[methods.simple[0].key]
             base_m = figures[best_simple(figures, methods)]["ade_m"]
             if not base_m:
                 continue
-            low, high = (end / base_m for end in own["ade_m_ci95"])
-            share, ratio = straight["obstacle_share"], own["ade_m"] / base_m
-            found.append(Gain(name, group, share, ratio, (low, high), not result.parts))
-    return found
+            low, high = (end / base_m for end in metrics["ade_m_ci95"])
+            share, ratio = straight["obstacle_share"], metrics["ade_m"] / base_m
+            gained.append(Gain(name, group, share, ratio, (low, high), not result.parts))
+    return gained
 
 
 @styled
-def gains_figure(found: Sequence[Gain], methods: Methods) -> Figure:
+def gains_figure(gained: Sequence[Gain], methods: Methods) -> Figure:
     """Draw the relative error over the share of straight forecasts' points in obstacles, a mark per group."""
     figure = blank(9.0, 4.2)
     axes = figure.subplots()
     axes.axhline(1.0, color=FAINT, linewidth=1.0)
-    groups = list(dict.fromkeys(gain.group for gain in found))
+    groups = list(dict.fromkeys(gain.group for gain in gained))
     for group, (mark, colour) in zip(groups, cycle(_MARKS), strict=False):
-        own = [gain for gain in found if gain.group == group]
-        share = 100 * np.array([gain.share for gain in own])
-        bounds = np.transpose([gain.bounds for gain in own])
+        group_gains = [gain for gain in gained if gain.group == group]
+        share = 100 * np.array([gain.share for gain in group_gains])
+        bounds = np.transpose([gain.bounds for gain in group_gains])
         axes.vlines(share, *bounds, color=colour, linewidth=0.8, alpha=0.6)
-        axes.plot(share, [gain.ratio for gain in own], mark, color=colour, markersize=5, label=group)
-    _draw_names(axes, found)
+        axes.plot(share, [gain.ratio for gain in group_gains], mark, color=colour, markersize=5, label=group)
+    _draw_names(axes, gained)
     main, straight = methods.main.label, methods.simple[0].label
     axes.set_xscale("symlog", linthresh=0.1)
     axes.set_yscale("log")
@@ -154,9 +154,9 @@ def gains_figure(found: Sequence[Gain], methods: Methods) -> Figure:
     return figure
 
 
-def _draw_names(axes: Axes, found: Sequence[Gain]) -> None:
+def _draw_names(axes: Axes, gained: Sequence[Gain]) -> None:
     """Write each name once, above its highest mark; those of one share in lines, the highest mark first."""
-    top = {gain.name: gain for gain in sorted(found, key=lambda gain: gain.bounds[1]) if gain.named}
+    top = {gain.name: gain for gain in sorted(gained, key=lambda gain: gain.bounds[1]) if gain.named}
     of_share: dict[float, list[Gain]] = {}
     for gain in sorted(top.values(), key=lambda gain: (gain.share, -gain.ratio)):
         of_share.setdefault(gain.share, []).append(gain)

@@ -63,8 +63,8 @@ def render_page(contents: Contents) -> str:
         keep_trailing_newline=True,
     )
     environment.filters |= {"strong": _strong, "picture": _picture}
-    result = next(result for own in contents.evaluated for result in own.results)
-    steps = max(len(own["per_step_m"]) for own in result.figures.values())
+    result = next(result for study in contents.evaluated for result in study.results)
+    steps = max(len(study["per_step_m"]) for study in result.figures.values())
     return environment.get_template("page.html").render(
         sections=_sections(contents),
         replays=contents.replays,
@@ -89,7 +89,7 @@ def _sections(contents: Contents) -> list[Section]:
     answer += parts_sections(results, methods)
     titles = map(title_of, contents.evaluated)
     galleries = dict(zip(titles, contents.galleries, strict=True))
-    unnamed = [Section(t, [s for s in own if not s.name]) for t, own in galleries.items()]
+    unnamed = [Section(t, [s for s in pictures if not s.name]) for t, pictures in galleries.items()]
     return [
         Section("The answer", answer, "answer"),
         *paper_section(results, methods, paper),
@@ -106,7 +106,7 @@ def _sections(contents: Contents) -> list[Section]:
 
 def _merged(name: str, galleries: Mapping[str, Sequence[Section]]) -> list[Section]:
     """The sections of a name in one; equal blocks appear once."""
-    same = [section for own in galleries.values() for section in own if section.name == name]
+    same = [section for sections in galleries.values() for section in sections if section.name == name]
     blocks = [block for section in same for block in section.blocks]
     once = [block for k, block in enumerate(blocks) if block not in blocks[:k]]
     return [Section(same[0].title, once, name)] if same else []

@@ -128,7 +128,7 @@ class _Tracks:
     def numbers(self) -> dict[str, list[Any]]:
         """Differences of neighbouring rows; the first row's to 0."""
         values = {"track": self.track, "clock": self.clock, "x": self.at[:, 0], "y": self.at[:, 1]}
-        return {name: np.diff(own, prepend=0).tolist() for name, own in values.items()}
+        return {name: np.diff(series, prepend=0).tolist() for name, series in values.items()}
 
 
 class _Stretch:
@@ -151,8 +151,8 @@ class _Stretch:
         self.seen = self._tracks(seen.track_id[order], seen.time_s[order], seen.position[order])
         order = np.lexsort((windows.time_s, windows.track_id))
         self.kept = order[(windows.time_s[order] >= start_s) & (windows.time_s[order] <= end_s)]
-        own = (windows.track_id[self.kept], windows.time_s[self.kept], windows.position[self.kept])
-        self.rows = self._tracks(*own)
+        where = (windows.track_id[self.kept], windows.time_s[self.kept], windows.position[self.kept])
+        self.rows = self._tracks(*where)
         heading = windows.heading_rad[self.kept] + turns * np.pi / 2
         self.heading = np.floor(1e4 * np.angle(np.exp(1j * heading))).astype(int)  # its middle is on no edge
 
@@ -162,7 +162,7 @@ class _Stretch:
             int
         )
         values = {"vx": velocity[:, 0], "vy": velocity[:, 1], "heading": self.heading}
-        return {name: np.diff(own, prepend=0).tolist() for name, own in values.items()}
+        return {name: np.diff(series, prepend=0).tolist() for name, series in values.items()}
 
     def paths(self, shown: list[str]) -> dict[str, list[Any]]:
         """The true path and the point forecasts of some methods, as in `_bends`."""
@@ -172,9 +172,9 @@ class _Stretch:
             for name, path in {"truth": self.windows.truth, **points}.items()
         }
 
-    def modes(self, own: Predictions, settings: ReplaySettings) -> list[dict[str, list[Any]]]:
+    def modes(self, predictions: Predictions, settings: ReplaySettings) -> list[dict[str, list[Any]]]:
         """Weights of the modes of a method, and paths of the rows whose weight is not 0."""
-        weight, paths = own.weight[self.kept, : settings.modes], own.path[self.kept]
+        weight, paths = predictions.weight[self.kept, : settings.modes], predictions.path[self.kept]
         parts = np.where(weight < settings.least_weight, 0, np.rint(weight / WEIGHT)).astype(int)
         likely = parts > 0
         return [
@@ -205,8 +205,8 @@ class _Stretch:
         Others are those detected at the same time, where they are tracked if that is kept.
         """
         windows, rows, seen = self.windows, self.rows, self.seen
-        crowd, (_, same, own) = seen.at.copy(), np.intersect1d(seen.key, rows.key, return_indices=True)
-        crowd[same] = rows.at[own]
+        crowd, (_, same, kept) = seen.at.copy(), np.intersect1d(seen.key, rows.key, return_indices=True)
+        crowd[same] = rows.at[kept]
         order = np.argsort(seen.clock, kind="stable")
         span = [np.searchsorted(seen.clock[order], rows.clock, side) for side in ("left", "right")]
         at, cones, range_m = rows.at / 1000, windows.angular_grid_m.shape[1], windows.max_range_m
