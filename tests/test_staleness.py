@@ -71,6 +71,16 @@ def test_a_network_costs_its_own_trainings_and_evaluations(graph, group):
             assert own.partition("@")[2].partition("-")[0] == name
 
 
+def test_forces_fitted_to_real_people_change_no_simulation_and_no_training(graph):
+    params = read_params(ROOT)
+    fitted = set(params.social_forces) - {row.social_force for row in params.simulations.values()}
+    assert fitted
+    evaluated = {"evaluate_baseline", "evaluate_main", "evaluate_fold"}
+    evaluated |= {"evaluate_main_situations", "evaluate_fold_situations", "validate_simulation"}
+    for name in fitted:
+        assert families(graph, f"social_forces.{name}") <= evaluated | PAGES
+
+
 def test_every_family_belongs_to_one_model_or_to_all(graph):
     assert {family(stage.name) for stage in graph} == ALL
 
