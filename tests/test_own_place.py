@@ -20,8 +20,6 @@ from pedpred.storage.scenes import read_scene
 from tests.conftest import ROOT
 from tests.exported import MIXTURE_ROWS, WIDTHS, widths_of, write_autoencoder, write_network
 
-pytestmark = pytest.mark.usefixtures("quick_pictures")
-
 NETWORKS = ("lstm", "lstm_nogrid")
 METHODS = {"cv", "kalman_cv", *NETWORKS, "mixture", "mixture_small"}
 WIDTHS_OF = ("joint", "head", "channels.state.lstm", "channels.angular.lstm")
