@@ -19,7 +19,7 @@ from pedpred.metrics.paths import displacement, too_close
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.tracking import KalmanSettings
 from tests.forecasts import drawn_predictions, metric_scene, request_about
-from tests.worlds import blocked, empty_map, tracked, walled_scene
+from tests.worlds import empty_map, tracked, walled_scene
 
 SETTINGS = EvaluationSettings(bootstrap=10)
 
@@ -31,25 +31,6 @@ def table_of(scene):
 def walled_request(**given):
     scene = walled_scene(np.random.default_rng(1), detections=60)
     return request_about(scene, table_of(scene), **given)
-
-
-def test_displacement_by_hand():
-    paths, truth = np.zeros((1, 2, 2)), np.array([[[3.0, 4.0], [0.0, 1.0]]])
-    np.testing.assert_allclose(displacement(paths, truth), [[5.0, 1.0]])
-
-
-def test_too_close_by_hand():
-    apart, near, other_time = np.zeros((1, 2)), np.full((1, 2), 0.1), np.zeros((1, 2))
-    paths = np.stack([apart, near, other_time, np.full((1, 2), 5.0)])
-    hits = too_close(paths, np.array([0.0, 0.0, 1.0, 0.0]), 0.2)
-    assert hits.tolist() == [True, True, False, False]
-
-
-def test_inside_obstacle_by_hand():
-    room = blocked(slice(100, None))  # the half at x > 0
-    paths = np.array([[[1.0, 0.0], [-1.0, 0.0], [99.0, 0.0]]])
-    share = METRICS["obstacle_share"].value(Predictions.single(paths, 0.3), paths, metric_scene(1, room))
-    assert share == pytest.approx(1 / 3)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -149,14 +130,6 @@ def test_a_window_without_a_forecast_is_refused():
     nothing = Predictions.single(np.full((3, 2, 2), np.nan), 0.3)
     with pytest.raises(ValueRuleError, match="every window"):
         score(nothing, np.zeros((3, 2, 2)), np.arange(3), metric_scene(3))
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"bootstrap": 0}, {"bootstrap": 10**9}, {"seed": -1}, {"moving_mps": np.nan}]
-)
-def test_settings_outside_their_range_are_refused(wrong):
-    with pytest.raises(ValueRuleError, match=next(iter(wrong))):
-        EvaluationSettings(**wrong)
 
 
 def test_figures_that_are_no_number_are_null():

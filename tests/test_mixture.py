@@ -16,25 +16,7 @@ from pedpred.online import OnlinePredictor
 from tests.exported import MIXTURE_ROWS, TRACKER, forecaster_of, widths_of
 from tests.worlds import walled_scene
 
-FRAMES, PEOPLE = 8, 5
 WIDTHS = widths_of(MIXTURE_ROWS.features)
-
-
-def walkers(rng):
-    """Random walks of some people. [FRAMES, PEOPLE, 2]."""
-    steps = rng.normal(0, 0.2, (FRAMES, PEOPLE, 2)) + rng.normal(0, 0.3, (PEOPLE, 2))
-    return 3 * rng.normal(size=(PEOPLE, 2)) + np.cumsum(steps, axis=0)
-
-
-def last_forecast(folder, paths, ids=None, occupancy=None):
-    """After frames 0.4 s apart."""
-    robot = OnlinePredictor.load(folder)
-    if occupancy is not None:
-        robot.set_map(occupancy)
-    ids = np.arange(paths.shape[1]) if ids is None else ids
-    for k, positions in enumerate(paths):
-        forecast = robot.update(0.4 * k, ids, positions)
-    return forecast
 
 
 @pytest.mark.parametrize("age", [4, 40, 400])

@@ -120,7 +120,7 @@ def test_a_number_is_in_its_range_or_refused_by_its_key(name):
     assert missed == []
 
 
-@pytest.mark.parametrize("name", ["worlds", "sensing", "situations"])
+@pytest.mark.parametrize("name", ["worlds", "sensing", "situations", "clutter", "training"])
 def test_a_range_that_falls_or_is_empty_is_refused_by_its_key(name):
     for path, value in nodes(PARAMS[name]):
         if (
