@@ -118,7 +118,7 @@ def _check_output(path: Path, inputs: list[Path], folder: bool = False) -> None:
 
 
 def _each(action: Callable[[argparse.Namespace], None]) -> Callable[[argparse.Namespace], None]:
-    """Do something for each of several scenes."""
+    """Apply an action to each of several scenes."""
 
     def for_all(given: argparse.Namespace) -> None:
         for number, scene in enumerate(given.scene):
@@ -160,7 +160,7 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.set_defaults(action=action)
     command.add_argument("scene", type=named_path, nargs=scenes, help=_SCENE)
     command.add_argument("--topic", help="of a bag's people, if several topics carry people")
-    grids = "of a bag's map, if it is not called map (default: the one that is no costmap); '': no map"
+    grids = "of a bag's map, if it is not called map (default: the one that is not a costmap); '': no map"
     command.add_argument("--map-topic", help=grids)
     kinds = "class of people among a bag's detections (default: person, people, pedestrian or human); "
     command.add_argument(
