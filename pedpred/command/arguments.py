@@ -207,9 +207,9 @@ def _conditions(command: argparse.ArgumentParser) -> None:
         "measure as the literature on ETH and UCY does: 8 annotations 0.4 s apart are seen, 12 are forecast"
     )
     command.add_argument("--protocol", choices=[PROTOCOL], help=usual)
-    command.add_argument("--alone", action="store_true", help="everybody alone, without the other people")
+    command.add_argument("--alone", action="store_true", help="forecast each person without the other people")
     theirs = (
-        "measure somebody else's forecasts too: a table (.csv, .parquet) with track, time, mode, weight, "
+        "also measure forecasts of other programs: a table (.csv, .parquet) with track, time, mode, weight, "
     )
     theirs += "step, x, y, or the .ndjson predictions of TrajNet++; may be repeated"
     command.add_argument(
