@@ -106,12 +106,12 @@ class Store:
         about = self.make("nav_msgs/msg/MapMetaData", map_load_time=header.stamp, **sizes)
         return self.make("nav_msgs/msg/OccupancyGrid", header=header, info=about, data=data)
 
-    def write(self, path, messages, storage=rosbag2.StoragePlugin.SQLITE3):
-        """Write (topic, type, message) tuples in order of time."""
+    def write(self, path, messages, storage=rosbag2.StoragePlugin.SQLITE3, times_s=None):
+        """Write (topic, type, message) tuples in order of time; without times, a nanosecond apart."""
         ros2 = {"version": 9, "storage_plugin": storage}
-        self.fill(rosbag1.Writer(path) if self.ros1 else rosbag2.Writer(path, **ros2), messages)
+        self.fill(rosbag1.Writer(path) if self.ros1 else rosbag2.Writer(path, **ros2), messages, times_s)
 
-    def fill(self, writer, messages):
+    def fill(self, writer, messages, times_s=None):
         """Write into a new bag."""
         serialise = self.types.serialize_ros1 if self.ros1 else self.types.serialize_cdr
         with writer:
@@ -119,7 +119,8 @@ class Store:
             for count, (topic, kind, message) in enumerate(messages):
                 if topic not in known:
                     known[topic] = writer.add_connection(topic, kind, typestore=self.types)
-                writer.write(known[topic], count, serialise(message, kind))
+                time_ns = count if times_s is None else round(times_s[count] * 1e9)
+                writer.write(known[topic], time_ns, serialise(message, kind))
 
 
 @pytest.fixture(scope="module")
