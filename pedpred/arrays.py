@@ -34,7 +34,7 @@ def real_numbers(field: str, value: Any, kinds: str = _REAL) -> np.ndarray:
         kinds: of numpy's types (`numpy.dtype.kind`) that are allowed.
 
     Raises:
-        ValueRuleError: it is no array of real numbers, or some are masked.
+        ValueRuleError: it is not an array of real numbers, or some are masked.
     """
     if type(value) is np.ndarray and value.dtype.kind in kinds:
         return value

@@ -77,7 +77,7 @@ def parsed_each(kind: type, plain: Any, path: str = "") -> dict[str, Any]:
     """Make dataclasses from a dictionary whose names are free and whose entries are dictionaries of fields.
 
     Raises:
-        ValueRuleError: it is no dictionary, or an entry breaks a rule of `parsed`.
+        ValueRuleError: it is not a dictionary, or an entry breaks a rule of `parsed`.
     """
     check_mapping(path, plain)
     return {name: parsed(kind, own, field_path(path, name)) for name, own in plain.items()}
@@ -97,7 +97,7 @@ def check_names(known: Collection[str], plain: Any, path: str, rule: str) -> Non
     """Check that a dictionary has no other names than those known.
 
     Raises:
-        ValueRuleError: it has, or it is no dictionary; the rule ends the message.
+        ValueRuleError: it has, or it is not a dictionary; the rule ends the message.
     """
     if not isinstance(plain, Mapping):
         raise ValueRuleError(path, plain, rule)

@@ -91,11 +91,11 @@ def read_lines(path: Path, encoding: str = "utf-8-sig", errors: str = "strict") 
     Args:
         path: the file.
         encoding: of the text.
-        errors: name of the handler of bytes that are no text in this encoding, see `codecs.register_error`.
+        errors: name of the handler of bytes that are not text in this encoding, see `codecs.register_error`.
 
     Raises:
         OSError: the file cannot be read.
-        UnicodeError: it is no text in this encoding.
+        UnicodeError: it is not text in this encoding.
         ShapeError: a line is too long for a text file.
     """
     with path.open(encoding=encoding, errors=errors) as file:
@@ -117,7 +117,7 @@ def read_json(path: Path, wording: Wording) -> dict[str, Any]:
         wording: of the error, see `translate_errors`.
 
     Raises:
-        FileError: the file is missing, too large or no JSON, or its content is no object.
+        FileError: the file is missing, too large or no JSON, or its content is not an object.
     """
     with translate_errors(wording):
         return _mapping(parse_json(read_bytes(path, _LARGEST_JSON_BYTES)))

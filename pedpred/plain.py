@@ -17,7 +17,7 @@ def parse_json(raw: bytes | str) -> Any:
     """Parse JSON in the strict sense: no NaN or Infinity, no key twice.
 
     Raises:
-        ValueError: it is no such JSON.
+        ValueError: it is not such JSON.
         RecursionError: it is nested too deeply.
     """
     text = raw if isinstance(raw, str) else raw.decode(json.detect_encoding(raw))
@@ -25,7 +25,7 @@ def parse_json(raw: bytes | str) -> Any:
 
 
 def _no_number(name: str) -> None:
-    raise ValueError(f"{name} is no number")
+    raise ValueError(f"{name} is not a number")
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def parse_yaml(raw: bytes | str) -> Any:
     """Parse YAML, safe subset, that expands to some ten thousand values at most, and has no key twice.
 
     Raises:
-        yaml.YAMLError: it is no such YAML.
+        yaml.YAMLError: it is not such YAML.
         ValueError: it is or stands for too much, or a value is none of its type.
     """
     loader = _BoundedLoader(raw)

@@ -25,11 +25,11 @@ from pedpred.report.page.player import ReplaySettings
 from pedpred.report.rows import (
     FoldRow,
     OnlineRows,
+    PageRows,
     PlaceRow,
     PublishedRows,
     RecordingRows,
     Reference,
-    ReplayRows,
 )
 from pedpred.scenes import VARIANTS
 from pedpred.sequences import SequenceSets
@@ -206,7 +206,7 @@ def _report(cfg: Params) -> None:
     with configured("report.paper"):
         Paper.parse(part(cfg, "report", "paper"))
     with configured("report.page"):
-        rows, shown = parsed_together([ReplayRows, ReplaySettings], part(cfg, "report", "page"))
+        rows, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
     _names("report.page.replays", rows.replays, cfg["folds"])
     _names("report.page.methods", shown.methods, _keys(cfg))
 

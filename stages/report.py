@@ -6,7 +6,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import configured, part, plain, stage
-from pedpred.fields import parsed
+from pedpred.fields import parsed_together
 from pedpred.files import write_text
 from pedpred.report.ablation import ablation_sections
 from pedpred.report.canvas import write_png
@@ -21,6 +21,7 @@ from pedpred.report.methods import Methods
 from pedpred.report.page.build import Contents, render_page
 from pedpred.report.page.player import Replay, ReplaySettings, replay
 from pedpred.report.places import places_section
+from pedpred.report.rows import PageRows
 from pedpred.report.simulation_page import flow_section
 
 PAGES = ("sim", "real")
@@ -44,13 +45,11 @@ def write_study(evaluated: Evaluated, text: Section, methods: Methods, out: Path
         write_text(out / "horizon" / evaluated.study / f"{result.name}.tsv", table)
 
 
-def replays_of(cfg: DictConfig, evaluated: Mapping[str, Evaluated], methods: Methods) -> list[Replay]:
+def replays_of(
+    rows: PageRows, shown: ReplaySettings, evaluated: Mapping[str, Evaluated], methods: Methods
+) -> list[Replay]:
     """Choose what the page replays: scenes that were tested."""
-    settings = part(cfg, "report", "page")
-    chosen = settings.pop("replays")
-    with configured("report.page"):
-        shown = parsed(ReplaySettings, settings)
-    named = [(evaluated[study], name) for study in chosen if study in evaluated for name in chosen[study]]
+    named = [(evaluated[s], name) for s, names in rows.replays.items() if s in evaluated for name in names]
     tested = [(own.scene(name), own.windows[name]) for own, name in named if name in own.windows]
     return [replay(*one, shown, methods) for one in tested]
 
@@ -68,6 +67,8 @@ def main(cfg: DictConfig) -> None:
     out, figures = Path(cfg.get("out", "reports")), metrics_now(Path("reports/metrics"))
     methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
     paper = Paper.parse(part(cfg, "report", "paper"))
+    with configured("report.page"):
+        page, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
     studies = {name: plain(folds) for name, folds in cfg.folds.items()}
     evaluated = {study: gather(study, folds) for study, folds in studies.items()}
     pages = {study: evaluated[study] for study in PAGES if study in evaluated}
@@ -86,9 +87,10 @@ def main(cfg: DictConfig) -> None:
     contents = Contents(
         list(pages.values()),
         list(galleries.values()),
-        replays_of(cfg, evaluated, methods),
+        replays_of(page, shown, evaluated, methods),
         methods,
         paper,
+        page.avif_speed,
         [Section("Ablations", ablations), flow_section(figures["walking"]["corridor_flow"])],
         figures.get("literature", {}),
         plain(cfg.report)["published"],

@@ -67,15 +67,6 @@ def narrow_lstm():
         pytest.skip(f"no bfloat16 LSTM here: {reason}")
 
 
-@pytest.fixture(scope="module")
-def quick_pictures():
-    """Pages hold larger pictures, in a tenth of the time; `test_report.py` has one as it is published."""
-    from tests.pictures import quick_avif
-
-    with quick_avif():
-        yield
-
-
 @pytest.fixture(scope="session")
 def browser():
     """A headless Chromium of this machine."""

@@ -56,12 +56,10 @@ import importlib, json, sys
 from pathlib import Path
 from omegaconf import OmegaConf
 from pedpred.config import composed
-from tests.pictures import quick_avif
 overrides, runs = json.loads(sys.argv[1])
 common = OmegaConf.create(composed(Path("conf"), overrides))
-with quick_avif():
-    for stage, arguments in runs:
-        importlib.import_module(f"stages.{stage}").main.__wrapped__(OmegaConf.merge(common, arguments))
+for stage, arguments in runs:
+    importlib.import_module(f"stages.{stage}").main.__wrapped__(OmegaConf.merge(common, arguments))
 """
 ROBOT = """
 from pathlib import Path

@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.datasets import LaneBatch
-from pedpred.errors import ValueRuleError
 from pedpred.models.lstm.augmentation import Augmentation, augment, look_up
 from tests.exported import rows_of
 
@@ -115,18 +114,3 @@ def test_lanes_shared_among_processes_vary_as_they_would_together():
     for name, values in whole.items():
         assert torch.equal(torch.cat([inputs[name] for inputs, _ in halves]), values)
     assert torch.equal(torch.cat([future for _, future in halves]), target)
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("map_swap", 1.5),
-        ("neighbour_dropout", -0.1),
-        ("map_dropout", float("nan")),
-        ("velocity_noise_mps", -1.0),
-        ("speed_scale", (1.2, 0.8)),
-    ],
-)
-def test_an_impossible_augmentation_is_named(field, value):
-    with pytest.raises(ValueRuleError, match=field):
-        Augmentation(**{field: value})

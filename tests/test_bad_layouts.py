@@ -170,10 +170,6 @@ def test_as_many_people_as_find_room_are_admitted_and_start():
         ({"drawn": ["attic"]}, "drawn = 'attic', but there is no such layout"),
         ({"drawn": ["columns", "columns"]}, "the names of rooms must differ"),
         ({"drawn": []}, "name a layout"),
-        ({"generated": -1}, "generated = -1"),
-        ({"seed": 0.5}, "seed = 0.5"),
-        ({"pedestrians": 0}, "pedestrians = 0"),
-        ({"hours": 0.0}, "hours = 0.0"),
     ],
 )
 def test_a_data_set_that_cannot_be_simulated_is_named(scene, message):

@@ -6,7 +6,6 @@ from contextlib import closing
 import numpy as np
 import pytest
 from mcap.writer import Writer
-from rosbags.typesys import Stores, get_typestore
 
 from pedpred.command.conversion import read_any
 from pedpred.errors import SourceError
@@ -16,7 +15,6 @@ from pedpred.ros.message_types import known_editions
 from tests.test_bags import Store, check, stream
 
 PEOPLE = "people_msgs/msg/People"
-ROS1_TYPES = get_typestore(Stores.ROS1_NOETIC)
 
 
 class Filled(Store):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_types_from_msg
 from scipy.spatial.transform import Rotation
 
@@ -86,14 +85,7 @@ def messages(store, frame="base_link", seen=from_robot, tf_s=None, localised=Fal
 
 
 def write(store, path, found):
-    writer = rosbag1.Writer(path) if store.ros1 else rosbag2.Writer(path, version=9)
-    serialise = store.types.serialize_ros1 if store.ros1 else store.types.serialize_cdr
-    with writer:
-        known = {}
-        for time_s, topic, kind, message in found:
-            if topic not in known:
-                known[topic] = writer.add_connection(topic, kind, typestore=store.types)
-            writer.write(known[topic], round(time_s * 1e9), serialise(message, kind))
+    store.write(path, [message for _, *message in found], times_s=[time_s for time_s, *_ in found])
     return path
 
 

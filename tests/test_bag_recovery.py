@@ -205,16 +205,6 @@ def test_a_file_that_would_fill_the_disk_is_refused(tmp_path, monkeypatch):
         read_bag(path)
 
 
-def test_messages_that_are_compressed_one_by_one_are_unpacked(tmp_path):
-    """Also where no metadata.yaml says so."""
-    store = Store(Stores.ROS2_HUMBLE)
-    writer = rosbag2.Writer(tmp_path / "hall", version=9, storage_plugin=SQLITE)
-    writer.set_compression(rosbag2.CompressionMode.MESSAGE, rosbag2.CompressionFormat.ZSTD)
-    store.fill(writer, people(store))
-    assert walked(read_bag(tmp_path / "hall")) == COUNT
-    assert walked(read_bag(tmp_path / "hall" / "hall.db3")) == COUNT
-
-
 def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
     """As with rosbag2's preset `resilient`."""
     whole, path = write("db3", tmp_path), tmp_path / "killed.db3"

@@ -74,7 +74,7 @@ def test_a_map_changes_forecasts_and_may_be_a_path(tmp_path, forecasts):
             SourceError,
             "rate",
         ),
-        (lambda t: t.assign(x=100 * t.x, y=100 * t.y), SourceError, "nobody walks so fast"),
+        (lambda t: t.assign(x=100 * t.x, y=100 * t.y), SourceError, "faster than people walk"),
         (lambda t: t.assign(time=1000 * t.time), SourceError, "looks like milliseconds"),
         (lambda t: t.assign(x=13 + 1e-7 * t.x, y=52 + 1e-7 * t.y), SourceError, "look like degrees"),
     ],

@@ -3,8 +3,6 @@
 import json
 import re
 import shutil
-import subprocess
-import sys
 
 import pytest
 import yaml
@@ -106,13 +104,6 @@ def test_filling_twice_changes_nothing():
 
 
 # Style
-
-
-def test_the_pages_pass_the_style_check():
-    done = subprocess.run(
-        [sys.executable, "-m", "tools.prose"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout
 
 
 def test_a_quaint_phrase_and_a_long_page_are_found_and_code_is_not_searched():

@@ -65,7 +65,7 @@ def test_drives_of_other_settings_are_not_added(tmp_path):
     with pytest.raises(SystemExit, match="another recording, map, robot"):
         driven(tmp_path / "table.csv", *options, "--seed", "1")
     (tmp_path / "table.csv").write_text("place,robot\nhere,there\n")
-    with pytest.raises(SystemExit, match="line 2 is no row"):
+    with pytest.raises(SystemExit, match="line 2 is not a row"):
         driven(tmp_path / "table.csv", *options)
 
 

@@ -1,18 +1,18 @@
 """The stage that drives, and what the report makes of it: the same bytes, and what is shown."""
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+from omegaconf import OmegaConf
 
+from pedpred import config
 from pedpred.driving.figures import figures_of
 from pedpred.driving.measures import Measures
 from pedpred.driving.shown import choose_episodes
-from pedpred.driving.table import Condition, Row, read_table
+from pedpred.driving.table import Condition, Row, read_table, write_table
 from pedpred.driving.trials import TrialPlace, TrialSettings, drive_block, write_trial
 from pedpred.errors import ValueRuleError
 from pedpred.files import read_json
@@ -21,6 +21,7 @@ from pedpred.report.drives import LABELS, answer, drives_section, read_shown
 from pedpred.ros import read_recording
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import write_scene
+from stages import drive
 from tests.conftest import ROOT
 
 DEFAULT = (ROOT / "models/online/default").as_posix()
@@ -28,10 +29,8 @@ PLACE = TrialPlace("", "square", "react", DEFAULT, DEFAULT)
 SETTINGS = TrialSettings(2, (0.05, 0.3), ("kalman", "modes"), 0, {"square": PLACE})
 
 
-def written(rows, folder, settings=SETTINGS):
-    """Bytes of all files of a trial, by name."""
+def write(rows, folder, settings=SETTINGS):
     write_trial(settings, "square", rows, folder / "drives", folder / "square.json")
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
 @pytest.fixture(scope="module")
@@ -40,14 +39,20 @@ def rows():
 
 
 def test_a_table_does_not_depend_on_how_its_episodes_are_dealt_out(rows, tmp_path):
-    dealt = [row for number in (1, 0) for row in drive_block(SETTINGS, "square", [number])]
-    assert written(rows, tmp_path / "one") == written(dealt, tmp_path / "other")
+    """Nor on what else is driven: here with one of the risks alone."""
+    few = replace(SETTINGS, risks=SETTINGS.risks[1:])
+    dealt = [row for number in (1, 0) for row in drive_block(few, "square", [number])]
+    same = [row for row in rows if row.condition in PLACE.models().conditions(few.methods, few.risks)]
+    write_table(tmp_path / "same.csv", same)
+    write_table(tmp_path / "dealt.csv", dealt)
+    assert (tmp_path / "same.csv").read_bytes() == (tmp_path / "dealt.csv").read_bytes()
+    assert figures_of(same) == figures_of(dealt)
     assert {row.condition for row in rows} == set(PLACE.models().conditions(SETTINGS.methods, SETTINGS.risks))
     assert [number for block in replace(SETTINGS, episodes=9).blocks() for number in block] == list(range(9))
 
 
 def test_a_page_shows_curves_figures_and_episodes(rows, tmp_path):
-    written(rows, tmp_path)
+    write(rows, tmp_path)
     shown = read_shown(tmp_path / "drives")
     assert {one.kind for one in shown} == {"helps", "hinders"}
     figures = read_json(tmp_path / "square.json", ValueError)
@@ -69,13 +74,14 @@ def test_a_page_shows_curves_figures_and_episodes(rows, tmp_path):
     assert np.hypot(*np.diff(robot, axis=0).T).max() < 0.15  # m within 0.1 s
 
 
-def test_the_stage_at_the_smallest_scale_writes_table_and_figures(tmp_path):
+def test_the_stage_at_the_smallest_scale_writes_table_and_figures(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PEDPRED_JOBS", "1")
     for name in ("simulation_mixture", "simulation"):
         (tmp_path / "models/online").mkdir(parents=True, exist_ok=True)
         (tmp_path / "models/online" / name).symlink_to(DEFAULT)
-    command = [sys.executable, "-m", "stages.drive", "scale=smoke", "+name=square"]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PEDPRED_JOBS": "1"}
-    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    cfg = yaml.safe_load(config.composed(ROOT / "conf", ["scale=smoke"]))
+    drive.main.__wrapped__(OmegaConf.create(cfg | {"name": "square"}))
     driven = read_table(tmp_path / "data/drives/square/table.csv")
     methods = {row.condition.method for row in driven}
     assert methods == {"kalman", "modes", "true_future", "lstm"}
@@ -90,7 +96,7 @@ def test_a_missing_recording_leaves_an_empty_table(tmp_path):
     place = replace(PLACE, world="none", input=str(tmp_path / "scene"))
     missing = replace(SETTINGS, places={"square": place})
     assert drive_block(missing, "square", range(2)) == []
-    written([], tmp_path, missing)
+    write([], tmp_path, missing)
     assert read_json(tmp_path / "square.json", ValueError) == {}
     assert read_shown(tmp_path / "drives") == []
 

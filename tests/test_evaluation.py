@@ -1,6 +1,5 @@
 """Measures: hand-computed values, and no dependence on order or batch."""
 
-import dataclasses
 import json
 
 import numpy as np
@@ -9,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.baselines.registry import BASELINES, baseline
-from pedpred.baselines.together import present_at
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, score, summarise_methods
 from pedpred.evaluation.compare import compare
@@ -21,7 +19,7 @@ from pedpred.metrics.paths import displacement, too_close
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.tracking import KalmanSettings
 from tests.forecasts import drawn_predictions, metric_scene, request_about
-from tests.worlds import blocked, empty_map, tracked, walled_scene
+from tests.worlds import empty_map, tracked, walled_scene
 
 SETTINGS = EvaluationSettings(bootstrap=10)
 
@@ -35,25 +33,6 @@ def walled_request(**given):
     return request_about(scene, table_of(scene), **given)
 
 
-def test_displacement_by_hand():
-    paths, truth = np.zeros((1, 2, 2)), np.array([[[3.0, 4.0], [0.0, 1.0]]])
-    np.testing.assert_allclose(displacement(paths, truth), [[5.0, 1.0]])
-
-
-def test_too_close_by_hand():
-    apart, near, other_time = np.zeros((1, 2)), np.full((1, 2), 0.1), np.zeros((1, 2))
-    paths = np.stack([apart, near, other_time, np.full((1, 2), 5.0)])
-    hits = too_close(paths, np.array([0.0, 0.0, 1.0, 0.0]), 0.2)
-    assert hits.tolist() == [True, True, False, False]
-
-
-def test_inside_obstacle_by_hand():
-    room = blocked(slice(100, None))  # the half at x > 0
-    paths = np.array([[[1.0, 0.0], [-1.0, 0.0], [99.0, 0.0]]])
-    share = METRICS["obstacle_share"].value(Predictions.single(paths, 0.3), paths, metric_scene(1, room))
-    assert share == pytest.approx(1 / 3)
-
-
 @given(st.integers(0, 2**32 - 1))
 def test_too_close_is_symmetric_and_counts_every_step_of_an_instant(seed):
     rng = np.random.default_rng(seed)
@@ -61,15 +40,6 @@ def test_too_close_is_symmetric_and_counts_every_step_of_an_instant(seed):
     gap = displacement(paths[:, None], paths).min(axis=-1)
     near = (gap < 0.5) & (time_s[:, None] == time_s) & ~np.eye(20, dtype=bool)
     np.testing.assert_array_equal(too_close(paths, time_s, 0.5), near.any(axis=1))
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_order_does_not_matter(seed):
-    rng = np.random.default_rng(seed)
-    paths, time_s = rng.normal(size=(20, 3, 2)), rng.integers(0, 4, 20).astype(float)
-    order = rng.permutation(20)
-    found, other = too_close(paths, time_s, 0.5), too_close(paths[order], time_s[order], 0.5)
-    np.testing.assert_array_equal(found[order], other)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -162,25 +132,6 @@ def test_a_window_without_a_forecast_is_refused():
         score(nothing, np.zeros((3, 2, 2)), np.arange(3), metric_scene(3))
 
 
-def test_everybody_at_a_window_moves_along_once():
-    request = walled_request()
-    people, answers = present_at(request)
-    keys = list(zip(people.track_id, people.time_s, strict=True))
-    assert len(keys) == len(set(keys))
-    asked = request.asked
-    assert set(asked.time_s) == set(people.time_s)
-    for name in ("track_id", "time_s", "position"):
-        np.testing.assert_array_equal(getattr(people, name)[answers], getattr(asked, name))
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"bootstrap": 0}, {"bootstrap": 10**9}, {"seed": -1}, {"moving_mps": np.nan}]
-)
-def test_settings_outside_their_range_are_refused(wrong):
-    with pytest.raises(ValueRuleError, match=next(iter(wrong))):
-        EvaluationSettings(**wrong)
-
-
 def test_figures_that_are_no_number_are_null():
     """One replicate may draw no track that has a value; JSON has no NaN."""
     values = np.array([1.0, *[np.nan] * 9])
@@ -200,11 +151,3 @@ def test_unknown_baselines_and_settings_are_named():
 def test_a_method_that_needs_a_model_of_walking_says_so():
     with pytest.raises(ValueRuleError, match="social_force"):
         BASELINES["social_force"]()(walled_request())
-
-
-def test_a_scene_without_windows_says_so():
-    scene = walled_scene(np.random.default_rng(1))
-    table = table_of(scene)
-    table = dataclasses.replace(table, step=0 * table.step)
-    with pytest.raises(ValueRuleError, match="nobody in walled is detected 4 times and 3 s longer"):
-        compare(request_about(scene, table), {}, SETTINGS)

@@ -20,7 +20,7 @@ from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.tracking import KalmanSettings, follow, resampled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 from tests.exported import LSTM_ROWS
-from tests.worlds import blocked, empty_map, recorded, tracked, walled_scene
+from tests.worlds import empty_map, recorded, tracked, walled_scene
 
 PROTOCOL, FEATURES = LSTM_ROWS.protocol, LSTM_ROWS.features
 KALMAN = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
@@ -144,18 +144,6 @@ def test_velocities_targets_and_neighbours_do_not_see_the_world_frame(seed, turn
     assert grids.mean() > 0.999  # a neighbour on the edge of a cone may fall to either side
 
 
-def test_crop_turns_with_the_map():
-    """Map and pedestrian turned together by a right angle: the same crop."""
-    rng = np.random.default_rng(0)
-    occupied = rng.random((81, 81)) < 0.3
-    room = OccupancyMap(occupied, np.array([-4.05, -4.05]), 0.1)
-    turned = OccupancyMap(occupied[:, ::-1].T, np.array([-4.05, -4.05]), 0.1)  # (x, y) -> (-y, x)
-    here = np.array([[0.3, -0.7]])
-    a = occupancy_crops(room, here, np.array([0.4]), 60, 0.1)
-    b = occupancy_crops(turned, rotate(here, np.pi / 2), np.array([0.4 + np.pi / 2]), 60, 0.1)
-    assert (unpack_crops(a, 60) == unpack_crops(b, 60)).mean() > 0.999
-
-
 def slow_crop(room, position, heading, cells, resolution_m):
     """The definition, cell by cell, in the same floating-point steps as the compiled loop."""
     scale = 1.0 / room.resolution_m
@@ -195,15 +183,6 @@ def test_crop_equals_a_look_up_of_every_cell_centre(heading, position, size, res
     inside = np.abs((points - room.origin) / resolution_m % 1.0 - 0.5).max(axis=-1) < 0.5 - 1e-6
     found = unpack_crops(crop, cells)[0]
     np.testing.assert_array_equal(found[inside], room.is_occupied(points)[inside])  # on an edge, either side
-
-
-def test_an_obstacle_ahead_and_to_the_left_is_there_in_the_crop():
-    room = blocked(tuple(empty_map().cell_of(np.array([-1.0, 2.0]))))
-    # Looking along world y: the cell is 2 m ahead and 1 m to the left.
-    crop = unpack_crops(occupancy_crops(room, np.array([[0.0, 0.0]]), np.array([np.pi / 2]), 60, 0.1), 60)[0]
-    (i,), (j,) = np.nonzero(crop)
-    assert abs((i + 0.5 - 30) * 0.1 - 2.0) < 0.11
-    assert abs((j + 0.5 - 30) * 0.1 - 1.0) < 0.11
 
 
 def apg(position, heading, crowd, cells=72):

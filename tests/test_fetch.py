@@ -298,7 +298,7 @@ def named(name, **changed):
 )
 def test_unsafe_members_are_refused(target, tmp_path, member):
     archive = write_archive(tmp_path / "a.tgz", [(member, b"")])
-    with pytest.raises(FetchError, match="no plain file inside the archive"):
+    with pytest.raises(FetchError, match="not a plain file inside the archive"):
         fetch(target, archives=[archive])
     assert not list(tmp_path.rglob("H.txt"))
 

@@ -136,7 +136,7 @@ def test_the_rate_is_asked_for_where_no_file_says_it(tmp_path):
         ("UPDATE trajectory_data SET id = 1", "must be unique"),
         ("DELETE FROM trajectory_data", "trajectory_data is empty"),
         ("UPDATE metadata SET value = 'fast' WHERE key = 'fps'", "could not convert string to float: 'fast'"),
-        ("UPDATE metadata SET value = '0' WHERE key = 'fps'", "fps = 0 is no rate"),
+        ("UPDATE metadata SET value = '0' WHERE key = 'fps'", "fps = 0 is not a rate"),
         ("DROP TABLE trajectory_data; CREATE VIEW trajectory_data AS SELECT 1 AS frame", "without a table"),
     ],
 )
@@ -206,7 +206,7 @@ def test_pixels_need_their_size_and_nothing_else_has_one(tmp_path):
     with pytest.raises(SourceError, match=r"pixels.*--scale 0\.03"):
         read_file(write_stanford(tmp_path))
     with pytest.raises(
-        ValueRuleError, match=r"--scale = 0\.1, but .*SUMO FCD, whose positions are no pixels"
+        ValueRuleError, match=r"--scale = 0\.1, but .*SUMO FCD, whose positions are not pixels"
     ):
         read_file(write_sumo(tmp_path), TableOptions(pixel_m=0.1))
     with pytest.raises(ValueRuleError, match=r"--unit = 'cm', but .*ATC.*whose unit is known"):

@@ -68,7 +68,7 @@ def predicted(scenes, fps, path):
 
 @pytest.mark.parametrize("fps", [0, -1, 1e-320, 1e308, float("inf"), float("nan")])
 def test_a_rate_that_no_camera_has_is_refused(fps, tmp_path):
-    rule = "fps of the scenes" if np.isfinite(fps) else "them.ndjson, line 1: .* is no number"
+    rule = "fps of the scenes" if np.isfinite(fps) else "them.ndjson, line 1: .* is not a number"
     with pytest.raises(SourceError, match=rule):
         read_forecasts(predicted(1, fps, tmp_path / "them.ndjson"), None)
 

@@ -197,11 +197,6 @@ def test_an_open_end_away_from_the_outline_is_refused(folder, edge):
         read_laboratory(folder, "mine", SETTINGS | {"open_ends": [edge]})
 
 
-def test_a_huge_map_is_refused(folder):
-    with refused(folder, "hall.xml", None, r"map size \[m\].*at most 16777216 cells"):
-        read_laboratory(folder, "mine", SETTINGS | {"resolution_m": 1e-3})
-
-
 @given(
     st.lists(st.floats(0.5, 5.0), min_size=3, max_size=9),
     st.floats(0, 6.3),

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from pedpred.geometry import rotate
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import OccupancyMap
-from tests.test_mixture import last_forecast
 
 FRAMES, STANDING, WALKING = 6, 3, 2
 
@@ -16,6 +15,15 @@ def people(rng):
     """Some stand exactly still, others walk. [FRAMES, STANDING + WALKING, 2]."""
     velocity = np.concatenate([np.zeros((STANDING, 2)), rng.normal(0, 0.4, (WALKING, 2))])
     return rng.normal(0, 2, (STANDING + WALKING, 2)) + np.arange(FRAMES)[:, None, None] * velocity
+
+
+def last_forecast(folder, paths, occupancy):
+    """After frames 0.4 s apart."""
+    robot = OnlinePredictor.load(folder)
+    robot.set_map(occupancy)
+    for k, positions in enumerate(paths):
+        forecast = robot.update(0.4 * k, np.arange(len(positions)), positions)
+    return forecast
 
 
 @settings(max_examples=15, deadline=None)

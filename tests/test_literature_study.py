@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
+from pedpred.command import field_protocol
 from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.evaluation import MetricSettings
 from pedpred.literature.measures import BEST_ADE, mean_scores, measure
 from pedpred.literature.mixing import RecordingShare
 from pedpred.literature.samples import covering_paths
-from pedpred.literature.settings import WindowSettings
 from pedpred.literature.windows import find_windows, protocol_of, training_rows
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.report.literature import SCENES, literature_section
@@ -26,14 +26,14 @@ from stages.literature import comparison_of
 from tests.conftest import ROOT, raw_folder
 from tests.worlds import empty_map
 
-PROTOCOL = WindowSettings(observed_steps=8, predicted_steps=12, step_s=0.4)
 BANK = KalmanBank.around(
     KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initial_speed_mps=1.0)
 )
 FEATURES = MixtureFeatures()
-READER = {"frame_rate_hz": 25.0, "annotation_frames": 10, "resolution_m": 0.1, "margin_m": 1.0}
 ASIDE = np.array([3.0, -2.0])
 PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
+COMPARISON = comparison_of(PARAMS)
+PROTOCOL = COMPARISON.protocol
 
 
 def crowd(seed=0, people=6, ticks=40):
@@ -113,7 +113,7 @@ def test_people_beside_are_seen():
 )
 def test_constant_velocity_has_the_errors_of_the_field_and_of_a_few_lines(scene, windows, ade_m, fde_m):
     folder, errors, ours = raw_folder("eth_ucy"), [], []
-    for name in comparison_of(PARAMS).scenes[scene]:
+    for name in COMPARISON.scenes[scene]:
         frame, track, *position = np.loadtxt(folder / f"{name}.txt").T
         position = np.stack(position, axis=-1)
         for one in np.unique(track):
@@ -124,7 +124,9 @@ def test_constant_velocity_has_the_errors_of_the_field_and_of_a_few_lines(scene,
                     path = position[rows[k : k + 20]]
                     going = path[7] + np.outer(np.arange(1, 13), path[7] - path[6])
                     errors.append(np.hypot(*(going - path[8:]).T))
-        own = find_windows(read_text(folder, name, {**READER, "recording": name}), PROTOCOL, BANK, 0.2)
+        own = find_windows(
+            read_text(folder, name, {**COMPARISON.reader, "recording": name}), PROTOCOL, BANK, 0.2
+        )
         ours.append(np.linalg.norm(PRESENT_MOTION["cv"]()(own.request).point - own.truth, axis=-1))
     ours, errors = np.concatenate(ours), np.array(errors)
     assert len(ours) == len(errors) == windows
@@ -179,6 +181,10 @@ def test_what_is_measured():
     np.testing.assert_allclose(both.values["ade_m"], scores.values["ade_m"] + 0.5)
 
 
+def test_the_command_measures_the_windows_of_the_pipeline():
+    assert (COMPARISON.protocol, COMPARISON.samples) == (field_protocol.WINDOWS, field_protocol.SAMPLES)
+
+
 def test_shares_follow_the_root_of_the_sizes():
     shares = RecordingShare(real_share=0.6).mixed({"room": 3.0, "square": 1.0}, {"eth": 100, "univ": 10000})
     assert shares == pytest.approx({"room": 0.3, "square": 0.1, "eth": 0.6 / 11, "univ": 6 / 11})
@@ -186,8 +192,7 @@ def test_shares_follow_the_root_of_the_sizes():
 
 
 def test_no_fold_trains_on_what_it_tests():
-    comparison = comparison_of(PARAMS)
-    published = [fold.test for name, fold in comparison.folds.items() if name in comparison.scenes]
+    published = [fold.test for name, fold in COMPARISON.folds.items() if name in COMPARISON.scenes]
     assert published == [(scene,) for scene in SCENES]
     given = dict(PARAMS["literature"])
     for change in ({"train": ["biwi_eth"]}, {"train": ["biwi"]}, {"test": ["zara9"]}):

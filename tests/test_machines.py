@@ -14,7 +14,6 @@ from pedpred.errors import OutputError, user_errors
 from pedpred.files import atomic_write, nameless, write_text
 from tests.conftest import ROOT
 from tests.trust.readers import READERS
-from tests.trust.trial import LOST, judged
 
 SCENE = ROOT / "examples/crossing"
 NAMESPACE = ["unshare", "--mount", *([] if os.geteuid() == 0 else ["--map-root-user"])]
@@ -165,29 +164,6 @@ def test_scratch_data_go_elsewhere_where_nothing_may_be_written(tmp_path, monkey
     with nameless() as scratch:
         assert scratch.write(b"row") == 3
     assert not list(tmp_path.iterdir())
-
-
-# After a power cut the system may keep a name without all of the content
-
-CUTS = {
-    "empty": lambda raw: b"",
-    "zeros": lambda raw: bytes(len(raw)),
-    "cut": lambda raw: raw[: len(raw) // 2],
-    "cut, then zeros": lambda raw: raw[: len(raw) // 2] + bytes(len(raw) - len(raw) // 2),
-}
-
-
-@pytest.mark.parametrize("name", READERS)
-def test_a_file_after_a_power_cut_is_read_right_or_refused_by_name(name, tmp_path):
-    reader = READERS[name]
-    reader.make(tmp_path)
-    for file in reader.files:
-        whole = (tmp_path / file).read_bytes()
-        for kind, cut in CUTS.items():
-            (tmp_path / file).write_bytes(cut(whole))
-            outcome, why = judged(reader, tmp_path)
-            assert outcome != LOST, f"{file}, {kind}: {why}"
-        (tmp_path / file).write_bytes(whole)
 
 
 # Without a git history

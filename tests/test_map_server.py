@@ -355,11 +355,8 @@ def test_a_quarter_turn_keeps_the_cells_of_a_map(tmp_path):
     ("changed", "message"),
     [
         ({"origin": [0, 0, math.inf]}, "yaw = inf, but it must be finite"),
-        ({"origin": [0, 0, "north"]}, "origin = 'north' is not a number"),
         ({"resolution": True}, "resolution = True is not a number"),
-        ({"resolution": 0}, "resolution_m = 0.0"),
         ({"image": "elsewhere.png"}, "is no file in the folder"),
-        ({"negate": 2}, "negate = 2, but it must be 0 or 1"),
     ],
 )
 def test_what_is_wrong_with_a_turned_map_is_said(changed, message, tmp_path):

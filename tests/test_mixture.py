@@ -5,85 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
-from pedpred.geometry import rotate
 from pedpred.models.mixture.network import SURROUNDINGS
 from pedpred.models.registry import parse_settings
 from pedpred.online import OnlinePredictor
-from pedpred.scenes import OccupancyMap
 from tests.exported import MIXTURE_ROWS, TRACKER, forecaster_of, widths_of
 from tests.worlds import walled_scene
 
-FRAMES, PEOPLE = 8, 5
 WIDTHS = widths_of(MIXTURE_ROWS.features)
-
-
-def walkers(rng):
-    """Random walks of some people. [FRAMES, PEOPLE, 2]."""
-    steps = rng.normal(0, 0.2, (FRAMES, PEOPLE, 2)) + rng.normal(0, 0.3, (PEOPLE, 2))
-    return 3 * rng.normal(size=(PEOPLE, 2)) + np.cumsum(steps, axis=0)
-
-
-def last_forecast(folder, paths, ids=None, occupancy=None):
-    """After frames 0.4 s apart."""
-    robot = OnlinePredictor.load(folder)
-    if occupancy is not None:
-        robot.set_map(occupancy)
-    ids = np.arange(paths.shape[1]) if ids is None else ids
-    for k, positions in enumerate(paths):
-        forecast = robot.update(0.4 * k, ids, positions)
-    return forecast
-
-
-@settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 10_000), turn=st.floats(-4, 4), shift=st.tuples(*[st.floats(-1e3, 1e3)] * 2))
-def test_forecasts_turn_and_move_with_the_world(mixture, seed, turn, shift):
-    paths = walkers(np.random.default_rng(seed))
-    still = last_forecast(mixture[0], paths)
-    moved = last_forecast(mixture[0], rotate(paths, np.full(paths.shape[:2], turn)) + shift)
-    expected = rotate(still.predictions.path, np.full((PEOPLE, 4, 1), turn)) + shift
-    np.testing.assert_allclose(moved.predictions.path, expected, atol=1e-3)
-    np.testing.assert_allclose(moved.predictions.weight, still.predictions.weight, atol=1e-4)
-
-
-@settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 10_000))
-def test_a_mirrored_world_has_mirrored_forecasts(mixture, seed):
-    rng = np.random.default_rng(seed)
-    paths = walkers(rng)
-    blocks = rng.random((80, 80)) < 0.02
-    worlds = [(paths, blocks), (paths * [1, -1], blocks[:, ::-1])]
-    one, other = (
-        last_forecast(mixture[0], p, occupancy=OccupancyMap(b, np.full(2, -4.0), 0.1)) for p, b in worlds
-    )
-    np.testing.assert_allclose(other.position, one.position * [1, -1], atol=1e-3)
-    best = (
-        np.argsort(one.predictions.path[..., -1, 0], axis=1),
-        np.argsort(other.predictions.path[..., -1, 0], axis=1),
-    )
-    modes = (
-        np.take_along_axis(f.predictions.path, b[..., None, None], 1)
-        for f, b in zip((one, other), best, strict=True)
-    )
-    first, second = modes
-    np.testing.assert_allclose(second, first * [1, -1], atol=1e-3)
-
-
-@settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 10_000), ids=st.permutations(range(PEOPLE)))
-def test_names_and_people_far_away_change_nothing(mixture, seed, ids):
-    rng = np.random.default_rng(seed)
-    paths = walkers(rng)
-    alone = last_forecast(mixture[0], paths)
-    far = paths[:, :1] + 60.0 + 5 * rng.normal(size=(FRAMES, 1, 2))
-    named = last_forecast(mixture[0], np.concatenate([paths, far], axis=1), np.array([*ids, 99]))
-    np.testing.assert_allclose(named.position[:-1][list(ids)], alone.position, atol=1e-4)
 
 
 @pytest.mark.parametrize("age", [4, 40, 400])

@@ -20,8 +20,6 @@ from pedpred.storage.scenes import read_scene
 from tests.conftest import ROOT
 from tests.exported import MIXTURE_ROWS, WIDTHS, widths_of, write_autoencoder, write_network
 
-pytestmark = pytest.mark.usefixtures("quick_pictures")
-
 NETWORKS = ("lstm", "lstm_nogrid")
 METHODS = {"cv", "kalman_cv", *NETWORKS, "mixture", "mixture_small"}
 WIDTHS_OF = ("joint", "head", "channels.state.lstm", "channels.angular.lstm")
@@ -55,6 +53,13 @@ def report(project):
     write_json(Path("reports/metrics/walking.json"), {"corridor_flow": WALKING})
     Path("reports/simulation.md").write_text("# simulation\n")
     run("report", project)
+
+
+@pytest.fixture
+def unpainted(monkeypatch):
+    """Pages of text, without pictures, which take most of the time; one test paints those of the page."""
+    monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
+    monkeypatch.setattr("stages.report.render_page", lambda contents: "")
 
 
 def rows():
@@ -108,7 +113,7 @@ def test_a_place_whose_files_nobody_has_is_a_scene_without_people(project):
 
 
 def test_it_flows_from_tracks_to_the_page(project, monkeypatch):
-    """Every picture is composed, but none painted, which would take most of the time."""
+    """Every picture is composed, but only those of the page are painted, which takes most of the time."""
     monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
     run("ingest", project, name="crossing")
     run("features", project, kind="real", name="crossing")
@@ -156,8 +161,8 @@ def test_training_goes_without_a_missing_place(project, train):
     assert written[0].read_bytes() == written[1].read_bytes()
 
 
-def test_a_missing_place_is_in_no_result(project, monkeypatch):
-    monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
+@pytest.mark.usefixtures("unpainted")
+def test_a_missing_place_is_in_no_result(project):
     missing(project, "eth")
     project["folds"] = {
         "transfer": {"simulation": {"test": ["real/eth"]}},
@@ -181,8 +186,8 @@ def test_a_missing_place_is_in_no_result(project, monkeypatch):
         assert picture.n_frames == 1
 
 
-def test_a_stand_in_flows_from_the_example_to_the_pages(project, monkeypatch):
-    monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
+@pytest.mark.usefixtures("unpainted")
+def test_a_stand_in_flows_from_the_example_to_the_pages(project):
     text = config.composed(Path("conf"), [*SMALL, "stand_in=simulated_corner"])
     project, place = yaml.safe_load(text), "simulated_corner"
     missing(project, "eth")

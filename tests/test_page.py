@@ -25,8 +25,6 @@ from tests.forecasts import METHODS, PAPER
 from tests.simulated import read
 from tests.test_report import MEETING, curve_tables, metrics_of, planned, wall_scene
 
-pytestmark = pytest.mark.usefixtures("quick_pictures")
-
 REPORTS = Path(__file__).resolve().parents[1] / "reports"
 LATENCY = [{"pedestrians": n, "median_ms": 0.5 * n, "p99_ms": 0.7 * n} for n in (1, 20, 200)]
 
@@ -83,7 +81,7 @@ def contents_of(scene, windows):
     literature = dict.fromkeys(SCENES, few)
     side = places_section(evaluated, METHODS).blocks
     galleries = [draw_gallery(own, METHODS) for own in evaluated]
-    return Contents(evaluated, galleries, shown, METHODS, PAPER, [], literature, PUBLISHED, LATENCY, side)
+    return Contents(evaluated, galleries, shown, METHODS, PAPER, 10, [], literature, PUBLISHED, LATENCY, side)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +90,7 @@ def contents(hall):
 
 
 @pytest.fixture(scope="module")
-def text(contents, quick_pictures):
+def text(contents):
     return render_page(contents)
 
 

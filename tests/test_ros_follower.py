@@ -130,19 +130,6 @@ def test_who_waits_in_vain_is_left_out_and_the_log_says_what_is_missing(caplog):
     assert follower.counts.lost == 2
 
 
-def test_after_an_error_everything_goes_on():
-    follower, plain = follower_of(), follower_of()
-    answered(follower, people(1.0, anna=(0.0, 0.0)))
-    for wrong in (b"", b"\0\1\0\0\xff\xff\xff\xff", people(1e9, anna=(0.0, 0.0))[:20]):
-        with pytest.raises(Exception, match=r".*"):
-            answered(follower, wrong)
-    answered(plain, people(1.0, anna=(0.0, 0.0)))
-    last = people(1.3, anna=(0.3, 0.0))
-    np.testing.assert_array_equal(
-        rows_of(answered(follower, last)["predictions"]), rows_of(answered(plain, last)["predictions"])
-    )
-
-
 def test_somebody_without_a_place_costs_nobody_else_the_frame(caplog):
     follower = follower_of()
     answers = answered(follower, people(1.0, eve=(np.nan, 0.0), ben=(3.0, 1.0)))

@@ -426,7 +426,7 @@ def test_a_node_that_still_compiles_ends_when_it_is_told_to(place):
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        (("-r", "map:=/local_costmap/costmap"), "costs are no map"),
+        (("-r", "map:=/local_costmap/costmap"), "costs are not a map"),
         (
             ("-p", "people_type:=spencer_tracking_msgs/msg/TrackedPersons"),
             "spencer_tracking_msgs is not installed",

@@ -57,12 +57,6 @@ def test_a_cell_that_is_neither_blocked_nor_free_is_refused(cell):
         OccupancyMap([[0, cell]], [0, 0], 0.1)
 
 
-@pytest.mark.parametrize("kind", [bool, np.uint8, np.int64, np.float32])
-def test_ones_are_blocked_whatever_their_type(kind):
-    cells = np.array([[0, 1], [1, 0]], kind)
-    assert OccupancyMap(cells, [0, 0], 0.1).occupied.tolist() == [[False, True], [True, False]]
-
-
 def trajectories(**changed):
     values = {"time_s": [1.0, 0.0, 0.0], "track_id": [1, 2, 1], "position": [[1, 1], [2, 0], [0, 0]]}
     return Trajectories(**(values | changed))

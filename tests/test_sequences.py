@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from pedpred.config import plain, read_params
-from pedpred.errors import ValueRuleError
 from pedpred.fields import parsed
 from pedpred.models.features import RowFormat
-from pedpred.sequences import SequenceSets, collect_world_steps
+from pedpred.sequences import collect_world_steps
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.simulation.worlds.world import simulate_world
 from pedpred.situations import Recipe, RowSettings
@@ -88,16 +87,3 @@ def test_targets_are_the_true_paths_whatever_the_sensor_adds(education):
         assert min(np.linalg.norm(np.array(near) - end, axis=1)) < 0.15
         checked += 1
     assert checked > 5
-
-
-@pytest.mark.parametrize(
-    ("worlds", "field"),
-    [
-        ({"corridor": 0}, r"worlds\.corridor"),
-        ({"arrangement": 3}, "worlds"),
-        ({"corridor": 1.5}, r"worlds\.corridor"),
-    ],
-)
-def test_settings_have_ranges(worlds, field):
-    with pytest.raises(ValueRuleError, match=field):
-        SequenceSets(worlds)

@@ -120,6 +120,19 @@ def test_a_number_is_in_its_range_or_refused_by_its_key(name):
     assert missed == []
 
 
+@pytest.mark.parametrize("name", ["worlds", "sensing", "situations", "clutter", "training"])
+def test_a_range_that_falls_or_is_empty_is_refused_by_its_key(name):
+    for path, value in nodes(PARAMS[name]):
+        if (
+            isinstance(value, list)
+            and len(value) == 2
+            and isinstance(value[0], float)
+            and value[0] < value[1]
+        ):
+            for wrong in (value[::-1], value[:1]):
+                assert worded((name, *path))[-1] in (refused(name, path, wrong) or ""), (path, wrong)
+
+
 @pytest.mark.parametrize("name", PARTS)
 def test_an_unknown_name_is_refused(name):
     missed = []
@@ -139,11 +152,11 @@ def test_an_unknown_part_is_refused():
 
 
 STAGES = [
-    *(("train +phase=corridor +name=lstm", "training.corridor", "steps", v) for v in (-5, 2.5)),
-    ("train +phase=main +name=lstm", "training.main", "lr", "nan"),
+    ("train +phase=corridor +name=lstm", "training.corridor", "steps", -5),
     ("train +phase=situations +name=mixture", "training.situations", "seed", -1),
     ("pretrain_autoencoder", "autoencoder", "clip_norm", 0),
-    ("simulate +name=corridor", "simulations.corridor", "pedestrians", 0.5),
+    ("simulate +name=corridor", "simulations.corridor", "hours", "abc"),
+    ("features +kind=real +name=eth", "features.lstm", "grid_cells", 61),
 ]
 
 

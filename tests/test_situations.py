@@ -209,11 +209,6 @@ def test_trackers_are_drawn_from_what_is_set():
     assert draw_tracker(replace(ROWS, trackers=()), rng).filters[0] not in settings.trackers
 
 
-def test_the_configured_sets_are_valid():
-    assert all(parsed(SimulatedSet, chosen) for chosen in CONF["simulated"].values())
-    assert parsed(ViewingSettings, CONF["real"])
-
-
 def test_errors_name_the_field():
     with pytest.raises(ValueRuleError, match="kind"):
         replace(CORRIDOR, kind="tunnel")

@@ -1,45 +1,53 @@
 """The stage that writes training rows: the same bytes from any number of workers; no recording, no rows."""
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+from omegaconf import OmegaConf
 
+from pedpred import config
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.situations import read_situations, read_situations_manifest
+from stages import situations
 from tests.conftest import ROOT
 from tests.worlds import walled_scene
 
 
-def run(folder, kind, name, jobs=1):
-    """Run the stage by hand at the smallest scale; its manifest and the bytes of all its files."""
-    command = [sys.executable, "-m", "stages.situations", "scale=smoke", f"+kind={kind}", f"+name={name}"]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PEDPRED_JOBS": str(jobs)}
-    subprocess.run(command, cwd=folder, env=environment, check=True, capture_output=True)
-    out = folder / "data/situations" / kind / name
+@pytest.fixture(scope="module")
+def usual():
+    """The configuration at the smallest scale."""
+    return yaml.safe_load(config.composed(ROOT / "conf", ["scale=smoke"]))
+
+
+def run(cfg, out):
+    """Run the stage; its manifest and the bytes of all its files."""
+    situations.main.__wrapped__(OmegaConf.create(cfg | {"out": str(out)}))
     return read_situations_manifest(out), {path.name: path.read_bytes() for path in out.iterdir()}
 
 
-def test_the_number_of_workers_changes_no_byte(tmp_path):
-    (tmp_path / "other").mkdir()
-    (sizes, names), files = run(tmp_path, "simulated", "corridor")
-    assert run(tmp_path / "other", "simulated", "corridor", jobs=2) == ((sizes, names), files)
+def test_the_number_of_workers_changes_no_byte(usual, tmp_path, monkeypatch):
+    found = []
+    for jobs in ("1", "2"):
+        monkeypatch.setenv("PEDPRED_JOBS", jobs)
+        found.append(run(usual | {"kind": "simulated", "name": "corridor"}, tmp_path / jobs))
+    assert found[0] == found[1]
+    sizes, names = found[0][0]
     assert names == ["corridor_000", "corridor_001"]
-    for name in names:
-        rows = read_situations(tmp_path / "data/situations/simulated/corridor", name, sizes)
-        assert len(rows["future"]) >= 60
+    assert all(len(read_situations(tmp_path / "1", name, sizes)["future"]) >= 60 for name in names)
 
 
 @pytest.mark.parametrize("kind", ["recorded", "missing", "simulated"])
-def test_a_place_gives_its_viewings_if_there_is_a_recording(kind, tmp_path):
+def test_a_place_gives_its_viewings_if_there_is_a_recording(kind, usual, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PEDPRED_JOBS", "1")
     scene = walled_scene(np.random.default_rng(0), detections=60)
     missing, stand_in = Scene.without_people("eth", "ask for it"), replace(scene, stand_in="drawn by hand")
     place = {"recorded": scene, "missing": missing, "simulated": stand_in}[kind]
-    write_scene(place, tmp_path / "data/scenes/real/eth")
-    (_, names), files = run(tmp_path, "real", "eth")
+    write_scene(place, Path("data/scenes/real/eth"))
+    (_, names), files = run(usual | {"kind": "real", "name": "eth"}, Path("rows"))
     assert names == (["eth_0", "eth_1"] if kind == "recorded" else [])
     assert len(files) == 1 + len(names)

@@ -132,12 +132,6 @@ def test_a_map_up_to_the_horizon_is_refused(folder):
         read_sequence(folder, "tiny", SETTINGS)
 
 
-@pytest.mark.parametrize("key", SETTINGS)
-def test_settings_out_of_range(folder, key):
-    with pytest.raises(ValueRuleError, match=key):
-        read_sequence(folder, "tiny", SETTINGS | {key: -1})
-
-
 def test_groups_with_a_common_member_are_one():
     groups = [{5, 4}, {1, 2}, {3, 7}, {2, 3}, {9}]
     assert merged(groups) == merged(groups[::-1]) == [{1, 2, 3, 7}, {4, 5}, {9}]

@@ -72,7 +72,7 @@ def test_people_beyond_the_horizon_are_refused(tmp_path):
 def test_only_pixels_have_a_homography_and_not_with_a_size(tmp_path):
     np.savetxt(tmp_path / "H.txt", INCLINED)
     own = ["--homography", str(tmp_path / "H.txt")]
-    with pytest.raises(SystemExit, match=r"--homography.*are no pixels"):
+    with pytest.raises(SystemExit, match=r"--homography.*are not pixels"):
         main(["info", str(write_sumo(tmp_path)), *own])
     with pytest.raises(SystemExit, match=r"pixel_m.*omit one"):
         main(["info", str(write_stanford(tmp_path)), *own, "--scale", "0.03"])

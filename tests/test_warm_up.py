@@ -88,9 +88,9 @@ def law(*models):
     known = specialisations()
     once = [(module, name) for module, name, _ in known if name != "_walk"]  # constants of its calls make two
     assert len(once) == len(set(once)) > 15
+    stream(None, OnlineSettings(detection_noise_m=0.05))
     for model in (None, *models):
         stream(model)
-        stream(model, OnlineSettings(detection_noise_m=0.05))
         predictor = OnlinePredictor.load(model)
         list(replay_scene(recording(), predictor))
         assess(recording(), predictor, EvaluationSettings(bootstrap=2))

@@ -29,7 +29,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _run_on_a_robot(given: Sequence[str], missing: Sequence[str]) -> None:
-    """Run what needs no libraries that read files."""
+    """Run a command that needs no library for reading files."""
     from pedpred.command.warming import add_model, add_warm_up
 
     remedy = f"Other commands need {', '.join(missing)}: pip install 'pedpred[files]'."

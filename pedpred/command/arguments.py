@@ -118,7 +118,7 @@ def _check_output(path: Path, inputs: list[Path], folder: bool = False) -> None:
 
 
 def _each(action: Callable[[argparse.Namespace], None]) -> Callable[[argparse.Namespace], None]:
-    """Do something for each of several scenes."""
+    """Apply an action to each of several scenes."""
 
     def for_all(given: argparse.Namespace) -> None:
         for number, scene in enumerate(given.scene):
@@ -160,7 +160,7 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.set_defaults(action=action)
     command.add_argument("scene", type=named_path, nargs=scenes, help=_SCENE)
     command.add_argument("--topic", help="of a bag's people, if several topics carry people")
-    grids = "of a bag's map, if it is not called map (default: the one that is no costmap); '': no map"
+    grids = "of a bag's map, if it is not called map (default: the one that is not a costmap); '': no map"
     command.add_argument("--map-topic", help=grids)
     kinds = "class of people among a bag's detections (default: person, people, pedestrian or human); "
     command.add_argument(
@@ -207,9 +207,9 @@ def _conditions(command: argparse.ArgumentParser) -> None:
         "measure as the literature on ETH and UCY does: 8 annotations 0.4 s apart are seen, 12 are forecast"
     )
     command.add_argument("--protocol", choices=[PROTOCOL], help=usual)
-    command.add_argument("--alone", action="store_true", help="everybody alone, without the other people")
+    command.add_argument("--alone", action="store_true", help="forecast each person without the other people")
     theirs = (
-        "measure somebody else's forecasts too: a table (.csv, .parquet) with track, time, mode, weight, "
+        "also measure forecasts of other programs: a table (.csv, .parquet) with track, time, mode, weight, "
     )
     theirs += "step, x, y, or the .ndjson predictions of TrajNet++; may be repeated"
     command.add_argument(

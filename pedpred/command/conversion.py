@@ -119,13 +119,13 @@ def _options(given: argparse.Namespace) -> PictureOptions:
         return options
     is_tracks = not given.scene.is_dir() and not _is_named(given.scene)
     if not is_tracks or not format_of(given.scene, options).pixels:
-        rule = f"the positions in {given.scene} are no pixels"
+        rule = f"the positions in {given.scene} are not pixels"
         raise ValueRuleError("--homography", str(given.homography), rule)
     return replace(options, homography=read_homography(given.homography))
 
 
 def _kind(given: argparse.Namespace) -> str:
-    """What the scene was taken for."""
+    """The format as which the scene was read."""
     if given.scene.is_dir() and not is_bag(given.scene):
         return "scene folder"
     if not _is_named(given.scene):

@@ -49,8 +49,8 @@ def predict(
 
     Raises:
         ValueRuleError: a column is missing, or an id.
-        SourceError: a value is no number, titles are exchanged, positions are degrees, or people would move
-            at impossible speeds; the line is the row.
+        SourceError: a value is not a number, titles are exchanged, positions are degrees, or people
+            would move at impossible speeds; the line is the row.
     """
     titles = [str(title) for title in table.columns]
     named = titles_of_tracks(titles)

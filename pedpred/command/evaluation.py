@@ -84,7 +84,7 @@ def _assessed(
     settings: EvaluationSettings,
     foreign: Mapping[str, ForeignForecasts],
 ) -> dict[str, Scores]:
-    """Scores in one scene under the given conditions, without metrics that mean nothing there."""
+    """Score one scene under the given conditions, without the metrics that do not apply."""
     meaningless = []
     if tracker == "tune":
         tracker = _tuned(scene)

@@ -42,7 +42,7 @@ def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str,
 
 
 def caution(name: str, place: Placement) -> str:
-    """A line about a scene whose map can hardly be right; empty for others."""
+    """A warning that the map of a scene is probably misplaced; empty for others."""
     if not place.wrong:
         return ""
     return f"{name}: WRONG MAP? {place}: figures with this map say little; look at both, or use --no-map\n"

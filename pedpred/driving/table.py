@@ -74,7 +74,7 @@ def read_table(path: Path) -> list[Row]:
     """Read a table of `write_table`.
 
     Raises:
-        StorageError: a line is no row of such a table.
+        StorageError: a line is not a row of such a table.
     """
     lines = csv.DictReader(line for _, line in read_lines(path))
     rows = []
@@ -89,7 +89,7 @@ def read_table(path: Path) -> list[Row]:
             keys = cells["place"], cells["robot"], condition, int(cells["episode"]), cells["settings"]
             rows.append(Row(*keys, Measures(**figures)))
         except (KeyError, ValueError, TypeError) as cause:
-            problem = f"line {number} is no row of a table of drives ({cause})"
+            problem = f"line {number} is not a row of a table of drives ({cause})"
             raise StorageError(path, "table", problem, "Name another table, or remove this one") from cause
     return rows
 

@@ -33,7 +33,7 @@ class Frame:
         """Convert and sort the arguments; the ranges are those of `Trajectories`.
 
         Raises:
-            ValueRuleError, ShapeError: something is no number or out of range, or an id appears twice.
+            ValueRuleError, ShapeError: something is not a number or out of range, or an id appears twice.
         """
         now, names = real_number("time_s", time_s), real_numbers("track_id", track_id)
         _check("time_s", np.asarray(now))

@@ -44,7 +44,7 @@ def load_graph(raw: bytes, inputs: Mapping[str, Shape], outputs: Sequence[Shape]
         outputs: shapes per person that it must have, in order.
 
     Raises:
-        ValueError: it is no fixed sequence of standard operators, or has other inputs or outputs.
+        ValueError: it is not a fixed sequence of standard operators, or has other inputs or outputs.
         Exception: it is damaged, or takes too much memory or time for two people; onnxruntime documents none.
     """
     check_operators(raw)
@@ -129,7 +129,7 @@ def _fields(raw: bytes) -> Iterator[tuple[int, bytes]]:
     """Number and content of each field of a Protocol Buffers message; numbers have no content.
 
     Raises:
-        ValueError: it is no such message.
+        ValueError: it is not such a message.
     """
     at = 0
     while at < len(raw):

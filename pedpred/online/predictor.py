@@ -103,7 +103,7 @@ class OnlinePredictor:
         """Replace the static obstacles; without a map, the ground is free.
 
         Raises:
-            ValueRuleError: it is no map; the one before stays.
+            ValueRuleError: it is not a map; the one before stays.
         """
         given: object = occupancy
         if not isinstance(given, OccupancyMap):
@@ -129,7 +129,7 @@ class OnlinePredictor:
             velocity: true velocities, for sources that know them; otherwise positions are filtered. [D, 2]
 
         Raises:
-            ValueRuleError, ShapeError: something is no number, out of range, or an id appears twice.
+            ValueRuleError, ShapeError: something is not a number, out of range, or an id appears twice.
             After any error everything is as it was before the call.
         """
         frame = Frame.checked(time_s, track_id, position, velocity)

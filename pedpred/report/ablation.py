@@ -43,7 +43,7 @@ class Ablation:
     """
 
     title: str  # of picture and table
-    axis: str  # quantity of the points; empty when their names are no numbers
+    axis: str  # quantity of the points; empty when their names are not numbers
     targets: Sequence[str]  # stages of the pipeline that are reproduced
     metrics: str  # file that a target writes
     entry: str  # in this file, such as a test set

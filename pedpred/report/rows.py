@@ -88,10 +88,19 @@ class Reference(Texts):
 
 
 @dataclass(frozen=True)
-class ReplayRows(Texts):
-    """Scenes of each study that the page replays."""
+class PageRows:
+    """What the page holds.
+
+    Attributes:
+        replays: study -> scenes that it replays.
+        avif_speed: of the encoder of its pictures, from 0, smallest files, to 10, fastest.
+    """
 
     replays: Mapping[str, Sequence[str]]
+    avif_speed: int
+
+    def __post_init__(self) -> None:
+        check_ranges(self, {"avif_speed": "[0, 10]"})
 
 
 @dataclass(frozen=True)

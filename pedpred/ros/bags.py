@@ -28,7 +28,7 @@ _GRID = TYPES[MAP]
 _REMEDY = f"A bag may hold {', '.join(sorted(ADAPTERS))} for people and {_GRID} for the map"
 _MAP_REMEDY = "Choose one: --map-topic"
 _NO_MAP = re.compile(r"costmap|^/predicted_occupancy/")
-"""Topics of grids that are no map: costs for planners, and where people are going to be."""
+"""Topics of grids that are not maps: costs for planners, and where people are going to be."""
 _TRANSFORMS = (TRANSFORMS, "tf/msg/tfMessage")
 _LONGEST_S = 5.0
 """Longest usual time between two detections of a person that can be seconds."""
@@ -70,7 +70,7 @@ def read_bag(
         it; without one the ground is free.
 
     Raises:
-        SourceError: the file is no bag, no topic or several topics carry people, several carry a map, people
+        SourceError: the file is not a bag, no topic or several carry people, several carry a map, people
             and map are in different frames, ids do not say who is who, or the messages make no scene.
     """
     problem = partial(SourceError, path, None)
@@ -116,7 +116,7 @@ def _checked_interval_s(path: Path, people: Trajectories) -> float:
     """The usual time between two detections of a track, s; people who are impossibly fast are warned about.
 
     Raises:
-        ValueRuleError: nobody was detected twice, or times are no seconds.
+        ValueRuleError: nobody was detected twice, or times are not seconds.
     """
     dt_s = people.usual_interval_s()
     if dt_s >= _LONGEST_S:
@@ -161,7 +161,7 @@ def _map_topic(path: Path, connections: Sequence[Connection], topic: str | None)
             raise SourceError(path, None, f"several topics carry a map: {brief(chosen)}", _MAP_REMEDY)
         if names and not chosen:
             _log.warning(
-                "%s: no map, the ground is free: %s are no maps. %s", path, brief(names), _MAP_REMEDY
+                "%s: no map, the ground is free: %s are not maps. %s", path, brief(names), _MAP_REMEDY
             )
     else:
         chosen = [topic] if topic else []

@@ -46,7 +46,7 @@ class Instant:
         frame: of the places, without a leading slash.
         ids: who.
         place: where, m. [n, 3]
-        others: classes of the detections that are no people, and are left out.
+        others: classes of the detections that are not people, and are left out.
     """
 
     stamp_s: float
@@ -127,7 +127,7 @@ class People:
             raise ValueRuleError("class_id", dict(others), rule)
         if others:
             found = ", ".join(f"{count} of {label!r}" for label, count in others.most_common(_TOLD))
-            self._warn(f"left out: detections that are no people, {found}")
+            self._warn(f"left out: detections that are not people, {found}")
 
     def in_one_frame(
         self, grid: str | None, transform: Transform | None, transforms: Callable[[], FrameTree]

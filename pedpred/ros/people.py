@@ -66,7 +66,7 @@ def is_person(label: str, wanted: Collection[str] = PERSON_CLASSES) -> bool:
     """Whether a class is one of those wanted: itself, or a word in it as in `human.pedestrian`.
 
     Args:
-        label: the class; where it is empty, nobody says that it is no person.
+        label: the class; where it is empty, nobody says that it is not a person.
         wanted: classes, in small or capital letters; without any but empty ones, all are persons.
     """
     names = {name.casefold() for name in wanted} - {""}

@@ -28,7 +28,7 @@ _TAGS = ("time_s", "goal_x_m", "goal_y_m", "desired_speed_mps", *_WHOLE_TAGS)
 _OCCUPIED, _FREE, _UNKNOWN = 100, 0, -1
 _LATEST_S = 2**31
 _LEVEL = 1e-6
-"""Largest x and y of the quaternion of a map that is level; and share of a cell that is no cell."""
+"""Largest x and y of the quaternion of a map that is level; and share of a cell that is not a cell."""
 _POINTS = 3
 """Points per side of a cell at which a turned map is looked up."""
 

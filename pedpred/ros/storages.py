@@ -28,7 +28,7 @@ def opened(path: Path) -> Iterator[BagReader]:
     """Open a file, or the folder of a bag, until the block ends.
 
     Raises:
-        SourceError: it is no bag, or its files are of several storages.
+        SourceError: it is not a bag, or its files are of several storages.
     """
     with unpacked_files(path) as files:
         kinds = {

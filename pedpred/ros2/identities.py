@@ -44,7 +44,7 @@ class Identities:
 
     @property
     def names(self) -> dict[int, str]:
-        """Number -> name of people who are there, or were just there, and whose name is no number."""
+        """Number -> name of people who are there, or were just there, and whose name is not a number."""
         return self._names
 
     def number(self, one: Instant, place: np.ndarray) -> np.ndarray:

@@ -108,7 +108,7 @@ class PedpredNode(LifecycleNode):
         settings = self._settings()
         topic = self.resolve_topic_name("map")
         if settings.use_map and _NO_MAP.search(topic):
-            rule = "costs are no map: remap `map` to the topic of the map server, or set use_map to false"
+            rule = "costs are not a map: remap `map` to the topic of the map server, or set use_map to false"
             raise ConfigError("map", topic, rule)
         _message_class(settings.people_type)
         _log.info("compiling what is not compiled yet: up to a minute")

@@ -47,7 +47,7 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
         columns = {name: np.asarray(table.fields(name)[:]) for name in COLUMNS}
         for name, values in columns.items():
             if values.dtype.kind not in "iuf":
-                raise ValueError(f"column {name} has the type {values.dtype}, which is no number")
+                raise ValueError(f"column {name} has the type {values.dtype}, which is not a number")
         fps = np.ravel(np.asarray(table.attrs.get("fps", ()), dtype=np.float64))[:1].tolist()
         geometry = file.attrs.get("wkt_geometry", "")
         wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)

@@ -31,7 +31,7 @@ def unpack_members(stream: IO[bytes], size_bytes: int, names: Mapping[str, str],
             if name is None:
                 continue
             if not member.isreg() or path.is_absolute() or ".." in path.parts:
-                raise tarfile.ExtractError(f"member {member.name} is no plain file inside the archive")
+                raise tarfile.ExtractError(f"member {member.name} is not a plain file inside the archive")
             if member.size > _LARGEST_FILE_BYTES:
                 raise tarfile.ExtractError(f"member {member.name} has {member.size} bytes")
             (copy / name).parent.mkdir(parents=True, exist_ok=True)

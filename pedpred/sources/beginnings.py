@@ -29,7 +29,7 @@ _OTHERS = {
     (b"%PDF",): ("a PDF document", "Name the table of tracks"),
     (b"\x89PNG", b"P5", b"\xff\xd8\xff"): ("a picture", "Name the table of tracks; pictures are for --map"),
 }
-"""How files begin that are no tracks: what they are, and what to do."""
+"""How files begin that are not tracks: what they are, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Beginning:
         return self.raw.startswith(UTF_16)
 
     def line(self, comment: str = "#") -> str:
-        """The first line that is no comment; empty where there is none."""
+        """The first line that is not a comment; empty where there is none."""
         return next((line for line in self.lines if not line.startswith(comment)), "")
 
     def foreign(self) -> SourceError | None:

@@ -98,4 +98,4 @@ def _parts(geometry: shapely.Geometry) -> Iterator[shapely.Geometry]:
 def _check(parts: list[shapely.Geometry]) -> None:
     coordinates = shapely.get_coordinates(parts)
     if not (np.abs(coordinates) <= FARTHEST_M).all():
-        raise ValueError(f"a coordinate is no number or farther than {FARTHEST_M:g} from the origin")
+        raise ValueError(f"a coordinate is not a number or farther than {FARTHEST_M:g} from the origin")

@@ -75,7 +75,7 @@ def read_walls(path: Path) -> Walls | None:
         _check_columns(path, database, "geometry", ["wkt"])
         rows = database.execute("SELECT wkt FROM geometry").fetchmany(_MOST_GEOMETRIES)
         if any(not isinstance(text, str) for (text,) in rows):
-            raise SourceError(path, None, "a geometry that is no text")
+            raise SourceError(path, None, "a geometry that is not text")
         return parse_wkt(path, "\n".join(text for (text,) in rows)) if rows else None
 
 

@@ -26,7 +26,7 @@ from pedpred.sources.beginnings import Beginning
 from pedpred.sources.rates import check_rate
 from pedpred.storage.tracks import MOST_NUMBERS
 from pedpred.tables.options import TableOptions
-from pedpred.tables.text import Row, check_width, number, text_lines
+from pedpred.tables.text import Row, check_width, is_number, number, text_lines
 
 _log = logging.getLogger(__name__)
 _QTM, _MAGNI = "NO_OF_FRAMES", "FILE_ID"
@@ -100,7 +100,7 @@ def _opened(path: Path) -> _Export:
         if any(_TITLE.fullmatch(field) for field in fields):
             titles = fields if fields[-1] else fields[:-1]
             return _Export(about, titles, _rows(lines, len(titles)))
-        if _is_number(fields[0]) or line > _MOST_HEAD_LINES:
+        if is_number(fields[0]) or line > _MOST_HEAD_LINES:
             return _without_titles(path, about, (line, fields), lines)
         about[fields[0]] = [field for field in fields[1:] if field]
     raise SourceError(path, None, "no data below the header")
@@ -191,10 +191,3 @@ def _rate_hz(path: Path, export: _Export, options: TableOptions) -> float:
             path, None, "neither times nor FREQUENCY", "Say how many frames a second has: --rate"
         )
     return check_rate(path, None, "FREQUENCY", number(path, 1, "FREQUENCY", said))
-
-
-def _is_number(field: str) -> bool:
-    try:
-        return np.isfinite(float(field))
-    except ValueError:
-        return False

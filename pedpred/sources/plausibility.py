@@ -116,7 +116,7 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> 
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
     if usual_mps > _FASTEST_MPS:
         likely = next((unit for unit in _LIKELY if usual_mps * UNITS[unit] <= _USUAL_MPS), "mm")
-        problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), nobody walks so fast"
+        problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
         if not sure:
             remedy = f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, "
             remedy += "or correct --rate or the order of --columns"
@@ -132,7 +132,7 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> 
 
 
 def check_degrees(path: Path, people: Trajectories, sure: bool = False) -> None:
-    """Check that positions are no longitudes and latitudes.
+    """Check that positions are not longitudes and latitudes.
 
     Args:
         path: the file, for errors.

@@ -12,10 +12,10 @@ def check_rate(path: Path, line: int | None, name: str, rate_hz: float) -> float
     """Return the rate that a file says under some name.
 
     Raises:
-        SourceError: it is no rate.
+        SourceError: it is not a rate.
     """
     if not SLOWEST_HZ <= rate_hz <= FASTEST_HZ:
-        raise SourceError(path, line, f"{name} = {rate_hz:g} is no rate")
+        raise SourceError(path, line, f"{name} = {rate_hz:g} is not a rate")
     return rate_hz
 
 
@@ -29,7 +29,7 @@ def agreed_rate(path: Path, said: float | None, options: TableOptions, missing: 
         missing: what is wrong if nobody says it.
 
     Raises:
-        SourceError: nobody says it, both do and differ, or it is no rate.
+        SourceError: nobody says it, both do and differ, or it is not a rate.
     """
     if said is None:
         if options.rate_hz is None:

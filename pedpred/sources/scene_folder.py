@@ -52,7 +52,7 @@ def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
 
     Raises:
         StorageError: a file is missing or cannot be understood; the message names file and field.
-        SourceError: the times are no seconds.
+        SourceError: the times are not seconds.
         ValueRuleError: there are settings.
     """
     parsed(FolderSettings, settings)

@@ -69,7 +69,7 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
         options: what the file does not say itself.
 
     Raises:
-        SourceError: the file cannot be understood, nobody is detected twice, its times are no seconds,
+        SourceError: the file cannot be understood, nobody is detected twice, its times are not seconds,
             positions are degrees, titles are exchanged, or people would move at impossible speeds.
         ValueRuleError: an option has no meaning for this format.
     """
@@ -79,7 +79,7 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
         raise ValueRuleError("--unit", options.unit, f"{path} is {kind.name}, whose unit is known")
     if options.pixel_m is not None and not kind.pixels:
         raise ValueRuleError(
-            "--scale", options.pixel_m, f"{path} is {kind.name}, whose positions are no pixels"
+            "--scale", options.pixel_m, f"{path} is {kind.name}, whose positions are not pixels"
         )
     trajectories = kind.read(path, options)
     titled = kind is _TABLE and options.columns is None
@@ -121,7 +121,7 @@ def checked_interval_s(path: Path, people: Trajectories, titled: bool, sure: boo
         sure: the caller has said the unit of lengths.
 
     Raises:
-        SourceError: nobody is detected twice, times are no seconds, positions are degrees, titles are
+        SourceError: nobody is detected twice, times are not seconds, positions are degrees, titles are
             exchanged, or people would move at impossible speeds.
     """
     try:

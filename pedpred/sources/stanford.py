@@ -61,7 +61,7 @@ def read_homography(path: Path) -> Homography:
         path: a text with nine numbers, row by row; blanks, commas or brackets separate them.
 
     Raises:
-        SourceError: it is no such text, or the matrix is not invertible.
+        SourceError: it is not such text, or the matrix is not invertible.
     """
     rows = [
         (line, _SEPARATORS.sub(" ", text).split()) for line, text in islice(text_lines(path), _NUMBERS + 1)

@@ -93,5 +93,5 @@ def track_rows(
 
 
 def _written(value: Any) -> str:
-    """Write a number as in a table; anything else becomes what is no number."""
+    """Write a number as in a table; anything else becomes what is not a number."""
     return repr(value) if type(value) in (int, float) else f"'{value}'"[:80]

@@ -14,7 +14,7 @@ from pedpred.errors import SourceError
 from pedpred.tables.text import OWN_FILE, Row, is_number, whole_number
 
 _LONGEST_NAME, _MOST_NAMES = 200, 500_000
-_FEW_FRACTIONS = 0.25  # more are no errors
+_FEW_FRACTIONS = 0.25  # more are not errors
 _LONGEST_PLAIN = 18  # digits that fit into 64 bits
 _NOBODY = {"", "nan", "null", "none"}
 _log = logging.getLogger(__name__)

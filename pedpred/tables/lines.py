@@ -33,7 +33,7 @@ class Lines:
     """A text with columns.
 
     Attributes:
-        line: number of the first line that is no comment, or of the header.
+        line: number of the first line that is not a comment, or of the header.
         begins: that line.
         separator: of that line; None: blanks.
         titles: of the columns; empty: the text has no header.
@@ -137,7 +137,7 @@ def _titles(text: str, separator: str | None) -> list[str]:
 
 
 def _holds_numbers(fields: Sequence[str], columns: Sequence[str] | None) -> bool:
-    """Whether a line is no header: all its fields are numbers, or one in a column that the caller names."""
+    """Whether a line is not a header: all its fields are numbers, or one in a column named by the caller."""
     if columns is None:
         return all(map(_is_numeric, fields))
     return any(

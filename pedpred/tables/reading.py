@@ -41,7 +41,7 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
         options: what it does not say itself.
 
     Raises:
-        SourceError: it is no such table; it names the line and the value, or what was found as header.
+        SourceError: it is not such a table; it names the line and the value, or what was found as header.
     """
     options = options or TableOptions()
     lines = lines_of(path, options.columns)
@@ -105,7 +105,7 @@ def _read(
 
 
 def numbered(ids: Ids, column: np.ndarray, options: TableOptions) -> np.ndarray:
-    """Ids as numbers; where these are no ids but places of words, the words become the tracks' names.
+    """Ids as numbers; where these are not ids but places of words, the words become the tracks' names.
 
     Args:
         ids: of the file.

@@ -33,7 +33,7 @@ def text_lines(path: Path, remedy: str = _FETCHED) -> Iterator[tuple[int, str]]:
 
     Args:
         path: the file.
-        remedy: what to do if it is no text.
+        remedy: what to do if it is not text.
 
     Raises:
         SourceError: the file is missing, or no text.

@@ -27,11 +27,22 @@ from tests.trust.trial import LOST, READ, REFUSED, Bench, judged
 USUAL, FEW = 25, {"conf": 6, "archive": 12}  # trials: the readers of `FEW` take long
 
 
+CUTS = {
+    "empty": lambda raw: b"",
+    "zeros": lambda raw: bytes(len(raw)),
+    "cut": lambda raw: raw[: len(raw) // 2],
+    "cut, then zeros": lambda raw: raw[: len(raw) // 2] + bytes(len(raw) - len(raw) // 2),
+}
+"""What a system keeps of a file after a power cut."""
+
+
 @pytest.mark.parametrize("name", READERS)
 def test_a_damaged_file_is_read_right_or_refused_by_name(name, tmp_path):
     bench = Bench(name, READERS[name], tmp_path)
-    outcomes = {seed: bench.trial(seed) for seed in range(FEW.get(name, USUAL))}
-    assert {seed: why for seed, (outcome, why) in outcomes.items() if outcome == LOST} == {}
+    outcomes = {str(seed): bench.trial(seed) for seed in range(FEW.get(name, USUAL))}
+    for file, raw in bench.intact.items():
+        outcomes |= {f"{file}, {kind}": bench.with_content(file, cut(raw)) for kind, cut in CUTS.items()}
+    assert {damage: why for damage, (outcome, why) in outcomes.items() if outcome == LOST} == {}
 
 
 def test_every_source_is_tried():

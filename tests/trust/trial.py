@@ -26,7 +26,7 @@ class Bench:
     def __init__(self, name: str, reader: Reader, folder: Path):
         self._name, self._reader, self._folder = name, reader, folder
         reader.make(folder)
-        self._intact = {file: (folder / file).read_bytes() for file in reader.files}
+        self.intact = {file: (folder / file).read_bytes() for file in reader.files}
         outcome, why = judged(reader, folder)
         if outcome != READ:
             raise AssertionError(f"the intact example of {name}: {why}")
@@ -35,16 +35,19 @@ class Bench:
         """Return the file that trial `seed` damages and its damaged bytes, deterministically."""
         rng = np.random.default_rng([zlib.crc32(self._name.encode()), seed])
         file = self._reader.files[int(rng.integers(len(self._reader.files)))]
-        return file, mutate(self._intact[file], file, rng)
+        return file, mutate(self.intact[file], file, rng)
 
     def trial(self, seed: int) -> tuple[str, str]:
         """Run trial `seed`: `READ`, `REFUSED` or `LOST`, and the reason."""
-        file, raw = self.damaged(seed)
+        return self.with_content(*self.damaged(seed))
+
+    def with_content(self, file: str, raw: bytes) -> tuple[str, str]:
+        """Judge what happens if a file has other bytes."""
         (self._folder / file).write_bytes(raw)
         try:
             return judged(self._reader, self._folder)
         finally:
-            (self._folder / file).write_bytes(self._intact[file])
+            (self._folder / file).write_bytes(self.intact[file])
 
 
 def judged(reader: Reader, folder: Path) -> tuple[str, str]:

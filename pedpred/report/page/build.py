@@ -6,6 +6,7 @@ import base64
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.resources import files
 from typing import Any
 
@@ -44,6 +45,7 @@ class Contents:
     replays: Sequence[Replay]  # the first one is shown first
     methods: Methods
     paper: Paper
+    avif_speed: int  # of the encoder of pictures, from 0, smallest files, to 10, fastest
     further: Sequence[Section] = ()  # of pictures beside those of the test sets
     literature: Mapping[str, Figures] = field(default_factory=dict)  # by scene, see report/literature.py
     published: Sequence[Mapping[str, Any]] = ()  # rows of others under that protocol
@@ -62,9 +64,9 @@ def render_page(contents: Contents) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"strong": _strong, "picture": _picture}
+    environment.filters |= {"strong": _strong, "picture": partial(_picture, speed=contents.avif_speed)}
     result = next(result for study in contents.evaluated for result in study.results)
-    steps = max(len(study["per_step_m"]) for study in result.figures.values())
+    steps = max(len(metrics["per_step_m"]) for metrics in result.figures.values())
     return environment.get_template("page.html").render(
         sections=_sections(contents),
         replays=contents.replays,
@@ -127,9 +129,9 @@ def _strong(text: str) -> Markup:
     return Markup(re.sub(r"\*\*(.+?)\*\*", r"<strong>\1</strong>", str(escape(text))))
 
 
-def _picture(figure: Any) -> str:
+def _picture(figure: Any, speed: int) -> str:
     """A figure as an address that holds the whole picture."""
-    return "data:image/avif;base64," + base64.b64encode(avif_bytes(figure)).decode()
+    return "data:image/avif;base64," + base64.b64encode(avif_bytes(figure, speed)).decode()
 
 
 def _asset(name: str) -> str:
