@@ -17,11 +17,12 @@ from pedpred.ros.detections import Instant, People
 from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
-from pedpred.ros.people import ADAPTERS, PERSON_CLASSES
+from pedpred.ros.people import ADAPTERS
 from pedpred.ros.scene_messages import map_of_grid, updated_grid
 from pedpred.ros.storages import opened
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.sources.plausibility import check_speeds
+from pedpred.tables.classes import PERSON_CLASSES
 
 _log = logging.getLogger(__name__)
 _GRID = TYPES[MAP]

@@ -19,14 +19,13 @@ from pedpred.ros.identity import check_identity
 from pedpred.ros.people import (
     ADAPTERS,
     LABELLED,
-    PERSON_CLASSES,
     TrackNumbers,
     find_usable,
-    is_person,
     labels_of,
 )
 from pedpred.ros.scene_messages import seconds
 from pedpred.scenes import Trajectories, rule_of
+from pedpred.tables.classes import PERSON_CLASSES, is_person
 
 _ROBOTS = ("base_link", "base_footprint")
 """Frames of robots (REP 105): they move."""
