@@ -82,7 +82,9 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
             "--scale", options.pixel_m, f"{path} is {kind.name}, whose positions are no pixels"
         )
     if options.classes and kind is not _TABLE:
-        raise ValueRuleError("--class", options.classes, f"{path} is {kind.name}, without a column of classes")
+        raise ValueRuleError(
+            "--class", options.classes, f"{path} is {kind.name}, without a column of classes"
+        )
     trajectories = kind.read(path, options)
     titled = kind is _TABLE and options.columns is None
     dt_s = checked_interval_s(path, trajectories, titled, sure=options.unit is not None)

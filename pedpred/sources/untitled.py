@@ -69,7 +69,9 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), _WRONG)
     if still.found is not None:
         problem = f"without a header, column {_Y + 1} should be y, but it is {still.value} in all lines"
-        raise SourceError(path, None, problem, f"{_REMEDY}, with any other word for columns that are not used")
+        raise SourceError(
+            path, None, problem, f"{_REMEDY}, with any other word for columns that are not used"
+        )
     unit = unit_of_lengths(path, lines.comments, options.unit) or "m"
     position = UNITS[unit] * np.stack([columns.pop("x_m"), columns.pop("y_m")], axis=-1)
     fractions = [ids.holds_fractions() for ids in both]

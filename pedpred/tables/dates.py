@@ -47,7 +47,10 @@ class Dates:
         for count, (line, fields) in enumerate(rows):
             if not count:
                 self.found = is_date(fields[at]) or bool(_CLOCK.match(fields[at].strip()))
-            yield line, [*fields[:at], self._seconds(line, fields), *fields[at + 1 :]] if self.found else fields
+            yield (
+                line,
+                [*fields[:at], self._seconds(line, fields), *fields[at + 1 :]] if self.found else fields,
+            )
 
     def _seconds(self, line: int, fields: Sequence[str]) -> str:
         text = fields[self._at].strip()

@@ -80,6 +80,7 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
         named = columns or (titles if has_titles else ())
         if has_titles and not columns:
             named, rows = _with_units(named, rows)
+            rows = rows if separator == "," else _without_numbers(named, rows)
         return Lines(line, text.strip(), separator, named, rows, comments)
     raise SourceError(path, None, "no detections, the file is empty", "Name a file with tracks")
 
@@ -107,17 +108,11 @@ def has_header(path: Path) -> bool:
 def of_width(path: Path, rows: Iterable[Row], titles: Sequence[str]) -> Iterator[Row]:
     """Check that each row has a field for each title; an empty field at the end may be there or not.
 
-    A first field more, which counts the rows from 0 or 1, is left out, as R and pandas write it.
-
     Raises:
         SourceError: one has not; it names the line.
     """
-    width, number = len(titles), None
-    for count, (line, fields) in enumerate(rows):
-        if count == 0 and len(fields) == width + 1 and fields[-1].strip() and fields[0].strip() in ("0", "1"):
-            number = int(fields[0])
-        if number is not None and len(fields) == width + 1 and fields[0].strip() == str(number + count):
-            fields = fields[1:]
+    width = len(titles)
+    for line, fields in rows:
         if len(fields) == width + 1 and not fields[-1].strip():
             fields = fields[:-1]
         elif len(fields) == width - 1 and not titles[-1]:
@@ -154,8 +149,23 @@ def _with_units(titles: Sequence[str], rows: Iterator[Row]) -> tuple[Sequence[st
     others = all(unit in _NO_UNIT for unit, is_known in zip(units, known, strict=True) if not is_known)
     if len(units) != len(titles) or not any(known) or not others:
         return titles, chain([first], rows)
-    named = [f"{title} [{unit}]" if found else title for title, unit, found in zip(titles, units, known, strict=True)]
+    named = [
+        f"{title} [{unit}]" if found else title
+        for title, unit, found in zip(titles, units, known, strict=True)
+    ]
     return (named if _names_tracks(named) else titles), rows
+
+
+def _without_numbers(titles: Sequence[str], rows: Iterator[Row]) -> Iterator[Row]:
+    """Rows without a field that counts them from 0 or 1 and has no title, as R and pandas write it."""
+    number = None
+    for count, (line, fields) in enumerate(rows):
+        if len(fields) == len(titles) + 1 and fields[-1].strip():
+            if count == 0 and fields[0].strip() in ("0", "1"):
+                number = int(fields[0])
+            if number is not None and fields[0].strip() == str(number + count):
+                fields = fields[1:]
+        yield line, fields
 
 
 def _rows(

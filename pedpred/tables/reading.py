@@ -81,7 +81,9 @@ def _classes(path: Path, titles: Sequence[str], options: TableOptions) -> tuple[
         values = sorted(set(counts[title]) - {""})
         if 1 < len(values) <= _MOST_RECORDINGS:
             shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
-            text = "%s: column %s holds %s: all are read as one recording; divide the file if they are several"
+            text = (
+                "%s: column %s holds %s: all are read as one recording; divide the file if they are several"
+            )
             _log.warning(text, path, title, shown)
     if kinds or options.classes:
         return classes_of_people(path, {title: counts[title] for title in kinds}, options.classes)
