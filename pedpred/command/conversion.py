@@ -222,7 +222,7 @@ def read_any(
         return read_bag(path, topic, transform, map_topic, classes, options.names.of_number)
     else:
         scene = read_own(path, options) if path.is_dir() else read_recording(path, transform)
-        check_speeds(path, scene.trajectories, sure=True)
+        check_speeds(path, scene.trajectories, by_format=True)
         transform = transform if path.is_dir() else None
     if transform is None:
         return scene

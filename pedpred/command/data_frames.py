@@ -14,6 +14,7 @@ from pedpred.command.prediction import robot_for
 from pedpred.errors import ValueRuleError
 from pedpred.online.replay import as_windows, replay_scene
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
+from pedpred.sources.placeholders import without_placeholders
 from pedpred.sources.single_file import checked_interval_s
 from pedpred.tables.classes import classes_of_people, label_of
 from pedpred.tables.options import TableOptions
@@ -65,6 +66,7 @@ def predict(
         raise ValueRuleError(id_title, None, f"row {int(lost.argmax()) + 1} has no id")
     values[id_title] = pd.Series(who, index=table.index).where(who >= 0)
     people = tracks_in_rows(_TABLE, list(named), _rows(values.values()), TableOptions(None, rate_hz, unit))
+    people = without_placeholders(_TABLE, people)
     dt_s = checked_interval_s(_TABLE, people, titled=True, sure=unit is not None)
     if isinstance(occupancy, str | Path):
         occupancy = map_at(Path(occupancy))
