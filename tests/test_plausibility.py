@@ -225,7 +225,13 @@ def test_jumps_and_running_are_warned_about(tmp_path, caplog):
     check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk))
     assert not caplog.text
     check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk / 0.3048))
-    assert "which is running; are lengths metres?" in caplog.text
+    assert "4.27 m/s half of the time, which is running: say --unit ft if lengths are ft" in caplog.text
+    caplog.clear()
+    check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk / 0.3048), sure=True)
+    assert "which is running" in caplog.text
+    assert "--unit" not in caplog.text
+    check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk / 0.3048), by_format=True)
+    assert "are lengths ft in place of metres?" in caplog.text
     walk[300] = 0.0
     check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk))
     assert "people jump" in caplog.text

@@ -162,7 +162,7 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.add_argument("--topic", help="of a bag's people, if several topics carry people")
     grids = "of a bag's map, if it is not called map (default: the one that is not a costmap); '': no map"
     command.add_argument("--map-topic", help=grids)
-    kinds = "class of people among a bag's detections (default: person, people, pedestrian or human); "
+    kinds = "class of people in a bag or table (default: person, people, pedestrian, human); "
     command.add_argument(
         "--class", dest="classes", action="append", metavar="CLASS", help=f"{kinds}may be repeated"
     )

@@ -16,7 +16,6 @@ from pedpred.command.maps import map_at
 from pedpred.errors import ValueRuleError
 from pedpred.ros import Transform, is_bag, is_recording, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
-from pedpred.ros.people import PERSON_CLASSES
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometries import is_geometry, read_ground, read_walls
@@ -25,6 +24,7 @@ from pedpred.sources.scene_folder import read_own
 from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
 from pedpred.sources.stanford import PictureOptions, read_homography
 from pedpred.storage.scenes import write_scene
+from pedpred.tables.classes import PERSON_CLASSES
 from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
 
@@ -92,8 +92,7 @@ def read_given(given: argparse.Namespace, names: TrackNames | None = None) -> Sc
     replaced = given.map is not None or given.no_map
     ground = "" if replaced else given.map_topic
     transform = None if given.transform is None else Transform(*given.transform)
-    classes = given.classes or PERSON_CLASSES
-    options = _options(given)
+    classes, options = given.classes or PERSON_CLASSES, _options(given)
     if names is not None:
         options = replace(options, names=names)
     scene = read_any(given.scene, given.topic, options, transform, ground, classes)
@@ -114,7 +113,8 @@ def _options(given: argparse.Namespace) -> PictureOptions:
         ValueRuleError: a homography is given for something else than pixels.
     """
     columns = None if given.columns is None else tuple(given.columns.split(","))
-    options = PictureOptions(columns, given.rate, given.unit, given.scale)
+    classes = tuple(given.classes or ())
+    options = PictureOptions(columns, given.rate, given.unit, given.scale, classes=classes)
     if given.homography is None:
         return options
     is_tracks = not given.scene.is_dir() and not _is_named(given.scene)
@@ -222,7 +222,7 @@ def read_any(
         return read_bag(path, topic, transform, map_topic, classes, options.names.of_number)
     else:
         scene = read_own(path, options) if path.is_dir() else read_recording(path, transform)
-        check_speeds(path, scene.trajectories, sure=True)
+        check_speeds(path, scene.trajectories, by_format=True)
         transform = transform if path.is_dir() else None
     if transform is None:
         return scene

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +14,13 @@ from pedpred.command.prediction import robot_for
 from pedpred.errors import ValueRuleError
 from pedpred.online.replay import as_windows, replay_scene
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
+from pedpred.sources.placeholders import without_placeholders
 from pedpred.sources.single_file import checked_interval_s
+from pedpred.tables.classes import classes_of_people, label_of
 from pedpred.tables.options import TableOptions
 from pedpred.tables.reading import tracks_in_rows
 from pedpred.tables.text import Row
-from pedpred.tables.titles import LENGTHS, titles_of_tracks
+from pedpred.tables.titles import LENGTHS, columns_of_classes, titles_of_tracks
 
 _TABLE = Path("table")
 _METHOD = "pedpred"
@@ -36,8 +38,9 @@ def predict(
 
     Args:
         table: detections with the columns time (s) or frame, id, x, y (m); or what such
-            columns may be called in CSV files. Ids may be anything that is not missing. Rows without a
-            position (NaN, None) are missing detections, and left out.
+            columns may be called in CSV files. Times may be dates. Ids may be anything that is not missing.
+            Rows without a position (NaN, None) are missing detections, and left out; so are rows of a class
+            that is not called a person, if another one is.
         occupancy: static obstacles in the same frame, or the path of a map; None: free ground.
         rate_hz: frames per second, where there are frames.
         unit: of lengths: "m", "cm", "mm", "ft" or "inch".
@@ -54,6 +57,7 @@ def predict(
     """
     titles = [str(title) for title in table.columns]
     named = titles_of_tracks(titles)
+    table = _people_in(table, titles)
     (id_title,) = (title for title, name in named.items() if name == "track_id")
     values = {title: table.iloc[:, titles.index(title)] for title in named}
     who, names = pd.factorize(values[id_title])
@@ -62,6 +66,7 @@ def predict(
         raise ValueRuleError(id_title, None, f"row {int(lost.argmax()) + 1} has no id")
     values[id_title] = pd.Series(who, index=table.index).where(who >= 0)
     people = tracks_in_rows(_TABLE, list(named), _rows(values.values()), TableOptions(None, rate_hz, unit))
+    people = without_placeholders(_TABLE, people)
     dt_s = checked_interval_s(_TABLE, people, titled=True, sure=unit is not None)
     if isinstance(occupancy, str | Path):
         occupancy = map_at(Path(occupancy))
@@ -71,6 +76,17 @@ def predict(
     windows = as_windows(scene, replay_scene(scene, predictor), _METHOD, predictor.protocol)
     forecasts = forecast_table(windows, _METHOD)
     return forecasts.assign(track=names.take(forecasts["track"].to_numpy()))
+
+
+def _people_in(table: pd.DataFrame, titles: Sequence[str]) -> pd.DataFrame:
+    """The rows that are about people; see `classes_of_people`."""
+    labels = {
+        title: table.iloc[:, titles.index(title)].map(lambda one: "" if pd.isna(one) else label_of(str(one)))
+        for title in columns_of_classes(titles)
+    }
+    counts = {title: own.value_counts().to_dict() for title, own in labels.items()}
+    chosen = classes_of_people(_TABLE, counts) if counts else None
+    return table if chosen is None else table[labels[chosen[0]].isin(chosen[1])]
 
 
 def _rows(columns: Iterable[pd.Series]) -> Iterator[Row]:

@@ -51,7 +51,7 @@ def assess(
         sensor: between the scene and the tracker; None for a perfect one.
         others: further methods by name, without memory; no name of `ALWAYS`.
         answered: which windows count, [W] bool; None: all.
-        metrics: which ones alone; None: all, and the calibration at each step.
+        metrics: which ones alone; None: all, and errors and calibration at each step.
 
     Raises:
         ValueRuleError: the scene has no window, or a further method has the name of one of `ALWAYS`.
@@ -73,23 +73,43 @@ def assess(
         blocks = predictions_in_blocks(predictor, request, f"forecast {scene.name}")
     else:
         blocks = _replayed(sensed(scene, sensor), predictor, request)
-    methods = {key: make() for key, make in PRESENT_MOTION.items()}
-    scores: dict[str, list[Scores]] = {name: [] for name in (*ALWAYS, *(others or ()))}
+    scores, row = _measured(request, blocks, settings, others or {}, metrics)
+    del request, blocks  # only the scores are needed from here on
+    joined: dict[str, Scores] = {}
+    for name in list(scores):
+        whole = replace(join_scores(scores.pop(name), row), without_truth=without_truth)
+        joined[name] = replace(whole, track=next(iter(joined.values()), whole).track)
+    return joined
+
+
+def _measured(
+    request: ForecastRequest,
+    blocks: Iterator[tuple[np.ndarray, Predictions]],
+    settings: EvaluationSettings,
+    others: Mapping[str, Forecaster],
+    metrics: Mapping[str, Metric] | None,
+) -> tuple[dict[str, list[Scores]], np.ndarray]:
+    """Scores of each method in block after block, and the windows in the order of the blocks. [W]."""
+    methods = {key: make() for key, make in PRESENT_MOTION.items()} | dict(others)
+    scores: dict[str, list[Scores]] = {name: [] for name in (*ALWAYS, *others)}
     measured = []
     for which, forecast in blocks:  # whole instants, since some metrics compare the people of one
         part = replace(request, rows=request.rows[which])
         windows = part.asked
-        truth = integrate_truth(windows, sizes.dt_s)
-        known = describe_scene(windows, scene.occupancy, settings)
-        own = {name: method(part) for name, method in (methods | dict(others or {})).items()}
+        truth = integrate_truth(windows, request.sizes.dt_s)
+        known = describe_scene(windows, request.scene.occupancy, settings)
+        own = {name: method(part) for name, method in methods.items()}
         for name, predictions in (own | {NETWORK: forecast}).items():
             among = predictions, truth, windows.track_id, known, metrics or METRICS, metrics is None
-            scores[name].append(score(*among))
+            scores[name].append(_kept(score(*among), metrics is None))
         measured.append(which)
-    row = np.concatenate(measured)
-    return {
-        name: replace(join_scores(parts, row), without_truth=without_truth) for name, parts in scores.items()
-    }
+    return scores, np.concatenate(measured)
+
+
+def _kept(scores: Scores, steps: bool) -> Scores:
+    """Scores in arrays of their own, since a view keeps all that it is a part of; without steps if asked."""
+    values = {key: own if own.base is None else own.copy() for key, own in scores.values.items()}
+    return replace(scores, values=values, error_m=scores.error_m if steps else scores.error_m[:, :0].copy())
 
 
 def _replayed(

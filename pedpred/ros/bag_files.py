@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import tempfile
 from collections.abc import Iterator
@@ -17,10 +18,10 @@ from pedpred.errors import ShapeError, SourceError, brief
 from pedpred.files import read_yaml
 
 METADATA = "metadata.yaml"
-_SUFFIXES = (".bag", ".db3", ".active")
 _STORED = re.compile(r"\.(mcap|db3)(\.zstd|\.zst)?$")
+_SINGLE = re.compile(r"\.(db3|bag|bag\.active|active)(\.zstd|\.zst)?$|\.mcap(\.zstd|\.zst)$")
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-_LARGEST_BYTES, _LARGEST_RATIO, _BLOCK_BYTES = 2**30, 100, 2**22
+_LARGEST_BYTES, _LARGEST_RATIO, _BLOCK_BYTES, _ZEROS_BYTES = 2**30, 100, 2**22, 2**16
 """Limits of an unpacked file: bytes, or a multiple of its packed size, whichever is larger."""
 
 _log = logging.getLogger(__name__)
@@ -47,7 +48,24 @@ def is_bag(path: Path) -> bool:
     """Whether the name is that of a bag; an .mcap file may be a bag or a recording of `write_recording`."""
     if path.is_dir():
         return (path / METADATA).exists() or (not (path / "scene.json").exists() and bool(_stored_in(path)))
-    return path.suffix in _SUFFIXES or (bool(_STORED.search(path.name)) and path.suffix != ".mcap")
+    return bool(_SINGLE.search(path.name))
+
+
+def written_bytes(file: BinaryIO) -> int:
+    """Size of a file without zeros at its end, which a disk may leave when the power fails.
+
+    Args:
+        file: open; where it is read next does not change.
+    """
+    here, end = file.tell(), file.seek(0, os.SEEK_END)
+    while end:
+        begin = max(end - _ZEROS_BYTES, 0)
+        file.seek(begin)
+        end = begin + len(file.read(end - begin).rstrip(b"\0"))
+        if end > begin:
+            break
+    file.seek(here)
+    return end
 
 
 @contextmanager

@@ -17,11 +17,12 @@ from pedpred.ros.detections import Instant, People
 from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
-from pedpred.ros.people import ADAPTERS, PERSON_CLASSES
+from pedpred.ros.people import ADAPTERS
 from pedpred.ros.scene_messages import map_of_grid, updated_grid
 from pedpred.ros.storages import opened
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.sources.plausibility import check_speeds
+from pedpred.tables.classes import PERSON_CLASSES
 
 _log = logging.getLogger(__name__)
 _GRID = TYPES[MAP]
@@ -76,9 +77,10 @@ def read_bag(
     problem = partial(SourceError, path, None)
     with translate_errors(partial(problem, remedy=_REMEDY)), opened(path) as bag:
         connections = bag.connections
+        topic, map_topic = (_as_in_bag(name, connections) for name in (topic, map_topic))
         sources = _people_topic(path, connections, topic)
         maps = _map_topic(path, connections, map_topic)
-        ground, instants = _read(bag, [*sources, *maps, *_updates_of(maps, connections)], classes)
+        ground, instants = _read(path, bag, [*sources, *maps, *_updates_of(maps, connections)], classes)
         with translate_errors(partial(problem, remedy="")):
             people = People(instants, partial(_log.warning, "%s: %s", path))
             frame = None if ground is None else frame_name(ground.header.frame_id)
@@ -91,18 +93,31 @@ def read_bag(
 
 
 def _read(
-    bag: BagReader, connections: Sequence[Connection], classes: Collection[str]
+    path: Path, bag: BagReader, connections: Sequence[Connection], classes: Collection[str]
 ) -> tuple[Any, list[Instant]]:
-    """The last map with the updates after it, None where there is none, and all messages of people."""
+    """The last map with the updates after it, None where there is none, and all messages of people.
+
+    Messages of people that cannot be decoded are left out with a warning, unless all are such.
+    """
     latest, ground, instants = None, None, []
+    problems: list[Exception] = []
     for connection, received_ns, raw in bag.messages(connections=connections):
         if connection.msgtype == _GRID:
             latest, ground = (raw, connection), None
         elif connection.msgtype != UPDATE_TYPE:
-            message = bag.decode(raw, connection)
+            try:
+                message = bag.decode(raw, connection)
+            except Exception as cause:  # whatever rosbags raises on damaged bytes; told or raised below
+                problems.append(cause)
+                continue
             instants.append(Instant.of(message, connection.msgtype, received_ns / 1e9, classes))
         elif latest is not None:
             ground = updated_grid(ground or bag.decode(*latest), bag.decode(raw, connection))
+    if problems:
+        if not any(each.ids or each.others for each in instants):
+            raise problems[0]
+        count, first = len(problems) + len(instants), brief(str(problems[0]))
+        _log.warning("%s: left out: %d of %d messages, which are damaged (%s)", path, len(problems), count, first)
     return ground or (latest and bag.decode(*latest)), instants
 
 
@@ -122,7 +137,7 @@ def _checked_interval_s(path: Path, people: Trajectories) -> float:
     if dt_s >= _LONGEST_S:
         rule = "a track must be seen every few seconds: stamps count seconds and nanoseconds"
         raise ValueRuleError("stamp", f"usually {dt_s:g} s between two detections", rule)
-    check_speeds(path, people, sure=True)
+    check_speeds(path, people, by_format=True)
     return dt_s
 
 
@@ -134,6 +149,12 @@ def _transforms(bag: BagReader) -> FrameTree:
         message = bag.decode(raw, connection)
         tree.add(message, received_ns / 1e9, fixed="static" in connection.topic)
     return tree
+
+
+def _as_in_bag(topic: str | None, connections: Sequence[Connection]) -> str | None:
+    """A topic's name as the bag has it, with or without a slash before it."""
+    bare = (topic or "").lstrip("/")
+    return next((c.topic for c in connections if bare and c.topic.lstrip("/") == bare), topic)
 
 
 def _people_topic(path: Path, connections: Sequence[Connection], topic: str | None) -> list[Connection]:

@@ -19,14 +19,14 @@ from pedpred.ros.identity import check_identity
 from pedpred.ros.people import (
     ADAPTERS,
     LABELLED,
-    PERSON_CLASSES,
     TrackNumbers,
     find_usable,
-    is_person,
     labels_of,
 )
 from pedpred.ros.scene_messages import seconds
 from pedpred.scenes import Trajectories, rule_of
+from pedpred.sources.placeholders import find_placeholders, left_out
+from pedpred.tables.classes import PERSON_CLASSES, is_person
 
 _ROBOTS = ("base_link", "base_footprint")
 """Frames of robots (REP 105): they move."""
@@ -198,7 +198,8 @@ class People:
         Raises:
             ValueRuleError: ids do not say who is who.
         """
-        ids, position = self._named([each.ids for each in self._instants], position)
+        read = [each.place[:, :2] for each in self._instants]
+        ids, position, read = self._named([each.ids for each in self._instants], position, read)
         check_identity(ids, self._time_s, position)
         numbers, counts = TrackNumbers(), [len(each) for each in ids]
         called = [
@@ -211,22 +212,28 @@ class People:
             names.update((n, name) for n, name in zip(track_id.tolist(), called, strict=True) if n < 0)
         time_s = self._time_s.repeat(counts)
         places = np.concatenate([np.zeros((0, 2)), *position])
-        kept, left_out = find_usable(time_s, track_id, places)
-        if left_out:
-            self._warn(left_out)
+        kept, lack = find_usable(time_s, track_id, places)
+        if lack:
+            self._warn(lack)
+        written = np.concatenate([np.zeros((0, 2)), *read])
+        unknown = find_placeholders(time_s[kept], track_id[kept], places[kept], written[kept])
+        if unknown.any():
+            self._warn(left_out(written[kept][unknown], len(unknown)))
+            kept[kept] = ~unknown
         return Trajectories(time_s[kept], track_id[kept], places[kept])
 
     def _named(
-        self, ids: list[tuple[str, ...]], position: Sequence[np.ndarray]
-    ) -> tuple[list[tuple[str, ...]], list[np.ndarray]]:
-        """Those who have an id, unless nobody has."""
+        self, ids: list[tuple[str, ...]], *places: Sequence[np.ndarray]
+    ) -> tuple[list[tuple[str, ...]], Sequence[np.ndarray], Sequence[np.ndarray]]:
+        """Those who have an id, unless nobody has, and their places in two frames."""
         named = [np.array([bool(name) for name in each], bool) for each in ids]
         count = sum(int(there.sum()) for there in named)
         if nameless := sum(map(len, ids)) - count if count else 0:
             self._warn(f"left out: {nameless} of {nameless + count} detections, which have no id")
             ids = [tuple(name for name in each if name) for each in ids]
-            position = [places[there] for places, there in zip(position, named, strict=True)]
-        return ids, list(position)
+            places = tuple([at[there] for at, there in zip(each, named, strict=True)] for each in places)
+        position, read = places
+        return ids, position, read
 
 
 def _stands_still(instants: Sequence[Instant]) -> bool:

@@ -21,7 +21,7 @@ from mcap.writer import MCAP0_MAGIC
 from zstandard import frame_content_size
 
 from pedpred.errors import SourceError
-from pedpred.ros.bag_files import BagFile
+from pedpred.ros.bag_files import BagFile, written_bytes
 from pedpred.ros.bag_reader import RecordReader
 from pedpred.ros.decoding import CDR, ROS1, Connection
 from pedpred.ros.unpacking import check_unpacked, unpack
@@ -79,8 +79,9 @@ def records(file: BagFile) -> Iterator[McapRecord]:
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as raw:
             size = len(raw)
             cut = size == len(MCAP0_MAGIC) or raw[-len(MCAP0_MAGIC) :] != MCAP0_MAGIC
-            end = _last_whole_record(raw, len(MCAP0_MAGIC)) if cut else size
-            rest = raw[end : end + _LARGEST_REST_BYTES]
+            written = max(written_bytes(stream), len(MCAP0_MAGIC)) if cut else size
+            end = _last_whole_record(raw, len(MCAP0_MAGIC), written) if cut else size
+            rest = raw[end : min(end + _LARGEST_REST_BYTES, written)]
         if cut:
             more = ", and what is whole of the chunk there," if rest[:1] == bytes([Opcode.CHUNK]) else ""
             warnings.warn(f"{file.name} is cut: read up to byte {end}{more} of {size}", stacklevel=2)
@@ -121,17 +122,17 @@ def _cut_chunk(raw: bytes) -> list[McapRecord]:
         compression, data = raw[begin : begin + length].decode(), raw[begin + length + _DATA_LENGTH_BYTES :]
         plain = unpack(data, compression) if compression else data
         if raw[0] == Opcode.CHUNK:
-            whole = plain[: _last_whole_record(plain, 0)]
+            whole = plain[: _last_whole_record(plain, 0, len(plain))]
             return breakup_chunk(Chunk("", whole, 0, 0, 0, len(whole)))
     return []
 
 
-def _last_whole_record(raw: mmap.mmap | bytes, begin: int) -> int:
-    """The end of the last complete record after some bytes."""
+def _last_whole_record(raw: mmap.mmap | bytes, begin: int, size: int) -> int:
+    """The end of the last complete record between some bytes."""
     end = begin
-    while end + _RECORD_HEAD.size <= len(raw):
+    while end + _RECORD_HEAD.size <= size:
         _, length = _RECORD_HEAD.unpack_from(raw, end)
-        if end + _RECORD_HEAD.size + length > len(raw):
+        if end + _RECORD_HEAD.size + length > size:
             break
         end += _RECORD_HEAD.size + length
     return end

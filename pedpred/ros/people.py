@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,6 @@ from pedpred.scenes import rule_of
 Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
 """A message -> (name, position with x and y in m) of every person in it."""
 
-PERSON_CLASSES = ("person", "people", "pedestrian", "human")
-"""The classes that are people, unless others are wanted."""
-_WORD = re.compile(r"[^\W\d_]+")
 _LARGEST = 2**63 - 1
 _MOST_DIGITS = len(str(_LARGEST))
 _ROBOT = 2
@@ -60,18 +56,6 @@ def labels_of(message: Any) -> list[str]:
 def _hypotheses(detection: Any) -> list[Any]:
     """Classes with scores, of every edition of the package."""
     return [getattr(result, "hypothesis", result) for result in getattr(detection, "results", ())]
-
-
-def is_person(label: str, wanted: Collection[str] = PERSON_CLASSES) -> bool:
-    """Whether a class is one of those wanted: itself, or a word in it as in `human.pedestrian`.
-
-    Args:
-        label: the class; where it is empty, nobody says that it is not a person.
-        wanted: classes, in small or capital letters; without any but empty ones, all are persons.
-    """
-    names = {name.casefold() for name in wanted} - {""}
-    given = label.casefold()
-    return not names or not given or given in names or not names.isdisjoint(_WORD.findall(given))
 
 
 class TrackNumbers:

@@ -12,7 +12,7 @@ from typing import BinaryIO
 from rosbags.rosbag1.reader import Header, ReaderError, RecordType, normalize
 
 from pedpred.errors import ShapeError
-from pedpred.ros.bag_files import BagFile
+from pedpred.ros.bag_files import BagFile, written_bytes
 from pedpred.ros.bag_reader import RecordReader
 from pedpred.ros.decoding import ROS1, Connection
 from pedpred.ros.unpacking import check_unpacked, unpack
@@ -53,11 +53,12 @@ def _records(file: BagFile) -> Iterator[_Record]:
         first = _next(stream, size)
         closed = first is not None and 0 < first[1].get_uint64("index_pos") <= size
         end = stream.tell()
+        written = size if closed else max(written_bytes(stream), end)
         try:
-            while record := _next(stream, size):
+            while record := _next(stream, written):
                 yield from _inner(record) if record[0] == RecordType.CHUNK else (record,)
                 end = stream.tell()
-        except (ReaderError, ShapeError, struct.error, ValueError):
+        except (ReaderError, ShapeError, struct.error, ValueError, RuntimeError, OSError):  # the last: of chunks
             if closed:
                 raise
         if not (closed and end == size):
@@ -99,7 +100,7 @@ def _next(stream: BinaryIO, size: int) -> _Record | None:
         length = rest  # the recorder writes the length of a chunk when the chunk is full
     if kind in _READ:
         check_unpacked(min(length, rest))
-        content = stream.read(length)
+        content = stream.read(min(length, rest))
         return (kind, header, content) if len(content) == length or kind == RecordType.CHUNK else None
     if length > rest:
         return None

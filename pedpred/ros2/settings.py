@@ -8,7 +8,8 @@ from typing import Any
 
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges
-from pedpred.ros.people import ADAPTERS, PERSON_CLASSES
+from pedpred.ros.people import ADAPTERS
+from pedpred.tables.classes import PERSON_CLASSES
 
 _CHOICES: dict[str, Sequence[str]] = {
     "people_type": sorted(ADAPTERS),

@@ -14,6 +14,7 @@ from pedpred.tables.encodings import UTF_16
 
 _LOOKED_AT_BYTES = 2**16
 _PAIRS = 16  # bytes of which each second one is 0 in UTF-16
+_JSON = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*["}]|\[\s*[\[{"])')
 _TABLE = "Save it as CSV with the columns time,id,x,y"
 _OTHERS = {
     (b"\x1f\x8b",): ("a gzip archive", "Unpack it"),
@@ -85,6 +86,8 @@ class Beginning:
             return SourceError(
                 self.path, None, problem, "Of XML, FCD of SUMO is read; geometries are for --map"
             )
+        if _JSON.match(self.raw):
+            return SourceError(self.path, None, "this is JSON of a kind that is not read", _TABLE)
         if b"\0" not in self.raw or self._is_utf_16:
             return None
         if any(set(self.raw[first:_PAIRS:2]) == {0} for first in (0, 1)):

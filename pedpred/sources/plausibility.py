@@ -96,13 +96,16 @@ def _motion(track_id: np.ndarray, frame: np.ndarray, position: np.ndarray) -> _M
     return _Motion(usual, long, seen)
 
 
-def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> None:
+def check_speeds(
+    path: Path, trajectories: Trajectories, sure: bool = False, by_format: bool = False
+) -> None:
     """Check that people move as fast as people do; otherwise lengths or times have another unit.
 
     Args:
         path: the file, for errors.
         trajectories: what was read from it, taken as metres and seconds.
         sure: the caller has said the unit, so that impossible speeds are only warned about.
+        by_format: the format says the unit, which its writer may not have known; warned about, too.
 
     Raises:
         SourceError: they are impossible; the likely unit is named.
@@ -112,19 +115,23 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False) -> 
         return
     usual_mps, jumps = float(np.percentile(speed_mps, 99)), int((speed_mps > _JUMP_MPS).sum())
     if jumps and usual_mps <= _FASTEST_MPS:
-        cause = "are ids exchanged, or were people who were not seen put at 0, 0?"
+        cause = "are ids exchanged, or do false detections have the ids of people?"
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
+    sure, doubt = sure or by_format, ""
+    likely = next((unit for unit in _LIKELY if usual_mps * UNITS[unit] <= _USUAL_MPS), "mm")
+    if by_format:
+        doubt = f": are lengths {likely} in place of metres?"
     if usual_mps > _FASTEST_MPS:
-        likely = next((unit for unit in _LIKELY if usual_mps * UNITS[unit] <= _USUAL_MPS), "mm")
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
         if not sure:
             remedy = f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, "
             remedy += "or correct --rate or the order of --columns"
             raise SourceError(path, None, problem, remedy)
-        _log.warning("%s: %s", path, problem)
+        _log.warning("%s: %s%s", path, problem, doubt)
     elif usual_mps > _USUAL_MPS:
-        text = "%s: people move at up to %.3g m/s (1 %% are faster), which is running; are lengths metres?"
-        _log.warning(text, path, usual_mps)
+        speeds = f"up to {usual_mps:.3g} m/s (1 % are faster), {np.median(speed_mps):.3g} m/s half of the time"
+        ask = doubt if sure else f": say --unit {likely} if lengths are {likely}, or --unit m"
+        _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
     elif usual_mps < _SLOWEST_MPS:
         _log.warning(
             "%s: nobody moves faster than %.2g m/s; are lengths metres, times seconds?", path, usual_mps

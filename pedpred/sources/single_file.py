@@ -23,6 +23,7 @@ from pedpred.sources import (
     viswalk,
 )
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.placeholders import without_placeholders
 from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles
 from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
@@ -81,7 +82,11 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
         raise ValueRuleError(
             "--scale", options.pixel_m, f"{path} is {kind.name}, whose positions are not pixels"
         )
-    trajectories = kind.read(path, options)
+    if options.classes and kind is not _TABLE:
+        raise ValueRuleError(
+            "--class", options.classes, f"{path} is {kind.name}, without a column of classes"
+        )
+    trajectories = without_placeholders(path, kind.read(path, options))
     titled = kind is _TABLE and options.columns is None
     dt_s = checked_interval_s(path, trajectories, titled, sure=options.unit is not None)
     walls = kind.walls(path)

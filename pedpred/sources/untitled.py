@@ -9,7 +9,7 @@ the frame rate and the unit of lengths those of comments, see `pedpred.tables.co
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -23,11 +23,13 @@ from pedpred.sources.plausibility import ids_come_first
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.decimals import with_decimal_points
 from pedpred.tables.detections import with_positions, without_copies
+from pedpred.tables.dates import is_date
+from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import lines_of, of_width
 from pedpred.tables.options import TableOptions
 from pedpred.tables.reading import numbered
-from pedpred.tables.text import OWN_FILE, Row, read_numbers
+from pedpred.tables.text import OWN_FILE, read_numbers
 from pedpred.tables.units import UNITS
 
 COLUMNS = ("id", "frame", "x", "y")
@@ -54,15 +56,22 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         problem = f"no header, and {len(first)} columns, expected {' '.join(COLUMNS)} and perhaps z"
         remedy = "Separate values by blanks, tabs, commas or semicolons"
         raise SourceError(path, line, problem, remedy)
+    if dates := [k for k in (0, 1) if is_date(first[k])]:
+        problem = f"no header, and {first[dates[0]]!r} is a time, not a number of frames or seconds"
+        raise SourceError(path, line, problem, _REMEDY)
     titles = (*COLUMNS, "z", *(f"column_{n}" for n in range(6, len(first) + 1)))[: len(first)]
-    still = _Still(first)
+    still = Still(_Y, range(_Y + 1, len(first)))
     rows = of_width(path, chain([(line, first)], lines.rows), titles)
     rows = still.watched(with_positions(path, rows, (2, 3), 0))
     rows = with_decimal_points(path, rows, range(len(COLUMNS)), lines.separator)
     both = Ids(path, COLUMNS[0], _REMEDY), Ids(path, COLUMNS[1], _REMEDY)
     rows = both[1].numbered(both[0].numbered(rows, 0), 1)
     columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), _WRONG)
-    still.check(path)
+    if still.found is not None:
+        problem = f"without a header, column {_Y + 1} should be y, but it is {still.value} in all lines"
+        raise SourceError(
+            path, None, problem, f"{_REMEDY}, with any other word for columns that are not used"
+        )
     unit = unit_of_lengths(path, lines.comments, options.unit) or "m"
     position = UNITS[unit] * np.stack([columns.pop("x_m"), columns.pop("y_m")], axis=-1)
     fractions = [ids.holds_fractions() for ids in both]
@@ -83,34 +92,6 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     with translate_errors(partial(SourceError, path, None)):
         position = np.stack([found["x_m"], found["y_m"]], axis=-1)
         return Trajectories(found["time_s"], found["track_id"], position)
-
-
-class _Still:
-    """Notices a fourth column that never changes while a later one does: x, z, y, or other values."""
-
-    def __init__(self, first: Sequence[str]) -> None:
-        self._first, self._changed = first, [False] * len(first)
-
-    def watched(self, rows: Iterable[Row]) -> Iterator[Row]:
-        """The rows, while it looks at them."""
-        at = range(_Y, len(self._first)) if len(self._first) > len(COLUMNS) else ()
-        for line, fields in rows:
-            for k in at:
-                self._changed[k] |= fields[k] != self._first[k]
-            yield line, fields
-
-    def check(self, path: Path) -> None:
-        """Check that the fourth column can be y.
-
-        Raises:
-            SourceError: it never changes, and a later one does.
-        """
-        if not self._changed[_Y] and any(self._changed):
-            problem = (
-                f"without a header, column {_Y + 1} should be y, but it is {self._first[_Y]} in all lines"
-            )
-            remedy = f"{_REMEDY}, with any other word for columns that are not used"
-            raise SourceError(path, None, problem, remedy)
 
 
 def _ids_first(

@@ -8,11 +8,25 @@ import numpy as np
 
 from pedpred.errors import SourceError
 from pedpred.scenes.scene import LATEST_S
+from pedpred.tables.titles import REST
 from pedpred.tables.units import PER_SECOND
 
 IN_SECONDS = "Times are seconds; call the column time_ms, time_us or time_ns, or frame and give --rate"
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
 _LONG_AGO_S = 1e8  # Unix times are later
+
+
+def add_rest(columns: dict[str, np.ndarray], unit: str | None) -> None:
+    """Add the second part of stamps that are whole seconds and a rest below one second.
+
+    Args:
+        columns: with `time_s`, s, and `rest_of_time`; the latter is removed. If it holds the same times again,
+            or the first ones have fractions, nothing is added.
+        unit: of the rest.
+    """
+    rest_s = columns.pop(REST) / PER_SECOND[unit or "s"]
+    if (columns["time_s"] == np.floor(columns["time_s"])).all() and ((rest_s >= 0) & (rest_s < 1)).all():
+        columns["time_s"] = columns["time_s"] + rest_s
 
 
 def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_hz: float | None) -> None:

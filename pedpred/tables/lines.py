@@ -10,7 +10,7 @@ import csv
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 
 from pedpred.errors import SourceError, ValueRuleError
@@ -18,12 +18,16 @@ from pedpred.tables.comments import MOST_COMMENTS
 from pedpred.tables.decimals import has_decimal_comma
 from pedpred.tables.text import Row, check_width, is_number, text_lines
 from pedpred.tables.titles import titles_of_tracks
+from pedpred.tables.units import LENGTH_WORDS, TIME_WORDS
 
 _SEPARATORS = (";", "\t", "|", ",")
 _COMMENTS = ("#", "%", "//", "sep=")  # with the last, spreadsheets say the separator
 _UTF8 = "Save it as text in UTF-8"
+_MOST_ABOVE = 50
+"""Lines above a header."""
+_NO_UNIT = {"", "-", "--", "none", "n/a", "m/s", "m/s2", "deg", "rad", "°", "id"}
 _FEWEST = 3
-"""Numbers with decimal commas that a line with blanks between them has at least."""
+"""Numbers that a row has at least, and one with decimal commas and blanks between them."""
 _WIDTH = "Each line must have a value for each title, also where one is empty"
 _COMMAS = "Where commas are decimal ones, separate values by semicolons"
 
@@ -61,7 +65,7 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
         SourceError: it is empty, or no text.
     """
     comments: list[str] = []
-    lines = text_lines(path, _UTF8)
+    lines = _lines(path, header and columns is None)
     for line, text in lines:
         comment = _is_comment(text)
         separator = _separator(text)
@@ -74,6 +78,9 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
         given = lines if has_titles else chain([(line, text)], lines)
         rows = _rows(given, None if comment else separator, comment, comments)
         named = columns or (titles if has_titles else ())
+        if has_titles and not columns:
+            named, rows = _with_units(named, rows)
+            rows = rows if separator == "," else _without_numbers(named, rows)
         return Lines(line, text.strip(), separator, named, rows, comments)
     raise SourceError(path, None, "no detections, the file is empty", "Name a file with tracks")
 
@@ -87,7 +94,7 @@ def has_header(path: Path) -> bool:
         SourceError: the file is missing or no text.
     """
     widths = set()
-    for _, text in text_lines(path, _UTF8):
+    for _, text in _lines(path, True):
         separator = _separator(text)
         if not _is_comment(text):
             fields = _split(text, separator)
@@ -112,6 +119,52 @@ def of_width(path: Path, rows: Iterable[Row], titles: Sequence[str]) -> Iterator
             fields = [*fields, ""]
         if len(fields) != width:
             check_width(path, line, fields, titles, f"{_WIDTH}. {_COMMAS}" if len(fields) > width else _WIDTH)
+        yield line, fields
+
+
+def _lines(path: Path, header: bool) -> Iterator[tuple[int, str]]:
+    """Number and text of each line; what stands above a header, such as the name of a program, is a comment."""
+    lines = text_lines(path, _UTF8)
+    if not header:
+        return lines
+    begin, above = list(islice(lines, _MOST_ABOVE)), 0
+    for at, (_, text) in enumerate(begin):
+        titles = _titles(text, _separator(text))
+        if _names_tracks(titles):
+            above = 0 if _is_comment(text) else at
+            break
+        if not _is_comment(text) and sum(map(_is_numeric, titles)) >= _FEWEST:
+            break
+    noted = [(line, text if _is_comment(text) else f"# {text}") for line, text in begin[:above]]
+    return chain(noted, begin[above:], lines)
+
+
+def _with_units(titles: Sequence[str], rows: Iterator[Row]) -> tuple[Sequence[str], Iterator[Row]]:
+    """Titles with the units in a row below them, if there is one, and the other rows."""
+    first = next(rows, None)
+    if first is None:
+        return titles, rows
+    units = [field.strip().strip("[]()").lower() for field in first[1]]
+    known = [unit in LENGTH_WORDS or unit in TIME_WORDS for unit in units]
+    others = all(unit in _NO_UNIT for unit, is_known in zip(units, known, strict=True) if not is_known)
+    if len(units) != len(titles) or not any(known) or not others:
+        return titles, chain([first], rows)
+    named = [
+        f"{title} [{unit}]" if found else title
+        for title, unit, found in zip(titles, units, known, strict=True)
+    ]
+    return (named if _names_tracks(named) else titles), rows
+
+
+def _without_numbers(titles: Sequence[str], rows: Iterator[Row]) -> Iterator[Row]:
+    """Rows without a field that counts them from 0 or 1 and has no title, as R and pandas write it."""
+    number = None
+    for count, (line, fields) in enumerate(rows):
+        if len(fields) == len(titles) + 1 and fields[-1].strip():
+            if count == 0 and fields[0].strip() in ("0", "1"):
+                number = int(fields[0])
+            if number is not None and fields[0].strip() == str(number + count):
+                fields = fields[1:]
         yield line, fields
 
 

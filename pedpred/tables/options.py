@@ -26,6 +26,7 @@ class TableOptions:
         unit: of lengths, a key of `UNITS`; None: the file says it, or they are metres.
         pixel_m: side of a pixel, m, where people were annotated in a picture.
         names: of tracks whose ids are words; the reader adds them.
+        classes: who is a person, where a column holds classes; empty: whoever is called so.
     """
 
     columns: tuple[str, ...] | None = None
@@ -33,6 +34,7 @@ class TableOptions:
     unit: str | None = None
     pixel_m: float | None = None
     names: TrackNames = field(default_factory=TrackNames, compare=False)
+    classes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.columns is not None:

@@ -1,12 +1,13 @@
 """Tables of tracks as text: a line per detection, columns named by a header or by the caller.
 
-`lines` finds the fields, `titles` what they mean, `detections` which rows count; `ids`, `decimals`, `clocks`
-and `units` say what values mean. What was taken for what is logged.
+`lines` finds the fields, `titles` what they mean, `classes` and `detections` which rows count; `ids`,
+`decimals`, `dates`, `clocks` and `units` say what values mean. What was taken for what is logged.
 """
 
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -16,20 +17,32 @@ import numpy as np
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
-from pedpred.tables.clocks import set_time
+from pedpred.tables.classes import classes_of_people, label_of
+from pedpred.tables.clocks import add_rest, set_time
 from pedpred.tables.comments import frame_rate_hz, unit_of_lengths
+from pedpred.tables.dates import Dates, column_of_days
 from pedpred.tables.decimals import with_decimal_points
 from pedpred.tables.detections import with_positions, without_copies, without_other_rows
+from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import Lines, lines_of, of_width
 from pedpred.tables.options import TableOptions
 from pedpred.tables.text import OWN_FILE, Row, read_numbers
-from pedpred.tables.titles import LENGTHS, meaning_of, titles_of_tracks
+from pedpred.tables.titles import (
+    LENGTHS,
+    REST,
+    columns_of_classes,
+    columns_of_heights,
+    columns_of_recordings,
+    meaning_of,
+    titles_of_tracks,
+)
 from pedpred.tables.units import UNITS
 
+_HEIGHT = "Name the columns in order, such as --columns time,id,x,height,y"
 _NAME = "Name all columns in order, such as --columns time,id,x,y"
 _PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
-_LONGEST_TITLES, _SHOWN_NAMES = 200, 3
+_LONGEST_TITLES, _SHOWN_NAMES, _MOST_RECORDINGS = 200, 3, 500
 _log = logging.getLogger(__name__)
 
 
@@ -47,7 +60,34 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
     lines = lines_of(path, options.columns)
     if not lines.titles:
         raise SourceError(path, lines.line, f"no header, the first line is {lines.begins[:80]!r}", _NAME)
-    return _read(path, lines.titles, lines.rows, options, lines)
+    _wanted(path, lines.titles)
+    rows = of_width(path, lines.rows, lines.titles)
+    if chosen := _classes(path, lines.titles, options):
+        at, classes = lines.titles.index(chosen[0]), chosen[1]
+        rows = ((line, fields) for line, fields in rows if label_of(fields[at]) in classes)
+    return _read(path, lines.titles, rows, options, lines)
+
+
+def _classes(path: Path, titles: Sequence[str], options: TableOptions) -> tuple[str, set[str]] | None:
+    """The column that says who is a person, see `classes_of_people`; several recordings are warned about."""
+    kinds, parts = columns_of_classes(titles), columns_of_recordings(titles)
+    counts: dict[str, Counter[str]] = {title: Counter() for title in (*kinds, *parts)}
+    if counts:
+        at = {title: titles.index(title) for title in counts}
+        for _, fields in of_width(path, lines_of(path, options.columns).rows, titles):
+            for title, column in at.items():
+                counts[title][label_of(fields[column])] += 1
+    for title in parts:
+        values = sorted(set(counts[title]) - {""})
+        if 1 < len(values) <= _MOST_RECORDINGS:
+            shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
+            text = (
+                "%s: column %s holds %s: all are read as one recording; divide the file if they are several"
+            )
+            _log.warning(text, path, title, shown)
+    if kinds or options.classes:
+        return classes_of_people(path, {title: counts[title] for title in kinds}, options.classes)
+    return None
 
 
 def tracks_in_rows(
@@ -64,7 +104,7 @@ def tracks_in_rows(
     Raises:
         SourceError: columns are missing, or a value is wrong; it names the line.
     """
-    return _read(path, header, rows, options)
+    return _read(path, header, of_width(path, rows, header), options)
 
 
 def _read(
@@ -76,25 +116,30 @@ def _read(
 ) -> Trajectories:
     """Read rows; without `lines`, those of a file that was parsed elsewhere."""
     comments = lines.comments if lines else ()
-    try:
-        wanted = titles_of_tracks(titles)
-    except ValueRuleError as cause:
-        raise SourceError(path, None, cause.rule, f"Rename columns in the file. Or: {_NAME}") from cause
+    wanted = _wanted(path, titles)
     at = {name: titles.index(title) for title, name in wanted.items()}
     ids = Ids(path, titles[at["track_id"]])
     clock = "time_s" if "time_s" in at else "frame"
-    others = [column for name, column in at.items() if name != clock]
-    rows = without_other_rows(path, of_width(path, rows, titles), others)
+    others = [column for name, column in at.items() if name not in (clock, REST)]
+    rows = without_other_rows(path, rows, others)
     places = [at[name] for name in LENGTHS]
     rows = with_positions(path, rows, places, at["track_id"])
+    still = Still(at["y_m"], [] if options.columns else columns_of_heights(titles))
+    dates = Dates(path, titles[at[clock]], at[clock], column_of_days(titles))
+    rows = still.watched(dates.in_seconds(rows))
     rows = with_decimal_points(path, rows, [*places, at[clock]], lines.separator if lines else None)
     columns = read_numbers(path, ids.numbered(rows, at["track_id"]), titles, wanted, OWN_FILE)
     units = _units(path, wanted, unit_of_lengths(path, comments, options.unit))
     for name in LENGTHS:
         columns[name] *= UNITS[units[name] or "m"]
-    units |= {clock: _said(titles[at[clock]])}
+    if still.found is not None:
+        problem = f"{titles[at['y_m']]} is {still.value} in all lines, and {titles[still.found]} changes"
+        raise SourceError(path, None, f"{problem}: y looks like a height", _HEIGHT)
+    units |= {clock: None if dates.found else _said(titles[at[clock]])}
     with translate_errors(lambda problem: SourceError(path, None, problem)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
+        if REST in at:
+            add_rest(columns, _said(titles[at[REST]]))
         set_time(path, columns, units[clock], rate_hz)
         columns["track_id"] = numbered(ids, columns["track_id"], options)
         columns = without_copies(path, columns)
@@ -102,6 +147,14 @@ def _read(
         if lines is not None:
             _tell(path, titles, wanted, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
         return _tracks(columns)
+
+
+def _wanted(path: Path, titles: Sequence[str]) -> dict[str, str]:
+    """Title -> name of the columns that hold tracks."""
+    try:
+        return titles_of_tracks(titles)
+    except ValueRuleError as cause:
+        raise SourceError(path, None, cause.rule, f"Rename columns in the file. Or: {_NAME}") from cause
 
 
 def numbered(ids: Ids, column: np.ndarray, options: TableOptions) -> np.ndarray:

@@ -68,7 +68,7 @@ def number(path: Path, line: int, column: str, field: str, remedy: str = _FETCHE
     try:
         value = float(field)
     except ValueError as cause:
-        what = "Write times as seconds" if ":" in field else remedy
+        what = "Write times as seconds, or as 2024-03-05 14:02:07.5" if ":" in field else remedy
         raise SourceError(path, line, f"{column} = {brief(field.strip())} is not a number", what) from cause
     if not math.isfinite(value):
         raise SourceError(path, line, f"{column} = {brief(field.strip())}, but it must be finite", remedy)

@@ -25,12 +25,15 @@ NAMES = {
 """Plain titles, also with a unit. Where one is there, other words for the same are not used."""
 
 LENGTHS = ("x_m", "y_m")
+REST = "rest_of_time"
+"""Times in a part of a second beside those in seconds: the rest of a stamp, or the same times again."""
+PARTS = ("ms", "us", "ns")
 _SAY = {
-    "time": "t time times timestamp timestamps stamp",
+    "time": "t time times timestamp timestamps stamp datetime",
     "frame": "frame frames",
     "id": "id ids uid pid identifier identity",
-    "who": "track trajectory ped pedestrian person agent object obj subject human participant walker people "
-    "name",
+    "who": "track tracklet trajectory traj ped pedestrian person agent object obj subject human participant "
+    "walker people name",
     "x": "x easting",
     "y": "y northing",
 }
@@ -38,10 +41,18 @@ _QUANTITY = {word: quantity for quantity, words in _SAY.items() for word in word
 _BESIDE = {
     "number": "number no nr num index",
     "place": "pos position coord coords coordinate coordinates location loc center centre centroid point "
-    "world map local global ground utm head",
-    "clock": "timestep simulation sim unix epoch ros elapsed relative absolute",
+    "world map local global ground utm head pose",
+    "clock": "timestep simulation sim unix epoch ros elapsed relative absolute header date tv",
 }
 _NUMBER, _PLACE, _CLOCK = (set(words.split()) for words in _BESIDE.values())
+_CLASS, _APART = (
+    set(words.split())
+    for words in (
+        "class classes category categories type types label labels kind classification",
+        "scene run trial recording video session experiment scenario floor storey",
+    )
+)
+_CLASSED = {*_QUANTITY, "actor", "road", "user", "detection"} - {"t", "x", "y"}
 _FILLERS = {"in"}
 _LETTERS = {"m", "s"}  # no unit before another word without a sign between them
 _DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
@@ -81,7 +92,7 @@ def meaning_of(title: str) -> Meaning | None:
         or _SIGN.search(title)
         or len(units) > 1
         or not set(words) <= _KNOWN
-        or len(words) != len(set(words))
+        or len(set(words) - _PLACE) != sum(word not in _PLACE for word in words)
     ):
         return None
     name = _name(said, set(words), units)
@@ -90,6 +101,26 @@ def meaning_of(title: str) -> Meaning | None:
         return None
     core = "_".join(word for word in words if word not in units and word not in _FILLERS)
     return Meaning(name, words_of_lengths[units[0]] if units else None, core in NAMES[name])
+
+
+def columns_of_classes(titles: Sequence[str]) -> list[str]:
+    """Titles of columns that may say what kind of road user a row is about, such as `type`, `object_class`."""
+    return [title for title in titles if _is_called(title, _CLASS, _CLASSED)]
+
+
+def columns_of_recordings(titles: Sequence[str]) -> list[str]:
+    """Titles of columns that may say in which recording, or on which floor, people are, such as `scene_id`."""
+    return [title for title in titles if _is_called(title, _APART, _NUMBER | {"id", "name"})]
+
+
+def columns_of_heights(titles: Sequence[str]) -> list[int]:
+    """Columns that a title calls z, which may be the second axis of the ground instead of y."""
+    return [at for at, title in enumerate(titles) if _is_called(title, {"z"}, {*_PLACE, *LENGTH_WORDS})]
+
+
+def _is_called(title: str, needed: set[str], beside: set[str]) -> bool:
+    words = {found.lower() for found in _WORD.findall(title)}
+    return bool(words & needed) and words <= needed | beside and meaning_of(title) is None
 
 
 def _name(said: set[str], words: set[str], units: Sequence[str]) -> str | None:
@@ -105,7 +136,7 @@ def _name(said: set[str], words: set[str], units: Sequence[str]) -> str | None:
         return "time_s" if said <= {"time"} and rest <= _CLOCK else None
     if said:
         return "track_id" if rest <= _NUMBER else None
-    alone = len(words) == 1 and len(units) == 1 and len(units[0]) >= _SHORTEST_ALONE and units[0] != "min"
+    alone = rest <= _CLOCK and len(units) == 1 and len(units[0]) >= _SHORTEST_ALONE and units[0] != "min"
     return "time_s" if alone and units[0] in TIME_WORDS else None
 
 
@@ -140,6 +171,8 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
             rule = f"columns {found[0]} and {found[1]} are both {name}"
             raise ValueRuleError("columns", titles, rule)
         wanted |= dict.fromkeys(found, name)
+    if clock == ("time_s", "s"):
+        wanted |= dict.fromkeys(_rest_of_stamp(meant), REST)
     for name in (clock[0], "track_id", *LENGTHS):
         if name not in wanted.values():
             raise ValueRuleError("columns", titles, _missing(name, titles))
@@ -151,6 +184,12 @@ def _clock(meant: dict[str, Meaning]) -> tuple[str, str]:
     said = {(meaning.name, meaning.unit or "s") for meaning in meant.values()}
     clocks = [*(("time_s", unit) for unit in PER_SECOND), ("frame", "s")]
     return next((clock for clock in clocks if clock in said), clocks[0])
+
+
+def _rest_of_stamp(meant: dict[str, Meaning]) -> list[str]:
+    """The only column of times in a part of a second beside one in seconds."""
+    units = [(title, m.unit) for title, m in meant.items() if m.name == "time_s" and m.unit in PARTS]
+    return [title for title, _ in units] if len(units) == 1 else []
 
 
 def _missing(name: str, titles: Sequence[str]) -> str:

@@ -21,9 +21,9 @@ TIME_WORDS = {
     word: unit
     for unit, words in {
         "s": "s sec secs second seconds",
-        "ms": "ms msec msecs millis millisecond milliseconds",
-        "us": "us usec usecs micros microsecond microseconds",
-        "ns": "ns nsec nsecs nanos nanosecond nanoseconds",
+        "ms": "ms msec msecs millis millisec millisecs millisecond milliseconds",
+        "us": "us usec usecs micros microsec microsecs microsecond microseconds",
+        "ns": "ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds",
         "min": "min mins minute minutes",
     }.items()
     for word in words.split()

@@ -1,0 +1,89 @@
+"""Places that stand for unknown ones are left out; where people really are, nothing is."""
+
+import logging
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores
+
+from pedpred.ros import read_bag
+from pedpred.scenes import Trajectories
+from pedpred.sources.placeholders import find_placeholders, without_placeholders
+from pedpred.sources.single_file import read_file
+from tests.test_bag_people import bag
+from tests.test_bags import Store
+
+COUNT, STEP_S = 60, 0.25
+
+
+def crowd(seed, people=4, around_m=20.0):
+    """People who walk about somewhere, in order of time."""
+    rng = np.random.default_rng(seed)
+    steps = 0.3 * np.exp(1j * np.cumsum(rng.normal(0, 0.3, (COUNT, people)), axis=0))
+    path = np.cumsum(steps, axis=0) + around_m * np.exp(2j * np.pi * rng.random(people))
+    where = np.stack([path.real, path.imag], axis=-1).reshape(-1, 2)
+    return np.repeat(STEP_S * np.arange(COUNT), people), np.tile(np.arange(people), COUNT), where
+
+
+@given(st.integers(0, 10_000), st.integers(0, 8), st.sampled_from([(0.0, 0.0), (-1.0, -1.0), (999.0, 999.0)]))
+def test_detections_at_a_placeholder_are_found_and_no_others(seed, gaps, where):
+    time_s, track_id, position = crowd(seed)
+    unknown, rng = np.zeros(len(time_s), bool), np.random.default_rng(seed)
+    for _ in range(gaps):
+        first = rng.integers(0, COUNT)
+        of_one = np.flatnonzero(track_id == rng.integers(0, 4))
+        unknown[of_one[first : first + rng.integers(1, 9)]] = True
+    far = np.linalg.norm(position - where, axis=1).min() > 6.0 * STEP_S * COUNT  # also after long gaps
+    near = np.linalg.norm(position - where, axis=1).min() < 3.0
+    position[unknown] = where
+    found = find_placeholders(time_s, track_id, position)
+    assert not found[~unknown].any()
+    if where == (0.0, 0.0) and not near and unknown.mean() < 0.3:
+        np.testing.assert_array_equal(found, unknown)
+    if far and gaps == 8:
+        assert found.sum() in (0, unknown.sum())
+
+
+def test_people_may_walk_through_the_origin_and_stand_there(caplog):
+    time_s = STEP_S * np.arange(81)
+    through = np.stack([0.3 * (np.arange(81) - 40), np.zeros(81)], axis=-1)
+    through[35:45] = 0.0
+    people = Trajectories(np.r_[time_s, time_s], np.repeat([1, 2], 81), np.r_[through, np.zeros((81, 2))])
+    with caplog.at_level(logging.WARNING):
+        assert without_placeholders("walk.csv", people) is people
+    assert not caplog.text
+
+
+@pytest.mark.parametrize("scale", [1.0, 100.0])
+def test_lengths_in_another_unit_are_no_jumps(scale):
+    time_s, track_id, position = crowd(3)
+    position[5] = 0.0
+    assert find_placeholders(time_s, track_id, scale * position).sum() == (scale == 1.0)
+
+
+def test_who_is_never_seen_is_left_out_if_others_jump(tmp_path, caplog):
+    time_s, track_id, position = crowd(1)
+    position[track_id == 2] = 0.0
+    position[(track_id == 0) & (time_s > 10)] = 0.0
+    rows = [f"{t},{who},{x},{y}" for t, who, (x, y) in zip(time_s, track_id, position, strict=True)]
+    (tmp_path / "walk.csv").write_text("\n".join(["time,id,x,y", *rows]))
+    with caplog.at_level(logging.WARNING):
+        people = read_file(tmp_path / "walk.csv").trajectories
+    lost = int((position == 0).all(axis=1).sum())
+    assert len(people) == len(time_s) - lost
+    assert f"left out: {lost} of {len(time_s)} detections, at (0, 0): people jump there" in caplog.text
+
+
+def test_in_a_bag_it_is_the_place_in_the_robots_frame_that_counts(tmp_path, caplog):
+    store = Store(Stores.ROS2_HUMBLE)
+    instants = [(STEP_S * k, {"7": (8.0 + 0.3 * k, 1.0), "8": (0.0, 2.0 + 0.3 * k)}) for k in range(20)]
+    for k in (4, 5, 11):
+        instants[k][1]["7"] = (0.0, 0.0)
+    path = bag(store, tmp_path / "bag", *instants, frame="laser", grid=False)
+    with caplog.at_level(logging.WARNING):
+        people = read_bag(path).trajectories
+    assert (people.track_id == 7).sum() == 17
+    assert (people.track_id == 8).sum() == 20
+    assert "left out: 3 of 40 detections, at (0, 0)" in caplog.text

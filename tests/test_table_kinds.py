@@ -1,0 +1,255 @@
+"""Tables as programs write them: other road users, dates, parts of stamps, row numbers, lines around a header."""
+
+import logging
+import math
+from datetime import UTC, datetime, timedelta, timezone
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pedpred
+from pedpred.command import main
+from pedpred.errors import SourceError, ValueRuleError
+from pedpred.sources.single_file import read_file
+from pedpred.tables.options import TableOptions
+from tests.scenes import assert_same
+
+COUNT, STEP_S = 12, 0.25
+WALK = [
+    (STEP_S * k, who, round(1.1 * STEP_S * k + 3 * who, 3), round(5 * who + 0.1 * math.sin(k), 3))
+    for k in range(COUNT)
+    for who in (1, 2)
+]
+"""Time, id, x, y of two people who walk."""
+
+
+def write(folder, header, rows, name="walk.csv"):
+    path = folder / name
+    path.write_text("\n".join([*header, *(",".join(map(str, row)) for row in rows), ""]))
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("tables")
+
+
+@pytest.fixture(scope="module")
+def plain(folder):
+    return read_file(write(folder, ["time,id,x,y"], WALK, "plain.csv")).trajectories
+
+
+def tracks(path, **options):
+    return read_file(path, TableOptions(**options)).trajectories
+
+
+PEOPLE = st.sampled_from(["pedestrian", "Person", "PEDESTRIAN", "human.pedestrian.adult", "ped", "child"])
+OTHERS = st.sampled_from(["car", "Cyclist", "robot", "VEHICLE", "vehicle.bus", "unknown"])
+CLASS_TITLES = st.sampled_from(
+    ["class", "type", "agent_type", "objectType", "category", "label", "Class Name"]
+)
+
+
+@given(CLASS_TITLES, st.lists(PEOPLE, min_size=1, max_size=3), st.lists(OTHERS, max_size=3), st.data())
+def test_rows_of_other_road_users_change_nothing(folder, plain, title, people, others, data):
+    rows = [(t, who, x, y, people[k % len(people)]) for k, (t, who, x, y) in enumerate(WALK)]
+    for number, other in enumerate(others):
+        for k in range(COUNT):
+            row = (STEP_S * k, 50 + number, data.draw(st.sampled_from(["", 3.0 * k])), -2.0, other)
+            rows.insert(data.draw(st.integers(0, len(rows))), row)
+    assert_same(tracks(write(folder, [f"time,id,x,y,{title}"], rows)), plain)
+
+
+def test_who_was_left_out_is_said(tmp_path, caplog):
+    rows = [(*row, "person") for row in WALK] + [(0.0, 9, 1.0, 1.0, "dog"), (0.25, 9, 1.0, 1.0, "dog")]
+    with caplog.at_level(logging.WARNING):
+        tracks(write(tmp_path, ["time,id,x,y,type"], rows))
+    assert "column type: rows that are about no people are left out: 2 of 'dog'" in caplog.text
+
+
+def test_classes_that_are_numbers_are_asked_about(tmp_path, plain, caplog, capsys):
+    rows = [(*row, 7) for row in WALK] + [(t, 9, 1.0, 3.0 * t, 3) for t, who, *_ in WALK if who == 1]
+    path = write(tmp_path, ["time,id,x,y,class_id"], rows)
+    with caplog.at_level(logging.WARNING):
+        assert len(tracks(path)) == len(rows)
+    assert (
+        "column class_id holds 3, 7, no words for people: all rows are read; --class chooses" in caplog.text
+    )
+    assert_same(tracks(path, classes=("7",)), plain)
+    main(["info", str(path), "--class", "7"])
+    assert "24 of 2 tracks" in capsys.readouterr().out
+    with pytest.raises(SourceError, match="no row is of class 8") as error:
+        tracks(path, classes=("8",))
+    assert "class_id" in str(error.value)
+    with pytest.raises(SourceError, match="no column has classes"):
+        tracks(write(tmp_path, ["time,id,x,y"], WALK), classes=("7",))
+    text = tmp_path / "walk.txt"
+    text.write_text("".join(f"{who} {round(t / STEP_S)} {x} {y}\n" for t, who, x, y in WALK))
+    with pytest.raises(ValueRuleError, match="without a column of classes"):
+        tracks(text, rate_hz=4.0, classes=("7",))
+
+
+def test_a_column_that_holds_other_words_is_no_class(tmp_path, plain, caplog):
+    walking = [(*row, "walking" if row[1] == 1 else "standing") for row in WALK]
+    with caplog.at_level(logging.WARNING):
+        assert_same(tracks(write(tmp_path, ["time,id,x,y,label"], walking)), plain)
+    assert "label holds standing, walking, no words for people" in caplog.text
+    caplog.clear()
+    same = [(*row, 0) for row in WALK]
+    with caplog.at_level(logging.WARNING):
+        assert_same(tracks(write(tmp_path, ["time,id,x,y,class"], same)), plain)
+    assert not caplog.text
+
+
+def test_the_same_people_are_taken_from_a_data_frame(model):
+    frame = pd.DataFrame(WALK, columns=["time", "id", "x", "y"])
+    car = frame.assign(id=9, y=-4.0 * frame.time, type="car").drop_duplicates(["time", "id"])
+    both = pd.concat([frame.assign(type="person"), car], ignore_index=True)
+    pd.testing.assert_frame_equal(
+        pedpred.predict(both, model=model[0]), pedpred.predict(frame, model=model[0])
+    )
+
+
+@pytest.mark.parametrize("title", ["scene", "run_id", "recordingId", "floor"])
+def test_several_recordings_in_one_table_are_warned_about(title, tmp_path, caplog):
+    rows = [(*row, row[1]) for row in WALK]
+    with caplog.at_level(logging.WARNING):
+        tracks(write(tmp_path, [f"time,id,x,y,{title}"], rows))
+    assert f"column {title} holds 1, 2: all are read as one recording" in caplog.text
+
+
+ZONES = st.sampled_from([None, UTC, timezone(timedelta(hours=-3, minutes=-30)), timezone(timedelta(hours=9))])
+STARTS = st.datetimes(datetime(1971, 1, 1), datetime(2090, 1, 1), timezones=ZONES)  # noqa: DTZ001
+
+
+@settings(deadline=None)
+@given(STARTS, st.sampled_from("T "), st.sampled_from(["-", "/"]), st.booleans())
+def test_dates_are_seconds(folder, plain, start, between, sign, split):
+    def written(t):
+        moment = start + timedelta(seconds=t)
+        text = moment.isoformat(sep="T", timespec="milliseconds")
+        day, clock = text.split("T")
+        return f"{day.replace('-', sign)},{clock}" if split else f"{day.replace('-', sign)}{between}{clock}"
+
+    header = "date,time,id,x,y" if split else "timestamp,id,x,y"
+    if split and start.tzinfo is not None:
+        return  # nobody writes zones there
+    found = tracks(write(folder, [header], [(written(t), *row) for t, *row in WALK]))
+    first = start if start.tzinfo else start.replace(tzinfo=UTC)
+    np.testing.assert_allclose(
+        found.time_s, plain.time_s + math.floor(first.timestamp() * 1e3) / 1e3, atol=1e-4
+    )
+    np.testing.assert_array_equal(found.position, plain.position)
+
+
+@given(st.integers(0, 86_390))
+def test_times_of_day_are_seconds_until_midnight(folder, plain, start_s):
+    def written(t):
+        whole, part = divmod(round(1000 * (start_s + t)), 1000)
+        return f"{whole // 3600 % 24:02}:{whole // 60 % 60:02}:{whole % 60:02}.{part:03}"
+
+    path = write(folder, ["time,id,x,y"], [(written(t), *row) for t, *row in WALK])
+    assert_same(tracks(path), type(plain)(plain.time_s + start_s, plain.track_id, plain.position))
+    late = write(folder, ["time,id,x,y"], [(written(t + 86_398 - start_s), *row) for t, *row in WALK])
+    with pytest.raises(
+        SourceError, match=r"line 18: time goes back from the evening to 00:00: a day has ended"
+    ):
+        tracks(late)
+
+
+@pytest.mark.parametrize(
+    "stamp", ["05.03.2024 14:02:07", "03/05/2024 14:02:07", "14:02", "2:07 PM", "25:00:00"]
+)
+def test_times_that_could_mean_several_things_are_refused_with_what_to_write(stamp, tmp_path):
+    with pytest.raises(
+        SourceError, match=r"line 2: time = .*Write times as seconds, or as 2024-03-05 14:02:07.5"
+    ):
+        tracks(write(tmp_path, ["time,id,x,y"], [(stamp, *row[1:]) for row in WALK]))
+
+
+def test_dates_without_a_header_are_told_how_to_name_columns(tmp_path):
+    path = write(tmp_path, [], [(f"2024-03-05T14:02:{t:06.3f}", *row) for t, *row in WALK])
+    with pytest.raises(SourceError, match=r"'2024-03-05T14:02:00.000' is a time.*--columns time,id,x,y"):
+        tracks(path, rate_hz=4.0)
+    assert len(tracks(path, columns=("time", "id", "x", "y"))) == len(WALK)
+
+
+PAIRS = [
+    ("sec,nanosec", 9),
+    ("header.stamp.sec,header.stamp.nanosec", 9),
+    ("secs,nsecs", 9),
+    ("tv_sec,tv_usec", 6),
+]
+
+
+@pytest.mark.parametrize(("titles", "digits"), [*PAIRS, ("timestamp,time_ms", 3)])
+@pytest.mark.parametrize("start_s", [0, 1_700_000_000])
+def test_two_parts_of_a_stamp_are_one_time(titles, digits, start_s, tmp_path, plain):
+    rows = [(start_s + int(t), round(t % 1 * 10**digits), *row) for t, *row in WALK]
+    found = tracks(write(tmp_path, [f"{titles},id,x,y"], rows))
+    np.testing.assert_allclose(found.time_s, plain.time_s + start_s, atol=1e-6)
+
+
+def test_the_same_times_in_two_units_are_not_added(tmp_path, plain):
+    rows = [(t, round(1000 * t), *row) for t, *row in WALK]
+    assert_same(tracks(write(tmp_path, ["time,time_ms,id,x,y"], rows)), plain)
+    seconds = [row for row in WALK if row[0] == int(row[0])]
+    whole = [(int(t), round(1000 * t), *row) for t, *row in seconds]
+    assert_same(
+        tracks(write(tmp_path, ["time,time_ms,id,x,y"], whole)),
+        tracks(write(tmp_path, ["time,id,x,y"], seconds)),
+    )
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("quote", ["", '"'])
+@pytest.mark.parametrize("sign", [" ", ";", "\t"])
+def test_numbers_of_rows_may_have_no_title(first, quote, sign, tmp_path, plain):
+    path = tmp_path / "walk.txt"
+    rows = [sign.join([f"{quote}{first + n}{quote}", *map(str, row)]) for n, row in enumerate(WALK)]
+    path.write_text(
+        "\n".join([sign.join(f"{quote}{title}{quote}" for title in ("time", "id", "x", "y")), *rows])
+    )
+    assert_same(tracks(path), plain)
+    path.write_text("\n".join([sign.join(["time", "id", "x", "y"]), *rows[:5], *rows[6:]]))
+    with pytest.raises(SourceError, match="line 7: 5 columns, expected 4"):
+        tracks(path)
+
+
+ABOVE = st.lists(
+    st.sampled_from(["Tracker 3.1 export", "Recorded 2024-03-01", "Room: B 12", "", "units;metres"])
+)
+
+
+@given(ABOVE, st.sampled_from([[], ["s,-,m,m"], ["[s],,[m],[m]"], ["(s),none,(m),(m)"]]))
+def test_lines_around_a_header_change_nothing(folder, plain, above, units):
+    assert_same(tracks(write(folder, [*above, "time,id,x,y", *units], WALK)), plain)
+
+
+def test_units_below_a_header_count(tmp_path, plain):
+    rows = [(round(1000 * t), who, round(100 * x, 1), round(100 * y, 1)) for t, who, x, y in WALK]
+    found = tracks(write(tmp_path, ["Export of 2024", "time,id,x,y", "ms,,cm,cm"], rows))
+    np.testing.assert_allclose(found.position, plain.position, atol=1e-9)
+    np.testing.assert_allclose(found.time_s, plain.time_s)
+
+
+def test_heights_called_y_are_noticed(tmp_path, plain):
+    rows = [(t, who, x, 1.7, y) for t, who, x, y in WALK]
+    path = write(tmp_path, ["time,id,x,y,z"], rows)
+    with pytest.raises(
+        SourceError, match=r"y is 1.7 in all lines, and z changes: .*--columns time,id,x,height,y"
+    ):
+        tracks(path)
+    assert_same(tracks(path, columns=("time", "id", "x", "height", "y")), plain)
+    corridor = [(t, who, x, 2.0, 1.7) for t, who, x, _ in WALK if who == 1]
+    assert len(tracks(write(tmp_path, ["time,id,x,y,z"], corridor))) == COUNT
+
+
+@pytest.mark.parametrize("text", ['{"time": [0, 1]}', '[\n {"time": 0}]', "[[0, 1, 2]]", "\ufeff{}"])
+def test_json_is_named(text, tmp_path):
+    (tmp_path / "walk.json").write_text(text)
+    with pytest.raises(SourceError, match="this is JSON of a kind that is not read"):
+        read_file(tmp_path / "walk.json")
