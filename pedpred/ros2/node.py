@@ -16,7 +16,7 @@ from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, TransitionCallbac
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from pedpred.errors import ConfigError, PedpredError
-from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online import OnlinePredictor
 from pedpred.online.warming import warm_up
 from pedpred.ros.message_types import TRANSFORMS, serialize
 from pedpred.ros.planning import GRID_TYPE
@@ -113,8 +113,7 @@ class PedpredNode(LifecycleNode):
         _message_class(settings.people_type)
         _log.info("compiling what is not compiled yet: up to a minute")
         warm_up(settings.model or None)
-        online = OnlineSettings(max_age_s=settings.max_age_s, detection_noise_m=settings.detection_noise_m)
-        predictor = OnlinePredictor.load(settings.model or None, online)
+        predictor = OnlinePredictor.load(settings.model or None, settings.online())
         self._steps = predictor.protocol.horizon_steps
         self._follower, self._latencies = Follower(predictor, settings, self._is_heard), Latencies()
         self._add_publishers()
