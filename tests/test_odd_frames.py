@@ -174,7 +174,14 @@ def test_no_more_people_are_followed_than_the_limit_says(frames, most):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"max_age_s": np.nan}, {"max_age_s": -1.0}, {"snap_s": np.inf}, {"most_people": 0}]
+    "wrong",
+    [
+        {"max_age_s": np.nan},
+        {"max_age_s": -1.0},
+        {"snap_s": np.inf},
+        {"detection_noise_m": 1e300},
+        {"most_people": 0},
+    ],
 )
 def test_settings_are_valid_from_birth(wrong):
     with pytest.raises(PedpredError, match=next(iter(wrong))):

@@ -36,8 +36,8 @@ class OnlineSettings:
     most_people: int = 1000
 
     def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("max_age_s", "snap_s", "detection_noise_m"), "[0, inf)"))
-        check_ranges(self, {"most_people": f"[1, {MOST_PEOPLE}]"})
+        check_ranges(self, dict.fromkeys(("max_age_s", "snap_s"), "[0, inf)"))
+        check_ranges(self, {"detection_noise_m": "[0, 100]", "most_people": f"[1, {MOST_PEOPLE}]"})
 
     @classmethod
     def as_offline(cls, protocol: ForecastProtocol, detection_dt_s: float) -> OnlineSettings:

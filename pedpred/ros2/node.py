@@ -20,6 +20,7 @@ from pedpred.online import OnlinePredictor
 from pedpred.online.warming import warm_up
 from pedpred.ros.message_types import TRANSFORMS, serialize
 from pedpred.ros.planning import GRID_TYPE
+from pedpred.ros.turned_maps import warm_up_turning
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
 from pedpred.ros2.follower import UPDATE_TYPE, Follower
 from pedpred.ros2.log import RosHandler
@@ -113,6 +114,7 @@ class PedpredNode(LifecycleNode):
         _message_class(settings.people_type)
         _log.info("compiling what is not compiled yet: up to a minute")
         warm_up(settings.model or None)
+        warm_up_turning()
         predictor = OnlinePredictor.load(settings.model or None, settings.online())
         self._steps = predictor.protocol.horizon_steps
         self._follower, self._latencies = Follower(predictor, settings, self._is_heard), Latencies()
