@@ -19,7 +19,7 @@ from pedpred.driving.robot import KINDS, Robot, advance
 from pedpred.driving.sensor import Faults, SensorSettings, visible
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
-from pedpred.scenes import Forecast, Predictions, Scene, Trajectories
+from pedpred.scenes import Forecast, OccupancyMap, Predictions, Scene, Trajectories
 from tests.worlds import blocked, empty_map
 
 DT_S = 0.1
@@ -370,5 +370,25 @@ def test_a_place_where_nobody_can_be_met_is_refused():
     scene = crossing_scene(2.0)
     place = Place.of(scene, DT_S)
     far = DriveSettings(episodes=EpisodeSettings(distance_m=(50.0, 60.0)))
-    with pytest.raises(ValueRuleError, match="no way of 50 to 60 m met anybody"):
+    with pytest.raises(ValueRuleError, match=r"no way of 50 to 60 m .* 20000 tried: 20000 of another length"):
         draw_episode(place, 0, far)
+    wide = DriveSettings(robot=Robot(radius_m=8.0))
+    with pytest.raises(ValueRuleError, match=r"of radius 8 m meets anybody.* too near walls"):
+        draw_episode(place, 0, wide)
+
+
+@pytest.mark.parametrize("goal", [(0.0, 0.0), (500.0, 0.0), (-1e8, 1e8)])
+def test_no_way_leads_to_a_goal_in_a_wall_or_outside_the_ground(goal):
+    course = course_to(np.array(goal), walls_of(blocked(np.s_[90:110, 90:110])), 0.3)
+    assert not len(route(course, np.array([-4.0, 0.0]), 0.3))
+
+
+def test_a_robot_among_people_whose_map_is_elsewhere_drives_where_both_are_or_says_why():
+    scene = crossing_scene()
+    elsewhere = replace(scene, occupancy=OccupancyMap(np.zeros((1, 1), bool), np.full(2, 1e6), 0.1))
+    with pytest.raises(ValueRuleError, match=r"near walls|blocked by walls"):
+        draw_episode(Place.of(elsewhere, DT_S), 0, DriveSettings())
+    place = Place.of(replace(scene, occupancy=blocked(np.s_[99:101])), DT_S)
+    for number in range(3):
+        episode = draw_episode(place, number, DriveSettings(episodes=EpisodeSettings((3.0, 10.0))))
+        assert np.sign(episode.start[0]) == np.sign(episode.course.goal[0])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from pedpred.errors import PedpredError, ValueRuleError
+from pedpred.errors import PedpredError
 from pedpred.online import OnlinePredictor
 from pedpred.ros import assignment
 from pedpred.ros.assignment import NearestTracks
@@ -199,15 +199,17 @@ def test_a_map_that_is_none_is_refused_and_the_one_before_stays(odd, yaw_rad):
 # Crowds
 
 
-def test_a_message_with_too_many_people_is_left_out_and_told():
-    follower = follower_of(most_people=3)
-    crowd = [{"name": str(k), "position": {"x": float(k)}} for k in range(4)]
-    with pytest.raises(ValueRuleError, match="people = 4, but at most 3"):
-        follower.people_came(serialize(PEOPLE, {"header": header(10**9), "people": crowd}), 0, 0.0)
-    assert list(follower.answers(0.0)) == []
-    raw = serialize(PEOPLE, {"header": header(10**9), "people": crowd[:3]})
-    assert len(np.unique(rows_of(answered(follower, raw)["predictions"])["track_id"])) == 3
-    assert told_values(follower, Latencies())["left out: too many people"] == 1
+@pytest.mark.parametrize("identities", ["given", "assigned"])
+def test_of_too_many_people_those_who_came_first_are_forecast_and_others_counted(identities, caplog):
+    follower = follower_of(identities=identities, most_people=3)
+    for k, count in enumerate((2, 5000, 5000)):
+        walk = [{"name": str(n), "position": {"x": 5.0 * n, "y": k / 10}} for n in range(count)]
+        raw = serialize(PEOPLE, {"header": header(10**9 + k * 10**8), "people": walk})
+        rows = rows_of(answered(follower, raw)["predictions"])
+        first = int(identities == "assigned")
+        assert np.unique(rows["track_id"]).tolist() == [*range(first, first + min(count, 3))]
+    assert "4997 of 5000 people at 1.1 s left out, since most_people is 3" in caplog.text
+    assert told_values(follower, Latencies())["left out: people without a forecast"] == 2 * 4997
 
 
 def test_when_forecasts_take_too_long_late_messages_are_left_out_until_the_rest_is_in_time(caplog):

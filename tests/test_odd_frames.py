@@ -4,6 +4,8 @@ import logging
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pedpred.errors import PedpredError, ShapeError, ValueRuleError
 from pedpred.online import OnlinePredictor, OnlineSettings
@@ -124,7 +126,55 @@ def test_neighbouring_large_ids_stay_apart(folder):
     assert robot.update(0.0, ids, np.eye(3)[:, :2]).track_id.tolist() == ids.tolist()
 
 
-@pytest.mark.parametrize("wrong", [{"max_age_s": np.nan}, {"max_age_s": -1.0}, {"snap_s": np.inf}])
+def placed(ids):
+    """Arguments of a frame in which each id has a place of its own."""
+    return ids, [[10.0 * name, 0.1 * name] for name in ids]
+
+
+def test_of_too_many_people_those_who_came_first_are_forecast_as_if_alone(folder, caplog):
+    robot, other = OnlinePredictor.load(folder, OnlineSettings(most_people=3)), OnlinePredictor.load(folder)
+    for k in range(12):
+        crowd = [5, 7, *range(-9, 0)] if k > 2 else [5, 7]
+        told, alone = (
+            robot.update(k / 10, *placed(crowd)),
+            other.update(k / 10, *placed([5, 7, -9][: 2 + (k > 2)])),
+        )
+        np.testing.assert_array_equal(told.track_id, alone.track_id)
+        np.testing.assert_array_equal(told.predictions.path, alone.predictions.path)
+        assert "8 of 11 people at 0.3 s left out" in caplog.text or k < 3
+    assert robot.update(1.2, *placed([5, *range(-9, 0)])).track_id.tolist() == [-9, -8, 5]
+
+
+@given(st.lists(st.lists(st.integers(0, 9), unique=True, max_size=8), max_size=30), st.integers(1, 9))
+@settings(max_examples=40)
+def test_no_more_people_are_followed_than_the_limit_says(frames, most):
+    """Whoever is followed and is detected again stays; with room for everybody nobody is left out."""
+    robot, other, before = (
+        OnlinePredictor.load(None, OnlineSettings(most_people=most)),
+        OnlinePredictor.load(),
+        [],
+    )
+    for k, ids in enumerate(frames):
+        told, unlimited = robot.update(k / 10, *placed(ids)), other.update(k / 10, *placed(ids))
+        found = told.track_id.tolist()
+        assert len(found) <= most
+        assert {*before} & {*ids} <= {*found} <= {*unlimited.track_id.tolist()}
+        assert len({*ids} & {*found}) == min(len(ids), most)
+        if len({*np.concatenate(frames[: k + 1])}) <= most:
+            np.testing.assert_array_equal(told.predictions.path, unlimited.predictions.path)
+        before = found
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"max_age_s": np.nan},
+        {"max_age_s": -1.0},
+        {"snap_s": np.inf},
+        {"detection_noise_m": 1e300},
+        {"most_people": 0},
+    ],
+)
 def test_settings_are_valid_from_birth(wrong):
     with pytest.raises(PedpredError, match=next(iter(wrong))):
         OnlineSettings(**wrong)

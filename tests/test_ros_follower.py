@@ -30,7 +30,8 @@ STANDING = np.array([3.0, 2.0, 0.0])
 
 
 def follower_of(**values):
-    return Follower(OnlinePredictor.load(), NodeSettings(**{"use_map": False} | values))
+    settings = NodeSettings(**{"use_map": False} | values)
+    return Follower(OnlinePredictor.load(None, settings.online()), settings)
 
 
 def people(time_s, frame="map", **places):

@@ -340,11 +340,11 @@ def test_no_message_ends_or_stalls_the_node(place):
         heard = place.exchange(publish, (0, people(20.0)), send, record, until)
     assert [rows_of(cloud)["x"].size > 0 for cloud in heard["/predictions"]] == [True] * 20
     lines = [line for line in told.read_text().splitlines() if "left out" in line]
-    for text in ("people = 5000, but at most 1000", "it must be a people_msgs/msg/People", "has no parent"):
+    for text in ("since most_people is 1000: tracks", "it must be a people_msgs/msg/People", "has no parent"):
         assert any(text in line for line in lines), text
     assert len(lines) < len(send) / 4
     (table,) = ({pair.key: pair.value for pair in one.values} for one in heard["/diagnostics"][-1].status)
-    assert int(table["left out: too many people"]) > 0
+    assert int(table["left out: people without a forecast"]) > 0
 
 
 def test_people_without_ids_are_told_apart(place):

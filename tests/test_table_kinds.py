@@ -1,4 +1,4 @@
-"""Tables as programs write them: other road users, dates, parts of stamps, row numbers, lines around a header."""
+"""Tables as programs write them: other road users, dates, parts of stamps, row numbers, lines before titles."""
 
 import logging
 import math

@@ -14,6 +14,7 @@ from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.online.assessment import assess
 from pedpred.online.replay import replay_scene
 from pedpred.ros.assignment import NearestTracks
+from pedpred.ros.turned_maps import turned_map
 from pedpred.scenes import OccupancyMap, Scene, Trajectories, predicted_occupancy
 from tests.conftest import ROOT
 
@@ -94,6 +95,7 @@ def law(*models):
         predictor = OnlinePredictor.load(model)
         list(replay_scene(recording(), predictor))
         assess(recording(), predictor, EvaluationSettings(bootstrap=2))
+    turned_map(next(maps()).occupied, np.zeros(2), 0.1, np.float64(0.3))
     assert specialisations() == known, specialisations() - known
 
 

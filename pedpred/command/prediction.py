@@ -18,6 +18,7 @@ from pedpred.fields import parsed
 from pedpred.files import read_yaml, translate_errors
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import as_windows, replay_scene
+from pedpred.online.settings import MOST_PEOPLE
 from pedpred.ros import check_recordable, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import Forecast, Scene
@@ -59,7 +60,7 @@ def robot_for(
     tracker: KalmanSettings | None = None,
     detection_noise_m: float = 0.0,
 ) -> OnlinePredictor:
-    """Load a predictor whose `max_age_s` covers the time between two detections of this scene.
+    """Load a predictor whose `max_age_s` covers the time between two detections of this scene; for any crowd.
 
     Args:
         scene: the scene.
@@ -68,7 +69,9 @@ def robot_for(
         detection_noise_m: see `OnlineSettings`.
     """
     max_age_s = max(0.5, 1.25 * scene.detection_dt_s)
-    settings = OnlineSettings(max_age_s, tracker=tracker, detection_noise_m=detection_noise_m)
+    settings = OnlineSettings(
+        max_age_s, tracker=tracker, detection_noise_m=detection_noise_m, most_people=MOST_PEOPLE
+    )
     return OnlinePredictor.load(model, settings)
 
 

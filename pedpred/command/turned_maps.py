@@ -11,7 +11,7 @@ import numpy as np
 
 from pedpred.errors import StorageError
 from pedpred.files import open_picture, translate_errors
-from pedpred.ros.scene_messages import turned_map
+from pedpred.ros.turned_maps import turned_map
 from pedpred.scenes import OccupancyMap
 
 # The parts of a file that mean the same in a map that is not turned.

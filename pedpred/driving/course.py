@@ -17,6 +17,7 @@ from pedpred.simulation.settings import RoutingSettings
 _CELL_M = 0.1
 _MARGIN_M = 2.0  # free ground around a map
 _ROUTE_STEP_M = 0.1
+_AROUND = np.indices((3, 3)).reshape(2, -1).T - 1
 
 
 class Walls(NamedTuple):
@@ -61,21 +62,45 @@ def course_to(goal: np.ndarray, walls: Walls, radius_m: float) -> Course:
     """Find the ways to a goal from everywhere (fast marching).
 
     Ground too narrow for the robot has the length of the nearest wide place, and more, so that a robot that
-    is there finds out. Where no way leads, the length is infinite.
+    is there finds out. Where no way leads, the length is infinite: everywhere, if the goal is in a wall, in
+    a narrow place or outside the ground.
 
     Args:
         goal: world frame, m. [2]
         walls: of the place.
         radius_m: of the robot.
     """
-    routing = RoutingSettings(_CELL_M, radius_m + 0.1, radius_m + 0.5, 0.6)
-    blocked = without_pockets(walls.distance < routing.narrow_m)
+    routing = _routing(radius_m)
+    parts = connected_parts(walls, radius_m)
+    blocked = parts == 0
     pace = walking_speed(walls.distance, routing)
-    to_go = travel_time(goal - walls.origin, blocked, pace, _CELL_M)
+    if part_at(parts, walls, goal):
+        to_go = travel_time(goal - walls.origin, blocked, pace, _CELL_M)
+    else:
+        to_go = np.full(parts.shape, np.inf)
     if blocked.any() and not blocked.all():
         away, nearest = ndimage.distance_transform_edt(blocked, return_indices=True)
         to_go = to_go[tuple(nearest)] + away * _CELL_M * 2.0
     return Course(walls.origin, walls.cell_m, walls.distance, to_go, np.asarray(goal, np.float64))
+
+
+def connected_parts(walls: Walls, radius_m: float) -> np.ndarray:
+    """Number the parts of the ground that no way connects, from 1; 0: too narrow for the robot. [X, Y]."""
+    parts, _ = ndimage.label(~without_pockets(walls.distance < _routing(radius_m).narrow_m))
+    return np.asarray(parts)
+
+
+def part_at(parts: np.ndarray, walls: Walls, point: np.ndarray) -> int:
+    """The part of the nearest open cell, within one cell of a point (world frame, m); 0 if there is none."""
+    cells = np.floor((point - walls.origin) / walls.cell_m).astype(np.int64) + _AROUND
+    cells = cells[((cells >= 0) & (cells < parts.shape)).all(axis=1)]
+    apart_m = np.hypot(*(walls.origin + (cells + 0.5) * walls.cell_m - point).T)
+    near = (parts[tuple(cells.T)] > 0) & (apart_m < walls.cell_m)
+    return int(parts[tuple(cells[near][np.argmin(apart_m[near])])]) if near.any() else 0
+
+
+def _routing(radius_m: float) -> RoutingSettings:
+    return RoutingSettings(_CELL_M, radius_m + 0.1, radius_m + 0.5, 0.6)
 
 
 @compiled

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
 
-from pedpred.driving.course import Course, Walls, course_to, route, value_at, walls_of
+from pedpred.driving.course import (
+    Course,
+    Walls,
+    connected_parts,
+    course_to,
+    part_at,
+    route,
+    value_at,
+    walls_of,
+)
 from pedpred.driving.people import Crowd, RecordedPeople, Replay, Window
 from pedpred.driving.planner import PlannerSettings
 from pedpred.driving.robot import Robot
@@ -19,6 +29,7 @@ from pedpred.fields import check_ranges
 from pedpred.scenes import OccupancyMap, Scene
 
 _TRIES = 20_000
+_MOST_ROUTES = 1000  # are computed, which takes longer than all else
 _CLEAR_M = 1.2  # nobody is nearer at the start
 _MEET_M = 0.8  # somebody comes so near to a robot that would drive the route at full speed
 _BESIDE_M = 1.0  # the robot stays so near to where people were recorded: farther off nobody is known
@@ -142,21 +153,33 @@ def draw_episode(
     rng = np.random.default_rng([drives.seed, number])
     watching, dt_s = round(settings.watching_s / planner.dt_s), planner.dt_s
     low_m, high_m = settings.distance_m
+    parts, refused = connected_parts(place.walls, robot.radius_m), Counter[str]()
     for _ in range(tries):
+        if refused["nobody comes near"] == _MOST_ROUTES:
+            break
         (tick, _), (_, start), (_, goal) = (place.people.anywhere(rng) for _ in range(3))
         if not low_m <= np.hypot(*(goal - start)) <= high_m or tick * dt_s > last_s:
+            refused["of another length, or too late"] += 1
             continue
         if not _has_room(place.walls, start, goal, robot):
+            refused["too near walls"] += 1
+            continue
+        one, other = (part_at(parts, place.walls, point) for point in (start, goal))
+        if one != other or not one:
+            refused["blocked by walls"] += 1
             continue
         if _nearest_m(place.people.window(tick, watching + 10).position[watching - 1 :], start) < _CLEAR_M:
+            refused["begin where somebody is"] += 1
             continue
         course = course_to(goal, place.walls, robot.radius_m)
         way = route(course, start, planner.near_m)
         if not len(way):
+            refused["blocked by walls"] += 1
             continue
         lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(way, axis=0).T)))
         free = round(lengths[-1] / robot.speed_mps / dt_s)
         if not _meets(place.people.window(tick + watching, free + 1), way, lengths, robot.speed_mps):
+            refused["nobody comes near"] += 1
             continue
         heading = float(np.arctan2(*(way[min(5, len(way) - 1)] - start)[::-1])) if len(way) > 1 else 0.0
         ticks = watching + free + round(settings.patience_s / dt_s)
@@ -165,8 +188,9 @@ def draw_episode(
         return Episode(
             number, tick, start, heading, course, float(lengths[-1]), watching, window, faults, ticks
         )
-    rule = f"in {tries} tries no way of {low_m:g} to {high_m:g} m met anybody"
-    raise ValueRuleError("scene", place.name, rule)
+    found = ", ".join(f"{count} {why}" for why, count in refused.most_common())
+    rule = f"no way of {low_m:g} to {high_m:g} m of a robot of radius {robot.radius_m:g} m meets anybody"
+    raise ValueRuleError("scene", place.name, f"{rule}. Of {refused.total()} tried: {found}")
 
 
 def _has_room(walls: Walls, start: np.ndarray, goal: np.ndarray, robot: Robot) -> bool:

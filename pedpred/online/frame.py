@@ -28,6 +28,14 @@ class Frame:
     position: np.ndarray
     velocity: np.ndarray | None
 
+    def __len__(self) -> int:
+        return len(self.track_id)
+
+    def select(self, rows: np.ndarray) -> Frame:
+        """Some of the detections (mask)."""
+        velocity = None if self.velocity is None else self.velocity[rows]
+        return Frame(self.time_s, self.track_id[rows], self.position[rows], velocity)
+
     @classmethod
     def checked(cls, time_s: Any, track_id: Any, position: Any, velocity: Any = None) -> Frame:
         """Convert and sort the arguments; the ranges are those of `Trajectories`.

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
+from pedpred.errors import ValueRuleError, brief
 from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surroundings
 from pedpred.forecasting.chain import forecast_instant
 from pedpred.forecasting.regions import Regions
 from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
 from pedpred.online.frame import Frame
+from pedpred.online.limit import keep_to_limit
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.past import earliest, kept_before, past_of, slots_for
 from pedpred.online.people import People, next_ticks_s, register_detections
@@ -120,7 +121,8 @@ class OnlinePredictor:
         `lost_after_s`. If time jumps by more than that, forward or backward, all tracks are deleted: twice
         after a false stamp.
         An id that jumps farther than anybody can move is a new person. People for whom the network gives no
-        valid forecast are left out, named in a warning and forgotten.
+        valid forecast are left out, named in a warning and forgotten. Of more than `most_people`, those who
+        came first are followed; the others are left out and named in a warning.
 
         Args:
             time_s: of the frame, s; any rate, also an irregular one.
@@ -146,12 +148,23 @@ class OnlinePredictor:
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
+        people, frame = self._within_limit(people, frame)
         people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
         people, rows, observers, predictions, velocities = self._predicted(people, now)
         regions, forecast = self._forecast(people, regions, rows, observers, predictions, velocities, now)
         self._regions, self._lives = regions, self._lives + len(frame.track_id)
         self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
         return forecast
+
+    def _within_limit(self, people: People, frame: Frame) -> tuple[People, Frame]:
+        """See `keep_to_limit`; who is left out is named."""
+        most = self._settings.most_people
+        kept, taken = keep_to_limit(people, frame, most)
+        if len(taken) < len(frame):
+            named = brief(np.setdiff1d(frame.track_id, taken.track_id, assume_unique=True).tolist())
+            text = "%d of %d people at %s s left out, since most_people is %d: tracks %s"
+            _LOG.warning(text, len(frame) - len(taken), len(frame), frame.time_s, most, named)
+        return kept, taken
 
     def _made_up(self, people: People, until_s: float) -> People:
         """People after the steps that were due before a frame, each at its own instant."""

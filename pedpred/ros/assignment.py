@@ -12,7 +12,8 @@ _GATE_M, _GATE_MPS, _LARGEST_GATE_M = 0.5, 1.5, 2.0
 seen. Expected is the last place plus the motion before, which the last few detections give."""
 _SMOOTHING_S = 0.4
 _MOST_TRACKS = 2000
-"""Of more, those who were seen last stay: detections that are noise must not fill the memory."""
+"""Of more, those who were seen last stay, of these those who came first. So many places of a message are
+compared with them: detections that are noise fill neither memory nor time."""
 
 
 class NearestTracks:
@@ -28,7 +29,7 @@ class NearestTracks:
 
         Args:
             time_s: of the message, s; after a jump back all are forgotten.
-            position: m; those that are not finite get numbers of their own. [D, 2]
+            position: m; those that are not finite, or too many, get numbers of their own. [D, 2]
 
         Returns:
             [D] int64, from 1
@@ -36,11 +37,11 @@ class NearestTracks:
         if len(self._seen_s) and time_s < self._seen_s.max() - LOST_AFTER_S:
             self._keep(np.zeros(len(self._seen_s), bool))
         self._keep(time_s - self._seen_s <= LOST_AFTER_S)
-        self._keep(np.sort(np.argsort(self._seen_s, kind="stable")[-_MOST_TRACKS:]))
+        self._keep(np.sort(np.lexsort((self._track_id, -self._seen_s))[:_MOST_TRACKS]))
         gap_s = np.maximum(time_s - self._seen_s, 0.0)
         expected = self._position + gap_s[:, None] * self._velocity
         track_id = np.zeros(len(position), np.int64)
-        placed = np.flatnonzero(np.isfinite(position).all(axis=1))
+        placed = np.flatnonzero(np.isfinite(position).all(axis=1))[:_MOST_TRACKS]
         apart = distances_m(expected, position[placed])
         within = apart <= np.minimum(_GATE_M + _GATE_MPS * gap_s, _LARGEST_GATE_M)[:, None]
         rows, columns = np.flatnonzero(within.any(axis=1)), np.flatnonzero(within.any(axis=0))

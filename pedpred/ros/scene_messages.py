@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.geometry import rotate
+from pedpred.ros.turned_maps import turned_map
 from pedpred.scenes import OccupancyMap
 from pedpred.scenes.occupancy import check_cells
 
@@ -28,9 +28,7 @@ _TAGS = ("time_s", "goal_x_m", "goal_y_m", "desired_speed_mps", *_WHOLE_TAGS)
 _OCCUPIED, _FREE, _UNKNOWN = 100, 0, -1
 _LATEST_S = 2**31
 _LEVEL = 1e-6
-"""Largest x and y of the quaternion of a map that is level; and share of a cell that is not a cell."""
-_POINTS = 3
-"""Points per side of a cell at which a turned map is looked up."""
+"""Largest x and y of the quaternion of a map that is level."""
 
 
 def nanoseconds(time_s: np.ndarray) -> np.ndarray:
@@ -148,39 +146,6 @@ def _yaw(turn: Any) -> float:
         raise ValueRuleError("origin.orientation", given.tolist(), "a map must be level: x and y must be 0")
     yaw_rad = 2.0 * np.arctan2(turn.z, turn.w) if turn.z else 0.0
     return float(yaw_rad)
-
-
-def turned_map(blocked: np.ndarray, origin: np.ndarray, side_m: float, yaw_rad: float) -> OccupancyMap:
-    """The smallest map along the axes that holds a turned one; a cell that a blocked one touches is blocked.
-
-    Args:
-        blocked: along the axes of the turned map. [X, Y] bool
-        origin: its corner, about which it is turned, m. [2]
-        side_m: of a cell, m.
-        yaw_rad: counter-clockwise.
-    """
-    size_m = side_m * np.array(blocked.shape)
-    corners = np.array([[0.0, 0.0], [size_m[0], 0.0], [0.0, size_m[1]], size_m])
-    corners = origin + rotate(corners, np.full(4, yaw_rad))
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    shape = np.ceil((high - low) / side_m - _LEVEL).astype(np.int64)
-    check_cells(*shape.tolist())
-    found = np.zeros(shape, bool)
-    padded = np.pad(blocked, 1)  # points outside the map are looked up in its rim, which is free
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    (x, y) = (
-        (np.arange(n * _POINTS) + 0.5) / _POINTS + (end - origin[axis]) / side_m
-        for axis, (n, end) in enumerate(zip(shape, low, strict=True))
-    )
-    for row in range(shape[0]):
-        own = x[row * _POINTS : (row + 1) * _POINTS, None]
-        cell = (cos * own + sin * y, cos * y - sin * own)
-        inner = (
-            np.clip(part + 1.0, 0.0, size + 1.0).astype(np.int32)
-            for part, size in zip(cell, blocked.shape, strict=True)
-        )
-        found[row] = padded[tuple(inner)].reshape(_POINTS, -1, _POINTS).any(axis=(0, 2))
-    return OccupancyMap(found, low, side_m)
 
 
 def frames_message(time_ns: int) -> Content:

@@ -81,7 +81,7 @@ def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
         "left out: no transform": counts.lost,
         "left out: earlier than another": counts.late,
         "left out: forecasts take too long": counts.slow,
-        "left out: too many people": counts.crowded,
+        "left out: people without a forecast": counts.without_forecast,
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
         "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",
     }

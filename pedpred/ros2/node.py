@@ -16,10 +16,11 @@ from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, TransitionCallbac
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from pedpred.errors import ConfigError, PedpredError
-from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online import OnlinePredictor
 from pedpred.online.warming import warm_up
 from pedpred.ros.message_types import TRANSFORMS, serialize
 from pedpred.ros.planning import GRID_TYPE
+from pedpred.ros.turned_maps import warm_up_turning
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
 from pedpred.ros2.follower import UPDATE_TYPE, Follower
 from pedpred.ros2.log import RosHandler
@@ -113,8 +114,8 @@ class PedpredNode(LifecycleNode):
         _message_class(settings.people_type)
         _log.info("compiling what is not compiled yet: up to a minute")
         warm_up(settings.model or None)
-        online = OnlineSettings(max_age_s=settings.max_age_s, detection_noise_m=settings.detection_noise_m)
-        predictor = OnlinePredictor.load(settings.model or None, online)
+        warm_up_turning()
+        predictor = OnlinePredictor.load(settings.model or None, settings.online())
         self._steps = predictor.protocol.horizon_steps
         self._follower, self._latencies = Follower(predictor, settings, self._is_heard), Latencies()
         self._add_publishers()

@@ -8,6 +8,7 @@ from typing import Any
 
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges
+from pedpred.online import OnlineSettings
 from pedpred.ros.people import ADAPTERS
 from pedpred.tables.classes import PERSON_CLASSES
 
@@ -56,9 +57,7 @@ class NodeSettings:
     transform_timeout_s: float = _told(0.2, "how long people wait for the transform of their time, s", True)
     detection_noise_m: float = _told(0.0, "standard deviation of a detection's coordinate, m")
     max_age_s: float = _told(0.5, "a person is forecast while the last detection is at most this old, s")
-    most_people: int = _told(
-        1000, "a message with more people is left out: forecasts would take seconds", True
-    )
+    most_people: int = _told(1000, "of more people, those who came first are forecast, within about 0.5 s")
     occupancy_cell_m: float = _told(
         0.0, "side of the cells of `predicted_occupancy`, m; 0: it is not published", True
     )
@@ -71,6 +70,12 @@ class NodeSettings:
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ValueRuleError(name, getattr(self, name), f"it must be one of {', '.join(choices)}")
+
+    def online(self) -> OnlineSettings:
+        """How the predictor treats detections."""
+        return OnlineSettings(
+            max_age_s=self.max_age_s, detection_noise_m=self.detection_noise_m, most_people=self.most_people
+        )
 
 
 LIVE = frozenset(each.name for each in fields(NodeSettings) if each.metadata["live"])

@@ -20,7 +20,7 @@ def add_rest(columns: dict[str, np.ndarray], unit: str | None) -> None:
     """Add the second part of stamps that are whole seconds and a rest below one second.
 
     Args:
-        columns: with `time_s`, s, and `rest_of_time`; the latter is removed. If it holds the same times again,
+        columns: with `time_s`, s, and `rest_of_time`; the latter is removed. If it repeats the same times,
             or the first ones have fractions, nothing is added.
         unit: of the rest.
     """
