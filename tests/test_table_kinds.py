@@ -1,4 +1,4 @@
-"""Tables as programs write them: other road users, dates, parts of stamps, row numbers, lines around a header."""
+"""Tables as programs write them: other road users, dates, parts of stamps, lines around a header."""
 
 import logging
 import math
@@ -122,7 +122,7 @@ def test_several_recordings_in_one_table_are_warned_about(title, tmp_path, caplo
 
 
 ZONES = st.sampled_from([None, UTC, timezone(timedelta(hours=-3, minutes=-30)), timezone(timedelta(hours=9))])
-STARTS = st.datetimes(datetime(1971, 1, 1), datetime(2090, 1, 1), timezones=ZONES)  # noqa: DTZ001
+STARTS = st.datetimes(datetime(1971, 1, 1), datetime(2090, 1, 1), timezones=ZONES)
 
 
 @settings(deadline=None)

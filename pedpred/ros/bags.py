@@ -117,7 +117,9 @@ def _read(
         if not any(each.ids or each.others for each in instants):
             raise problems[0]
         count, first = len(problems) + len(instants), brief(str(problems[0]))
-        _log.warning("%s: left out: %d of %d messages, which are damaged (%s)", path, len(problems), count, first)
+        _log.warning(
+            "%s: left out: %d of %d messages, which are damaged (%s)", path, len(problems), count, first
+        )
     return ground or (latest and bag.decode(*latest)), instants
 
 

@@ -58,7 +58,14 @@ def _records(file: BagFile) -> Iterator[_Record]:
             while record := _next(stream, written):
                 yield from _inner(record) if record[0] == RecordType.CHUNK else (record,)
                 end = stream.tell()
-        except (ReaderError, ShapeError, struct.error, ValueError, RuntimeError, OSError):  # the last: of chunks
+        except (
+            ReaderError,
+            ShapeError,
+            struct.error,
+            ValueError,
+            RuntimeError,
+            OSError,
+        ):  # the last: of chunks
             if closed:
                 raise
         if not (closed and end == size):

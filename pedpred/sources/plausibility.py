@@ -96,9 +96,7 @@ def _motion(track_id: np.ndarray, frame: np.ndarray, position: np.ndarray) -> _M
     return _Motion(usual, long, seen)
 
 
-def check_speeds(
-    path: Path, trajectories: Trajectories, sure: bool = False, by_format: bool = False
-) -> None:
+def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False, by_format: bool = False) -> None:
     """Check that people move as fast as people do; otherwise lengths or times have another unit.
 
     Args:
@@ -129,7 +127,9 @@ def check_speeds(
             raise SourceError(path, None, problem, remedy)
         _log.warning("%s: %s%s", path, problem, doubt)
     elif usual_mps > _USUAL_MPS:
-        speeds = f"up to {usual_mps:.3g} m/s (1 % are faster), {np.median(speed_mps):.3g} m/s half of the time"
+        speeds = (
+            f"up to {usual_mps:.3g} m/s (1 % are faster), {np.median(speed_mps):.3g} m/s half of the time"
+        )
         ask = doubt if sure else f": say --unit {likely} if lengths are {likely}, or --unit m"
         _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
     elif usual_mps < _SLOWEST_MPS:

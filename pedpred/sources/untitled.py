@@ -21,9 +21,9 @@ from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.plausibility import ids_come_first
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
+from pedpred.tables.dates import is_date
 from pedpred.tables.decimals import with_decimal_points
 from pedpred.tables.detections import with_positions, without_copies
-from pedpred.tables.dates import is_date
 from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import lines_of, of_width

@@ -123,7 +123,7 @@ def of_width(path: Path, rows: Iterable[Row], titles: Sequence[str]) -> Iterator
 
 
 def _lines(path: Path, header: bool) -> Iterator[tuple[int, str]]:
-    """Number and text of each line; what stands above a header, such as the name of a program, is a comment."""
+    """Number and text of each line; what stands above a header, such as a program's name, is a comment."""
     lines = text_lines(path, _UTF8)
     if not header:
         return lines
