@@ -86,7 +86,7 @@ def assess(
 def _sharing(table: FeatureTable, tracks: Tracks) -> FeatureTable:
     """A table at detections that shares with the tracks what both hold, which saves memory."""
     held = [own for own in vars(tracks).values() if isinstance(own, np.ndarray)]
-    same = {
+    same: dict[str, np.ndarray] = {
         name: next((own for own in held if np.array_equal(own, column) and own.dtype == column.dtype), column)
         for name, column in table.columns.items()
     }
