@@ -226,3 +226,72 @@ def test_a_file_that_is_no_bag_is_told_so(raw, tmp_path):
     (tmp_path / "hall.bag").write_bytes(raw)
     with pytest.raises(SourceError, match=r"hall\.bag.*begin with.*`rosbag fix`"):
         read_bag(tmp_path / "hall.bag")
+
+
+def _walked_if_read(path):
+    """How many detections of a bag are read; 0 where it is refused by name."""
+    try:
+        return walked(read_bag(path))
+    except SourceError as error:
+        if str(path) not in str(error):
+            raise
+        return 0
+
+
+@pytest.mark.parametrize("kind", ["none", "bz2", "lz4", "db3", "mcap"])
+def test_zeros_in_place_of_the_end_are_a_cut(kind, tmp_path):
+    """As a disk leaves them when the power fails: what is read are the first detections."""
+    path = write(kind, tmp_path)
+    raw = path.read_bytes()
+    if (at := raw.find(b"index_pos=")) >= 0:
+        raw = raw[: at + 10] + bytes(8) + raw[at + 18 :]  # not closed
+    counts = []
+    for share in (0.5, 0.7, 0.9):
+        size = int(share * len(raw))
+        path.write_bytes(raw[:size] + bytes(len(raw) - size))
+        with warnings.catch_warnings(record=True, action="always") as told:
+            counts.append(_walked_if_read(path))
+        assert any("is cut" in str(one.message) for one in told)
+    assert counts == sorted(counts)
+    assert counts[-1] > COUNT / 4
+
+
+@pytest.mark.parametrize("kind", ["none", "db3", "mcap"])
+def test_damaged_messages_are_left_out_and_counted(kind, tmp_path, caplog):
+    store = Store(Stores.ROS1_NOETIC if kind == "none" else Stores.ROS2_HUMBLE)
+    serialise = store.types.serialize_ros1 if store.ros1 else store.types.serialize_cdr
+    path = write(kind, tmp_path)
+    raw, messages = path.read_bytes(), [bytes(serialise(one, PEOPLE)) for *_, one in people(store)]
+    for row in (20, 40):
+        raw = raw.replace(messages[row], bytes([255]) * len(messages[row]))
+    path.write_bytes(raw)
+    with caplog.at_level("WARNING"):
+        found = read_bag(path).trajectories
+    np.testing.assert_allclose(np.setdiff1d(np.arange(COUNT) / 10, found.time_s.round(6)), [2.0, 4.0])
+    assert f"left out: 2 of {COUNT} messages, which are damaged" in caplog.text
+    for message in messages:
+        raw = raw.replace(message, bytes([255]) * len(message))
+    path.write_bytes(raw)
+    with pytest.raises(SourceError, match=str(path)):
+        read_bag(path)
+
+
+@pytest.mark.parametrize("name", ["hall.bag.zst", "hall.bag.zstd", "hall.bag.active", "hall.bag.active.zst"])
+def test_a_bag_of_ros_1_has_many_names(name, tmp_path):
+    raw = write("none", tmp_path).read_bytes()
+    (tmp_path / name).write_bytes(zstandard.compress(raw) if "zst" in name else raw)
+    assert is_bag(tmp_path / name)
+    assert walked(read_any(tmp_path / name)) == COUNT
+
+
+@pytest.mark.parametrize("topic", ["people", "/people"])
+def test_a_topic_is_named_with_or_without_its_slash(topic, tmp_path):
+    assert walked(read_any(write("mcap", tmp_path), topic=topic)) == COUNT
+
+
+def test_another_data_base_is_no_damaged_bag(tmp_path):
+    with closing(sqlite3.connect(tmp_path / "simulation.db3")) as base:
+        base.execute("CREATE TABLE trajectory_data (frame, id, pos_x, pos_y)")
+        base.commit()
+    with pytest.raises(SourceError, match=r"\['trajectory_data'\].*a name that ends in .sqlite"):
+        read_bag(tmp_path / "simulation.db3")

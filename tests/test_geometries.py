@@ -159,6 +159,10 @@ def test_ground_with_a_hole_has_its_area(tmp_path):
         f"\ufeff{HALL};\r\n",
         "POLYGON Z ((0 0 7, 10 0 7, 10 4 7, 0 4 7, 0 0 7), (4 1 7, 5 1 7, 5 2 7, 4 2 7, 4 1 7))",
         f"SRID=25832;{HALL}",
+        f"# drawn by hand\n{HALL}\n",
+        f'"{HALL}"',
+        HALL.replace("5 2, 4 2, 4 1)", "5 1.7, 4 1.7, 4 1), (4 1.3, 5 1.3, 5 2, 4 2, 4 1.3)"),
+        HALL.replace("2, 4 1))", "2, 4 1), (12 1, 13 1, 13 2, 12 2, 12 1))"),
         f"GEOMETRYCOLLECTION ({HALL})",
         f"MULTIPOLYGON ({HALL.removeprefix('POLYGON ')})",
         f"GEOMETRYCOLLECTION (POLYGON EMPTY, GEOMETRYCOLLECTION ({HALL}))",
@@ -169,6 +173,25 @@ def test_ground_with_a_hole_has_its_area(tmp_path):
 )
 def test_the_same_ground_is_written_in_many_ways(text, tmp_path):
     np.testing.assert_array_equal(map_of(tmp_path, text).occupied, map_of(tmp_path, HALL).occupied)
+
+
+def test_text_may_be_utf_16(tmp_path):
+    (tmp_path / "hall.wkt").write_bytes(HALL.encode("utf-16"))
+    np.testing.assert_array_equal(read_walls(tmp_path / "hall.wkt").outlines[0][1][0], [4, 1])
+
+
+def test_an_outline_that_crosses_itself_is_doubted(tmp_path, caplog):
+    occupancy = map_of(tmp_path, "POLYGON ((0 0, 4 4, 4 0, 0 4, 0 0))")
+    assert "an outline is odd (Self-intersection" in caplog.text
+    assert not occupancy.is_occupied(np.array([[0.5, 2.0], [3.5, 2.0]])).any()
+    assert occupancy.is_occupied(np.array([[2.0, 0.5], [2.0, 3.5]])).all()
+
+
+@pytest.mark.parametrize("unit", ["m", "meter", "Metres", "metre"])
+def test_words_for_metres_are_units(unit, tmp_path):
+    text = xml([[ROOM]], obstacles=[[SQUARE]])
+    same = map_of(tmp_path, text.replace('unit="m"', f'unit="{unit}"'))
+    np.testing.assert_array_equal(same.occupied, map_of(tmp_path, text).occupied)
 
 
 def test_ground_may_stand_in_a_hole_and_walls_on_ground(tmp_path):

@@ -362,3 +362,22 @@ def test_a_quarter_turn_keeps_the_cells_of_a_map(tmp_path):
 def test_what_is_wrong_with_a_turned_map_is_said(changed, message, tmp_path):
     with pytest.raises(StorageError, match=message):
         map_at(write(tmp_path, **{"origin": [0, 0, 0.3]} | changed))
+
+
+def test_a_yaw_in_degrees_is_noticed(tmp_path):
+    with pytest.raises(StorageError, match=r"yaw = 90 rad is more than a turn: is it in degrees\?.*radians"):
+        map_at(write(tmp_path, origin=[0.0, 0.0, 90]))
+    assert map_at(write(tmp_path, origin=[0.0, 0.0, -2.0 * math.pi])).occupied.any()
+
+
+def test_thresholds_that_look_exchanged_are_warned_about(tmp_path, caplog):
+    map_at(write(tmp_path, occupied_thresh=0.2, free_thresh=0.65))
+    assert "free_thresh 0.65 is above occupied_thresh 0.2: cells between are free" in caplog.text
+
+
+def test_a_folder_without_map_yaml_says_which_maps_it_has(tmp_path):
+    write(tmp_path).rename(tmp_path / "floor.yaml")
+    with pytest.raises(
+        StorageError, match=r"no map.yaml in the folder, only \['floor.yaml'\].*--map .*floor.yaml"
+    ):
+        map_at(tmp_path)

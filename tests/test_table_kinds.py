@@ -1,4 +1,4 @@
-"""Tables as programs write them: other road users, dates, parts of stamps, row numbers, lines before them."""
+"""Tables as programs write them: other road users, dates, parts of stamps, lines around a header."""
 
 import logging
 import math

@@ -28,6 +28,9 @@ _WHOLE = {
     "pre": re.compile(r"(?<![\w-])--?[a-z][\w-]*"),
 }
 """What is not divided between two lines: intervals of figures, and options."""
+_TABLE, _TITLE, _ROW = (re.compile(rf"<{tag}\b.*?</{tag}>", re.DOTALL) for tag in ("table", "th", "tr"))
+_MOST_COLUMNS = 4
+"""Wider tables become cards on a phone, see `docs/site.css`."""
 _EQUATION = re.compile(r"\$\$(.+?)\$\$|(?<![\w$])\$([^$\n]+)\$(?!\w)", re.DOTALL)
 
 
@@ -60,8 +63,8 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
 
 
 def on_page_content(html: str, page: Any, config: Any, files: Any) -> str:
-    """Keep intervals in cells, and options in commands, on one line."""
-    parts = _CELL_OR_TAG.split(html)
+    """Keep intervals in cells, and options in commands, on one line; cells of wide tables know their titles."""
+    parts = _CELL_OR_TAG.split(_TABLE.sub(_titled, html))
     kept, inside = [], ""
     for part in parts:
         if tag := _OPENS.match(part):
@@ -104,6 +107,23 @@ def _rewritten(link: re.Match[str], page: str) -> str:
         return f"`{path}`" if text.strip("`/") in path else f"{text} (`{path}`)"
     here = posixpath.relpath(path, posixpath.dirname(page) or ".")
     return f"{mark}[{text}]({here}{anchor})"
+
+
+def _titled(table: re.Match[str]) -> str:
+    """A wide table whose cells, but the first of each row, have the title of their column."""
+    titles = [re.sub(r"<[^>]*>", "", title).replace('"', "&quot;") for title in _TITLE.findall(table[0])]
+    if len(titles) <= _MOST_COLUMNS:
+        return table[0]
+
+    def named(row: re.Match[str]) -> str:
+        rank = iter(range(len(titles)))
+        return re.sub(r"<td\b", lambda _: _cell(titles, next(rank, 0)), row[0])
+
+    return _ROW.sub(named, table[0])
+
+
+def _cell(titles: list[str], rank: int) -> str:
+    return f'<td data-title="{titles[rank]}"' if rank else "<td"
 
 
 def _mathml(equation: re.Match[str]) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pedpred.command.turned_maps import read_turned_map, yaw_of
-from pedpred.errors import StorageError
+from pedpred.errors import StorageError, brief
 from pedpred.files import read_yaml
 from pedpred.scenes import OccupancyMap
 from pedpred.sources.geometries import GEOMETRIES
@@ -16,6 +17,7 @@ from pedpred.storage.maps import picture_of, read_map_file
 _YAML = (".yaml", ".yml")
 _PICTURES = (".pgm", ".ppm", ".png", ".bmp", ".jpg", ".jpeg")
 _REMEDY = "Correct the file"
+_log = logging.getLogger(__name__)
 
 
 def map_at(path: Path) -> OccupancyMap:
@@ -27,12 +29,33 @@ def map_at(path: Path) -> OccupancyMap:
     Raises:
         StorageError: a file is missing or damaged, or no YAML file names the picture.
     """
-    named = path / "map.yaml" if path.is_dir() else path
+    named = _in_folder(path) if path.is_dir() else path
     about = named if named.suffix.lower() in _YAML else _describing(named)
     content = read_yaml(about, partial(StorageError, about, "map", remedy=_REMEDY))
+    _doubt_thresholds(about, content)
     if yaw_rad := yaw_of(about, content):
         return read_turned_map(about, content, yaw_rad, _REMEDY)
     return read_map_file(about, _REMEDY)
+
+
+def _in_folder(folder: Path) -> Path:
+    """The map.yaml of a folder, which must be there."""
+    if not (folder / "map.yaml").exists():
+        others = sorted(each.name for each in folder.iterdir() if each.suffix.lower() in _YAML)
+        remedy = (
+            f"Name the map itself: --map {folder / others[0]}" if others else "Name a folder that has one"
+        )
+        found = f", only {brief(others)}" if others else ""
+        raise StorageError(folder, "map.yaml", f"there is no map.yaml in the folder{found}", remedy)
+    return folder / "map.yaml"
+
+
+def _doubt_thresholds(about: Path, content: dict[str, Any]) -> None:
+    """Warn about thresholds that look exchanged; nav2_map_server takes what is free and occupied for free."""
+    free, occupied = (content.get(key) for key in ("free_thresh", "occupied_thresh"))
+    if isinstance(free, int | float) and isinstance(occupied, int | float) and free > occupied:
+        text = "%s: free_thresh %g is above occupied_thresh %g: cells between are free; are they exchanged?"
+        _log.warning(text, about, free, occupied)
 
 
 def _describing(picture: Path) -> Path:

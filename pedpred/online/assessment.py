@@ -13,6 +13,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, score
 from pedpred.evaluation.scores import describe_scene, integrate_truth, join_scores
 from pedpred.evaluation.windows import ask_about_windows, count_without_truth
+from pedpred.features import FeatureTable
 from pedpred.features.perception import Perception, sensed
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.forecasting.chain import instant_blocks
@@ -22,7 +23,7 @@ from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.replay import predictions_at, replay_scene
 from pedpred.scenes import Forecast, Predictions, Scene
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.tracking.tracks import TIME_TOLERANCE_S
+from pedpred.tracking.tracks import TIME_TOLERANCE_S, Tracks
 
 NETWORK = "network"
 """Name of the exported network beside the other methods."""
@@ -66,7 +67,7 @@ def assess(
     request = ask_about_windows(scene, how, sizes, memory=False)
     without_truth = count_without_truth(request.table, sizes, scene.name)
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.
-    request = replace(request, tracker=None)
+    request = replace(request, tracker=None, table=_sharing(request.table, request.past))
     if answered is not None:
         request = replace(request, rows=request.rows[answered(request)])
     if not about.memory:
@@ -80,6 +81,16 @@ def assess(
         whole = replace(join_scores(scores.pop(name), row), without_truth=without_truth)
         joined[name] = replace(whole, track=next(iter(joined.values()), whole).track)
     return joined
+
+
+def _sharing(table: FeatureTable, tracks: Tracks) -> FeatureTable:
+    """A table at detections that shares with the tracks what both hold, which saves memory."""
+    held = [own for own in vars(tracks).values() if isinstance(own, np.ndarray)]
+    same: dict[str, np.ndarray] = {
+        name: next((own for own in held if np.array_equal(own, column) and own.dtype == column.dtype), column)
+        for name, column in table.columns.items()
+    }
+    return replace(table, **same)
 
 
 def _measured(

@@ -224,7 +224,7 @@ class People:
 
     def _named(
         self, ids: list[tuple[str, ...]], *places: Sequence[np.ndarray]
-    ) -> tuple[list[tuple[str, ...]], Sequence[np.ndarray], Sequence[np.ndarray]]:
+    ) -> tuple[list[tuple[str, ...]], list[np.ndarray], list[np.ndarray]]:
         """Those who have an id, unless nobody has, and their places in two frames."""
         named = [np.array([bool(name) for name in each], bool) for each in ids]
         count = sum(int(there.sum()) for there in named)
@@ -233,7 +233,7 @@ class People:
             ids = [tuple(name for name in each if name) for each in ids]
             places = tuple([at[there] for at, there in zip(each, named, strict=True)] for each in places)
         position, read = places
-        return ids, position, read
+        return ids, list(position), list(read)
 
 
 def _stands_still(instants: Sequence[Instant]) -> bool:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, brief
 from pedpred.files import limit_values
 from pedpred.ros.bag_files import BagFile
 from pedpred.ros.bag_reader import BagReader
@@ -83,10 +83,20 @@ def _opened(file: BagFile) -> Iterator[sqlite3.Connection]:
             try:
                 base.execute("PRAGMA writable_schema=ON")  # else SQLite refuses a file that is cut
                 check_tables(base)
+                _check_bag(base, file)
                 yield base
             except sqlite3.DatabaseError as cause:
                 remedy = f"Repair it: sqlite3 {file.name} .recover | sqlite3 repaired.db3"
                 raise SourceError(file.name, None, f"damaged, {cause}", remedy) from cause
+
+
+def _check_bag(base: sqlite3.Connection, file: BagFile) -> None:
+    """Check that a data base that is whole has the tables of a bag."""
+    names = {str(name) for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if names and "topics" not in names:
+        problem = f"a data base with the tables {brief(sorted(names))}, and none of topics, as bags have"
+        remedy = "If it is a simulation of JuPedSim, give it a name that ends in .sqlite"
+        raise SourceError(file.name, None, problem, remedy)
 
 
 @contextmanager

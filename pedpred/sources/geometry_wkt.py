@@ -8,6 +8,7 @@ Coordinates are metres.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -18,9 +19,11 @@ import shapely
 from pedpred.errors import SourceError
 from pedpred.files import read_bytes, translate_errors
 from pedpred.sources.walls import Walls
+from pedpred.tables.encodings import UTF_16
 
 FARTHEST_M = 1e8  # surveyors' coordinates stay below
 LARGEST_BYTES = 2**22
+_log = logging.getLogger(__name__)
 _DEEPEST = 16  # brackets; GEOS parses each level within the one before
 _REMEDY = "Write the ground as POLYGON, MULTIPOLYGON or a GEOMETRYCOLLECTION of these, walls as LINESTRING"
 
@@ -34,7 +37,10 @@ def read_wkt(path: Path) -> Walls:
     if not path.exists():
         raise SourceError(path, None, "the file is missing")
     with translate_errors(partial(SourceError, path, None, remedy=_REMEDY)):
-        return parse_wkt(path, read_bytes(path, LARGEST_BYTES).decode("utf-8-sig"))
+        raw = read_bytes(path, LARGEST_BYTES)
+        text = raw.decode("utf-16" if raw.startswith(UTF_16) else "utf-8-sig")
+        lines = (line for line in text.splitlines() if not line.lstrip().startswith("#"))
+        return parse_wkt(path, "\n".join(lines).strip().strip("\"'"))
 
 
 def parse_wkt(path: Path, text: str) -> Walls:
@@ -49,6 +55,7 @@ def parse_wkt(path: Path, text: str) -> Walls:
     with translate_errors(wording):
         parts = [part for one in _geometries(text) for part in _parts(one)]
         _check(parts)
+        parts = [sound for part in parts for sound in _sound(path, part)]
     outlines = tuple(
         tuple(np.array(ring.coords)[:-1, :2] for ring in (part.exterior, *part.interiors))
         for part in parts
@@ -93,6 +100,19 @@ def _parts(geometry: shapely.Geometry) -> Iterator[shapely.Geometry]:
             yield from _parts(part)
     else:
         raise ValueError(f"a {geometry.geom_type}, which is neither ground nor a wall")
+
+
+def _sound(path: Path, part: shapely.Geometry) -> Iterator[shapely.Geometry]:
+    """The ground of a polygon without its holes, also where holes overlap each other or its outline."""
+    if not isinstance(part, shapely.Polygon) or part.is_valid:
+        yield part
+        return
+    if not shapely.is_valid(outline := shapely.Polygon(part.exterior)):
+        text = "%s: an outline is odd (%s): ground is what an odd number of its turns encloses"
+        _log.warning(text, path, shapely.is_valid_reason(outline))
+    holes = shapely.make_valid([shapely.Polygon(ring) for ring in part.interiors])
+    ground = shapely.make_valid(outline).difference(shapely.union_all(holes))
+    yield from (each for each in shapely.get_parts(ground) if isinstance(each, shapely.Polygon))
 
 
 def _check(parts: list[shapely.Geometry]) -> None:

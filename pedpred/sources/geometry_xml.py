@@ -30,7 +30,7 @@ from pedpred.files import read_bytes, translate_errors
 from pedpred.sources.doors import cut_doors
 from pedpred.sources.walls import Rings, Walls
 from pedpred.tables.text import numbers
-from pedpred.tables.units import UNITS
+from pedpred.tables.units import LENGTH_WORDS, UNITS
 
 _LARGEST_BYTES = 2**22
 _FARTHEST = 1e8  # surveyors' coordinates stay below
@@ -68,9 +68,10 @@ class _Reading:
         if not self.within and name != "geometry":
             raise self.error(f"the outermost element is <{brief(name)[1:-1]}>, expected <geometry>", _REMEDY)
         if name == "geometry":
-            if (unit := attributes.get("unit", "m")) not in UNITS:
+            unit = attributes.get("unit", "m").strip()
+            if unit.lower() not in LENGTH_WORDS:
                 raise self.error(f"unit = {brief(unit)}, expected one of {', '.join(UNITS)}")
-            self.unit_m = UNITS[unit]
+            self.unit_m = UNITS[LENGTH_WORDS[unit.lower()]]
         elif name == "subroom":
             self.subrooms.append([])
         elif name == "obstacle":

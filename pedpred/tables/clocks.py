@@ -19,9 +19,10 @@ _LONG_AGO_S = 1e8  # Unix times are later
 def add_rest(columns: dict[str, np.ndarray], unit: str | None) -> None:
     """Add the second part of stamps that are whole seconds and a rest below one second.
 
+    If the second column holds the same times again, or the first one has fractions, nothing is added.
+
     Args:
-        columns: with `time_s`, s, and `rest_of_time`; the latter is removed. If it repeats the same times,
-            or the first ones have fractions, nothing is added.
+        columns: with `time_s`, s, and `rest_of_time`, which is removed.
         unit: of the rest.
     """
     rest_s = columns.pop(REST) / PER_SECOND[unit or "s"]

@@ -104,12 +104,12 @@ def meaning_of(title: str) -> Meaning | None:
 
 
 def columns_of_classes(titles: Sequence[str]) -> list[str]:
-    """Titles of columns that may say what kind of road user a row is about: `type`, `object_class`."""
+    """Titles of columns that may say what kind of road user a row is about, such as `object_class`."""
     return [title for title in titles if _is_called(title, _CLASS, _CLASSED)]
 
 
 def columns_of_recordings(titles: Sequence[str]) -> list[str]:
-    """Titles of columns that may say in which recording, or on which floor, people are: `scene_id`."""
+    """Titles of columns that may say in which recording, or on which floor, people are."""
     return [title for title in titles if _is_called(title, _APART, _NUMBER | {"id", "name"})]
 
 
