@@ -383,6 +383,12 @@ def test_no_way_leads_to_a_goal_in_a_wall_or_outside_the_ground(goal):
     assert not len(route(course, np.array([-4.0, 0.0]), 0.3))
 
 
+def test_ground_that_would_fill_the_memory_is_refused():
+    """As of one stray detection, where no map says how large the place is."""
+    with pytest.raises(ValueRuleError, match=r"map = '50000 x 50000 m', .* stray detections"):
+        walls_of(OccupancyMap.free_around(np.array([[0.0, 0.0], [5e4 - 2, 5e4 - 2]])))
+
+
 def test_a_robot_among_people_whose_map_is_elsewhere_drives_where_both_are_or_says_why():
     scene = crossing_scene()
     elsewhere = replace(scene, occupancy=OccupancyMap(np.zeros((1, 1), bool), np.full(2, 1e6), 0.1))

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from pedpred.compiled import compiled
+from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.routing import clearance_grid, travel_time, walking_speed, without_pockets
@@ -17,6 +18,7 @@ from pedpred.simulation.settings import RoutingSettings
 _CELL_M = 0.1
 _MARGIN_M = 2.0  # free ground around a map
 _ROUTE_STEP_M = 0.1
+_MOST_CELLS = 20_000_000
 _AROUND = np.indices((3, 3)).reshape(2, -1).T - 1
 
 
@@ -53,7 +55,16 @@ class Course(NamedTuple):
 
 
 def walls_of(occupancy: OccupancyMap) -> Walls:
-    """Measure distances on a map; the ground around it is free."""
+    """Measure distances on a map; the ground around it is free.
+
+    Raises:
+        ValueRuleError: the map is so large that ways on it would take more than a few GB.
+    """
+    width_m, height_m = occupancy.extent_m.tolist()
+    if width_m * height_m > _MOST_CELLS * _CELL_M**2:
+        most_m2 = _MOST_CELLS * _CELL_M**2
+        rule = f"a robot drives on at most {most_m2:g} m2: leave out stray detections, or name a map"
+        raise ValueRuleError("map", f"{width_m:.0f} x {height_m:.0f} m", rule)
     ground = ground_of(occupancy, math.ceil(_MARGIN_M / occupancy.resolution_m))
     return Walls(ground.origin, _CELL_M, clearance_grid(ground, _CELL_M))
 
