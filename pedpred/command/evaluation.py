@@ -28,7 +28,7 @@ from pedpred.metrics import METRICS
 from pedpred.online.assessment import ALWAYS, assess
 from pedpred.ros import Transform
 from pedpred.scenes import Placement, Scene, Trajectories, placement
-from pedpred.sources.single_file import check_clock
+from pedpred.sources.times import check_clock
 from pedpred.tables.names import TrackNames
 from pedpred.tracking import KalmanSettings, tune_kalman
 

@@ -90,7 +90,7 @@ def _sharing(table: FeatureTable, tracks: Tracks) -> FeatureTable:
         name: next((own for own in held if np.array_equal(own, column) and own.dtype == column.dtype), column)
         for name, column in table.columns.items()
     }
-    return replace(table, **same)
+    return FeatureTable(**same, inputs=table.inputs)
 
 
 def _measured(
