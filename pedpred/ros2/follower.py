@@ -47,8 +47,8 @@ from pedpred.scenes import Forecast, OccupancyMap
 
 _COLOUR = (0.84, 0.37, 0.0)
 _MOST_WAITING = 100
-_BEHIND_S, _CAUGHT_UP_S = 2.0, 0.2
-"""People who had to wait longer are left out, and those after them until they wait less than this: when
+_CAUGHT_UP = 0.1
+"""Once people had to wait too long, all are left out until some wait less than this share of that time: when
 forecasts take longer than messages need to come, late ones would be late for ever."""
 _SHOWN_EVERY_S = 0.08
 """Viewers and costmaps need no more than this, and markers and grids take longer than forecasts, s."""
@@ -184,7 +184,7 @@ class Follower:
         """
         self.counts.messages += 1
         self.heard_s = now_s
-        self._is_behind = waited_s > (_CAUGHT_UP_S if self._is_behind else _BEHIND_S)
+        self._is_behind = waited_s > self.settings.max_wait_s * (_CAUGHT_UP if self._is_behind else 1.0)
         if self._is_behind:
             self.counts.slow += 1
             _log.warning(
