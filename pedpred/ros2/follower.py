@@ -239,8 +239,8 @@ class Follower:
                 continue
             yield from self._answered(first, target)
 
-    def _answered(self, given: _Waiting, frame: str) -> Iterator[Answer]:
-        one = given.instant
+    def _answered(self, waiting: _Waiting, frame: str) -> Iterator[Answer]:
+        one = waiting.instant
         place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
         track_id = self._identities.number(one, place)
         kept, left_out = find_usable(np.full(len(place), one.stamp_s), track_id, place)
@@ -253,12 +253,12 @@ class Follower:
         self._latest = forecast
         self.counts.without_forecast += int((~np.isin(track_id[kept], forecast.track_id)).sum())
         self.counts.forecasts += 1
-        self.counts.people, self.forecast_s = len(forecast), given.arrived_s
+        self.counts.people, self.forecast_s = len(forecast), waiting.arrived_s
         if self._map.occupancy is None and self.settings.use_map and len(forecast):
             _log.warning(
                 "no map has come: forecasts go through walls. Publish `map`, or set use_map to false"
             )
-        yield from self._contents(forecast, given.time_ns, frame)
+        yield from self._contents(forecast, waiting.time_ns, frame)
 
     def _contents(self, forecast: Forecast, time_ns: int, frame: str) -> Iterator[Answer]:
         cloud = predictions_message(forecast.track_id, forecast.predictions, time_ns, frame)

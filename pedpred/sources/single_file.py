@@ -106,8 +106,8 @@ def format_of(path: Path, options: TableOptions | None = None) -> Format:
     begins = Beginning.of(path)
     if begins.lines and options is not None and options.columns is not None:
         return _TABLE
-    if found := next((kind for kind in FORMATS if kind.fits(begins)), None):
-        return found
+    if recognised := next((kind for kind in FORMATS if kind.fits(begins)), None):
+        return recognised
     if problem := begins.foreign():
         raise problem
     return _TABLE if has_header(path) else _TEXT
