@@ -251,3 +251,33 @@ def test_words_are_the_ids_of_a_text_without_titles(tmp_path, clock, order):
     scene = read_file(path, options)
     assert set(options.names.of_number.values()) == {fields[0] for fields in written}
     assert scene.detection_dt_s == pytest.approx(1 / RATE_HZ)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "named"), [(60.0, "minutes"), (3600.0, "hours"), (86400.0, "days, as of spreadsheets")]
+)
+def test_times_of_a_moment_are_doubted(seconds, named, tmp_path):
+    rows = [(45_000 + 0.1 * k / seconds, 1, 0.13 * k, 1.0) for k in range(100)]
+    path = tmp_path / "walk.csv"
+    path.write_text("time,id,x,y\n" + "\n".join(f"{t:.12f},{who},{x},{y}" for t, who, x, y in rows))
+    with pytest.raises(SourceError, match=f"m/s: times look like {named}. Times are seconds"):
+        read_file(path)
+
+
+def test_a_few_detections_within_a_moment_are_read(tmp_path):
+    rng = np.random.default_rng(0)
+    path = tmp_path / "walk.csv"
+    rows = [f"{0.01 * k},1,{0.013 * k + rng.normal(0, 0.02)},1" for k in range(20)]
+    path.write_text("\n".join(["time,id,x,y", *rows]))
+    assert len(read_file(path).trajectories) == 20
+
+
+def test_frame_numbers_called_times_are_doubted(tmp_path, caplog):
+    path = tmp_path / "walk.csv"
+    path.write_text("time,id,x,y\n" + "\n".join(f"{k},1,{0.05 * k},1" for k in range(90)))
+    assert len(read_file(path).trajectories) == 90
+    assert "are they frames? Then call the column frame, and give --rate" in caplog.text
+    caplog.clear()
+    path.write_text("time,id,x,y\n" + "\n".join(f"{k},1,{1.3 * k},1" for k in range(90)))
+    read_file(path)
+    assert not caplog.text

@@ -115,7 +115,8 @@ class Place:
     ):
         """Run the node until the block ends, which a signal tells it; its log lines are in `told`."""
         told = self.folder / "node.txt"
-        process = self.start([*command, "--ros-args", *arguments], told)
+        patient = "-p", "max_wait_s:=3600.0"  # a busy machine may be slow
+        process = self.start([*command, "--ros-args", *arguments, *patient], told)
         self.wait(lambda: process.poll() is not None or ready in told.read_text(), repr(ready), told)
         assert process.poll() is None, told.read_text()
         try:

@@ -63,7 +63,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
 
 
 def on_page_content(html: str, page: Any, config: Any, files: Any) -> str:
-    """Keep intervals in cells, and options in commands, on one line; cells of wide tables know their titles."""
+    """Keep intervals in cells and options in commands on one line; give cells of wide tables their titles."""
     parts = _CELL_OR_TAG.split(_TABLE.sub(_titled, html))
     kept, inside = [], ""
     for part in parts:

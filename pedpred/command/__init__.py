@@ -17,18 +17,18 @@ def main(arguments: list[str] | None = None) -> None:
     from pedpred.command.libraries import missing_libraries  # takes seconds, in which Ctrl-C ends quietly too
 
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    given = sys.argv[1:] if arguments is None else arguments
+    words = sys.argv[1:] if arguments is None else arguments
     if missing := missing_libraries():
-        _run_on_a_robot(given, missing)
+        _run_on_a_robot(words, missing)
         return
     from pedpred.command.arguments import check, parser
 
-    asked = parser().parse_args(given)
+    asked = parser().parse_args(words)
     check(asked)
     asked.action(asked)
 
 
-def _run_on_a_robot(given: Sequence[str], missing: Sequence[str]) -> None:
+def _run_on_a_robot(words: Sequence[str], missing: Sequence[str]) -> None:
     """Run a command that needs no library for reading files."""
     from pedpred.command.warming import add_model, add_warm_up
 
@@ -37,7 +37,7 @@ def _run_on_a_robot(given: Sequence[str], missing: Sequence[str]) -> None:
     top.add_argument("--version", action="version", version=f"pedpred {pedpred.__version__}")
     commands = top.add_subparsers(required=True, metavar="COMMAND")
     add_model(add_warm_up(commands))
-    if given and given[0] != "warm-up" and not given[0].startswith("-"):
-        raise SystemExit(f"pedpred: {given[0]} is not installed. {remedy}")
-    asked = top.parse_args(given)
+    if words and words[0] != "warm-up" and not words[0].startswith("-"):
+        raise SystemExit(f"pedpred: {words[0]} is not installed. {remedy}")
+    asked = top.parse_args(words)
     asked.action(asked)

@@ -66,43 +66,43 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-def check(given: argparse.Namespace) -> None:
+def check(arguments: argparse.Namespace) -> None:
     """Check whatever can be checked before work begins: inputs exist, outputs can be written.
 
     Raises:
         PedpredError: something is wrong with an argument.
     """
-    scenes = given.scene if isinstance(given.scene, list) else [given.scene]
-    theirs = getattr(given, "forecasts", [])
-    named = [getattr(given, name, None) for name in ("map", "model", "tracker", "homography")]
+    scenes = arguments.scene if isinstance(arguments.scene, list) else [arguments.scene]
+    theirs = getattr(arguments, "forecasts", [])
+    named = [getattr(arguments, name, None) for name in ("map", "model", "tracker", "homography")]
     inputs = [
         *(path for path in scenes if path),
         *(path for path in named if isinstance(path, Path)),
-        *(path for _, path in getattr(given, "compare", None) or ()),
+        *(path for _, path in getattr(arguments, "compare", None) or ()),
         *theirs,
     ]
     for path in inputs:
         if not path.exists():
             raise FileError(path, "", "there is no such file or folder", "Correct the name")
-    if given.action is predict and given.output is None:
-        given.output = Path(f"{given.scene.stem}_forecasts.mcap")
-    if output := getattr(given, "output", None):
+    if arguments.action is predict and arguments.output is None:
+        arguments.output = Path(f"{arguments.scene.stem}_forecasts.mcap")
+    if output := getattr(arguments, "output", None):
         recording = output.suffix == ".mcap"
-        _check_output(output, inputs, folder=given.action is convert and not recording)
+        _check_output(output, inputs, folder=arguments.action is convert and not recording)
         if recording:
             _check_output(layout_of(output), inputs)
-        refuse_overwriting(output, given.force)
-    if given.action is drive:
-        check_drive(given)
-        _check_output(given.table, inputs)
-        if given.curves is not None:
-            _check_output(given.curves, inputs)
-        if given.record is not None:
-            _check_output(given.record, inputs)
-            refuse_overwriting(given.record, given.force)
-    if figures := getattr(given, "json", None):
+        refuse_overwriting(output, arguments.force)
+    if arguments.action is drive:
+        check_drive(arguments)
+        _check_output(arguments.table, inputs)
+        if arguments.curves is not None:
+            _check_output(arguments.curves, inputs)
+        if arguments.record is not None:
+            _check_output(arguments.record, inputs)
+            refuse_overwriting(arguments.record, arguments.force)
+    if figures := getattr(arguments, "json", None):
         _check_output(figures, inputs)
-    if model := getattr(given, "model", None):
+    if model := getattr(arguments, "model", None):
         read_description(model)
     if theirs and len(scenes) > 1:
         raise ValueRuleError("--forecasts", str(theirs[0]), "give the one scene that they are about")

@@ -39,9 +39,9 @@ _log = logging.getLogger(__name__)
 _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id", "person_id")
 
 
-def info(given: argparse.Namespace) -> None:
+def info(arguments: argparse.Namespace) -> None:
     """Describe the content of a scene."""
-    scene = read_given(given)
+    scene = read_given(arguments)
     trajectories, occupancy = scene.trajectories, scene.occupancy
     tracks, instants = (len(np.unique(values)) for values in (trajectories.track_id, trajectories.time_s))
     span_s = float(np.ptp(trajectories.time_s)) if len(trajectories) else 0.0
@@ -49,7 +49,7 @@ def info(given: argparse.Namespace) -> None:
     width, height = occupancy.extent_m
     lines = {
         "name": scene.name,
-        "read as": _kind(given),
+        "read as": _kind(arguments),
         "detections": f"{len(trajectories)} of {tracks} tracks, {instants} instants",
         "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:.3g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
@@ -61,76 +61,78 @@ def info(given: argparse.Namespace) -> None:
     sys.stdout.writelines(f"{key:>12}  {value}\n" for key, value in lines.items())
 
 
-def convert(given: argparse.Namespace) -> None:
+def convert(arguments: argparse.Namespace) -> None:
     """Write a scene as MCAP (a name that ends in .mcap) or as a scene folder."""
-    if given.output.suffix not in ("", ".mcap"):
+    if arguments.output.suffix not in ("", ".mcap"):
         raise ValueRuleError(
-            "output", str(given.output), "a name ends in .mcap, or is that of a scene folder"
+            "output", str(arguments.output), "a name ends in .mcap, or is that of a scene folder"
         )
-    refuse_overwriting(given.output, given.force)
-    scene = read_given(given)
-    if given.scene.is_file() and not _is_named(given.scene):
-        scene = replace(scene, name=given.output.stem)
+    refuse_overwriting(arguments.output, arguments.force)
+    scene = read_given(arguments)
+    if arguments.scene.is_file() and not _is_named(arguments.scene):
+        scene = replace(scene, name=arguments.output.stem)
     _log.info("%s: %s", scene.name, placement(scene.trajectories.position, scene.occupancy))
-    if given.output.suffix == ".mcap":
-        write_recording(scene, given.output)
-        write_layout(scene.occupancy, set(), layout_of(given.output))
+    if arguments.output.suffix == ".mcap":
+        write_recording(scene, arguments.output)
+        write_layout(scene.occupancy, set(), layout_of(arguments.output))
     else:
-        write_scene(scene, given.output)
+        write_scene(scene, arguments.output)
 
 
-def read_given(given: argparse.Namespace, names: TrackNames | None = None) -> Scene:
+def read_given(arguments: argparse.Namespace, names: TrackNames | None = None) -> Scene:
     """Read the scene that the arguments name, on the map that they name; a misplaced map is warned about.
 
     Args:
-        given: the arguments.
+        arguments: of the command line.
         names: takes those of tracks whose ids are words.
 
     Raises:
         ValueRuleError: open ends are given without a geometry file, or another option has no meaning.
     """
-    replaced = given.map is not None or given.no_map
-    ground = "" if replaced else given.map_topic
-    transform = None if given.transform is None else Transform(*given.transform)
-    classes, options = given.classes or PERSON_CLASSES, _options(given)
+    replaced = arguments.map is not None or arguments.no_map
+    ground = "" if replaced else arguments.map_topic
+    transform = None if arguments.transform is None else Transform(*arguments.transform)
+    classes, options = arguments.classes or PERSON_CLASSES, _options(arguments)
     if names is not None:
         options = replace(options, names=names)
-    scene = read_any(given.scene, given.topic, options, transform, ground, classes)
-    if ground := _ground_given(given):
+    scene = read_any(arguments.scene, arguments.topic, options, transform, ground, classes)
+    if ground := _ground_given(arguments):
         scene = replace(scene, occupancy=ground)
-    elif not given.no_map and not scene.occupancy.occupied.any():
-        scene = _on_map_beside(scene, given.scene)
-    if given.no_map:
+    elif not arguments.no_map and not scene.occupancy.occupied.any():
+        scene = _on_map_beside(scene, arguments.scene)
+    if arguments.no_map:
         scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
     checked_placement(scene)
     return scene
 
 
-def _options(given: argparse.Namespace) -> PictureOptions:
+def _options(arguments: argparse.Namespace) -> PictureOptions:
     """What the arguments say about a file of tracks.
 
     Raises:
         ValueRuleError: a homography is given for something else than pixels.
     """
-    columns = None if given.columns is None else tuple(given.columns.split(","))
-    classes = tuple(given.classes or ())
-    options = PictureOptions(columns, given.rate, given.unit, given.scale, classes=classes)
-    if given.homography is None:
+    columns = None if arguments.columns is None else tuple(arguments.columns.split(","))
+    classes = tuple(arguments.classes or ())
+    options = PictureOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
+    if arguments.homography is None:
         return options
-    is_tracks = not given.scene.is_dir() and not _is_named(given.scene)
-    if not is_tracks or not format_of(given.scene, options).pixels:
-        rule = f"the positions in {given.scene} are not pixels"
-        raise ValueRuleError("--homography", str(given.homography), rule)
-    return replace(options, homography=read_homography(given.homography))
+    is_tracks = not arguments.scene.is_dir() and not _is_named(arguments.scene)
+    if not is_tracks or not format_of(arguments.scene, options).pixels:
+        rule = f"the positions in {arguments.scene} are not pixels"
+        raise ValueRuleError("--homography", str(arguments.homography), rule)
+    return replace(options, homography=read_homography(arguments.homography))
 
 
-def _kind(given: argparse.Namespace) -> str:
+def _kind(arguments: argparse.Namespace) -> str:
     """The format as which the scene was read."""
-    if given.scene.is_dir() and not is_bag(given.scene):
+    if arguments.scene.is_dir() and not is_bag(arguments.scene):
         return "scene folder"
-    if not _is_named(given.scene):
-        return format_of(given.scene, _options(given)).name
-    return "ROS bag" if _is_foreign(given.scene) or given.topic is not None else "recording of pedpred"
+    if not _is_named(arguments.scene):
+        return format_of(arguments.scene, _options(arguments)).name
+    return (
+        "ROS bag" if _is_foreign(arguments.scene) or arguments.topic is not None else "recording of pedpred"
+    )
 
 
 def _is_named(path: Path) -> bool:
@@ -147,20 +149,20 @@ def _is_foreign(path: Path) -> bool:
     return is_bag(path) or (path.is_file() and not is_recording(path))
 
 
-def _ground_given(given: argparse.Namespace) -> OccupancyMap | None:
+def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
     """The map that replaces that of the scene."""
-    edges = [[end[:2], end[2:]] for end in given.open_end]
-    if given.map is not None and is_geometry(given.map):
-        return read_ground(given.map, read_walls(given.map), CELL_M, WALL_M, edges, _OPEN_END_M)
+    edges = [[end[:2], end[2:]] for end in arguments.open_end]
+    if arguments.map is not None and is_geometry(arguments.map):
+        return read_ground(arguments.map, read_walls(arguments.map), CELL_M, WALL_M, edges, _OPEN_END_M)
     inside = None
-    if edges and given.map is None and given.scene.is_file() and not _is_named(given.scene):
-        inside = format_of(given.scene, _options(given)).walls(given.scene)
+    if edges and arguments.map is None and arguments.scene.is_file() and not _is_named(arguments.scene):
+        inside = format_of(arguments.scene, _options(arguments)).walls(arguments.scene)
     if inside is not None:
-        return read_ground(given.scene, inside, CELL_M, WALL_M, edges, _OPEN_END_M)
+        return read_ground(arguments.scene, inside, CELL_M, WALL_M, edges, _OPEN_END_M)
     if edges:
         remedy = "it needs a geometry: --map walls.xml or .wkt, or a recording that has one"
-        raise ValueRuleError("--open-end", given.open_end[0], remedy)
-    return None if given.map is None else map_at(given.map)
+        raise ValueRuleError("--open-end", arguments.open_end[0], remedy)
+    return None if arguments.map is None else map_at(arguments.map)
 
 
 def _on_map_beside(scene: Scene, path: Path) -> Scene:

@@ -85,7 +85,7 @@ def _people_in(table: pd.DataFrame, titles: Sequence[str]) -> pd.DataFrame:
         title: table.iloc[:, titles.index(title)].map(lambda one: "" if pd.isna(one) else label_of(str(one)))
         for title in columns_of_classes(titles)
     }
-    counts = {title: Counter(own) for title, own in labels.items()}
+    counts = {title: Counter(values) for title, values in labels.items()}
     chosen = classes_of_people(_TABLE, counts) if counts else None
     return table if chosen is None else table[labels[chosen[0]].isin(chosen[1])]
 

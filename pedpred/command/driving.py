@@ -33,47 +33,49 @@ _SAVED_EVERY_S = 10.0
 _RISKS = (0.02, 0.05, 0.1, 0.2, 0.4)
 
 
-def drive(given: argparse.Namespace) -> None:
+def drive(arguments: argparse.Namespace) -> None:
     """Let a robot drive among the people of a scene, or of simulated worlds, and count collisions."""
     settings = DriveSettings(
-        robot=Robot(given.robot, given.radius_m, given.speed_mps),
+        robot=Robot(arguments.robot, arguments.radius_m, arguments.speed_mps),
         planner=PlannerSettings(),
-        sensor=SensorSettings(given.range_m, np.deg2rad(given.view_deg), given.noise_m, given.missed),
-        seed=given.seed,
-        shown=given.shown,
+        sensor=SensorSettings(
+            arguments.range_m, np.deg2rad(arguments.view_deg), arguments.noise_m, arguments.missed
+        ),
+        seed=arguments.seed,
+        shown=arguments.shown,
     )
-    models = Models(given.model or default_model(), dict(given.compare or ()))
-    places: Places = Recording(read_given(given)) if given.world is None else _worlds(given)
-    asked = models.conditions(given.method or NAMES, given.risk or _RISKS)
-    if given.record is not None:
-        _record(Runner(places, settings, models), asked, given)
+    models = Models(arguments.model or default_model(), dict(arguments.compare or ()))
+    places: Places = Recording(read_given(arguments)) if arguments.world is None else _worlds(arguments)
+    asked = models.conditions(arguments.method or NAMES, arguments.risk or _RISKS)
+    if arguments.record is not None:
+        _record(Runner(places, settings, models), asked, arguments)
         return
-    rows = _known(given.table, places, settings, models)
+    rows = _known(arguments.table, places, settings, models)
     done = {(row.episode, row.condition) for row in rows}
     wanted = {
         number: missing
-        for number in range(given.episodes)
+        for number in range(arguments.episodes)
         if (missing := [one for one in asked if (number, one) not in done])
     }
     cycles: list[float] = []
-    drives = run(places, settings, models, wanted, given.processes)
+    drives = run(places, settings, models, wanted, arguments.processes)
     saved_s = time.monotonic()
     try:
         for new, own_s in tqdm(drives, total=len(wanted), desc=f"drive {places.name}", unit="episode"):
             rows, cycles = rows + new, cycles + own_s
             if time.monotonic() - saved_s > _SAVED_EVERY_S:
-                write_table(given.table, rows)
+                write_table(arguments.table, rows)
                 saved_s = time.monotonic()
     finally:
-        write_table(given.table, rows)
-    rows = [row for row in rows if row.condition in asked and row.episode < given.episodes]
+        write_table(arguments.table, rows)
+    rows = [row for row in rows if row.condition in asked and row.episode < arguments.episodes]
     figures = figures_of(rows)
     sys.stdout.write(summary(figures))
-    if given.curves is not None:
+    if arguments.curves is not None:
         from pedpred.report.canvas import write_png  # heavy, and for pictures alone
         from pedpred.report.drives import curves_figure
 
-        write_png(curves_figure(figures), given.curves)
+        write_png(curves_figure(figures), arguments.curves)
     if cycles:
         _log.info("forecast and plan: %.1f ms a cycle (median)", 1e3 * float(np.median(cycles)))
 
@@ -94,13 +96,13 @@ def _known(path: Path, places: Places, settings: DriveSettings, models: Models) 
     return rows
 
 
-def _record(runner: Runner, asked: Sequence[Condition], given: argparse.Namespace) -> None:
+def _record(runner: Runner, asked: Sequence[Condition], arguments: argparse.Namespace) -> None:
     """Write one episode: a picture of all conditions, or an MCAP of the first one.
 
     The MCAP holds the people, the robot as the track with the largest id, and forecasts.
     """
-    place, episode = runner.places.draw(given.episode, runner.settings)
-    if given.record.suffix == ".png":
+    place, episode = runner.places.draw(arguments.episode, runner.settings)
+    if arguments.record.suffix == ".png":
         from pedpred.report.canvas import write_png  # heavy, and for pictures alone
         from pedpred.report.drives import episode_figure
 
@@ -108,20 +110,20 @@ def _record(runner: Runner, asked: Sequence[Condition], given: argparse.Namespac
         for one in asked:
             done = runner.driven(place, episode, one)
             shown.append((as_scene(done, place, episode), describe(done, episode, one, robot)))
-        write_png(episode_figure(shown), given.record)
+        write_png(episode_figure(shown), arguments.record)
         return
     done, method = runner.driven(place, episode, asked[0], keep=True), asked[0].method
     seen = as_scene(done, place, episode)
-    write_drive(done, seen, episode, method, runner.predictor.protocol, given.record)
-    write_layout(seen.occupancy, set(), layout_of(given.record))
-    _log.info("%s: episode %d, %s, in %s", place.name, given.episode, method, given.record)
+    write_drive(done, seen, episode, method, runner.predictor.protocol, arguments.record)
+    write_layout(seen.occupancy, set(), layout_of(arguments.record))
+    _log.info("%s: episode %d, %s, in %s", place.name, arguments.episode, method, arguments.record)
 
 
-def _worlds(given: argparse.Namespace) -> Worlds:
-    return Worlds(given.world, given.people == REACTIONS[0])
+def _worlds(arguments: argparse.Namespace) -> Worlds:
+    return Worlds(arguments.world, arguments.people == REACTIONS[0])
 
 
-def check_drive(given: argparse.Namespace) -> None:
+def check_drive(arguments: argparse.Namespace) -> None:
     """Check what only `pedpred drive` needs.
 
     Raises:
@@ -129,23 +131,25 @@ def check_drive(given: argparse.Namespace) -> None:
             .mcap or .png, or is one of the true future; a picture is no .png.
         OutputError: a picture is asked for, but matplotlib is not installed.
     """
-    if (given.scene is None) == (given.world is None):
-        raise ValueRuleError("scene", str(given.scene), "name either a scene or --world")
-    if given.table is None:
-        name = given.scene.stem if given.world is None else _worlds(given).name
-        given.table = Path(f"{name}_drives.csv")
-    if given.curves is not None and given.curves.suffix != ".png":
-        raise ValueRuleError("--curves", str(given.curves), "the name of a picture ends in .png")
-    pictures = [path for path in (given.curves, given.record) if path is not None and path.suffix == ".png"]
+    if (arguments.scene is None) == (arguments.world is None):
+        raise ValueRuleError("scene", str(arguments.scene), "name either a scene or --world")
+    if arguments.table is None:
+        name = arguments.scene.stem if arguments.world is None else _worlds(arguments).name
+        arguments.table = Path(f"{name}_drives.csv")
+    if arguments.curves is not None and arguments.curves.suffix != ".png":
+        raise ValueRuleError("--curves", str(arguments.curves), "the name of a picture ends in .png")
+    pictures = [
+        path for path in (arguments.curves, arguments.record) if path is not None and path.suffix == ".png"
+    ]
     if pictures and find_spec("matplotlib") is None:
         remedy = 'Install it: pip install "pedpred[pictures]"'
         raise OutputError(pictures[0], "pictures need matplotlib", remedy)
-    if given.record is None:
+    if arguments.record is None:
         return
-    if given.record.suffix not in (".mcap", ".png"):
-        raise ValueRuleError("--record", str(given.record), "its name ends in .mcap or .png")
-    picture = given.record.suffix == ".png"
-    given.method = given.method or (["kalman", "modes", TRUTH] if picture else ["modes"])
-    given.risk = given.risk or [0.1]
-    if not picture and given.method[0] == TRUTH:
+    if arguments.record.suffix not in (".mcap", ".png"):
+        raise ValueRuleError("--record", str(arguments.record), "its name ends in .mcap or .png")
+    picture = arguments.record.suffix == ".png"
+    arguments.method = arguments.method or (["kalman", "modes", TRUTH] if picture else ["modes"])
+    arguments.risk = arguments.risk or [0.1]
+    if not picture and arguments.method[0] == TRUTH:
         raise ValueRuleError("--method", TRUTH, "it makes no forecasts that a recording holds")

@@ -28,7 +28,7 @@ from pedpred.metrics import METRICS
 from pedpred.online.assessment import ALWAYS, assess
 from pedpred.ros import Transform
 from pedpred.scenes import Placement, Scene, Trajectories, placement
-from pedpred.sources.single_file import check_clock
+from pedpred.sources.times import check_clock
 from pedpred.tables.names import TrackNames
 from pedpred.tracking import KalmanSettings, tune_kalman
 
@@ -41,20 +41,20 @@ Assessed = dict[str, dict[str, Scores]]
 """Scene -> method -> scores."""
 
 
-def evaluate(given: argparse.Namespace) -> None:
+def evaluate(arguments: argparse.Namespace) -> None:
     """Measure a network in scenes and compare it with simple methods."""
     settings = EvaluationSettings(
-        moving_mps=given.moving_mps,
-        collision_m=given.collision_m,
-        bootstrap=given.samples,
-        seed=given.seed,
+        moving_mps=arguments.moving_mps,
+        collision_m=arguments.collision_m,
+        bootstrap=arguments.samples,
+        seed=arguments.seed,
     )
-    tracker = read_tracker(given.tracker) if isinstance(given.tracker, Path) else given.tracker
-    foreign = by_name([read_forecasts(path, given.step_s) for path in given.forecasts], ALWAYS)
+    tracker = read_tracker(arguments.tracker) if isinstance(arguments.tracker, Path) else arguments.tracker
+    foreign = by_name([read_forecasts(path, arguments.step_s) for path in arguments.forecasts], ALWAYS)
     scores: Assessed = {}
     places: dict[str, Placement] = {}
-    for path in given.scene:
-        one = copy.copy(given)
+    for path in arguments.scene:
+        one = copy.copy(arguments)
         one.scene = path
         names = TrackNames()
         scene = read_given(one, names)
@@ -63,23 +63,23 @@ def evaluate(given: argparse.Namespace) -> None:
             raise ValueRuleError("name", scene.name, f"{path} is the second scene of that name")
         places[scene.name] = placement(scene.trajectories.position, scene.occupancy)
         theirs = {name: forecasts.of_tracks(names) for name, forecasts in foreign.items()}
-        scores[scene.name] = _assessed(scene, given, tracker, settings, theirs)
+        scores[scene.name] = _assessed(scene, arguments, tracker, settings, theirs)
     if len(scores) > 1:
         _add_pool(scores)
-    figures = {name: summarise_methods(own, STRONGEST, settings) for name, own in scores.items()}
+    figures = {name: summarise_methods(recorded, STRONGEST, settings) for name, recorded in scores.items()}
     for name, rows in figures.items():
         sys.stdout.write(
-            field_table(name, scores[name]) if given.protocol else table(name, rows, scores[name])
+            field_table(name, scores[name]) if arguments.protocol else table(name, rows, scores[name])
         )
     sys.stdout.write(verdict(list(scores.values())[-1], settings))
     sys.stdout.writelines(caution(name, place) for name, place in places.items())
-    if given.json is not None:
-        write_json(given.json, figures)
+    if arguments.json is not None:
+        write_json(arguments.json, figures)
 
 
 def _assessed(
     scene: Scene,
-    given: argparse.Namespace,
+    arguments: argparse.Namespace,
     tracker: KalmanSettings | str | None,
     settings: EvaluationSettings,
     foreign: Mapping[str, ForeignForecasts],
@@ -89,26 +89,28 @@ def _assessed(
     if tracker == "tune":
         tracker = _tuned(scene)
     assert not isinstance(tracker, str)
-    if given.no_map:
+    if arguments.no_map:
         meaningless += ["obstacle_share"]
-    predictor = robot_for(scene, given.model, tracker)
-    if given.transform is not None:  # the people of the scene were moved when it was read
-        moved = Transform(*given.transform)
-        foreign = {name: own.moved(moved) for name, own in foreign.items()}
-    if given.alone:
+    predictor = robot_for(scene, arguments.model, tracker)
+    if arguments.transform is not None:  # the people of the scene were moved when it was read
+        moved = Transform(*arguments.transform)
+        foreign = {name: windows.moved(moved) for name, windows in foreign.items()}
+    if arguments.alone:
         apart = Apart.of(scene.trajectories)
         scene = replace(scene, trajectories=apart.moved(scene.trajectories))
-        foreign = {name: apart.moved(own) for name, own in foreign.items()}
+        foreign = {name: apart.moved(windows) for name, windows in foreign.items()}
         meaningless += ["collision_share", "mode_collision_share"]
-    if given.protocol:
-        found = assess_windows(scene, predictor, given.model is not None, settings, foreign)
+    if arguments.protocol:
+        assessed = assess_windows(scene, predictor, arguments.model is not None, settings, foreign)
     else:
         answered = partial(_answered, foreign) if foreign else None
-        metrics = None if given.json else {key: METRICS[key] for key in SHOWN}
-        found = assess(scene, predictor, settings, None, foreign, answered, metrics)
+        metrics = None if arguments.json else {key: METRICS[key] for key in SHOWN}
+        assessed = assess(scene, predictor, settings, None, foreign, answered, metrics)
     return {
-        method: replace(own, values={key: v for key, v in own.values.items() if key not in meaningless})
-        for method, own in found.items()
+        method: replace(
+            windows, values={key: v for key, v in windows.values.items() if key not in meaningless}
+        )
+        for method, windows in assessed.items()
     }
 
 
@@ -119,10 +121,12 @@ def _answered(foreign: Mapping[str, ForeignForecasts], request: ForecastRequest)
         SourceError: a file has none.
         ValueRuleError: there is no such window.
     """
-    found: np.ndarray = np.logical_and.reduce([own.answered(request) for own in foreign.values()])
-    if not found.any():
+    answered: np.ndarray = np.logical_and.reduce(
+        [forecasts.answered(request) for forecasts in foreign.values()]
+    )
+    if not answered.any():
         raise ValueRuleError("--forecasts", list(foreign), "no window has a forecast in each of the files")
-    return found
+    return answered
 
 
 @dataclass(frozen=True)
@@ -156,10 +160,10 @@ class Apart:
 def _tuned(scene: Scene) -> KalmanSettings:
     """Fit the tracker to the recording that it is used for, which flatters all methods a little."""
     ahead = max(1, round(_TUNED_AHEAD_S / scene.detection_dt_s))
-    found = tune_kalman(scene.trajectories, ahead)
-    values = ", ".join(f"{name}: {value:.4f}" for name, value in vars(found).items())
+    fitted = tune_kalman(scene.trajectories, ahead)
+    values = ", ".join(f"{name}: {value:.4f}" for name, value in vars(fitted).items())
     _log.info("%s: tracker fitted to this recording itself: {%s}", scene.name, values)
-    return found
+    return fitted
 
 
 def _add_pool(scores: Assessed) -> None:
@@ -168,4 +172,4 @@ def _add_pool(scores: Assessed) -> None:
     while name in scores:
         name += " scenes"
     methods = next(iter(scores.values()))
-    scores[name] = {method: pool_scores([own[method] for own in scores.values()]) for method in methods}
+    scores[name] = {method: pool_scores([place[method] for place in scores.values()]) for method in methods}

@@ -59,8 +59,8 @@ def assess_windows(
     about = predictor.description
     windows = find_windows(scene, WINDOWS, predictor.filters, about.standstill_mps)
     named = _as_recorded(windows)
-    for own in foreign.values():
-        kept = own.answered(named)
+    for one in foreign.values():
+        kept = one.answered(named)
         windows, named = _select(windows, kept), replace(named, rows=named.rows[kept])
     if not len(windows.track):
         raise ValueRuleError("--forecasts", list(foreign), "no window has a forecast in each of the files")
@@ -108,8 +108,8 @@ def _forecast(predictor: OnlinePredictor, request: ForecastRequest) -> Predictio
 def field_table(name: str, scores: Mapping[str, Scores]) -> str:
     """Write the figures of a scene: a row per method."""
     cells = [["method", *_SHOWN.values()]]
-    for method, own in scores.items():
-        means = [own.values[key].mean() for key in _SHOWN]
+    for method, measures in scores.items():
+        means = [measures.values[key].mean() for key in _SHOWN]
         cells.append([method, *("-" if np.isnan(mean) else f"{mean:.3f}" for mean in means)])
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]

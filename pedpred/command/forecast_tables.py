@@ -37,16 +37,16 @@ def forecast_table(windows: EvaluationWindows, method: str, names: TrackNames | 
         method: whose.
         names: of tracks, in place of their numbers.
     """
-    own = windows.predictions[method]
-    row, mode, step = (axis.ravel() for axis in np.indices(own.path.shape[:3]))
+    predictions = windows.predictions[method]
+    row, mode, step = (axis.ravel() for axis in np.indices(predictions.path.shape[:3]))
     columns = {
         "track": (names or TrackNames()).column(windows.track_id)[row],
         "time": windows.time_s[row],
         "mode": mode,
-        "weight": own.weight[row, mode],
+        "weight": predictions.weight[row, mode],
         "step": step + 1,
-        "x": own.path[row, mode, step, 0],
-        "y": own.path[row, mode, step, 1],
+        "x": predictions.path[row, mode, step, 0],
+        "y": predictions.path[row, mode, step, 1],
     }
     return pd.DataFrame(columns)
 

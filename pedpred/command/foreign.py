@@ -57,15 +57,15 @@ class ForeignForecasts:
         """
         if not self.names.of_number and not names.of_number:
             return self
-        own, whose = np.unique(self.track_id, return_inverse=True)
-        written = [str(name) for name in self.names.column(own)]
-        found = names.numbers(written)
-        here = np.array([number is not None for number in found], bool)
+        present, whose = np.unique(self.track_id, return_inverse=True)
+        written = [str(name) for name in self.names.column(present)]
+        numbers = names.numbers(written)
+        here = np.array([number is not None for number in numbers], bool)
         if not here.any():
             shown, known = (", ".join(some[:_SHOWN]) for some in (written, list(names.of_number.values())))
             problem = f"forecasts are of {shown}; tracks of the recording are {known or 'numbers'}"
             raise SourceError(self.source, None, problem, _SAME)
-        number = np.array([0 if number is None else number for number in found], np.int64)[whose]
+        number = np.array([0 if number is None else number for number in numbers], np.int64)[whose]
         order = np.lexsort((self.time_s, number))
         order = order[here[whose][order]]
         kept = {name: getattr(self, name)[order] for name in ("time_s", "path", "weight")}
@@ -82,15 +82,17 @@ class ForeignForecasts:
             SourceError: none has.
         """
         asked = request.asked
-        found = self._rows(asked.track_id, asked.time_s) >= 0
-        if not found.any():
-            windows, own = _span(asked.track_id, asked.time_s), _span(self.track_id, self.time_s)
-            problem = f"no forecast belongs to a window of {request.scene.name}: forecasts are of {own}, "
+        answered = self._rows(asked.track_id, asked.time_s) >= 0
+        if not answered.any():
+            windows, forecasts = _span(asked.track_id, asked.time_s), _span(self.track_id, self.time_s)
+            problem = (
+                f"no forecast belongs to a window of {request.scene.name}: forecasts are of {forecasts}, "
+            )
             raise SourceError(self.source, None, f"{problem}windows of {windows}", _SAME)
-        if not found.all():
+        if not answered.all():
             text = "%s has forecasts for %d of %d windows; all methods are compared there"
-            _LOG.info(text, self.source, found.sum(), len(found))
-        return found
+            _LOG.info(text, self.source, answered.sum(), len(answered))
+        return answered
 
     def __call__(self, request: ForecastRequest) -> Predictions:
         """The forecasts at the steps of the windows, interpolated from the last detection on."""
@@ -133,18 +135,18 @@ def by_name(forecasts: Sequence[ForeignForecasts], taken: Collection[str]) -> di
     Raises:
         ValueRuleError: two files still have one name.
     """
-    count = Counter([*taken, *(own.source.stem for own in forecasts)])
+    count = Counter([*taken, *(one.source.stem for one in forecasts)])
     named: dict[str, ForeignForecasts] = {}
-    for own in forecasts:
-        name = own.source.stem
+    for one in forecasts:
+        name = one.source.stem
         if count[name] > 1:
-            name = f"{name} ({own.source})"
-            _LOG.info("the forecasts of %s are called '%s', since their name is taken", own.source, name)
+            name = f"{name} ({one.source})"
+            _LOG.info("the forecasts of %s are called '%s', since their name is taken", one.source, name)
         if name in (*taken, *named):
             raise ValueRuleError(
-                "--forecasts", str(own.source), f"the name {name!r} is taken: rename the file"
+                "--forecasts", str(one.source), f"the name {name!r} is taken: rename the file"
             )
-        named[name] = own
+        named[name] = one
     return named
 
 

@@ -45,8 +45,8 @@ def _in_folder(folder: Path) -> Path:
         remedy = (
             f"Name the map itself: --map {folder / others[0]}" if others else "Name a folder that has one"
         )
-        found = f", only {brief(others)}" if others else ""
-        raise StorageError(folder, "map.yaml", f"there is no map.yaml in the folder{found}", remedy)
+        listed = f", only {brief(others)}" if others else ""
+        raise StorageError(folder, "map.yaml", f"there is no map.yaml in the folder{listed}", remedy)
     return folder / "map.yaml"
 
 

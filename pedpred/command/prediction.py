@@ -30,28 +30,30 @@ _METHOD = "pedpred"
 _COLOUR = (0.84, 0.37, 0.0)
 
 
-def predict(given: argparse.Namespace) -> None:
+def predict(arguments: argparse.Namespace) -> None:
     """Replay a scene frame by frame and write it with the forecasts as MCAP, or the forecasts as a table."""
-    if given.output.suffix not in (".mcap", *SUFFIXES):
+    if arguments.output.suffix not in (".mcap", *SUFFIXES):
         rule = "the name of a recording ends in .mcap, that of a table of forecasts in .csv or .parquet"
-        raise ValueRuleError("output", str(given.output), rule)
-    is_table = given.output.suffix in SUFFIXES
-    if is_table and given.grid is not None:
-        raise ValueRuleError("--grid", given.grid, "a table has no occupancy: the output must end in .mcap")
-    tracker = None if given.tracker is None else read_tracker(Path(given.tracker))
+        raise ValueRuleError("output", str(arguments.output), rule)
+    is_table = arguments.output.suffix in SUFFIXES
+    if is_table and arguments.grid is not None:
+        raise ValueRuleError(
+            "--grid", arguments.grid, "a table has no occupancy: the output must end in .mcap"
+        )
+    tracker = None if arguments.tracker is None else read_tracker(Path(arguments.tracker))
     names = TrackNames()
-    scene = read_given(given, names)
-    predictor = robot_for(scene, given.model, tracker, given.detection_noise_m)
+    scene = read_given(arguments, names)
+    predictor = robot_for(scene, arguments.model, tracker, arguments.detection_noise_m)
     if not is_table:
-        check_recordable(scene, predictor.protocol.horizon_steps, given.grid)
+        check_recordable(scene, predictor.protocol.horizon_steps, arguments.grid)
     windows = as_windows(scene, _with_progress(scene, predictor), _METHOD, predictor.protocol)
     if is_table:
-        write_forecasts(windows, _METHOD, given.output, names)
-        _log.info("%s: forecasts in %s", scene.name, given.output)
+        write_forecasts(windows, _METHOD, arguments.output, names)
+        _log.info("%s: forecasts in %s", scene.name, arguments.output)
         return
-    write_recording(scene, given.output, windows, {_METHOD: _COLOUR}, _METHOD, given.grid)
-    write_layout(scene.occupancy, set(), layout_of(given.output))
-    _log.info("%s: recorded with forecasts in %s", scene.name, given.output)
+    write_recording(scene, arguments.output, windows, {_METHOD: _COLOUR}, _METHOD, arguments.grid)
+    write_layout(scene.occupancy, set(), layout_of(arguments.output))
+    _log.info("%s: recorded with forecasts in %s", scene.name, arguments.output)
 
 
 def robot_for(

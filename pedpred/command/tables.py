@@ -24,7 +24,7 @@ def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str,
         rows: method -> figure -> value.
         scores: of the same methods.
     """
-    some, own = next(iter(rows.values())), next(iter(scores.values()))
+    some, methods = next(iter(rows.values())), next(iter(scores.values()))
     first, *others = SHOWN
     titles = [f"{METRICS[key].label} {METRICS[key].unit}" for key in SHOWN]
     cells: list[Sequence[str]] = [("method", titles[0], "95 % interval", *titles[1:])]
@@ -33,7 +33,7 @@ def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str,
         cells.append((method, _cell(first, row[first]), interval, *(_cell(k, row.get(k)) for k in others)))
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
-    moving = int(np.isfinite(own.values["moving_ade_m"]).sum())
+    moving = int(np.isfinite(methods.values["moving_ade_m"]).sum())
     split = f"{moving} of people who move, {some['windows'] - moving} of people who stand"
     lost = some["eligible"] - some["windows"]
     without = f"; {lost} more without truth" if lost else ""
@@ -73,9 +73,9 @@ def _sentence(method: str, best: str, row: Mapping[str, Any], reference_m: float
     difference = row["ade_m_minus_reference"]
     low, high = row["ade_m_minus_reference_ci95"]
     if low is None or low <= 0 <= high:
-        found = f"no clear difference from {best}"
+        comparison = f"no clear difference from {best}"
     else:
-        found = f"{'better' if difference < 0 else 'worse'} than {best}"
+        comparison = f"{'better' if difference < 0 else 'worse'} than {best}"
     relative = f", {100 * difference / reference_m:+.0f} %" if reference_m else ""
     interval = f"95 % interval {_cell('ade_m', low)} to {_cell('ade_m', high)}"
-    return f"{method}: {found}, the best simple method: ADE {difference:+.3f} m{relative} ({interval})\n"
+    return f"{method}: {comparison}, the best simple method: ADE {difference:+.3f} m{relative} ({interval})\n"

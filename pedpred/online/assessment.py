@@ -85,12 +85,15 @@ def assess(
 
 def _sharing(table: FeatureTable, tracks: Tracks) -> FeatureTable:
     """A table at detections that shares with the tracks what both hold, which saves memory."""
-    held = [own for own in vars(tracks).values() if isinstance(own, np.ndarray)]
+    held = [values for values in vars(tracks).values() if isinstance(values, np.ndarray)]
     same: dict[str, np.ndarray] = {
-        name: next((own for own in held if np.array_equal(own, column) and own.dtype == column.dtype), column)
+        name: next(
+            (values for values in held if np.array_equal(values, column) and values.dtype == column.dtype),
+            column,
+        )
         for name, column in table.columns.items()
     }
-    return replace(table, **same)
+    return FeatureTable(**same, inputs=table.inputs)
 
 
 def _measured(
@@ -109,8 +112,8 @@ def _measured(
         windows = part.asked
         truth = integrate_truth(windows, request.sizes.dt_s)
         known = describe_scene(windows, request.scene.occupancy, settings)
-        own = {name: method(part) for name, method in methods.items()}
-        for name, predictions in (own | {NETWORK: forecast}).items():
+        forecasts = {name: method(part) for name, method in methods.items()}
+        for name, predictions in (forecasts | {NETWORK: forecast}).items():
             among = predictions, truth, windows.track_id, known, metrics or METRICS, metrics is None
             scores[name].append(_kept(score(*among), metrics is None))
         measured.append(which)
@@ -119,7 +122,7 @@ def _measured(
 
 def _kept(scores: Scores, steps: bool) -> Scores:
     """Scores in arrays of their own, since a view keeps all that it is a part of; without steps if asked."""
-    values = {key: own if own.base is None else own.copy() for key, own in scores.values.items()}
+    values = {key: array if array.base is None else array.copy() for key, array in scores.values.items()}
     return replace(scores, values=values, error_m=scores.error_m if steps else scores.error_m[:, :0].copy())
 
 
@@ -135,8 +138,8 @@ def _replayed(
     for begin, end in instant_blocks(time_s[order]):
         which = order[begin:end]
         now_s = time_s[which]
-        own = _until(forecasts, now_s[-1])
-        yield which, predictions_at(own, track_id[which], now_s, sizes.horizon_steps, sizes.dt_s)
+        latest = _until(forecasts, now_s[-1])
+        yield which, predictions_at(latest, track_id[which], now_s, sizes.horizon_steps, sizes.dt_s)
 
 
 def _until(forecasts: Iterator[Forecast], time_s: float) -> Iterator[Forecast]:

@@ -49,10 +49,10 @@ def predictions_in_blocks(
 
     progress = partial(tqdm, desc=title, unit="block")
     chain = Chain(noise_m=settings.detection_noise_m)
-    for which, given in forecast_blocks(request, about.features, infer, chain, progress):
+    for which, block in forecast_blocks(request, about.features, infer, chain, progress):
         row = request.rows[which]
         here = tracks.position_at(row, request.table.time_s[row])
-        yield which, shorten_paths(given, here, share[which])
+        yield which, shorten_paths(block, here, share[which])
 
 
 def _moving_shares(predictor: OnlinePredictor, request: ForecastRequest) -> np.ndarray:

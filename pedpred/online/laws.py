@@ -36,7 +36,7 @@ def straight_shares(
         and "speed_mps".
     """
     world, velocity = straight_walkers(rng, people, seconds, rate_hz)
-    found: dict[str, list[np.ndarray]] = {"share": [], "age_s": [], "speed_mps": []}
+    measured: dict[str, list[np.ndarray]] = {"share": [], "age_s": [], "speed_mps": []}
     for k, (who, detections, forecast) in enumerate(world.forecasts(folder)):
         age_s = (detections - 1) / rate_hz
         old = (detections >= KNOWN) & (age_s >= 1.0)
@@ -45,8 +45,8 @@ def straight_shares(
         share = (walked * true).sum(axis=-1) / (true**2).sum(axis=-1)
         speed_mps = np.linalg.norm(velocity[who], axis=-1)
         for name, values in (("share", share), ("age_s", age_s), ("speed_mps", speed_mps)):
-            found[name].append(values[old])
-    return {name: np.concatenate(values) for name, values in found.items()}
+            measured[name].append(values[old])
+    return {name: np.concatenate(values) for name, values in measured.items()}
 
 
 def standing_errors_m(
@@ -94,13 +94,13 @@ def renamed_gap_m(folder: Path, rng: np.random.Generator) -> float:
     world, order = crowded(rng), rng.permutation(8)
     names = replace(world, track_id=rng.permutation(1000)[:8])
     other = replace(names, position=names.position[:, order], track_id=names.track_id[order])
-    found = 0.0
+    largest_m = 0.0
     pairs = zip(world.forecasts(folder), other.forecasts(folder), strict=True)
     for (who, detections, one), (others, _, two) in pairs:
         place = np.argsort(order[others])[np.argsort(np.argsort(who))]
         same = replace(two, velocity=two.velocity[place], predictions=two.predictions.select(place))
-        found = max(found, apart_m(one, same, detections >= KNOWN))
-    return found
+        largest_m = max(largest_m, apart_m(one, same, detections >= KNOWN))
+    return largest_m
 
 
 def far_gap_m(folder: Path, rng: np.random.Generator) -> float:
@@ -116,22 +116,22 @@ def far_gap_m(folder: Path, rng: np.random.Generator) -> float:
         position=np.concatenate([world.position, far], axis=1),
         track_id=np.append(world.track_id, [2000, 2001]),  # the largest
     )
-    found, near = 0.0, np.arange(people)
+    largest_m, near = 0.0, np.arange(people)
     pairs = zip(world.forecasts(folder), with_far.forecasts(folder), strict=True)
     for (_, _, one), (_, _, two) in pairs:
         paths = two.predictions.select(near)
         moved = np.abs(one.predictions.path - paths.path).max(), np.abs(one.position - paths.point).max()
-        found = max(found, *map(float, moved))
-    return found
+        largest_m = max(largest_m, *map(float, moved))
+    return largest_m
 
 
 def _gap_m(folder: Path, world: World, move: Move) -> float:
     """By how much forecasts of a world are not moved with it, from the third detection on, m."""
-    found = 0.0
+    largest_m = 0.0
     pairs = zip(world.forecasts(folder), world.moved(move).forecasts(folder), strict=True)
     for (_, detections, here), (_, _, there) in pairs:
-        found = max(found, apart_m(here, move.forecast_back(there), detections >= KNOWN))
-    return found
+        largest_m = max(largest_m, apart_m(here, move.forecast_back(there), detections >= KNOWN))
+    return largest_m
 
 
 def apart_m(one: Forecast, other: Forecast, counted: np.ndarray) -> float:

@@ -132,10 +132,10 @@ def register_detections(
     seen, dt_s = position[known], time_s - people.seen_s[rows]
     if velocity is None:
         before = Belief(*(people.filters[name][rows].reshape(-1, size) for name, size in _STATE.items()))
-        own = bank.follow(before, people.filters["weight"][rows], dt_s, seen, standstill_mps)
+        states = bank.follow(before, people.filters["weight"][rows], dt_s, seen, standstill_mps)
     else:
-        own = _known_states(bank, seen, velocity[known])
-    here = weighted(*own)
+        states = _known_states(bank, seen, velocity[known])
+    here = weighted(*states)
     heading, walked = _heading(here.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
     moved = {
         "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, **vars(here)
@@ -145,7 +145,7 @@ def register_detections(
     changed: dict[str, Any] = {
         name: _written(getattr(people, name), rows, values) for name, values in moved.items()
     }
-    for field, now in (("past", past), ("filters", _kept(*own))):
+    for field, now in (("past", past), ("filters", _kept(*states))):
         held = getattr(people, field)
         changed[field] = {name: _written(values, rows, now[name]) for name, values in held.items()}
     followed = replace(people, **changed)
@@ -194,11 +194,11 @@ def _newborn(
     track_id: np.ndarray,
     life: np.ndarray,
     position: np.ndarray,
-    own: tuple[Belief, np.ndarray],
+    followed: tuple[Belief, np.ndarray],
     standstill_mps: float,
 ) -> People:
     """People who are first detected at some positions [N, 2]; beliefs of all filters and their weights."""
-    count, belief = len(track_id), weighted(*own)
+    count, belief = len(track_id), weighted(*followed)
     now = np.full(count, time_s)
     heading, walked = _heading(belief.velocity, np.zeros(count), np.zeros(count, bool), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
@@ -206,7 +206,7 @@ def _newborn(
     return People(
         track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=position,
         **vars(belief), heading_rad=heading, walked=walked, ticks=np.zeros(count, np.int64), memory=memory,
-        past=past, filters=_kept(*own),
+        past=past, filters=_kept(*followed),
     )  # fmt: skip
 
 

@@ -106,9 +106,9 @@ class OnlinePredictor:
         Raises:
             ValueRuleError: it is not a map; the one before stays.
         """
-        given: object = occupancy
-        if not isinstance(given, OccupancyMap):
-            raise ValueRuleError("occupancy", given, "it must be an OccupancyMap")
+        checked: object = occupancy
+        if not isinstance(checked, OccupancyMap):
+            raise ValueRuleError("occupancy", checked, "it must be an OccupancyMap")
         self._map = occupancy
 
     def update(
@@ -196,9 +196,13 @@ class OnlinePredictor:
         due = self._due(people) <= time_s + TIME_TOLERANCE_S
         person = np.flatnonzero(due | self._present(people, time_s))
         people, person, observers, predictions, velocities = self._step(people, person, time_s, due[person])
-        given = self._present(people, time_s)[person]
-        if not given.all():
-            person, predictions, velocities = person[given], predictions.select(given), velocities[given]
+        present = self._present(people, time_s)[person]
+        if not present.all():
+            person, predictions, velocities = (
+                person[present],
+                predictions.select(present),
+                velocities[present],
+            )
             observers = people.at(person, time_s)
         return people, person, observers, predictions, velocities
 

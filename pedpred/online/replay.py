@@ -50,7 +50,7 @@ def predictions_at(
     order = np.argsort(time_s, kind="stable")
     sorted_s = time_s[order]
     nothing = np.full((len(order), horizon_steps, 2), np.nan)
-    source, found = np.full(len(order), -1), 0
+    source, taken = np.full(len(order), -1), 0
     parts = []
     for forecast in forecasts:
         span = forecast.time_s - TIME_TOLERANCE_S, forecast.time_s + TIME_TOLERANCE_S
@@ -58,9 +58,9 @@ def predictions_at(
         rows = rows[np.isin(track_id[rows], forecast.track_id)]
         if len(rows):
             parts.append(forecast.predictions.select(np.searchsorted(forecast.track_id, track_id[rows])))
-            source[rows] = found + np.arange(len(rows))
-            found += len(rows)
-    if not found:
+            source[rows] = taken + np.arange(len(rows))
+            taken += len(rows)
+    if not taken:
         return Predictions.single(nothing, dt_s)
     answer = Predictions.join(parts).select(source)
     for values in (answer.point, answer.path, answer.covariance):

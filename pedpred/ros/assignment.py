@@ -46,12 +46,12 @@ class NearestTracks:
         within = apart <= np.minimum(_GATE_M + _GATE_MPS * gap_s, _LARGEST_GATE_M)[:, None]
         rows, columns = np.flatnonzero(within.any(axis=1)), np.flatnonzero(within.any(axis=0))
         near = np.ix_(rows, columns)  # all others are paired with nobody, at whatever cost
-        person, found = cheapest_pairs(np.where(within[near], apart[near], 2.0 * _LARGEST_GATE_M))
-        person, found = rows[person], columns[found]
-        chosen = within[person, found]
-        person, found = person[chosen], placed[found[chosen]]
-        track_id[found] = self._track_id[person]
-        self._move(person, position[found], gap_s[person], time_s)
+        person, detection = cheapest_pairs(np.where(within[near], apart[near], 2.0 * _LARGEST_GATE_M))
+        person, detection = rows[person], columns[detection]
+        chosen = within[person, detection]
+        person, detection = person[chosen], placed[detection[chosen]]
+        track_id[detection] = self._track_id[person]
+        self._move(person, position[detection], gap_s[person], time_s)
         new = np.flatnonzero(track_id == 0)
         track_id[new] = self._next + np.arange(len(new))
         self._next += len(new)

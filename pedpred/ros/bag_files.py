@@ -133,9 +133,11 @@ def _as_stored(file: Path) -> Path:
 
 def _stored_in(folder: Path) -> list[Path]:
     """Files of a bag in a folder, bag_2 before bag_10; of a file that is there twice the unpacked one."""
-    found = {file.name: file for file in folder.iterdir() if file.is_file() and _STORED.search(file.name)}
-    own = [file for name, file in found.items() if file.suffix in (".mcap", ".db3") or file.stem not in found]
+    files = {file.name: file for file in folder.iterdir() if file.is_file() and _STORED.search(file.name)}
+    kept = [
+        file for name, file in files.items() if file.suffix in (".mcap", ".db3") or file.stem not in files
+    ]
     return sorted(
-        own,
+        kept,
         key=lambda file: [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", file.name)],
     )

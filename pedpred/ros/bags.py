@@ -165,11 +165,11 @@ def _people_topic(path: Path, connections: Sequence[Connection], topic: str | No
     carriers = [c for c in read if c.msgtype in ADAPTERS and topic in (None, c.topic)]
     if len({(c.topic, c.msgtype) for c in carriers}) == 1:
         return carriers
-    found = {
+    candidates = {
         c.topic: c.msgtype if c in read else f"{c.msgtype} in {c.encoding}" for c in carriers or connections
     }
     lack = "several topics carry people: choose one (--topic)" if carriers else "no topic carries people"
-    raise SourceError(path, None, f"{lack}, among {brief(found)}", _REMEDY)
+    raise SourceError(path, None, f"{lack}, among {brief(candidates)}", _REMEDY)
 
 
 def _map_topic(path: Path, connections: Sequence[Connection], topic: str | None) -> list[Connection]:

@@ -48,9 +48,9 @@ def find_passes(stamp_s: np.ndarray) -> np.ndarray:
     leap_s = min(LOST_AFTER_S, _LEAP * float(np.median(np.abs(step_s)))) if len(step_s) else 0.0
     leaps = int((step_s > leap_s).sum())
     if min(len(starts), leaps) > max(_FEW, _MOST_SHARE * len(stamp_s)):
-        found = f"{len(starts)} times back in {len(stamp_s)} messages"
+        counted = f"{len(starts)} times back in {len(stamp_s)} messages"
         rule = "time must go on: record publishers with different clocks one by one"
-        raise ValueRuleError("stamp", found, rule)
+        raise ValueRuleError("stamp", counted, rule)
     passes = np.zeros(len(stamp_s), np.int64)
     passes[starts] = 1
     return passes.cumsum()
@@ -69,8 +69,8 @@ def in_a_row(stamp_s: np.ndarray, passes: np.ndarray) -> np.ndarray:
     """Times at which every pass begins after the one before, and the first one keeps its own, s. [K]."""
     time_s, end_s = stamp_s.copy(), -np.inf
     for number in range(int(passes.max(initial=0)) + 1):
-        own = passes == number
+        here = passes == number
         if number:
-            time_s[own] += end_s + _APART_S - stamp_s[own].min()
-        end_s = time_s[own].max(initial=end_s)
+            time_s[here] += end_s + _APART_S - stamp_s[here].min()
+        end_s = time_s[here].max(initial=end_s)
     return time_s

@@ -126,8 +126,8 @@ class People:
             rule = "none is a class of people: name the one that is (--class)"
             raise ValueRuleError("class_id", dict(others), rule)
         if others:
-            found = ", ".join(f"{count} of {label!r}" for label, count in others.most_common(_TOLD))
-            self._warn(f"left out: detections that are not people, {found}")
+            listed = ", ".join(f"{count} of {label!r}" for label, count in others.most_common(_TOLD))
+            self._warn(f"left out: detections that are not people, {listed}")
 
     def in_one_frame(
         self, grid: str | None, transform: Transform | None, transforms: Callable[[], FrameTree]
@@ -152,22 +152,22 @@ class People:
         for frame in frames - {grid}:
             if _CARRIED.search(targets[frame]) and transform is None:
                 self._warn(f"people are in {frame!r}, and nothing says how that moves: {_ROBOT_REMEDY}")
-        found = self._placed(tree, targets)
-        return found if transform is None else [transform.to_map(places) for places in found]
+        placed = self._placed(tree, targets)
+        return placed if transform is None else [transform.to_map(places) for places in placed]
 
     def _placed(self, tree: FrameTree, targets: dict[str, str]) -> list[np.ndarray]:
         """The places of each message in the target of its frame. [n, 2] each."""
-        found = [each.place for each in self._instants]
+        result = [each.place for each in self._instants]
         for frame, target in targets.items():
             for number in range(int(self._passes.max(initial=0)) + 1) if frame != target else ():
-                own = self._passes == number
-                rows = [row for row in np.flatnonzero(own) if self._instants[row].frame == frame]
-                counts = [len(found[row]) for row in rows]
+                here = self._passes == number
+                rows = [row for row in np.flatnonzero(here) if self._instants[row].frame == frame]
+                counts = [len(result[row]) for row in rows]
                 if not sum(counts):
                     continue
                 time_s = self._stamp_s[rows].repeat(counts)
-                places = np.concatenate([found[row] for row in rows])
-                moved = tree.placed(places, time_s, frame, target, self._heard(own))
+                places = np.concatenate([result[row] for row in rows])
+                moved = tree.placed(places, time_s, frame, target, self._heard(here))
                 lost = np.isnan(moved).any(axis=1) & np.isfinite(places).all(axis=1)
                 if lost.any():
                     text = f"{lost.sum()} of {len(lost)} detections, for which no /tf leads from {frame!r} to"
@@ -176,15 +176,15 @@ class People:
                     rule = f"/tf must lead from {frame!r} to {target!r} at that time: record both together"
                     raise ValueRuleError("transform", f"none at {time_s[0]} s", rule)
                 for row, part in zip(rows, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
-                    found[row] = part
-        return [places[:, :2] for places in found]
+                    result[row] = part
+        return [places[:, :2] for places in result]
 
-    def _heard(self, own: np.ndarray) -> tuple[float, float]:
+    def _heard(self, here: np.ndarray) -> tuple[float, float]:
         """When transforms were received that belong to one pass: up to the neighbouring passes, s."""
-        rows = np.flatnonzero(own)
+        rows = np.flatnonzero(here)
         before, after = rows[0] - 1, rows[-1] + 1
         first = self._received_s[before] if before >= 0 else -np.inf
-        return first, self._received_s[after] if after < len(own) else np.inf
+        return first, self._received_s[after] if after < len(here) else np.inf
 
     def trajectories(
         self, position: Sequence[np.ndarray], names: dict[int, str] | None = None
@@ -261,7 +261,7 @@ def _target(frame: str, grid: str | None, tree: FrameTree, transform: Transform 
     if grid is None:
         return MAP_FRAME if MAP_FRAME in above else above[-1]
     if tree.moves(frame) or above[-1].rpartition("/")[2] in _ROBOTS:
-        found = f"people in {frame!r}, which /tf brings to {above[-1]!r}, map in {grid!r}"
+        frames = f"people in {frame!r}, which /tf brings to {above[-1]!r}, map in {grid!r}"
         rule = f"nothing says how these lie: {_ROBOT_REMEDY}, or leave the bag's maps out (--map-topic '')"
-        raise ValueRuleError("frame_id", found, rule)
+        raise ValueRuleError("frame_id", frames, rule)
     return frame

@@ -113,23 +113,23 @@ class FrameTree:
             if np.isfinite(self._poses((child, parent), np.array([time_s]), _ALWAYS)[1]).all():
                 continue
             known_s = self._known((child, parent))[0]
-            found = f"{time_s - known_s[-1]:.3g} s older than the people"
+            age = f"{time_s - known_s[-1]:.3g} s older than the people"
             if time_s < known_s[0]:
-                found = f"{known_s[0] - time_s:.3g} s later than the people, and it is the first one"
+                age = f"{known_s[0] - time_s:.3g} s later than the people, and it is the first one"
             elif time_s <= known_s[-1]:
-                found = "far from those before it: no transform is near the people's time"
-            return f"the transform of {child!r} in {parent!r} is {found}"
+                age = "far from those before it: no transform is near the people's time"
+            return f"the transform of {child!r} in {parent!r} is {age}"
         return ""
 
     def chain(self, frame: str) -> list[str]:
         """A frame, its parent and so on, up to the topmost one."""
-        found = [frame]
-        while (parents := self._samples.get(found[-1])) and len(found) <= len(self._samples):
+        frames = [frame]
+        while (parents := self._samples.get(frames[-1])) and len(frames) <= len(self._samples):
             parent = max(parents, key=lambda name: len(parents[name]))
-            if parent in found:
+            if parent in frames:
                 break
-            found.append(parent)
-        return found
+            frames.append(parent)
+        return frames
 
     def _end(self, frame: str, top: str) -> str:
         if top in self._samples:
@@ -161,14 +161,14 @@ class FrameTree:
         up, down = self.chain(frame), self.chain(target)
         while len(up) > 1 and len(down) > 1 and up[-2:] == down[-2:]:
             up, down = up[:-1], down[:-1]
-        found = place.astype(np.float64)
+        moved = place.astype(np.float64)
         for edge in pairwise(up):
             turn, offset = self._poses(edge, time_s, heard_s)
-            found = rotated(turn, found) + offset
+            moved = rotated(turn, moved) + offset
         for edge in reversed(list(pairwise(down))):
             turn, offset = self._poses(edge, time_s, heard_s)
-            found = rotated(inverse(turn), found - offset)
-        return found
+            moved = rotated(inverse(turn), moved - offset)
+        return moved
 
     def _poses(
         self, edge: tuple[str, str], time_s: np.ndarray, heard_s: tuple[float, float]

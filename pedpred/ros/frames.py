@@ -63,7 +63,7 @@ def check_frames(people: Set[str], grid: str | None, transform: Transform | None
     if len(names) > 1:
         raise ValueRuleError("frame_id", sorted(names), "people must be in one frame: record them in one")
     if transform is None and grid is not None and names and names != {grid.lstrip("/")}:
-        found = f"people in {names.pop()!r}, map in {grid!r}"
+        frames = f"people in {names.pop()!r}, map in {grid!r}"
         pose = "the pose of the people's frame in the map's, x, y and yaw (--transform)"
         rule = f"both must be in one frame: give {pose}"
-        raise ValueRuleError("frame_id", found, rule)
+        raise ValueRuleError("frame_id", frames, rule)

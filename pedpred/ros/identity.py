@@ -35,8 +35,8 @@ def check_identity(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: S
         raise ValueRuleError("id", "", f"it must say who is who: {_REMEDY}")
     count = sum(len(set(each)) for each in named)
     if len(named) > 1 and len(set().union(*named)) == count:
-        found = f"{count} ids in {len(named)} messages"
-        raise ValueRuleError("id", found, f"each is there once, so nobody is followed: {_REMEDY}")
+        counted = f"{count} ids in {len(named)} messages"
+        raise ValueRuleError("id", counted, f"each is there once, so nobody is followed: {_REMEDY}")
     several = [each for each in named if len(each) > 1]
     shared = [each for each in several if len(set(each)) < len(each)]
     if 2 * len(shared) > len(several):
@@ -63,9 +63,9 @@ def _check_places(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Se
         walked = known is not None and (np.linalg.norm(known, axis=1) < _WALKING_MPS).all()
         swap_m = max(_SAVED_M, _SWAP_MPS * gap_s) if walked else np.inf
         if not _keeps_order(expected, new, known is not None, FASTEST_MPS * gap_s + JUMP_M, swap_m):
-            found = f"{len(old)} people, then {len(new)} at {time_s[after]:g} s"
+            counted = f"{len(old)} people, then {len(new)} at {time_s[after]:g} s"
             rule = f"ids must stay with people, and here they are places in a list: {_REMEDY}"
-            raise ValueRuleError("id", found, rule)
+            raise ValueRuleError("id", counted, rule)
         if len(old) == len(new):
             velocity = (new - old) / gap_s
 

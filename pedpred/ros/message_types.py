@@ -81,8 +81,8 @@ def _message(kind: str, content: Any, built: _Built) -> Any:
     key = kind, id(content)
     if key not in built:
         make, fields, usual = _plan(kind)
-        given = {name: _value(*fields[name], value, built) for name, value in content.items()}
-        built[key] = make(**(usual | given))
+        values = {name: _value(*fields[name], value, built) for name, value in content.items()}
+        built[key] = make(**(usual | values))
     return built[key]
 
 

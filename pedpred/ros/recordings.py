@@ -107,8 +107,8 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
                 rows += people_rows(message)
     for topic in (MAP, PEOPLE):
         if topic not in topics:
-            found = f"nothing on {topic}, only on {sorted(topics)}"
-            raise problem(f"{found}; if it is a bag of ROS, name the topic of its people (--topic)")
+            listed = f"nothing on {topic}, only on {sorted(topics)}"
+            raise problem(f"{listed}; if it is a bag of ROS, name the topic of its people (--topic)")
     about = bag.metadata.get(_SCENE_RECORD, {})
     with translate_errors(problem):
         grid = known_types().deserialize_cdr(last, TYPES[MAP])

@@ -131,9 +131,9 @@ def updated_grid(grid: Any, update: Any) -> Any:
     shape, (rows, columns) = (update.height, update.width), cells.shape
     within = 0 <= update.x <= columns - update.width and 0 <= update.y <= rows - update.height
     if not within or len(update.data) != update.height * update.width:
-        found = {"x": update.x, "y": update.y, "width": update.width, "height": update.height}
+        values = {"x": update.x, "y": update.y, "width": update.width, "height": update.height}
         rule = f"an update must lie within its map of {columns} x {rows} cells, with a value for each cell"
-        raise ValueRuleError("update", found | {"values": len(update.data)}, rule)
+        raise ValueRuleError("update", values | {"values": len(update.data)}, rule)
     part = slice(update.y, update.y + update.height), slice(update.x, update.x + update.width)
     cells[part] = np.asarray(update.data).reshape(shape)
     return replace(grid, data=cells.ravel())
@@ -141,9 +141,11 @@ def updated_grid(grid: Any, update: Any) -> Any:
 
 def _yaw(turn: Any) -> float:
     """The angle by which a map is turned about the vertical, rad."""
-    given = np.array([turn.x, turn.y, turn.z, turn.w])
-    if not (np.isfinite(given).all() and np.abs(given[:2]).max() < _LEVEL):
-        raise ValueRuleError("origin.orientation", given.tolist(), "a map must be level: x and y must be 0")
+    quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
+    if not (np.isfinite(quaternion).all() and np.abs(quaternion[:2]).max() < _LEVEL):
+        raise ValueRuleError(
+            "origin.orientation", quaternion.tolist(), "a map must be level: x and y must be 0"
+        )
     yaw_rad = 2.0 * np.arctan2(turn.z, turn.w) if turn.z else 0.0
     return float(yaw_rad)
 

@@ -119,5 +119,5 @@ def _whole_pages(path: Path) -> Iterator[Path]:
 
 
 def _topics(base: sqlite3.Connection) -> dict[int, Connection]:
-    found = base.execute("SELECT id, name, type, serialization_format FROM topics")
-    return {number: Connection.of(str(name), str(kind), str(form)) for number, name, kind, form in found}
+    rows = base.execute("SELECT id, name, type, serialization_format FROM topics")
+    return {number: Connection.of(str(name), str(kind), str(form)) for number, name, kind, form in rows}

@@ -35,15 +35,15 @@ def turned_map(blocked: np.ndarray, origin: np.ndarray, side_m: float, yaw_rad: 
     low, high = corners.min(axis=0), corners.max(axis=0)
     shape = np.ceil((high - low) / side_m - _NO_CELL).astype(np.int64)
     check_cells(*shape.tolist())
-    found = np.zeros(shape, bool)
+    occupied = np.zeros(shape, bool)
     (x, y) = (
         ((np.arange(n * _POINTS) + 0.5) / _POINTS + (end - origin[axis]) / side_m).reshape(n, _POINTS)
         for axis, (n, end) in enumerate(zip(shape, low, strict=True))
     )
     padded = np.zeros(np.array(blocked.shape) + 2, bool)
     padded[1:-1, 1:-1] = blocked
-    _look_up(padded, _with_neighbours(padded), x, y, math.cos(yaw_rad), math.sin(yaw_rad), found)
-    return OccupancyMap(found, low, side_m)
+    _look_up(padded, _with_neighbours(padded), x, y, math.cos(yaw_rad), math.sin(yaw_rad), occupied)
+    return OccupancyMap(occupied, low, side_m)
 
 
 def warm_up_turning() -> None:
@@ -63,17 +63,17 @@ def _with_neighbours(padded: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def _look_up(padded, near, x, y, cos, sin, found):  # pragma: no cover (compiled)
-    """Write which cells a blocked one touches into `found`.
+def _look_up(padded, near, x, y, cos, sin, occupied):  # pragma: no cover (compiled)
+    """Write which cells a blocked one touches into `occupied`.
 
     Args:
         padded: which cells are blocked, with a rim of one cell. [X + 2, Y + 2] bool
         near: see `_with_neighbours`; points of a cell are nearer than a cell to its middle. [X + 2, Y + 2]
-        x: of the points in each column of `found`, in cells from the corner of the map. [A, _POINTS]
+        x: of the points in each column of `occupied`, in cells from the corner of the map. [A, _POINTS]
         y: of those in each row. [B, _POINTS]
         cos: of the angle by which the map is turned.
         sin: of it.
-        found: [A, B] bool
+        occupied: [A, B] bool
     """
     width, height = near.shape
     for a in range(len(x)):
@@ -81,7 +81,7 @@ def _look_up(padded, near, x, y, cos, sin, found):  # pragma: no cover (compiled
             i = math.floor(cos * x[a, _MIDDLE] + sin * y[b, _MIDDLE]) + 1
             j = math.floor(cos * y[b, _MIDDLE] - sin * x[a, _MIDDLE]) + 1
             if 0 <= i < width and 0 <= j < height and near[i, j]:
-                found[a, b] = _touched(padded, x[a], y[b], cos, sin)
+                occupied[a, b] = _touched(padded, x[a], y[b], cos, sin)
 
 
 @compiled

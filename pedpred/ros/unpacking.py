@@ -56,6 +56,6 @@ def check_tables(base: sqlite3.Connection) -> None:
         Exception: it is damaged; see `pedpred.files.translate_errors`.
     """
     entries = "sqlite_master AS entry LEFT JOIN pragma_table_xinfo(entry.name) AS part"
-    found = f"SELECT entry.name FROM {entries} WHERE entry.rootpage = 0 OR part.hidden > 1"  # noqa: S608
-    if (computed := base.execute(found).fetchone()) is not None:
+    query = f"SELECT entry.name FROM {entries} WHERE entry.rootpage = 0 OR part.hidden > 1"  # noqa: S608
+    if (computed := base.execute(query).fetchone()) is not None:
         raise ValueRuleError("table", computed[0], "a bag has plain tables, nothing that is computed")

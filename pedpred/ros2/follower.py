@@ -47,8 +47,8 @@ from pedpred.scenes import Forecast, OccupancyMap
 
 _COLOUR = (0.84, 0.37, 0.0)
 _MOST_WAITING = 100
-_BEHIND_S, _CAUGHT_UP_S = 2.0, 0.2
-"""People who had to wait longer are left out, and those after them until they wait less than this: when
+_CAUGHT_UP = 0.1
+"""Once people had to wait too long, all are left out until some wait less than this share of that time: when
 forecasts take longer than messages need to come, late ones would be late for ever."""
 _SHOWN_EVERY_S = 0.08
 """Viewers and costmaps need no more than this, and markers and grids take longer than forecasts, s."""
@@ -184,7 +184,7 @@ class Follower:
         """
         self.counts.messages += 1
         self.heard_s = now_s
-        self._is_behind = waited_s > (_CAUGHT_UP_S if self._is_behind else _BEHIND_S)
+        self._is_behind = waited_s > self.settings.max_wait_s * (_CAUGHT_UP if self._is_behind else 1.0)
         if self._is_behind:
             self.counts.slow += 1
             _log.warning(
@@ -239,8 +239,8 @@ class Follower:
                 continue
             yield from self._answered(first, target)
 
-    def _answered(self, given: _Waiting, frame: str) -> Iterator[Answer]:
-        one = given.instant
+    def _answered(self, waiting: _Waiting, frame: str) -> Iterator[Answer]:
+        one = waiting.instant
         place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
         track_id = self._identities.number(one, place)
         kept, left_out = find_usable(np.full(len(place), one.stamp_s), track_id, place)
@@ -253,12 +253,12 @@ class Follower:
         self._latest = forecast
         self.counts.without_forecast += int((~np.isin(track_id[kept], forecast.track_id)).sum())
         self.counts.forecasts += 1
-        self.counts.people, self.forecast_s = len(forecast), given.arrived_s
+        self.counts.people, self.forecast_s = len(forecast), waiting.arrived_s
         if self._map.occupancy is None and self.settings.use_map and len(forecast):
             _log.warning(
                 "no map has come: forecasts go through walls. Publish `map`, or set use_map to false"
             )
-        yield from self._contents(forecast, given.time_ns, frame)
+        yield from self._contents(forecast, waiting.time_ns, frame)
 
     def _contents(self, forecast: Forecast, time_ns: int, frame: str) -> Iterator[Answer]:
         cloud = predictions_message(forecast.track_id, forecast.predictions, time_ns, frame)

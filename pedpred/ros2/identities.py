@@ -100,13 +100,13 @@ class Identities:
         self._used_s |= dict.fromkeys(filter(None, one.ids), one.stamp_s)
         numbers = {name: self._numbers.number(name) for name in self._used_s}
         self._names = {number: name for name, number in numbers.items() if number < 0}
-        found = np.array([numbers.get(name, 0) for name in one.ids], np.int64)
+        numbered = np.array([numbers.get(name, 0) for name in one.ids], np.int64)
         nameless = np.array([not name for name in one.ids], bool)
         if nameless.any():
             _log.warning(
                 "%d of %d people have no id: the nearest one without an id is taken",
                 nameless.sum(),
-                len(found),
+                len(numbered),
             )
-            found[nameless] = _NAMELESS + self._nearest.assign(one.stamp_s, place[nameless])
-        return found
+            numbered[nameless] = _NAMELESS + self._nearest.assign(one.stamp_s, place[nameless])
+        return numbered

@@ -80,8 +80,8 @@ class PedpredNode(LifecycleNode):
         return NodeSettings(**(values | listed))
 
     def _changed(self, parameters: list[Any]) -> SetParametersResult:
-        own = {name for name, _, _ in fields_of(NodeSettings)}
-        changed = {one.name: one.value for one in parameters if one.name in own}
+        declared = {name for name, _, _ in fields_of(NodeSettings)}
+        changed = {one.name: one.value for one in parameters if one.name in declared}
         fixed = sorted(set(changed) - LIVE)
         if fixed and self._follower is not None:
             reason = f"{', '.join(fixed)}: clean up first; now may change: {', '.join(sorted(LIVE))}"

@@ -19,6 +19,7 @@ _CHOICES: dict[str, Sequence[str]] = {
 }
 _RANGES = {
     "transform_timeout_s": "[0, 60]",
+    "max_wait_s": "[0.1, 3600]",
     "detection_noise_m": "[0, 10]",
     "occupancy_cell_m": "[0, 100]",
     "most_people": "[1, 100000]",
@@ -55,6 +56,11 @@ class NodeSettings:
     use_map: bool = _told(True, "listen to `map`; false: forecasts without walls are wanted")
     map_frame: str = _told("map", "frame of the forecasts until a map comes, whose frame counts")
     transform_timeout_s: float = _told(0.2, "how long people wait for the transform of their time, s", True)
+    max_wait_s: float = _told(
+        2.0,
+        "people who waited longer for forecasts of others are left out, until the rest is in time, s",
+        True,
+    )
     detection_noise_m: float = _told(0.0, "standard deviation of a detection's coordinate, m")
     max_age_s: float = _told(0.5, "a person is forecast while the last detection is at most this old, s")
     most_people: int = _told(1000, "of more people, those who came first are forecast, within about 0.5 s")

@@ -81,8 +81,8 @@ class Beginning:
             if self.raw.startswith(magics):
                 return SourceError(self.path, None, f"this is {what}, which is not read", remedy)
         if self.line().lstrip().startswith("<"):
-            found = re.search(r"<([A-Za-z][\w.-]*)", "\n".join(self.lines))
-            problem = f"this is XML whose outermost element is <{found[1][:80] if found else ''}>"
+            match = re.search(r"<([A-Za-z][\w.-]*)", "\n".join(self.lines))
+            problem = f"this is XML whose outermost element is <{match[1][:80] if match else ''}>"
             return SourceError(
                 self.path, None, problem, "Of XML, FCD of SUMO is read; geometries are for --map"
             )

@@ -94,8 +94,8 @@ class _Reading:
         return drawn
 
     def vertex(self, attributes: Mapping[str, str]) -> list[float]:
-        given = [attributes.get(key, "") for key in ("px", "py")]
-        point = numbers(self.path, self.parser.CurrentLineNumber, given, ("px", "py"))
+        written = [attributes.get(key, "") for key in ("px", "py")]
+        point = numbers(self.path, self.parser.CurrentLineNumber, written, ("px", "py"))
         if max(map(abs, point)) > _FARTHEST:
             raise self.error(f"vertex {point}, farther than {_FARTHEST:g} from the origin")
         return [self.unit_m * value for value in point]
@@ -146,13 +146,13 @@ def _filled(polygons: Sequence[Polygon]) -> tuple[Rings, list[Polygon]]:
     """The closed polygons of an obstacle, and those of its edges that enclose nothing."""
     closed = [polygon for polygon in polygons if _is_closed(polygon)]
     edges = [polygon for polygon in polygons if not _is_closed(polygon)]
-    found, *others = shapely.polygonize_full(shapely.linestrings(_segments(edges)))
+    filled, *others = shapely.polygonize_full(shapely.linestrings(_segments(edges)))
     left = [line.coords for kind in others for line in kind.geoms]
     if left and all(len(polygon) > 2 for polygon in edges):  # closed without saying so
         return tuple(map(np.array, [*closed, *edges])), []
     return (
         *map(np.array, closed),
-        *(np.array(polygon.exterior.coords) for polygon in found.geoms),
+        *(np.array(polygon.exterior.coords) for polygon in filled.geoms),
     ), [[list(point) for point in line] for line in left]
 
 

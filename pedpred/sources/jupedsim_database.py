@@ -116,10 +116,10 @@ def _check_columns(path: Path, database: sqlite3.Connection, table: str, columns
         remedy = "A bag of ROS 2: give it a name that ends in .db3" if bag else "JuPedSim writes it"
         raise SourceError(path, None, problem, remedy)
     # A plain column can be computed by an expression only if `table_xinfo` says that it is hidden.
-    found = {name: hidden for _, name, *_, hidden in database.execute(f"PRAGMA table_xinfo({table})")}
+    present = {name: hidden for _, name, *_, hidden in database.execute(f"PRAGMA table_xinfo({table})")}
     for column in columns:
-        if found.get(column) != 0:
-            problem = f"table {table} has no column {column}; it has {', '.join(found)[:200]}"
+        if present.get(column) != 0:
+            problem = f"table {table} has no column {column}; it has {', '.join(present)[:200]}"
             raise SourceError(path, None, problem, "JuPedSim writes it")
 
 
@@ -141,7 +141,7 @@ def _rate_hz(path: Path, database: sqlite3.Connection, options: TableOptions) ->
     said = None
     if "metadata" in _tables(database):
         _check_columns(path, database, "metadata", ["key", "value"])
-        found = database.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
-        if found is not None:
-            said = float(found[0])
+        row = database.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
+        if row is not None:
+            said = float(row[0])
     return agreed_rate(path, said, options, "no fps in the table metadata")

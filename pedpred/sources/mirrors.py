@@ -139,8 +139,8 @@ def fetch(mirrors: Mirrors, target: Path) -> None:
     damaged = False
     with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as scratch:
         copy = Path(scratch, "new")
-        own = [str(target)] if target.exists() and not (target / NOTE).exists() else []
-        for place in [*own, *places(mirrors.folders, mirrors.archives)]:
+        present = [str(target)] if target.exists() and not (target / NOTE).exists() else []
+        for place in [*present, *places(mirrors.folders, mirrors.archives)]:
             missing = {name: inside for name, inside in mirrors.members.items() if not (copy / name).exists()}
             problem = _collect(place, missing, copy, mirrors.timeout_s)
             altered = _altered(copy, mirrors.sums)
@@ -173,16 +173,16 @@ def places(folders: Iterable[str], archives: Iterable[str]) -> list[str]:
     Raises:
         ValueRuleError: an address is neither https nor file; others do not protect what they transfer.
     """
-    found: dict[str, None] = {}
+    named: dict[str, None] = {}
     for place in (os.environ.get("PEDPRED_MIRROR"), *folders, *archives):
         if place and place.startswith(_SCHEMES):
-            found[place] = None
+            named[place] = None
         elif place and "://" in place:
             raise ValueRuleError("archives", place, "use an address with https:// or file://")
         elif place:
             for root in (".", os.environ.get("DVC_ROOT", ".")):
-                found[os.path.abspath(Path(root, place).expanduser())] = None
-    return list(found)
+                named[os.path.abspath(Path(root, place).expanduser())] = None
+    return list(named)
 
 
 def lack(folder: Path, mirrors: Mirrors) -> str | None:

@@ -137,19 +137,19 @@ def _split(text: str) -> list[str]:
 
 def _places(path: Path, export: _Export) -> dict[str, list[tuple[int, int]]]:
     """Columns of x and y of every person: those of the centroid alone, or those of all markers."""
-    found: dict[str, dict[str, dict[str, int]]] = {}
+    columns: dict[str, dict[str, dict[str, int]]] = {}
     known = export.about.get("BODY_NAMES", ())
     for column, title in enumerate(export.titles):
         if (match := _TITLE.fullmatch(title)) and (not known or match["body"] in known):
-            found.setdefault(match["body"], {}).setdefault(match["marker"], {})[match["axis"]] = column
-    people = [body for body in found if body.startswith(_PERSON)]
-    if others := [body for body in found if people and body not in people]:
+            columns.setdefault(match["body"], {}).setdefault(match["marker"], {})[match["axis"]] = column
+    people = [body for body in columns if body.startswith(_PERSON)]
+    if others := [body for body in columns if people and body not in people]:
         _log.info("%s: no people are %s", path, ", ".join(others)[:200])
     elif not people:
         _log.warning("%s: no body is called %s, so that each body or marker is a person", path, _PERSON)
     places = {}
-    for body in people or found:
-        markers = {kind: axes for kind, axes in found[body].items() if len(axes) == len("XY")}
+    for body in people or columns:
+        markers = {kind: axes for kind, axes in columns[body].items() if len(axes) == len("XY")}
         centroid = [axes for kind, axes in markers.items() if "Centroid" in kind]
         places[body] = [(axes["X"], axes["Y"]) for axes in centroid or markers.values()]
     if not any(places.values()):
@@ -165,13 +165,13 @@ def _values(path: Path, export: _Export, used: Sequence[int]) -> tuple[np.ndarra
         check_width(path, line, fields, export.titles)
         if (len(values) + 1) * len(used) > MOST_NUMBERS:
             raise SourceError(path, line, f"more than {MOST_NUMBERS} numbers", "Divide the file")
-        given = [fields[column] for column in used]
-        own = [
+        written = [fields[column] for column in used]
+        numbers = [
             np.nan if field.lower() in ("", "nan") else number(path, line, export.titles[column], field)
-            for column, field in zip(used, given, strict=True)
+            for column, field in zip(used, written, strict=True)
         ]
         lines.append(line)
-        values.append(np.array(own))
+        values.append(np.array(numbers))
     if not values:
         raise SourceError(path, None, "no data below the header")
     return np.array(lines), np.array(values)

@@ -63,16 +63,16 @@ def find_placeholders(
     Returns:
         [M] bool, in the order of the rows.
     """
-    found = np.zeros(len(time_s), bool)
+    unknown_rows = np.zeros(len(time_s), bool)
     known = np.flatnonzero(np.isfinite(position).all(axis=1))
     order = known[np.lexsort((time_s[known], track_id[known]))]
     if len(order) < 2:
-        return found
+        return unknown_rows
     same = np.diff(track_id[order]) == 0
     way_m = np.linalg.norm(np.diff(position[order], axis=0), axis=1)
     too_fast = way_m > _FASTEST_MPS * np.diff(time_s[order])
     if not (too_fast & same).any() or 2 * (too_fast & same).sum() > same.sum():
-        return found
+        return unknown_rows
     place = (position if place is None else place)[order]
     goes_on = same & (np.diff(place, axis=0) == 0).all(axis=1)
     first = np.flatnonzero(np.r_[True, ~goes_on])  # of each stay at one place
@@ -86,5 +86,5 @@ def find_placeholders(
     unknown = jumped.copy()
     unknown[jumped] = zero[jumped] | (counts[which.ravel()] >= _OFTEN)
     unknown |= zero & ~(before | after) & (unknown & zero).any()  # nobody was ever seen elsewhere
-    found[order] = np.repeat(unknown, last - first + 1)
-    return found
+    unknown_rows[order] = np.repeat(unknown, last - first + 1)
+    return unknown_rows

@@ -11,7 +11,7 @@ from typing import Any
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.fields import parsed
 from pedpred.scenes import Scene
-from pedpred.sources.single_file import check_clock
+from pedpred.sources.times import check_clock
 from pedpred.storage.scenes import read_scene
 from pedpred.tables.options import TableOptions
 from pedpred.tables.reading import read_table

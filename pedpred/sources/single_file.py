@@ -25,9 +25,9 @@ from pedpred.sources import (
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.placeholders import without_placeholders
 from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles
+from pedpred.sources.times import check_brief, check_clock, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
-from pedpred.tables.clocks import IN_SECONDS
 from pedpred.tables.lines import has_header
 from pedpred.tables.options import TableOptions
 from pedpred.tables.reading import read_table
@@ -35,10 +35,7 @@ from pedpred.tables.reading import read_table
 CELL_M, WALL_M = 0.05, 3.0
 """Of maps made from geometries, m: side of a cell, thickness of walls."""
 
-_LONGEST_S = 5.0
-"""Longest usual time between two detections of a pedestrian that can be seconds."""
 _ONCE = "A track needs several detections. If another column holds the ids, name all in order: --columns"
-_TOO_LONG = {5e6: "nanoseconds", 5e3: "microseconds", _LONGEST_S: "milliseconds or frame numbers"}
 
 
 @dataclass(frozen=True)
@@ -109,8 +106,8 @@ def format_of(path: Path, options: TableOptions | None = None) -> Format:
     begins = Beginning.of(path)
     if begins.lines and options is not None and options.columns is not None:
         return _TABLE
-    if found := next((kind for kind in FORMATS if kind.fits(begins)), None):
-        return found
+    if recognised := next((kind for kind in FORMATS if kind.fits(begins)), None):
+        return recognised
     if problem := begins.foreign():
         raise problem
     return _TABLE if has_header(path) else _TEXT
@@ -134,23 +131,14 @@ def checked_interval_s(path: Path, people: Trajectories, titled: bool, sure: boo
     except ValueRuleError as cause:
         raise SourceError(path, None, str(cause), _ONCE) from cause
     check_clock(path, dt_s)
+    if not sure:
+        check_brief(path, people)
+    doubt_whole_seconds(path, people, dt_s)
     check_degrees(path, people, sure)
     if titled:
         check_titles(path, people)
     check_speeds(path, people, sure)
     return dt_s
-
-
-def check_clock(path: Path, dt_s: float) -> None:
-    """Check that the usual time between two detections of a track can be seconds.
-
-    Raises:
-        SourceError: it is too long; the message names what it looks like.
-    """
-    for least, unit in _TOO_LONG.items():
-        if dt_s >= least:
-            problem = f"a track is usually detected every {dt_s:g} s: this looks like {unit}"
-            raise SourceError(path, None, problem, IN_SECONDS)
 
 
 _TEXT = Format("text without titles", lambda begins: False, read_untitled, any_unit=True)

@@ -66,11 +66,11 @@ def read_homography(path: Path) -> Homography:
     rows = [
         (line, _SEPARATORS.sub(" ", text).split()) for line, text in islice(text_lines(path), _NUMBERS + 1)
     ]
-    found = [number(path, line, "homography", field) for line, fields in rows for field in fields]
-    if len(found) != _NUMBERS:
-        raise SourceError(path, None, f"{len(found)} numbers, expected {_NUMBERS}", _MATRIX)
+    numbers = [number(path, line, "homography", field) for line, fields in rows for field in fields]
+    if len(numbers) != _NUMBERS:
+        raise SourceError(path, None, f"{len(numbers)} numbers, expected {_NUMBERS}", _MATRIX)
     with translate_errors(partial(SourceError, path, None, remedy=_MATRIX)):
-        return Homography(np.array(found).reshape(3, 3)[:, [1, 0, 2]])  # that class has (row, column, 1)
+        return Homography(np.array(numbers).reshape(3, 3)[:, [1, 0, 2]])  # that class has (row, column, 1)
 
 
 def fits(begins: Beginning) -> bool:

@@ -96,10 +96,10 @@ class _Reading:
         if name == "timestep":
             self.time = attributes.get("time", "")
         elif name == "person" and not attributes.get("vehicle"):
-            given = [self.time, *(attributes.get(key, "") for key in _COLUMNS[1:])]
-            if not given[1]:
+            written = [self.time, *(attributes.get(key, "") for key in _COLUMNS[1:])]
+            if not written[1]:
                 raise self.error("a <person> without an id")
-            self.rows.append((self.parser.CurrentLineNumber, given))
+            self.rows.append((self.parser.CurrentLineNumber, written))
 
     def end(self, name: str) -> None:
         self.depth -= 1

@@ -63,9 +63,9 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
         if options is not None and options.rate_hz is not None:
             return Trajectories(columns["frame"] / options.rate_hz, columns["track_id"], position)
         if len(rates) != 1 or not 0.0 < min(rates) < np.inf:
-            found = ", ".join(f"{rate:g}" for rate in sorted(rates)[:5]) or "none"
+            named = ", ".join(f"{rate:g}" for rate in sorted(rates)[:5]) or "none"
             raise SourceError(
-                path, None, f"fps of the scenes: {found}", "Say how many frames a second has: --rate"
+                path, None, f"fps of the scenes: {named}", "Say how many frames a second has: --rate"
             )
         rate_hz = by_frame.usual_interval_s() * rates.pop()
         return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)

@@ -85,13 +85,13 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
             raise SourceError(path, None, *NO_RATE)
         order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
         time_s = _frames(clock, columns[names[1]]) / rate_hz
-    found = {"line": columns["line"], "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
-    found = without_copies(path, found | {"track_id": numbered(who, columns[names[0]], options)})
+    values = {"line": columns["line"], "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
+    values = without_copies(path, values | {"track_id": numbered(who, columns[names[0]], options)})
     shown = ", ".join(order if ids_first else order[::-1])
     _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit, clock_is)
     with translate_errors(partial(SourceError, path, None)):
-        position = np.stack([found["x_m"], found["y_m"]], axis=-1)
-        return Trajectories(found["time_s"], found["track_id"], position)
+        position = np.stack([values["x_m"], values["y_m"]], axis=-1)
+        return Trajectories(values["time_s"], values["track_id"], position)
 
 
 def _ids_first(
@@ -105,12 +105,12 @@ def _ids_first(
     left, right = (ids.whole(columns[name]) for ids, name in zip(both, _NAMES, strict=False))
     if left is None or right is None:
         return right is not None
-    found = ids_come_first(left, right, position)
-    if found is None:
+    ids_first = ids_come_first(left, right, position)
+    if ids_first is None:
         one, other = (",".join([*order, *titles[2:]]) for order in (("id", "frame"), ("frame", "id")))
         problem = "without a header, the first two columns could be id and frame, or frame and id"
         raise SourceError(path, None, problem, f"Say which: --columns {one}, or --columns {other}")
-    return found
+    return ids_first
 
 
 def _frames(column: Ids, read: np.ndarray) -> np.ndarray:

@@ -81,7 +81,9 @@ def _sampled(path: Path, columns: dict[str, np.ndarray], rate_hz: float) -> Traj
     parts = []
     for k, (begin, end) in enumerate(zip(first, last, strict=True)):
         at = np.arange(low[k], high[k] + 1) / rate_hz
-        own = when[begin:end]
-        parts.append((at, np.full(len(at), who[begin]), *(np.interp(at, own, v[begin:end]) for v in (x, y))))
+        times = when[begin:end]
+        parts.append(
+            (at, np.full(len(at), who[begin]), *(np.interp(at, times, v[begin:end]) for v in (x, y)))
+        )
     time_s, track_id, x, y = (np.concatenate(part) for part in zip(*parts, strict=True))
     return Trajectories(time_s, track_id, np.stack([x, y], axis=-1))

@@ -29,8 +29,8 @@ def is_person(label: str, wanted: Collection[str] = PERSON_CLASSES) -> bool:
         wanted: classes, in small or capital letters; without any but empty ones, all are persons.
     """
     names = {name.casefold() for name in wanted} - {""}
-    given = label.casefold()
-    return not names or not given or given in names or not names.isdisjoint(_WORD.findall(given))
+    folded = label.casefold()
+    return not names or not folded or folded in names or not names.isdisjoint(_WORD.findall(folded))
 
 
 def label_of(field: str) -> str:
@@ -55,21 +55,21 @@ def classes_of_people(
     Raises:
         SourceError: classes are wanted, and no column has them.
     """
-    columns = {title: {one for one in own if one} for title, own in counts.items()}
-    columns = {title: own for title, own in columns.items() if len(own) <= _MOST_CLASSES}
+    columns = {title: {one for one in values if one} for title, values in counts.items()}
+    columns = {title: values for title, values in columns.items() if len(values) <= _MOST_CLASSES}
     for title, classes in columns.items():
         people = {one for one in classes if is_person(one, wanted or (*PERSON_CLASSES, *_FORMS))}
         if people:
             others = sorted(classes - people, key=lambda one: -counts[title][one])
             if others:
-                found = ", ".join(f"{counts[title][one]} of {one!r}" for one in others[:_TOLD])
+                listed = ", ".join(f"{counts[title][one]} of {one!r}" for one in others[:_TOLD])
                 more = ", ..." * (len(others) > _TOLD)
                 text = "%s: column %s: rows that are about no people are left out: %s%s"
-                _log.warning(text, path, title, found, more)
+                _log.warning(text, path, title, listed, more)
             return title, people | {""}
     if wanted:
-        found = f"the columns of classes hold {brief({t: sorted(own) for t, own in columns.items()})}"
-        problem = f"no row is of class {', '.join(wanted)}; {found if columns else 'no column has classes'}"
+        listed = f"the columns of classes hold {brief({t: sorted(values) for t, values in columns.items()})}"
+        problem = f"no row is of class {', '.join(wanted)}; {listed if columns else 'no column has classes'}"
         raise SourceError(path, None, problem, "Name a class that is there, or leave --class out")
     for title, classes in columns.items():
         if len(classes) > 1 or not all(one.isdecimal() for one in classes):

@@ -33,14 +33,14 @@ _UNIT = re.compile(
 )
 
 
-def frame_rate_hz(path: Path, comments: Sequence[str], given: float | None) -> float | None:
+def frame_rate_hz(path: Path, comments: Sequence[str], stated_hz: float | None) -> float | None:
     """Frames per second from comments or the caller; None: unknown.
 
     Raises:
         SourceError: they differ, or it is out of range.
     """
-    found = {float(match[1] or match[2]) for comment in comments if (match := _RATE.search(comment))}
-    rates = found | ({float(given)} if given else set())
+    written = {float(match[1] or match[2]) for comment in comments if (match := _RATE.search(comment))}
+    rates = written | ({float(stated_hz)} if stated_hz else set())
     if len(rates) > 1 or not all(SLOWEST_HZ <= rate <= FASTEST_HZ for rate in rates):
         found_hz = " and ".join(f"{rate:g}" for rate in sorted(rates))
         problem = f"frame rate {found_hz} Hz, expected one from 0.001 to 1000000 Hz"
@@ -48,15 +48,15 @@ def frame_rate_hz(path: Path, comments: Sequence[str], given: float | None) -> f
     return rates.pop() if rates else None
 
 
-def unit_of_lengths(path: Path, comments: Sequence[str], given: str | None) -> str | None:
+def unit_of_lengths(path: Path, comments: Sequence[str], stated: str | None) -> str | None:
     """Unit of lengths from comments or the caller; None: unknown.
 
     Raises:
         SourceError: they differ.
     """
     units = {LENGTH_WORDS[match[1].lower()] for text in comments for match in _UNIT.finditer(text)}
-    if given is not None:
-        units = units & {given} if len(units) > 1 and given in units else units | {given}
+    if stated is not None:
+        units = units & {stated} if len(units) > 1 and stated in units else units | {stated}
     if len(units) > 1:
         said = " and ".join(sorted(units))
         raise SourceError(path, None, f"lengths are said to be {said}", "Correct the comment, or --unit")

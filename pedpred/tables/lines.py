@@ -75,8 +75,8 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
                 comments.append(text.strip())
             continue
         has_titles = header and (comment or not _holds_numbers(titles, columns))
-        given = lines if has_titles else chain([(line, text)], lines)
-        rows = _rows(given, None if comment else separator, comment, comments)
+        rest = lines if has_titles else chain([(line, text)], lines)
+        rows = _rows(rest, None if comment else separator, comment, comments)
         named = columns or (titles if has_titles else ())
         if has_titles and not columns:
             named, rows = _with_units(named, rows)
@@ -150,8 +150,8 @@ def _with_units(titles: Sequence[str], rows: Iterator[Row]) -> tuple[Sequence[st
     if len(units) != len(titles) or not any(known) or not others:
         return titles, chain([first], rows)
     named = [
-        f"{title} [{unit}]" if found else title
-        for title, unit, found in zip(titles, units, known, strict=True)
+        f"{title} [{unit}]" if unit_known else title
+        for title, unit, unit_known in zip(titles, units, known, strict=True)
     ]
     return (named if _names_tracks(named) else titles), rows
 
@@ -169,7 +169,7 @@ def _without_numbers(titles: Sequence[str], rows: Iterator[Row]) -> Iterator[Row
 
 
 def _rows(
-    lines: Iterable[tuple[int, str]], separator: str | None, own: bool, comments: list[str]
+    lines: Iterable[tuple[int, str]], separator: str | None, titled: bool, comments: list[str]
 ) -> Iterator[Row]:
     """Fields of the lines; `own`: the first row says how they are separated, and not the header."""
     for line, text in lines:
@@ -177,8 +177,8 @@ def _rows(
             if len(comments) < MOST_COMMENTS:
                 comments.append(text.strip())
             continue
-        if own:
-            separator, own = _separator(text), False
+        if titled:
+            separator, titled = _separator(text), False
         yield line, _split(text, separator)
 
 
@@ -210,12 +210,12 @@ def _is_numeric(field: str) -> bool:
 
 def _separator(text: str) -> str | None:
     """What separates the fields of a line; None: blanks, also where each comma is a decimal one."""
-    found = next((separator for separator in _SEPARATORS if separator in text), None)
-    if found == ",":
+    first = next((separator for separator in _SEPARATORS if separator in text), None)
+    if first == ",":
         fields = text.split()
         if len(fields) >= _FEWEST and all(map(_is_numeric, fields)):
             return None
-    return found
+    return first
 
 
 def _split(text: str, separator: str | None) -> Sequence[str]:

@@ -54,10 +54,10 @@ class TrackNames:
         """
         number_of = {name: number for number, name in self.of_number.items()}
         some = any(name in number_of for name in written)
-        found = []
+        numbers = []
         for name in written:
             number = number_of.get(name)
             if number is None and is_plain(name) and not (some and int(name) in self.of_number):
                 number = int(name)
-            found.append(number)
-        return found
+            numbers.append(number)
+        return numbers

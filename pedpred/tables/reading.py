@@ -207,9 +207,9 @@ def _units(path: Path, wanted: Mapping[str, str], stated: str | None) -> dict[st
     said = {name: _said(title) for name, title in titles.items()}
     units = {unit for unit in said.values() if unit}
     if stated and units - {stated}:
-        found = " and ".join(sorted(units | {stated}))
+        named = " and ".join(sorted(units | {stated}))
         remedy = "Correct titles, comments or --unit"
-        raise SourceError(path, None, f"lengths are said to be {found}", remedy)
+        raise SourceError(path, None, f"lengths are said to be {named}", remedy)
     if not stated and None in said.values() and units - {"m"}:
         bare = next(titles[name] for name, unit in said.items() if unit is None)
         other = next(title for title in titles.values() if title != bare)

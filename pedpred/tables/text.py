@@ -188,7 +188,7 @@ def check_unique(path: Path, columns: Mapping[str, np.ndarray], first: str, seco
     if len(again):
         row = int(again[np.argmin(columns["line"][order[again + 1]])])
         here, earlier = order[row + 1], order[row]
-        found = f"{first} {one[here]} and {second} {other[here]} again"
+        repeated = f"{first} {one[here]} and {second} {other[here]} again"
         raise SourceError(
-            path, int(columns["line"][here]), f"{found}, first in line {columns['line'][earlier]}"
+            path, int(columns["line"][here]), f"{repeated}, first in line {columns['line'][earlier]}"
         )

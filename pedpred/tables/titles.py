@@ -119,7 +119,7 @@ def columns_of_heights(titles: Sequence[str]) -> list[int]:
 
 
 def _is_called(title: str, needed: set[str], beside: set[str]) -> bool:
-    words = {found.lower() for found in _WORD.findall(title)}
+    words = {part.lower() for part in _WORD.findall(title)}
     return bool(words & needed) and words <= needed | beside and meaning_of(title) is None
 
 
@@ -143,8 +143,8 @@ def _name(said: set[str], words: set[str], units: Sequence[str]) -> str | None:
 def _words(title: str) -> list[str]:
     """The words of a title in lower case; a word that is not known may be two (`xcm`, `trackid`)."""
     words: list[str] = []
-    for found in _WORD.findall(title.replace("\u00b5", "u").replace("\u03bc", "u")):
-        word = found.lower()
+    for part in _WORD.findall(title.replace("\u00b5", "u").replace("\u03bc", "u")):
+        word = part.lower()
         pairs = [(word[:k], word[k:]) for k in range(1, len(word)) if word[:k] not in _LETTERS]
         parts = [pair for pair in pairs if set(pair) <= _KNOWN]
         words += [word] if word in _KNOWN or len(parts) != 1 else parts[0]
@@ -163,14 +163,14 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
     clock = _clock(meant)
     wanted: dict[str, str] = {}
     for name in ("time_s", "frame", *TRACK_COLUMNS[1:]):
-        found = [title for title in titles if title in meant and meant[title].name == name]
+        candidates = [title for title in titles if title in meant and meant[title].name == name]
         if name in ("time_s", "frame"):
-            found = [title for title in found if (name, meant[title].unit or "s") == clock]
-        found = [title for title in found if meant[title].plain] or found
-        if len(found) > 1:
-            rule = f"columns {found[0]} and {found[1]} are both {name}"
+            candidates = [title for title in candidates if (name, meant[title].unit or "s") == clock]
+        candidates = [title for title in candidates if meant[title].plain] or candidates
+        if len(candidates) > 1:
+            rule = f"columns {candidates[0]} and {candidates[1]} are both {name}"
             raise ValueRuleError("columns", titles, rule)
-        wanted |= dict.fromkeys(found, name)
+        wanted |= dict.fromkeys(candidates, name)
     if clock == ("time_s", "s"):
         wanted |= dict.fromkeys(_rest_of_stamp(meant), REST)
     for name in (clock[0], "track_id", *LENGTHS):
@@ -196,7 +196,7 @@ def _missing(name: str, titles: Sequence[str]) -> str:
     kinds = ("time_s", "frame") if name in ("time_s", "frame") else (name,)
     aliases = ", ".join(alias for kind in kinds for alias in NAMES[kind])
     rule = f"no column for {name}, which may be called {aliases}"
-    found = " | ".join(titles)[:200]
+    listed = " | ".join(titles)[:200]
     if name in LENGTHS and (degrees := [title for title in titles if _DEGREES & set(_words(title))]):
-        return f"{rule}. {degrees[0]} is in degrees: project positions to metres first. Found were {found}"
-    return f"{rule}. Found were {found}; expected commas, semicolons, tabs or blanks between them"
+        return f"{rule}. {degrees[0]} is in degrees: project positions to metres first. Found were {listed}"
+    return f"{rule}. Found were {listed}; expected commas, semicolons, tabs or blanks between them"
