@@ -54,10 +54,10 @@ def _warn_of_zeros(base: sqlite3.Connection, file: BagFile) -> None:
     if zeros < _FEW_ZEROS or _log_of(file) is not None:
         return
     try:
-        (found,) = base.execute("PRAGMA quick_check(1)").fetchone()
+        (verdict,) = base.execute("PRAGMA quick_check(1)").fetchone()
     except sqlite3.DatabaseError as cause:
-        found = str(cause)
-    if found != "ok":
+        verdict = str(cause)
+    if verdict != "ok":
         text = f"{file.name} ends in {zeros} zeros: it is cut or damaged, and messages are missing"
         warnings.warn(text, stacklevel=2)
 
