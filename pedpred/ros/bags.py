@@ -106,6 +106,8 @@ def _read(
             latest, ground = (raw, connection), None
         elif connection.msgtype != UPDATE_TYPE:
             try:
+                if not raw.strip(b"\0"):
+                    raise ValueError("nothing but zeros")
                 message = bag.decode(raw, connection)
             except Exception as cause:  # whatever rosbags raises on damaged bytes; told or raised below
                 problems.append(cause)

@@ -10,16 +10,17 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from pedpred.errors import SourceError, brief
 from pedpred.files import limit_values
-from pedpred.ros.bag_files import BagFile
+from pedpred.ros.bag_files import BagFile, written_bytes
 from pedpred.ros.bag_reader import BagReader
 from pedpred.ros.decoding import Connection
 from pedpred.ros.unpacking import LARGEST_CHUNK_BYTES, check_tables
 
 SQLITE_MAGIC = b"SQLite format 3\0"
-_LARGEST_DEFINITION = 2**20
+_LARGEST_DEFINITION, _FEW_ZEROS = 2**20, 64
 _HEADER_BYTES, _PAGE_AT, _PAGE_BYTES = 100, 16, struct.Struct(">H")
 
 
@@ -35,6 +36,7 @@ class SqliteReader(BagReader):
         self, file: BagFile, connections: Sequence[Connection]
     ) -> Iterator[tuple[Connection, int, bytes]]:
         with _opened(file) as base:
+            _warn_of_zeros(base, file)
             yield from _rows(base, file, connections)
 
     def _define(self, base: sqlite3.Connection) -> None:
@@ -43,6 +45,33 @@ class SqliteReader(BagReader):
         with suppress(sqlite3.DatabaseError):
             for kind, encoding, text in base.execute(f"SELECT {columns} FROM message_definitions"):  # noqa: S608
                 self._decoder.define(str(kind), str(encoding), str(text)[:_LARGEST_DEFINITION])
+
+
+def _warn_of_zeros(base: sqlite3.Connection, file: BagFile) -> None:
+    """Warn of pages that were never written, which SQLite may pass over in silence."""
+    with file.content.open("rb") as raw:
+        zeros = file.content.stat().st_size - written_bytes(raw)
+    if zeros < _FEW_ZEROS or _log_of(file) is not None:
+        return
+    try:
+        (verdict,) = base.execute("PRAGMA quick_check(1)").fetchone()
+    except sqlite3.DatabaseError as cause:
+        verdict = str(cause)
+    if verdict != "ok":
+        text = f"{file.name} ends in {zeros} zeros: it is cut or damaged, and messages are missing"
+        warnings.warn(text, stacklevel=2)
+
+
+def _log_of(file: BagFile) -> Path | None:
+    """The write-ahead log that a killed recorder has left."""
+    log = file.name.with_name(f"{file.name.name}-wal")
+    return log if file.content == file.name and log.is_file() and log.stat().st_size > 0 else None
+
+
+def _page_bytes(file: BinaryIO) -> int:
+    """Size of a page, by the header of a data base; 0 where it is damaged."""
+    (page,) = _PAGE_BYTES.unpack_from(file.read(_HEADER_BYTES).ljust(_HEADER_BYTES, b"\0"), _PAGE_AT)
+    return 2**16 if page == 1 else int(page)
 
 
 def _rows(
@@ -74,10 +103,8 @@ def _opened(file: BagFile) -> Iterator[sqlite3.Connection]:
 
     What a killed recorder has left in a write-ahead log beside it (`-wal`) is read too.
     """
-    log = file.name.with_name(f"{file.name.name}-wal")
-    logged = file.content == file.name and log.is_file() and log.stat().st_size > 0
     with _whole_pages(file.content) as content:
-        how = "mode=ro" if logged else "immutable=1"
+        how = "immutable=1" if _log_of(file) is None else "mode=ro"
         with closing(sqlite3.connect(f"{content.absolute().as_uri()}?{how}", uri=True)) as base:
             limit_values(base, LARGEST_CHUNK_BYTES)
             try:
@@ -104,8 +131,7 @@ def _whole_pages(path: Path) -> Iterator[Path]:
     """A data base without the page in which it is cut, whose missing bytes SQLite would take for zeros."""
     size = path.stat().st_size
     with path.open("rb") as file:
-        (page,) = _PAGE_BYTES.unpack_from(file.read(_HEADER_BYTES).ljust(_HEADER_BYTES, b"\0"), _PAGE_AT)
-        page = 2**16 if page == 1 else page
+        page = _page_bytes(file)
         if not page or not size % page:
             yield path
             return
