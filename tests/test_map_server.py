@@ -327,7 +327,7 @@ def test_a_picture_of_another_kind_is_to_be_converted(tmp_path, name):
         read_map(tmp_path)
 
 
-@given(st.floats(-7.0, 7.0), st.sampled_from([["1"], ["L"], ["RGB"], ["RGBA"]]))
+@given(st.floats(-2.0 * math.pi, 2.0 * math.pi), st.sampled_from([["1"], ["L"], ["RGB"], ["RGBA"]]))
 @settings(max_examples=30, deadline=None)
 def test_a_yaw_turns_a_map_about_its_lower_left_corner(tmp_path_factory, yaw_rad, kind):
     """As the pose of the origin in the nav_msgs/OccupancyGrid that map_server publishes."""

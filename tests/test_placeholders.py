@@ -10,8 +10,8 @@ from rosbags.typesys import Stores
 
 from pedpred.ros import read_bag
 from pedpred.scenes import Trajectories
-from pedpred.sources.placeholders import find_placeholders, without_placeholders
 from pedpred.sources.single_file import read_file
+from pedpred.tables.placeholders import find_placeholders, without_placeholders
 from tests.test_bag_people import bag
 from tests.test_bags import Store
 

@@ -15,10 +15,10 @@ from pedpred.command.prediction import robot_for
 from pedpred.errors import ValueRuleError
 from pedpred.online.replay import as_windows, replay_scene
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
-from pedpred.sources.placeholders import without_placeholders
 from pedpred.sources.single_file import checked_interval_s
 from pedpred.tables.classes import classes_of_people, label_of
 from pedpred.tables.options import TableOptions
+from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import tracks_in_rows
 from pedpred.tables.text import Row
 from pedpred.tables.titles import LENGTHS, columns_of_classes, titles_of_tracks

@@ -25,8 +25,8 @@ from pedpred.ros.people import (
 )
 from pedpred.ros.scene_messages import seconds
 from pedpred.scenes import Trajectories, rule_of
-from pedpred.sources.placeholders import find_placeholders, left_out
 from pedpred.tables.classes import PERSON_CLASSES, is_person
+from pedpred.tables.placeholders import find_placeholders, left_out
 
 _ROBOTS = ("base_link", "base_footprint")
 """Frames of robots (REP 105): they move."""

@@ -23,13 +23,13 @@ from pedpred.sources import (
     viswalk,
 )
 from pedpred.sources.beginnings import Beginning
-from pedpred.sources.placeholders import without_placeholders
 from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles
 from pedpred.sources.times import check_brief, check_clock, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
 from pedpred.tables.lines import has_header
 from pedpred.tables.options import TableOptions
+from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import read_table
 
 CELL_M, WALL_M = 0.05, 3.0
@@ -131,12 +131,12 @@ def checked_interval_s(path: Path, people: Trajectories, titled: bool, sure: boo
     except ValueRuleError as cause:
         raise SourceError(path, None, str(cause), _ONCE) from cause
     check_clock(path, dt_s)
-    if not sure:
-        check_brief(path, people)
     doubt_whole_seconds(path, people, dt_s)
     check_degrees(path, people, sure)
     if titled:
         check_titles(path, people)
+    if not sure:
+        check_brief(path, people)
     check_speeds(path, people, sure)
     return dt_s
 
