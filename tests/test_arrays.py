@@ -222,6 +222,19 @@ def test_what_never_changes_is_not_copied():
     assert locked(raw, np.uint8) is raw
 
 
+def test_a_map_that_is_changed_after_it_was_set_changes_nothing(mixture):
+    robot, other = OnlinePredictor.load(mixture[0]), OnlinePredictor.load(mixture[0])
+    cells, origin = np.zeros((80, 80), bool), np.array([-4.0, -4.0])
+    cells[45:47] = True
+    robot.set_map(OccupancyMap(cells, origin, 0.1))
+    other.set_map(OccupancyMap(cells.copy(), origin.copy(), 0.1))
+    cells[:], origin[:] = False, 50.0
+    for k in range(8):
+        seen = 0.2 * k, [1], [[-1.0 + 0.2 * k, 0.0]]
+        one, two = robot.update(*seen), other.update(*seen)
+        np.testing.assert_array_equal(one.predictions.path, two.predictions.path)
+
+
 @pytest.mark.parametrize("name", ["model", "mixture"])
 def test_what_is_returned_is_nobody_elses_even_where_it_is_made_writable(name, request):
     """A deliberate writer spoils the own answer alone."""

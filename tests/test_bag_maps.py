@@ -100,3 +100,16 @@ def test_all_publishers_of_a_topic_are_read(tmp_path):
     scene = read_bag(tmp_path / "hall.bag")
     np.testing.assert_array_equal(np.unique(scene.trajectories.time_s), [0.0, 0.5, 1.0])
     assert len(scene.trajectories) == 6
+
+
+def test_where_all_stamps_are_zero_the_bags_own_times_count(tmp_path, caplog):
+    store = Store(Stores.ROS1_NOETIC)
+    with rosbag1.Writer(tmp_path / "hall.bag") as writer:
+        one = writer.add_connection("/people", PEOPLE, typestore=store.types)
+        for time_s in (0.0, 0.5, 1.0):
+            message = store.people(PEOPLE, time_s)
+            message.header.stamp.sec = message.header.stamp.nanosec = 0
+            writer.write(one, int(1e9 * (100 + time_s)), store.types.serialize_ros1(message, PEOPLE))
+    scene = read_bag(tmp_path / "hall.bag")
+    np.testing.assert_allclose(np.unique(scene.trajectories.time_s), [100.0, 100.5, 101.0])
+    assert "all stamps are zero" in caplog.text

@@ -87,6 +87,16 @@ def test_no_jump_and_no_gap_spoils_a_forecast(folder, seed, jumps, gaps):
         np.testing.assert_array_equal(found.predictions.path[others], expected.predictions.path[others])
 
 
+def test_farther_than_the_earth_is_refused_and_nothing_changes(folder):
+    robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
+    for predictor in (robot, other):
+        predictor.update(0.0, [1, 2], [[0.0, 0.0], [3.0, 0.0]])
+    with pytest.raises(Exception, match=r"position\[1\]"):
+        robot.update(0.1, [1, 2], [[0.1, 0.0], [1e9, 0.0]])
+    a, b = (predictor.update(0.2, [1, 2], [[0.2, 0.0], [3.0, 0.0]]) for predictor in (robot, other))
+    np.testing.assert_array_equal(a.predictions.path, b.predictions.path)
+
+
 def test_people_who_run_keep_their_life():
     """Steps of a sprinter are no jumps, at any rate."""
     for interval_s in (1e-3, 0.1, 0.4, 1.0):

@@ -275,7 +275,8 @@ def test_only_the_named_forecaster_sees_the_future(predictor, method):
     assert same == (method != TRUTH)
 
 
-@pytest.mark.parametrize(("kind", "method"), [*((KINDS[0], name) for name in NAMES), (KINDS[1], "modes")])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("method", NAMES)
 def test_mirrored_worlds_give_mirrored_drives(predictor, kind, method):
     ground = blocked(np.s_[110:115, 70:90])
     mirror = replace(ground, occupied=ground.occupied[:, ::-1].copy())

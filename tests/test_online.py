@@ -169,6 +169,21 @@ def test_weights_in_half_precision_take_half_the_space_and_forecast_the_same(req
     assert 0.0 < np.linalg.norm(full.position - half.position, axis=-1).mean() < 0.01 * step_m
 
 
+@pytest.mark.parametrize("of", ["model", "mixture"])
+def test_whoever_jumps_far_away_changes_nobody_s_forecast(request, of, tmp_path):
+    """Not even by what is shared in a batch, such as a scale of rounding."""
+    shutil.copytree(request.getfixturevalue(of)[0], tmp_path / "half")
+    store_half(tmp_path / "half" / "network.onnx")
+    write_description(tmp_path / "half", OnlinePredictor.load(request.getfixturevalue(of)[0]).description, {})
+    robots = [OnlinePredictor.load(tmp_path / "half") for _ in range(2)]
+    for k in range(8):
+        near = [[0.3 * k, 0.0], [4.0 - 0.2 * k, 0.5]]
+        calm = robots[0].update(0.3 * k, [1, 2, 3], [*near, [40.0, 0.0]])
+        wild = robots[1].update(0.3 * k, [1, 2, 3], [*near, [40.0 + 9.0 * (k % 2), 5.0 * k]])
+        np.testing.assert_allclose(wild.position[:2], calm.position[:2], atol=1e-5)
+        np.testing.assert_allclose(wild.predictions.path[:2], calm.predictions.path[:2], atol=1e-5)
+
+
 @pytest.mark.parametrize("page", ["README.md", "docs/index.md", "docs/robot.md"])
 def test_the_example_on_a_page_runs(page, model, monkeypatch):
     """With an untrained network in place of the default one."""

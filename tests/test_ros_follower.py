@@ -404,3 +404,16 @@ def test_people_of_every_type_are_followed(kind, caplog):
     assert last["x"][0] > 2.5
     assert last["x"][1] < 4.0
     assert ("people have no ids that say who is who" in caplog.text) == unnamed
+
+
+def test_after_an_error_everything_goes_on():
+    follower, plain = follower_of(), follower_of()
+    answered(follower, people(1.0, anna=(0.0, 0.0)))
+    for wrong in (b"", b"\0\1\0\0\xff\xff\xff\xff", people(1e9, anna=(0.0, 0.0))[:20]):
+        with pytest.raises(Exception, match=r".*"):
+            answered(follower, wrong)
+    answered(plain, people(1.0, anna=(0.0, 0.0)))
+    last = people(1.3, anna=(0.3, 0.0))
+    np.testing.assert_array_equal(
+        rows_of(answered(follower, last)["predictions"]), rows_of(answered(plain, last)["predictions"])
+    )

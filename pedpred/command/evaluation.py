@@ -94,11 +94,11 @@ def _assessed(
     predictor = robot_for(scene, arguments.model, tracker)
     if arguments.transform is not None:  # the people of the scene were moved when it was read
         moved = Transform(*arguments.transform)
-        foreign = {name: windows.moved(moved) for name, windows in foreign.items()}
+        foreign = {name: forecasts.moved(moved) for name, forecasts in foreign.items()}
     if arguments.alone:
         apart = Apart.of(scene.trajectories)
         scene = replace(scene, trajectories=apart.moved(scene.trajectories))
-        foreign = {name: apart.moved(windows) for name, windows in foreign.items()}
+        foreign = {name: apart.moved(forecasts) for name, forecasts in foreign.items()}
         meaningless += ["collision_share", "mode_collision_share"]
     if arguments.protocol:
         assessed = assess_windows(scene, predictor, arguments.model is not None, settings, foreign)
@@ -108,9 +108,9 @@ def _assessed(
         assessed = assess(scene, predictor, settings, None, foreign, answered, metrics)
     return {
         method: replace(
-            windows, values={key: v for key, v in windows.values.items() if key not in meaningless}
+            measured, values={key: v for key, v in measured.values.items() if key not in meaningless}
         )
-        for method, windows in assessed.items()
+        for method, measured in assessed.items()
     }
 
 

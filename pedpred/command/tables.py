@@ -24,7 +24,7 @@ def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str,
         rows: method -> figure -> value.
         scores: of the same methods.
     """
-    some, methods = next(iter(rows.values())), next(iter(scores.values()))
+    some, measured = next(iter(rows.values())), next(iter(scores.values()))
     first, *others = SHOWN
     titles = [f"{METRICS[key].label} {METRICS[key].unit}" for key in SHOWN]
     cells: list[Sequence[str]] = [("method", titles[0], "95 % interval", *titles[1:])]
@@ -33,7 +33,7 @@ def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str,
         cells.append((method, _cell(first, row[first]), interval, *(_cell(k, row.get(k)) for k in others)))
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
-    moving = int(np.isfinite(methods.values["moving_ade_m"]).sum())
+    moving = int(np.isfinite(measured.values["moving_ade_m"]).sum())
     split = f"{moving} of people who move, {some['windows'] - moving} of people who stand"
     lost = some["eligible"] - some["windows"]
     without = f"; {lost} more without truth" if lost else ""

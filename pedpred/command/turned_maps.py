@@ -19,7 +19,7 @@ from pedpred.storage.maps import _field, _meaning, _number, picture_of
 from pedpred.storage.pixels import blocked_cells, blocked_greys
 
 _POSE = 3
-_ROUNDED = 1e-3
+_TWO_TURNS_RAD = 4.0 * math.pi
 _ORIGIN = "Write x, y and yaw in metres and radians: origin: [0.0, 0.0, 0.0]"
 
 
@@ -31,7 +31,7 @@ def yaw_of(path: Path, content: dict[str, Any]) -> float:
         content: of it.
 
     Raises:
-        StorageError: it is not finite, or more than a turn, as in degrees.
+        StorageError: it is not finite, or more than two turns, as in degrees.
     """
     origin = content.get("origin")
     if not isinstance(origin, list) or len(origin) != _POSE:
@@ -39,8 +39,8 @@ def yaw_of(path: Path, content: dict[str, Any]) -> float:
     yaw_rad = _number(path, "origin", origin[2])
     if not math.isfinite(yaw_rad):
         raise StorageError(path, "origin", f"yaw = {yaw_rad}, but it must be finite", _ORIGIN)
-    if abs(yaw_rad) > 2.0 * math.pi + _ROUNDED:
-        problem = f"yaw = {yaw_rad:g} rad is more than a turn: is it in degrees?"
+    if abs(yaw_rad) > _TWO_TURNS_RAD:
+        problem = f"yaw = {yaw_rad:g} rad is more than two turns: is it in degrees?"
         raise StorageError(path, "origin", problem, _ORIGIN)
     return yaw_rad
 

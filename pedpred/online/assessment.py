@@ -13,7 +13,6 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, score
 from pedpred.evaluation.scores import describe_scene, integrate_truth, join_scores
 from pedpred.evaluation.windows import ask_about_windows, count_without_truth
-from pedpred.features import FeatureTable
 from pedpred.features.perception import Perception, sensed
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.forecasting.chain import instant_blocks
@@ -23,7 +22,7 @@ from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.replay import predictions_at, replay_scene
 from pedpred.scenes import Forecast, Predictions, Scene
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.tracking.tracks import TIME_TOLERANCE_S, Tracks
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 NETWORK = "network"
 """Name of the exported network beside the other methods."""
@@ -67,7 +66,7 @@ def assess(
     request = ask_about_windows(scene, how, sizes, memory=False)
     without_truth = count_without_truth(request.table, sizes, scene.name)
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.
-    request = replace(request, tracker=None, table=_sharing(request.table, request.past))
+    request = replace(request, tracker=None)
     if answered is not None:
         request = replace(request, rows=request.rows[answered(request)])
     if not about.memory:
@@ -81,19 +80,6 @@ def assess(
         whole = replace(join_scores(scores.pop(name), row), without_truth=without_truth)
         joined[name] = replace(whole, track=next(iter(joined.values()), whole).track)
     return joined
-
-
-def _sharing(table: FeatureTable, tracks: Tracks) -> FeatureTable:
-    """A table at detections that shares with the tracks what both hold, which saves memory."""
-    held = [values for values in vars(tracks).values() if isinstance(values, np.ndarray)]
-    same: dict[str, np.ndarray] = {
-        name: next(
-            (values for values in held if np.array_equal(values, column) and values.dtype == column.dtype),
-            column,
-        )
-        for name, column in table.columns.items()
-    }
-    return FeatureTable(**same, inputs=table.inputs)
 
 
 def _measured(

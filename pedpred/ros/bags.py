@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import SourceError, ValueRuleError, brief
+from pedpred.errors import PedpredError, SourceError, ValueRuleError, brief
 from pedpred.files import translate_errors
 from pedpred.ros.bag_reader import BagReader
 from pedpred.ros.decoding import CDR, ROS1, Connection
@@ -97,10 +97,11 @@ def _read(
 ) -> tuple[Any, list[Instant]]:
     """The last map with the updates after it, None where there is none, and all messages of people.
 
-    Messages of people that cannot be decoded are left out with a warning, unless all are such.
+    Messages of people that cannot be decoded are left out with a warning, unless all are such; one that would
+    unpack to too much is refused.
     """
     latest, ground, instants = None, None, []
-    problems: list[Exception] = []
+    damaged, first = 0, None
     for connection, received_ns, raw in bag.messages(connections=connections):
         if connection.msgtype == _GRID:
             latest, ground = (raw, connection), None
@@ -109,19 +110,19 @@ def _read(
                 if not raw.strip(b"\0"):
                     raise ValueError("nothing but zeros")
                 message = bag.decode(raw, connection)
+            except PedpredError:
+                raise
             except Exception as cause:  # whatever rosbags raises on damaged bytes; told or raised below
-                problems.append(cause)
+                damaged, first = damaged + 1, first or cause
                 continue
             instants.append(Instant.of(message, connection.msgtype, received_ns / 1e9, classes))
         elif latest is not None:
             ground = updated_grid(ground or bag.decode(*latest), bag.decode(raw, connection))
-    if problems:
+    if first is not None:
         if not any(each.ids or each.others for each in instants):
-            raise problems[0]
-        count, first = len(problems) + len(instants), brief(str(problems[0]))
-        _log.warning(
-            "%s: left out: %d of %d messages, which are damaged (%s)", path, len(problems), count, first
-        )
+            raise first
+        text = "%s: left out: %d of %d messages, which are damaged (%s)"
+        _log.warning(text, path, damaged, damaged + len(instants), brief(str(first)))
     return ground or (latest and bag.decode(*latest)), instants
 
 
