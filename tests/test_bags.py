@@ -267,6 +267,22 @@ def test_what_is_compressed_inside_a_bag_is_unpacked_within_the_bound(kind, tmp_
         read_bag(path)
 
 
+def test_one_message_that_would_unpack_to_too_much_refuses_the_bag(tmp_path, monkeypatch):
+    """It is not damaged, and is not left out like one that is."""
+    write_compressed(*COMPRESSED["zstd"], tmp_path / "hall")
+    within, sizes = unpacking.check_unpacked, []
+
+    def checked(size):
+        monkeypatch.setattr(unpacking, "LARGEST_CHUNK_BYTES", 60 if len(sizes) == 1 else 2**27)
+        sizes.append(size)
+        within(size)
+
+    monkeypatch.setattr(unpacking, "check_unpacked", checked)
+    with pytest.raises(SourceError, match=r"hall.*at most 60 bytes"):
+        read_bag(tmp_path / "hall")
+    assert len(sizes) == 2
+
+
 def repacked(source, target, compression, **options):
     """Write the messages of a recording with another MCAP writer."""
     with source.open("rb") as old, target.open("wb") as new:

@@ -14,6 +14,7 @@ import numpy as np
 
 from pedpred.errors import SourceError
 from pedpred.scenes import Trajectories
+from pedpred.tables.placeholders import FASTEST_MPS
 from pedpred.tables.units import UNITS
 
 _log = logging.getLogger(__name__)
@@ -23,7 +24,7 @@ _LONG_PERCENT = 95
 """Of steps; longer ones may be gaps in tracks."""
 _FAR = 4.0
 """Of tracks that are too fast, steps must be shorter by this factor."""
-_JUMP_MPS, _FASTEST_MPS, _SLOWEST_MPS = 12.0, 6.0, 0.05
+_JUMP_MPS, _SLOWEST_MPS = 12.0, 0.05
 """Nobody runs as fast as the first. Walkers exceed a speed between the others in 1 % of the time."""
 _USUAL_MPS = 3.0
 """Where it lies at most in the unit that is meant."""
@@ -112,14 +113,14 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False, by_
     if not len(speed_mps):
         return
     usual_mps, jumps = float(np.percentile(speed_mps, 99)), int((speed_mps > _JUMP_MPS).sum())
-    if jumps and usual_mps <= _FASTEST_MPS:
+    if jumps and usual_mps <= FASTEST_MPS:
         cause = "are ids exchanged, or do false detections have the ids of people?"
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
     sure, doubt = sure or by_format, ""
     likely = next((unit for unit in _LIKELY if usual_mps * UNITS[unit] <= _USUAL_MPS), "mm")
     if by_format:
         doubt = f": are lengths {likely} in place of metres?"
-    if usual_mps > _FASTEST_MPS:
+    if usual_mps > FASTEST_MPS:
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
         if not sure:
             remedy = f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, "
@@ -186,7 +187,7 @@ def _are_exchanged(people: Trajectories) -> bool:
         return False
     if not _clearly_less(exchanged.long_step, as_titled.long_step):  # rows of people, as on parade
         return False
-    fast = as_titled.usual_step > _FASTEST_MPS * people.usual_interval_s()
+    fast = as_titled.usual_step > FASTEST_MPS * people.usual_interval_s()
     if fast and as_titled.usual_step > _FAR * exchanged.usual_step:
         return True
     return bool(_clearly_less(as_titled.seen, exchanged.seen))

@@ -8,9 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from pedpred.errors import SourceError
-from pedpred.tables.text import Row
+from pedpred.tables.text import AS_TIMES, Row
 
-REMEDY = "Write times as seconds, or as 2024-03-05 14:02:07.5"
 _DATE = re.compile(r"\d{4}[-/]\d{1,2}[-/]\d{1,2}$")
 _CLOCK = re.compile(r"(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)$")
 _STAMP = re.compile(
@@ -62,8 +61,8 @@ class Dates:
                 return repr(self._of_day(line, *clock.groups()))
         except ValueError as cause:
             problem = f"{self._title} = {text[:80]!r}, {cause}"
-            raise SourceError(self._path, line, problem, REMEDY) from cause
-        raise SourceError(self._path, line, f"{self._title} = {text[:80]!r} is no time", REMEDY)
+            raise SourceError(self._path, line, problem, AS_TIMES) from cause
+        raise SourceError(self._path, line, f"{self._title} = {text[:80]!r} is not a time", AS_TIMES)
 
     def _of_day(self, line: int, hours: str, minutes: str, seconds: str) -> float:
         if int(hours) >= _HOURS:

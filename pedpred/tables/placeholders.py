@@ -9,7 +9,7 @@ import numpy as np
 
 from pedpred.scenes import Trajectories
 
-_FASTEST_MPS = 6.0
+FASTEST_MPS = 6.0
 """Nobody walks faster."""
 _OFTEN = 3
 """A place other than (0, 0) stands for unknown ones if people jump to exactly there so often."""
@@ -70,7 +70,7 @@ def find_placeholders(
         return unknown_rows
     same = np.diff(track_id[order]) == 0
     way_m = np.linalg.norm(np.diff(position[order], axis=0), axis=1)
-    too_fast = way_m > _FASTEST_MPS * np.diff(time_s[order])
+    too_fast = way_m > FASTEST_MPS * np.diff(time_s[order])
     if not (too_fast & same).any() or 2 * (too_fast & same).sum() > same.sum():
         return unknown_rows
     place = (position if place is None else place)[order]

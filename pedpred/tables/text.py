@@ -21,6 +21,8 @@ Row = tuple[int, Sequence[str]]
 
 OWN_FILE = "Correct the line, or remove it"
 """What to do about a wrong line in a file of one's own."""
+AS_TIMES = "Write times as seconds, or as 2024-03-05 14:02:07.5"
+"""What to do about a time that is neither."""
 
 _FETCHED = "Correct the file or fetch it again"
 _WHOLE = ("id", "track_id", "frame", "group_id", "person_id")
@@ -68,7 +70,7 @@ def number(path: Path, line: int, column: str, field: str, remedy: str = _FETCHE
     try:
         value = float(field)
     except ValueError as cause:
-        what = "Write times as seconds, or as 2024-03-05 14:02:07.5" if ":" in field else remedy
+        what = AS_TIMES if ":" in field else remedy
         raise SourceError(path, line, f"{column} = {brief(field.strip())} is not a number", what) from cause
     if not math.isfinite(value):
         raise SourceError(path, line, f"{column} = {brief(field.strip())}, but it must be finite", remedy)
