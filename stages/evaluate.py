@@ -29,7 +29,7 @@ def main(cfg: DictConfig) -> None:
     memory = bool(network.network.state_shapes)
     grids = network.features if isinstance(network.features, LstmFeatures) else None
     one_thread = partial(torch.set_num_threads, 1)
-    evaluate(cfg, tested_sets(folds, where), models, network, memory, grids, one_thread)
+    evaluate(cfg, tested_sets(folds, where), models, network, memory=memory, shown=grids, prepare=one_thread)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ def main(cfg: DictConfig) -> None:
         method: MethodRow = parsed(MethodRow, plain(cfg.methods.baselines[name]))
         forecaster = baseline(name, method.settings)
     models, folds = Path("baselines", name), [fold for study in cfg.folds.values() for fold in study.values()]
-    evaluate(cfg, tested_sets(folds, method.where), models, forecaster)
+    evaluate(cfg, tested_sets(folds, method.where), models, forecaster, rollouts=True)
 
 
 if __name__ == "__main__":

@@ -45,6 +45,7 @@ def evaluate(
     sets: Iterable[str],
     models: Path,
     forecaster: Forecaster,
+    rollouts: bool = False,
     memory: bool = False,
     shown: LstmFeatures | None = None,
     prepare: Callable[[], object] | None = None,
@@ -56,6 +57,7 @@ def evaluate(
         sets: kind/name of each.
         models: folder of the method below data/forecasts and data/scores; its last part is the method's key.
         forecaster: of the method.
+        rollouts: the forecaster moves people by the place's model of walking.
         memory: the forecaster reads the steps of a clock.
         shown: grids that the forecaster reads, for pictures; None: it reads none.
         prepare: called first in each worker.
@@ -66,7 +68,7 @@ def evaluate(
         kind, key = at.split("/")
         source = cfg[one_of("kind", kind, SETS)][key]
         how, protocol = perception_of(cfg, source)
-        walking = social_force_settings(row(cfg, "social_forces", source.social_force))
+        walking = social_force_settings(row(cfg, "social_forces", source.social_force)) if rollouts else None
         trial = Trial(models.name, forecaster, how, protocol, walking, settings, memory, shown)
         tasks += [(f, trial, *(out / at for out in outs)) for f in scene_folders(Path("data/scenes", at))]
     in_parallel(partial(_evaluate_scene, prepare), tasks, f"evaluate {models.name}", "scene")

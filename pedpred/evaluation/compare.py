@@ -98,7 +98,7 @@ class Trial:
         forecaster: of the method.
         how: how people are perceived.
         protocol: time step, horizon, ages.
-        social_force: the model of walking there.
+        social_force: the model of walking there, for joint rollouts; None for methods without.
         settings: of the metrics.
         memory: the forecaster reads the steps of a clock, see `ask_about_windows`.
         shown: grids that the forecaster reads, for pictures; None: it reads none.
@@ -108,7 +108,7 @@ class Trial:
     forecaster: Forecaster
     how: Perception
     protocol: ForecastProtocol
-    social_force: SocialForceSettings
+    social_force: SocialForceSettings | None
     settings: MetricSettings
     memory: bool = False
     shown: LstmFeatures | None = None
