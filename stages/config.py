@@ -94,9 +94,9 @@ def _use(cfg: Params, key: str, use: SetUse) -> None:
 
 
 def _simulation(cfg: Params, name: str) -> None:
-    own = part(cfg, "simulations", name)
-    _names(f"simulations.{name}.drawn", SimulationSettings.parse(own).drawn, cfg["layouts"])
-    _use(cfg, f"simulations.{name}", parsed_together([SimulationSettings, SetUse], own)[1])
+    simulation = part(cfg, "simulations", name)
+    _names(f"simulations.{name}.drawn", SimulationSettings.parse(simulation).drawn, cfg["layouts"])
+    _use(cfg, f"simulations.{name}", parsed_together([SimulationSettings, SetUse], simulation)[1])
 
 
 def _place(cfg: Params, name: str) -> None:
@@ -158,12 +158,12 @@ def _situations(cfg: Params) -> None:
 
 
 def _training(cfg: Params) -> None:
-    own = part(cfg, "training")
+    training = part(cfg, "training")
     with configured("training"):
-        parsed(DeviceSettings, {name: value for name, value in own.items() if name not in PHASES})
+        parsed(DeviceSettings, {name: value for name, value in training.items() if name not in PHASES})
     for phase in PHASES:
         with configured(f"training.{phase}"):
-            settings, data = settings_of(phase, own[phase])
+            settings, data = settings_of(phase, training[phase])
         shares = getattr(settings, "shares", ())
         _names(f"training.{phase}.shares", shares, cfg["situations"]["simulated"])
         simulated = [f"simulated/{name}" for name in cfg["simulations"]]
@@ -212,17 +212,17 @@ def _report(cfg: Params) -> None:
 
 
 def _literature(cfg: Params) -> None:
-    given = part(cfg, "literature")
+    literature = part(cfg, "literature")
     with configured("literature"):
-        names = [*(own.name for own in fields(ComparisonSettings)), "worlds", "recorded"]
-        check_names(names, given, "", f"there are {', '.join(names)}")
+        names = [*(sets.name for sets in fields(ComparisonSettings)), "worlds", "recorded"]
+        check_names(names, literature, "", f"there are {', '.join(names)}")
     with configured("literature.reader"):
         parsed(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
     for key, fold in part(cfg, "literature", "folds").items():
         for name in ("test", "train"):
-            own = fold.get(name) if isinstance(fold, Mapping) else None
-            if not isinstance(own, list):
-                raise ConfigError(f"literature.folds.{key}.{name}", own, "it must be a list of names")
+            sets = fold.get(name) if isinstance(fold, Mapping) else None
+            if not isinstance(sets, list):
+                raise ConfigError(f"literature.folds.{key}.{name}", sets, "it must be a list of names")
     for phase in ("worlds", "recorded"):
         with configured(f"literature.{phase}"):
             known = cfg["situations"]["simulated"]

@@ -20,7 +20,7 @@ def main(cfg: DictConfig) -> None:
     """
     name, fold = stage_key(cfg), cfg.networks.removeprefix("folds/")
     where = next(rows[name].where for rows in cfg.methods.values() if name in rows)
-    folds = [own for study in cfg.folds.values() for own in study.values() if "train" not in own]
+    folds = [each for study in cfg.folds.values() for each in study.values() if "train" not in each]
     if fold != cfg.networks:
         folds = [cfg.folds.real[fold]]
     chain, models = metric_settings(cfg), Path(cfg.networks, name)

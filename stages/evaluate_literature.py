@@ -31,9 +31,9 @@ def evaluate_recording(
     choices = {"together": settings.together, "learning": False}  # nothing earlier than a window is known
     seeds = [measured(forecaster=forecaster(f, Path("models/autoencoder"), **choices)) for f in folders]
     scores[comparison.network] = mean_scores(seeds)
-    scores |= {f"{comparison.network}_{f.name}": own for f, own in zip(folders, seeds, strict=True)}
-    for method, own in scores.items():
-        write_scores(own, out / scene / method / f"{name}.parquet")
+    scores |= {f"{comparison.network}_{f.name}": result for f, result in zip(folders, seeds, strict=True)}
+    for method, result in scores.items():
+        write_scores(result, out / scene / method / f"{name}.parquet")
 
 
 @stage

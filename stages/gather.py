@@ -20,13 +20,13 @@ def scores_at(cfg: DictConfig, models: str, at: str) -> dict[str, dict[str, Scor
         models: folder of the networks that are tested there, below data/scores.
         at: the set, kind/name.
     """
-    found: dict[str, dict[str, Scores]] = {}
+    by_test: dict[str, dict[str, Scores]] = {}
     for group, rows in cfg.methods.items():
         for method in rows:
             folder = Path("data/scores", "baselines" if group == "baselines" else models, method, at)
             for path in sorted(folder.glob("*.parquet")):
-                found.setdefault(path.stem, {})[method] = read_scores(path)
-    return found
+                by_test.setdefault(path.stem, {})[method] = read_scores(path)
+    return by_test
 
 
 @stage
@@ -46,15 +46,15 @@ def main(cfg: DictConfig) -> None:
         models = f"folds/{name}" if "train" in fold else "main"
         for at in fold.test:
             key, scores = at.split("/")[1], scores_at(cfg, models, at)
-            if any(reference not in own for own in scores.values()):
+            if any(reference not in of_methods for of_methods in scores.values()):
                 raise ConfigError("comparison.reference", reference, f"it was not evaluated at {at}")
-            found = summarise_test_set(key, scores, reference, settings) if scores else {}
-            if twice := sorted(set(found) & set(gathered)):
+            summary = summarise_test_set(key, scores, reference, settings) if scores else {}
+            if twice := sorted(set(summary) & set(gathered)):
                 rule = "another fold tests it too; name it once"
                 raise ConfigError(f"folds.{study}.{name}.test", twice, rule)
-            gathered |= found
-            if found:
-                errors_m[key] = {method: own["ade_m"] for method, own in found[key].items()}
+            gathered |= summary
+            if summary:
+                errors_m[key] = {method: of_methods["ade_m"] for method, of_methods in summary[key].items()}
     write_json(out / "metrics" / f"{study}.json", gathered)
     write_json(out / "ade" / f"{study}.json", errors_m)
 

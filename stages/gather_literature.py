@@ -19,7 +19,7 @@ def figures_of(
     comparison: ComparisonSettings, name: str, fold: LiteratureFold, settings: Resampling
 ) -> dict[str, Any]:
     """Figures at the scenes of a fold, whose recordings are pooled: scene -> method -> figures."""
-    found: dict[str, Any] = {}
+    figures: dict[str, Any] = {}
     for scene in fold.test:
         top, recordings = Path("data/literature", name, scene), comparison.scenes[scene]
         pools = {
@@ -32,9 +32,9 @@ def figures_of(
             continue
         seeds = [f"{comparison.network}_{seed}" for seed in comparison.seeds]
         spread = [float(pools.pop(seed).values["ade_m"].mean()) for seed in seeds]
-        found[scene] = summarise_methods(pools, STRONGEST, settings)
-        found[scene][comparison.network]["ade_m_of_seeds"] = spread
-    return found
+        figures[scene] = summarise_methods(pools, STRONGEST, settings)
+        figures[scene][comparison.network]["ade_m_of_seeds"] = spread
+    return figures
 
 
 @stage
@@ -50,7 +50,9 @@ def main(cfg: DictConfig) -> None:
         for scene, figures in figures_of(comparison, name, fold, settings).items():
             gathered[scene if (scene,) == fold.test == (name,) else f"{scene}_{name}"] = figures
     write_json(out / "metrics/literature.json", gathered)
-    errors_m = {key: {method: own["ade_m"] for method, own in rows.items()} for key, rows in gathered.items()}
+    errors_m = {
+        key: {method: summary["ade_m"] for method, summary in rows.items()} for key, rows in gathered.items()
+    }
     write_json(out / "ade/literature.json", errors_m)
 
 

@@ -11,7 +11,9 @@ from pedpred.literature.settings import ComparisonSettings
 
 def comparison_of(cfg: Mapping[str, Any]) -> ComparisonSettings:
     """Read what is compared; other keys of `literature` say how networks are trained."""
-    given, names = part(cfg, "literature"), [own.name for own in fields(ComparisonSettings)]
+    values, names = part(cfg, "literature"), [field.name for field in fields(ComparisonSettings)]
     with configured("literature"):
-        settings: ComparisonSettings = parsed(ComparisonSettings, {k: given[k] for k in names if k in given})
+        settings: ComparisonSettings = parsed(
+            ComparisonSettings, {k: values[k] for k in names if k in values}
+        )
     return settings

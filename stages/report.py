@@ -50,14 +50,14 @@ def replays_of(
 ) -> list[Replay]:
     """Choose what the page replays: scenes that were tested."""
     named = [(evaluated[s], name) for s, names in rows.replays.items() if s in evaluated for name in names]
-    tested = [(own.scene(name), own.windows[name]) for own, name in named if name in own.windows]
+    tested = [(study.scene(name), study.windows[name]) for study, name in named if name in study.windows]
     return [replay(*one, shown, methods) for one in tested]
 
 
 def drives_of() -> Section:
     """Read what is known of drives; a section without blocks where nobody drove."""
     known, drives = metrics_now(Path("reports/metrics/driving")), Path("data/drives")
-    driven = [name for name, own in known.items() if own and (drives / name).exists()]
+    driven = [name for name, figures in known.items() if figures and (drives / name).exists()]
     return drives_section({name: (known[name], read_shown(drives / name)) for name in driven})
 
 
@@ -72,9 +72,9 @@ def main(cfg: DictConfig) -> None:
     studies = {name: plain(folds) for name, folds in cfg.folds.items()}
     evaluated = {study: gather(study, folds) for study, folds in studies.items()}
     pages = {study: evaluated[study] for study in PAGES if study in evaluated}
-    galleries = {study: draw_gallery(own, methods) for study, own in pages.items()}
-    for study, own in pages.items():
-        write_study(own, study_page(own, galleries[study], methods, paper), methods, out)
+    galleries = {study: draw_gallery(results, methods) for study, results in pages.items()}
+    for study, results in pages.items():
+        write_study(results, study_page(results, galleries[study], methods, paper), methods, out)
     places = places_section(list(evaluated.values()), methods)
     write_pictures(list(places.pictures), out / "places")
     texts = [(out / f"{study}.md").read_text() for study in pages]
@@ -98,7 +98,7 @@ def main(cfg: DictConfig) -> None:
         places.blocks,
         [drives] if drives.blocks else [],
     )
-    if any(own.results for own in pages.values()):
+    if any(contents.results for contents in pages.values()):
         write_text(out / "index.html", render_page(contents))
 
 

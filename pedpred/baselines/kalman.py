@@ -18,8 +18,8 @@ def kalman_velocity() -> Forecaster:
         paths = tracked_paths(request.asked, request.ahead_s)
         covariance = None
         if request.tracker is not None:
-            own = kalman_covariance(request.tracker, request.detection_interval_s, request.ahead_s)
-            covariance = np.tile(own, (len(paths), 1, 1, 1))
+            one_path = kalman_covariance(request.tracker, request.detection_interval_s, request.ahead_s)
+            covariance = np.tile(one_path, (len(paths), 1, 1, 1))
         return Predictions.single(paths, request.sizes.dt_s, covariance)
 
     return forecast

@@ -150,8 +150,8 @@ def _latest_rows(
         if first == last:
             raise ValueRuleError("track_id", int(asked), "the recording has no such track")
         mask = track_id == asked
-        found = np.searchsorted(times_s[first:last], time_s[mask] + SAME_TIME_S, side="right") - 1
-        rows[mask] = first + np.maximum(found, 0)
+        latest = np.searchsorted(times_s[first:last], time_s[mask] + SAME_TIME_S, side="right") - 1
+        rows[mask] = first + np.maximum(latest, 0)
     return rows
 
 

@@ -55,9 +55,9 @@ def compare(
     noncausal = request.sizes.noncausal
     scores = {
         method: replace(
-            score(own, truth, windows.track_id, scene), without_truth=without_truth, noncausal=noncausal
+            score(forecasts, truth, windows.track_id, scene), without_truth=without_truth, noncausal=noncausal
         )
-        for method, own in predictions.items()
+        for method, forecasts in predictions.items()
     }
     collected = EvaluationWindows(
         windows.track_id,

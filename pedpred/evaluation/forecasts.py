@@ -66,9 +66,11 @@ class EvaluationWindows:
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray) and len(value) != len(self):
                 raise ShapeError(field.name, value.shape, f"[{len(self)}, ...]")
-        for method, own in self.predictions.items():
-            if own.point.shape != self.truth.shape:
-                raise ShapeError(f"predictions[{method!r}].point", own.point.shape, str(self.truth.shape))
+        for method, forecasts in self.predictions.items():
+            if forecasts.point.shape != self.truth.shape:
+                raise ShapeError(
+                    f"predictions[{method!r}].point", forecasts.point.shape, str(self.truth.shape)
+                )
 
     def __len__(self) -> int:
         return len(self.track_id)
@@ -97,18 +99,18 @@ def write_windows(windows: EvaluationWindows, path: Path) -> None:
     """Write windows as Parquet; predicted and true positions become float32, sizes file metadata."""
     columns = {
         **split_pairs({name: getattr(windows, name) for name in _PLAIN}),
-        **{name: own for name, field in _GRIDS.items() if (own := getattr(windows, field)).shape[1]},
+        **{name: grid for name, field in _GRIDS.items() if (grid := getattr(windows, field)).shape[1]},
         "truth": windows.truth.astype(np.float32),
     }
     modes = {}
-    for method, own in windows.predictions.items():
-        columns[_POINT + method] = own.point.astype(np.float32)
-        if own.modes > 1:
-            modes[method] = own.modes
-            columns[_MODES + method] = own.path.astype(np.float32)
-            columns[_WEIGHT + method] = own.weight.astype(np.float32)
-        if own.covariance is not None:
-            columns[_COVARIANCE + method] = own.covariance.astype(np.float32)
+    for method, forecasts in windows.predictions.items():
+        columns[_POINT + method] = forecasts.point.astype(np.float32)
+        if forecasts.modes > 1:
+            modes[method] = forecasts.modes
+            columns[_MODES + method] = forecasts.path.astype(np.float32)
+            columns[_WEIGHT + method] = forecasts.weight.astype(np.float32)
+        if forecasts.covariance is not None:
+            columns[_COVARIANCE + method] = forecasts.covariance.astype(np.float32)
     write_columns(columns, path, {name: getattr(windows, name) for name in SIZES} | {"modes": modes})
 
 
@@ -163,7 +165,7 @@ def read_forecasts(
         for group in ("baselines", networks):
             for path in sorted((root / "data/forecasts" / group / method / at).glob(f"{scene}.parquet")):
                 parts.setdefault(path.stem, []).append(read_windows(path))
-    return {name: join_windows(own) for name, own in parts.items()}
+    return {name: join_windows(windows) for name, windows in parts.items()}
 
 
 def join_windows(parts: Sequence[EvaluationWindows]) -> EvaluationWindows:
@@ -181,7 +183,7 @@ def join_windows(parts: Sequence[EvaluationWindows]) -> EvaluationWindows:
                 raise ValueRuleError(
                     name, list(part.predictions), "all methods must forecast the same windows"
                 )
-    predictions = {method: own for part in parts for method, own in part.predictions.items()}
+    predictions = {method: forecasts for part in parts for method, forecasts in part.predictions.items()}
     return replace(max(parts, key=lambda part: part.packed_grid.shape[1]), predictions=predictions)
 
 
@@ -198,14 +200,14 @@ def _prediction_shapes(
 
 
 def _predictions(method: str, columns: dict[str, np.ndarray], dt_s: float) -> Predictions:
-    own = {
+    arrays = {
         prefix: columns[prefix + method].astype(np.float64)
         for prefix in (_POINT, _MODES, _WEIGHT, _COVARIANCE)
         if prefix + method in columns
     }
-    point, covariance = own[_POINT], own.get(_COVARIANCE)
-    if _MODES in own:
-        return Predictions(point, own[_MODES], own[_WEIGHT], dt_s, covariance)
+    point, covariance = arrays[_POINT], arrays.get(_COVARIANCE)
+    if _MODES in arrays:
+        return Predictions(point, arrays[_MODES], arrays[_WEIGHT], dt_s, covariance)
     return Predictions.single(point, dt_s, None if covariance is None else covariance[:, 0])
 
 

@@ -168,9 +168,9 @@ def pool_scores(scores: Sequence[Scores]) -> Scores:
     """Pool several scenes; tracks of different scenes stay different."""
     track, offset = [], 0
     for part in scores:
-        _, own = np.unique(part.track, return_inverse=True)
-        track.append(own + offset)
-        offset += own.max(initial=-1) + 1
+        _, number = np.unique(part.track, return_inverse=True)
+        track.append(number + offset)
+        offset += number.max(initial=-1) + 1
     values = {key: np.concatenate([part.values[key] for part in scores]) for key in scores[0].values}
     per_step = {name: np.concatenate([getattr(part, name) for part in scores]) for name in _PER_STEP}
     without_truth = sum(part.without_truth for part in scores)

@@ -78,7 +78,7 @@ def summarise_test_set(
     methods = next(iter(scores.values()))
     pools = {test: {m: pool_scores([s[m] for s in scores.values()]) for m in methods}}
     if len(scores) > 1:
-        pools |= {f"{test}_{name}": dict(own) for name, own in scores.items()}
+        pools |= {f"{test}_{name}": dict(of_methods) for name, of_methods in scores.items()}
     return {entry: summarise_methods(pool, reference, settings) for entry, pool in pools.items()}
 
 
@@ -92,14 +92,14 @@ def summarise_methods(pool: Mapping[str, Scores], reference: str, settings: Resa
     """
     rng = np.random.default_rng(settings.seed)
     resampling = TrackBootstrap.draw(pool[reference].track, settings.bootstrap, rng)
-    return {method: _summary(own, pool[reference], resampling) for method, own in pool.items()}
+    return {method: _summary(scores, pool[reference], resampling) for method, scores in pool.items()}
 
 
 def _summary(scores: Scores, reference: Scores, resampling: TrackBootstrap) -> dict[str, Any]:
     """Summarise one method; a metric that applies to no window is left out, differences are paired."""
     values: dict[str, Any] = {"noncausal": True} if scores.noncausal else {}
-    for key, own in scores.values.items():
-        for name, each in ((key, own), (f"{key}_minus_reference", own - reference.values[key])):
+    for key, measured in scores.values.items():
+        for name, each in ((key, measured), (f"{key}_minus_reference", measured - reference.values[key])):
             valid = ~np.isnan(each)
             if valid.any():
                 values |= {name: each[valid].mean(), f"{name}_ci95": resampling.interval(each)}
@@ -113,7 +113,7 @@ def _per_step(scores: Scores) -> dict[str, Any]:
     """Errors at each step, and the calibration of a method that gives covariances."""
     quartiles = np.percentile(scores.error_m, [25, 50, 75], axis=0)
     values = {"per_step_m": scores.error_m.mean(axis=0)}
-    values |= {f"per_step_q{q}_m": own for q, own in zip((25, 50, 75), quartiles, strict=True)}
+    values |= {f"per_step_q{q}_m": quartile for q, quartile in zip((25, 50, 75), quartiles, strict=True)}
     if scores.nll.shape[1]:
         values["per_step_nll"] = scores.nll.mean(axis=0)
     if scores.inside.shape[1]:

@@ -124,9 +124,11 @@ def _chosen(
     tracks = request.past
     kept = tracks.kept()
     for at, end in blocks:
-        own, now_s = row[at:end], time_s[at:end]
-        here = tracks.position_at(own, now_s)
-        alone = infer(own, request.inputs(features, own, now_s)).in_world(here, tracks.heading_rad[own])
+        instant, now_s = row[at:end], time_s[at:end]
+        here = tracks.position_at(instant, now_s)
+        alone = infer(instant, request.inputs(features, instant, now_s)).in_world(
+            here, tracks.heading_rad[instant]
+        )
         chosen = choose_modes(alone, here, now_s) if chain.together else alone
-        seen = (tracks.time_s[own] > now_s - TIME_TOLERANCE_S) & kept[own]
-        yield chosen, tracks.life[own], now_s, tracks.detection[own], seen
+        seen = (tracks.time_s[instant] > now_s - TIME_TOLERANCE_S) & kept[instant]
+        yield chosen, tracks.life[instant], now_s, tracks.detection[instant], seen

@@ -119,20 +119,20 @@ def compare_with_detections(
     Returns:
         What they teach, and the numbers of the forecasts of people of whom it is not known where they were.
     """
-    count = np.array([len(own.forecast) for own in due])
+    count = np.array([len(past.forecast) for past in due])
     step, due_s, until_s = (
         np.repeat(values, count)
-        for values in zip(*((own.step, own.due_s, own.until_s) for own in due), strict=True)
+        for values in zip(*((past.step, past.due_s, past.until_s) for past in due), strict=True)
     )
     forecast, person, group = (
         np.concatenate(values)
-        for values in zip(*((own.forecast, own.person, own.group) for own in due), strict=True)
+        for values in zip(*((past.forecast, past.person, past.group) for past in due), strict=True)
     )
     truth, noise = known.at(person, due_s - NEAR_S)
     missed, variance, ends = np.empty(len(step), np.int64), noise * noise_m**2, np.cumsum(count)
-    for own, begin, end in zip(due, ends - count, ends, strict=True):
-        since = _LATE * np.ascontiguousarray((learned[:, :, own.step] - own.learned)[:, own.group])
-        there = own.path, own.covariance, own.weight, truth[begin:end], variance[begin:end], since
+    for past, begin, end in zip(due, ends - count, ends, strict=True):
+        since = _LATE * np.ascontiguousarray((learned[:, :, past.step] - past.learned)[:, past.group])
+        there = past.path, past.covariance, past.weight, truth[begin:end], variance[begin:end], since
         _count(missed[begin:end], *there, _SHARES, COARSE)
     seen = missed >= 0
     cell = group * learned.shape[2] + step
@@ -155,11 +155,11 @@ def _count(missed, path, covariance, weight, truth, variance, since, shares, poi
         if np.isnan(x + y):
             continue
         for mode in range(len(modes)):
-            own, mean, sigma = weight[row, mode], path[row, mode], covariance[row, mode]
-            wide = math.exp(2.0 * (since[0, row] + since[1, row] * (2.0 * before + own - 1.0)))
+            share, mean, sigma = weight[row, mode], path[row, mode], covariance[row, mode]
+            wide = math.exp(2.0 * (since[0, row] + since[1, row] * (2.0 * before + share - 1.0)))
             xx, xy, yy = wide * sigma[0, 0] + noise, wide * sigma[1, 0], wide * sigma[1, 1] + noise
-            describe(modes[mode], mean[0] - x, mean[1] - y, xx, xy, yy, own)
-            before += own
+            describe(modes[mode], mean[0] - x, mean[1] - y, xx, xy, yy, share)
+            before += share
         missed[row] = (share_reached(modes, points, shares) > shares).sum()
 
 

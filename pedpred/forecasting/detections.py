@@ -56,31 +56,31 @@ class Detections:
 @compiled
 def _at(begin, end, known_s, position, time_s):  # pragma: no cover (compiled)
     """See `Detections.at`; rows [begin, end) are the detections of each person. [Q]."""
-    found, noise = np.empty((len(time_s), 2)), np.empty(len(time_s))
+    positions, noise = np.empty((len(time_s), 2)), np.empty(len(time_s))
     for q in range(len(time_s)):
-        found[q, 0], found[q, 1], noise[q] = np.nan, np.nan, 1.0
-        own_s, own, now_s = known_s[begin[q] : end[q]], position[begin[q] : end[q]], time_s[q]
-        after = _below(own_s, now_s - TIME_TOLERANCE_S)
-        if after == len(own_s):
+        positions[q, 0], positions[q, 1], noise[q] = np.nan, np.nan, 1.0
+        near_s, near, now_s = known_s[begin[q] : end[q]], position[begin[q] : end[q]], time_s[q]
+        after = _below(near_s, now_s - TIME_TOLERANCE_S)
+        if after == len(near_s):
             continue
         before, part = after, 0.0
-        if own_s[after] > now_s + TIME_TOLERANCE_S:
-            before, gap_s = after - 1, own_s[after] - own_s[after - 1]
+        if near_s[after] > now_s + TIME_TOLERANCE_S:
+            before, gap_s = after - 1, near_s[after] - near_s[after - 1]
             if before < 0 or gap_s > GAP_S + TIME_TOLERANCE_S:
                 continue
-            part = (now_s - own_s[before]) / gap_s
-        first = _below(own_s, now_s - NEAR_S - TIME_TOLERANCE_S)
+            part = (now_s - near_s[before]) / gap_s
+        first = _below(near_s, now_s - NEAR_S - TIME_TOLERANCE_S)
         last = first
-        while last < len(own_s) and own_s[last] <= now_s + NEAR_S + TIME_TOLERANCE_S:
+        while last < len(near_s) and near_s[last] <= now_s + NEAR_S + TIME_TOLERANCE_S:
             last += 1
         noise[q] = (1.0 - part) ** 2 + part**2
         for axis in range(2):
-            found[q, axis] = own[before, axis] + part * (own[after, axis] - own[before, axis])
+            positions[q, axis] = near[before, axis] + part * (near[after, axis] - near[before, axis])
         if last - first >= _MANY:
-            x, y, variance = _on_line(own_s[first:last], now_s, own[first:last])
+            x, y, variance = _on_line(near_s[first:last], now_s, near[first:last])
             if variance < noise[q]:
-                found[q, 0], found[q, 1], noise[q] = x, y, variance
-    return found, noise
+                positions[q, 0], positions[q, 1], noise[q] = x, y, variance
+    return positions, noise
 
 
 @compiled

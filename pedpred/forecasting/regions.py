@@ -91,7 +91,7 @@ class Regions:
         person: np.ndarray,
         detection: np.ndarray,
         seen: np.ndarray,
-        given: Predictions,
+        forecasts: Predictions,
     ) -> tuple[Regions, Predictions]:
         """Take the detections of an instant and the forecasts from it.
 
@@ -101,21 +101,21 @@ class Regions:
                 id. [N]
             detection: the last one of each, world frame, m. [N, 2]
             seen: who of them is detected at this instant, and not in a burst. [N] bool
-            given: their forecasts, world frame.
+            forecasts: their forecasts, world frame.
 
         Returns:
             Everything afterwards, and the forecasts with other covariances.
         """
-        if given.covariance is None:
-            return self, given
+        if forecasts.covariance is None:
+            return self, forecasts
         parts = self.detections
         if seen.any():
             parts += (Detections(np.full(int(seen.sum()), time_s), person[seen], detection[seen]),)
         if time_s < self.looked_s + _EVERY_S - TIME_TOLERANCE_S:
-            return replace(self, detections=parts), self.scaled(given)
+            return replace(self, detections=parts), self.scaled(forecasts)
         known = Detections.join(parts)
         here = self._compared(time_s, known)
-        scaled = here.scaled(given)
+        scaled = here.scaled(forecasts)
         first, end = (np.searchsorted(known.person, person, side) for side in ("left", "right"))
         rows = np.flatnonzero(seen & (end - first >= _KNOWN))
         here = here._keeping(time_s, person[rows], rows, scaled)
@@ -126,20 +126,24 @@ class Regions:
         if not self.learned.any():
             return predictions
         each, group = np.arange(predictions.steps), groups_of(predictions)
-        wider, tails = np.array([[np.interp(each, self.steps, own) for own in both] for both in self.learned])
+        wider, tails = np.array(
+            [[np.interp(each, self.steps, parameter) for parameter in both] for both in self.learned]
+        )
         return widen_covariances(predictions, wider[group], tails[group])
 
-    def _keeping(self, time_s: float, person: np.ndarray, rows: np.ndarray, given: Predictions) -> Regions:
+    def _keeping(
+        self, time_s: float, person: np.ndarray, rows: np.ndarray, forecasts: Predictions
+    ) -> Regions:
         """With the forecasts of some people waiting for their time."""
         if not len(person):
             return self
-        assert given.covariance is not None
-        forecast, group = self.made + np.arange(len(person)), groups_of(given)[rows]
-        due_s = (time_s + given.dt_s * (self.steps + 1) + NEAR_S).tolist()
-        weight = given.weight[rows].astype(np.float64)
+        assert forecasts.covariance is not None
+        forecast, group = self.made + np.arange(len(person)), groups_of(forecasts)[rows]
+        due_s = (time_s + forecasts.dt_s * (self.steps + 1) + NEAR_S).tolist()
+        weight = forecasts.weight[rows].astype(np.float64)
         path, covariance = (  # [A, N, K, ...]
             values[rows, :, self.steps[:, None]].astype(np.float64)
-            for values in (given.path, given.covariance)
+            for values in (forecasts.path, forecasts.covariance)
         )
         new = [
             Waiting(
@@ -153,7 +157,7 @@ class Regions:
     def _compared(self, time_s: float, known: Detections) -> Regions:
         """After the comparison of the forecasts whose time has come with the detections."""
         now_s = time_s + TIME_TOLERANCE_S
-        due = [own for own in self.waiting if own.due_s <= now_s]
+        due = [past for past in self.waiting if past.due_s <= now_s]
         if not due:
             return self
         span_s = min(time_s - self.looked_s, _LONG_S)
@@ -166,7 +170,7 @@ class Regions:
         return replace(
             self,
             learned=np.clip(self.learned + moved, *_LIMITS),
-            waiting=tuple(own for own in self.waiting if own.due_s > now_s),
+            waiting=tuple(past for past in self.waiting if past.due_s > now_s),
             taught=taught.select(taught.until_s > now_s),
         )
 
@@ -188,14 +192,14 @@ def learn_regions(
     regions, before_s = None, np.inf
     for predictions, person, time_s, detection, seen in parts:
         regions = regions or Regions.unlearned(predictions.steps, noise_m)
-        found = [predictions.select(np.zeros(0, np.int64))]
+        widened = [predictions.select(np.zeros(0, np.int64))]
         later = np.flatnonzero(np.diff(time_s) > TIME_TOLERANCE_S) + 1
         for begin, end in pairwise([0, *later.tolist(), len(predictions)]):
             now = np.arange(begin, end)
-            own, now_s = predictions.select(now), float(time_s[begin])
+            current, now_s = predictions.select(now), float(time_s[begin])
             if now_s - before_s > lost_after_s + TIME_TOLERANCE_S:
                 regions = regions.without_people()
-            regions, scaled = regions.after(now_s, person[now], detection[now], seen[now], own)
-            found.append(scaled)
+            regions, scaled = regions.after(now_s, person[now], detection[now], seen[now], current)
+            widened.append(scaled)
             before_s = time_s[end - 1]
-        yield Predictions.join(found)
+        yield Predictions.join(widened)

@@ -117,15 +117,15 @@ def _choose(rows, first, second, closeness, alone, weight, order):  # pragma: no
             load[at] += _DAMPING * (one[at] + other[at] - load[at])
             one[at] = other[at] = 0.0
     for i in range(people):
-        own, chosen, best = weight[rows[i]], 0, -np.inf
+        shares, chosen, best = weight[rows[i]], 0, -np.inf
         for k in range(modes):
             value = np.rint((alone[i, k] - _YIELD * load[i * modes + k]) * 10.0**_DIGITS)
             if value > best:  # of equal modes the first one
                 chosen, best = k, value
-        total, above, least = 0.0, 0, own[chosen]
-        while above < modes and own[above] >= least:
-            total, above = total + own[above], above + 1
-        own[:above] = max(total / above, least)
+        total, above, least = 0.0, 0, shares[chosen]
+        while above < modes and shares[above] >= least:
+            total, above = total + shares[above], above + 1
+        shares[:above] = max(total / above, least)
         order[rows[i], 0] = chosen
         for k in range(chosen):
             order[rows[i], k + 1] = k
@@ -146,10 +146,10 @@ def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.n
     count = _ROOM * people * modes
     while True:
         pair, closeness = np.empty((2, count), np.int64), np.empty(count)
-        found = _meetings(path, low, high, position, least, pair, closeness)
-        if found <= count:
-            return pair[0, :found], pair[1, :found], closeness[:found]
-        count = found
+        total = _meetings(path, low, high, position, least, pair, closeness)
+        if total <= count:
+            return pair[0, :total], pair[1, :total], closeness[:total]
+        count = total
 
 
 @compiled
@@ -168,7 +168,7 @@ def _meetings(path, low, high, position, least, pair, closeness):  # pragma: no 
         closeness: of both. [C]
     """
     people, modes, steps = path.shape[:3]
-    found = 0
+    total = 0
     for i in range(people):
         for j in range(i + 1, people):
             dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
@@ -193,11 +193,11 @@ def _meetings(path, low, high, position, least, pair, closeness):  # pragma: no 
             for k in range(modes if near else 0):
                 for m in range(modes):
                     if least[k, m] < NEAR_M * NEAR_M:
-                        if found < len(closeness):
-                            pair[0, found], pair[1, found] = i * modes + k, j * modes + m
-                            closeness[found] = regard * (1.0 - math.sqrt(least[k, m]) / NEAR_M)
-                        found += 1
-    return found
+                        if total < len(closeness):
+                            pair[0, total], pair[1, total] = i * modes + k, j * modes + m
+                            closeness[total] = regard * (1.0 - math.sqrt(least[k, m]) / NEAR_M)
+                        total += 1
+    return total
 
 
 @compiled

@@ -45,8 +45,8 @@ def predictions_of(tensors: Mapping[str, np.ndarray], dt_s: float) -> Prediction
     point = np.cumsum(exact["velocities"] * dt_s, axis=1)
     covariance = exact.get("covariance")
     if "path" not in exact:
-        own = None if covariance is None else covariance[:, 0]
-        return Predictions.single(point, dt_s, own, "agent")
+        of_mode = None if covariance is None else covariance[:, 0]
+        return Predictions.single(point, dt_s, of_mode, "agent")
     weight = np.maximum(np.round(exact["weight"] / exact["weight"].sum(axis=1, keepdims=True), 4), _LEAST)
     order = np.argsort(-weight, axis=1, kind="stable")
     rows = np.arange(len(point))[:, None]

@@ -127,29 +127,29 @@ def share_inside(predictions: Predictions, truth: np.ndarray, points: Points = F
 def _share_inside(centre, covariance, weight, points):  # pragma: no cover (compiled)
     """Of modes [W, K, P, 2] around the truth. [W, P]."""
     rows, modes, steps = centre.shape[:3]
-    found, limits, there = np.zeros((rows, steps)), np.zeros(0), np.empty((modes, 9))
+    share, limits, there = np.zeros((rows, steps)), np.zeros(0), np.empty((modes, 9))
     for row in range(rows):
         for step in range(steps):
             for mode in range(modes):
                 (x, y), sigma = centre[row, mode, step], covariance[row, mode, step]
                 describe(there[mode], x, y, sigma[0, 0], sigma[1, 0], sigma[1, 1], weight[row, mode])
-            found[row, step] = share_reached(there, points, limits)
-    return found
+            share[row, step] = share_reached(there, points, limits)
+    return share
 
 
 @compiled
-def describe(own, x, y, xx, xy, yy, weight):  # pragma: no cover (compiled)
+def describe(row, x, y, xx, xy, yy, weight):  # pragma: no cover (compiled)
     """Fill a row for `share_reached`: a mode's mean, seen from the truth; its covariance; its weight.
 
     The row is the mean, L of Sigma = L L^T, the density at the mean (without 2 pi), the inverse diagonal
     of L, and the weight.
     """
-    own[0], own[1] = x, y
-    own[2] = math.sqrt(xx)
-    own[3] = xy / own[2]
-    own[4] = math.sqrt(yy - own[3] * own[3])
-    own[5] = weight / (own[2] * own[4])
-    own[6], own[7], own[8] = 1.0 / own[2], 1.0 / own[4], weight
+    row[0], row[1] = x, y
+    row[2] = math.sqrt(xx)
+    row[3] = xy / row[2]
+    row[4] = math.sqrt(yy - row[3] * row[3])
+    row[5] = weight / (row[2] * row[4])
+    row[6], row[7], row[8] = 1.0 / row[2], 1.0 / row[4], weight
 
 
 @compiled
@@ -161,27 +161,27 @@ def share_reached(modes, points, limits):  # pragma: no cover (compiled)
         left += modes[mode, 5]
     if len(modes) == 1:
         return 1.0 - here / left
-    found, rest = 0.0, modes[:, 8].sum()
+    reached, rest = 0.0, modes[:, 8].sum()
     for mode in range(len(modes)):
-        own, inside = modes[mode], 0.0
+        component, inside = modes[mode], 0.0
         for k in range(len(points.offset)):
-            x = own[0] + own[2] * points.offset[k, 0]
-            y = own[1] + own[3] * points.offset[k, 0] + own[4] * points.offset[k, 1]
-            at_point = own[5] * points.density[k]
-            if at_point > here or _denser(x, y, modes, mode, at_point, left - own[5], here):
+            x = component[0] + component[2] * points.offset[k, 0]
+            y = component[1] + component[3] * points.offset[k, 0] + component[4] * points.offset[k, 1]
+            at_point = component[5] * points.density[k]
+            if at_point > here or _denser(x, y, modes, mode, at_point, left - component[5], here):
                 inside += points.mass[k]
-        found += own[8] * inside
-        rest -= own[8]
-        if len(limits) and not ((limits >= found) & (limits < found + rest)).any():
+        reached += component[8] * inside
+        rest -= component[8]
+        if len(limits) and not ((limits >= reached) & (limits < reached + rest)).any():
             break
-    return found
+    return reached
 
 
 @compiled
-def _denser(x, y, modes_there, own, density, left, here):  # pragma: no cover (compiled)
+def _denser(x, y, modes_there, excluded, density, left, here):  # pragma: no cover (compiled)
     """Whether `density` and that of the others exceed `here`; stops once the rest cannot change it."""
     for mode in range(len(modes_there)):
-        if mode == own:
+        if mode == excluded:
             continue
         if density + left <= here:
             return False
@@ -193,12 +193,12 @@ def _denser(x, y, modes_there, own, density, left, here):  # pragma: no cover (c
 
 
 @compiled
-def _density(x, y, own):  # pragma: no cover (compiled)
+def _density(x, y, component):  # pragma: no cover (compiled)
     """Density of a mode at a point, up to the factor 2 pi."""
-    u = (x - own[0]) * own[6]
-    v = (y - own[1] - own[3] * u) * own[7]
+    u = (x - component[0]) * component[6]
+    v = (y - component[1] - component[3] * u) * component[7]
     away = 0.5 * (u * u + v * v)
-    return own[5] * math.exp(-away) if away < 40.0 else 0.0  # below rounding
+    return component[5] * math.exp(-away) if away < 40.0 else 0.0  # below rounding
 
 
 def coverage(inside: np.ndarray, share: float) -> np.ndarray:

@@ -37,8 +37,8 @@ def energy_scores(
             for d in range(draws):
                 for p in range(steps):
                     for axis in range(2):
-                        own = root[w, k, p, axis]
-                        moved = own[0] * noise[d, 0] + own[1] * noise[d, 1]
+                        factor = root[w, k, p, axis]
+                        moved = factor[0] * noise[d, 0] + factor[1] * noise[d, 1]
                         drawn[k, d, p, axis] = path[w, k, p, axis] + moved
                     x, y = drawn[k, d, p, 0] - truth[w, p, 0], drawn[k, d, p, 1] - truth[w, p, 1]
                     far += math.sqrt(x * x + y * y)
