@@ -11,9 +11,7 @@ from pedpred.literature.settings import ComparisonSettings
 
 def comparison_of(cfg: Mapping[str, Any]) -> ComparisonSettings:
     """Read what is compared; other keys of `literature` say how networks are trained."""
-    values, names = part(cfg, "literature"), [field.name for field in fields(ComparisonSettings)]
+    given, names = part(cfg, "literature"), [own.name for own in fields(ComparisonSettings)]
     with configured("literature"):
-        settings: ComparisonSettings = parsed(
-            ComparisonSettings, {k: values[k] for k in names if k in values}
-        )
+        settings: ComparisonSettings = parsed(ComparisonSettings, {k: given[k] for k in names if k in given})
     return settings
