@@ -1,8 +1,7 @@
 """People of another simulator, whom no network was trained on: `python -m benchmarks.other_people [--write]`.
 
 JuPedSim (`pip install 'pedpred[bench]'`) lets people walk between walls by each of its models; the network
-reads the file that JuPedSim writes. Positions are exact, ten a second. `--write` puts the table into
-docs/results.md.
+reads the file that JuPedSim writes. Positions are exact, ten a second.
 """
 
 from __future__ import annotations
@@ -16,13 +15,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import shapely
 
+from benchmarks import pages
+from benchmarks.timing import tell
 from pedpred.command.conversion import read_any
 from pedpred.evaluation import EvaluationSettings
 from pedpred.metrics import METRICS
 from pedpred.online import OnlinePredictor
 from pedpred.online.assessment import assess
 from pedpred.online.settings import OnlineSettings
-from tools.readme import filled
 
 MODELS: dict[str, dict[str, int]] = {
     "CollisionFreeSpeedModel": {},
@@ -31,7 +31,6 @@ MODELS: dict[str, dict[str, int]] = {
 }
 """Of JuPedSim, with what they need to give the same people again."""
 METRIC = "ade_m"
-_PAGE = Path("docs/results.md")
 _STEP_S, _FRAME_STEPS, _DURATION_S, _PAUSE_S = 0.01, 10, 60.0, 1.0
 
 Way = tuple[shapely.Polygon, shapely.Polygon]
@@ -92,33 +91,38 @@ def errors_m(path: Path, model: Path | None) -> dict[str, float]:
     return {method: float(np.nanmean(one.values[METRIC])) for method, one in scores.items()}
 
 
-def table_of(model: Path | None) -> str:
-    """Table of all geometries and models, as Markdown."""
-    lines = [
-        "| ground | model of the people | CV | Kalman CV | Mixture | Mixture / the better of both |",
-        "| --- | --- | ---: | ---: | ---: | ---: |",
-    ]
+def rows_of(model: Path | None) -> list[dict[str, str | float]]:
+    """One row for each geometry and model of the people."""
+    rows: list[dict[str, str | float]] = []
     with TemporaryDirectory() as folder:
         for (name, (ground, ways)), walking in product(geometries().items(), MODELS):
-            path = Path(folder, f"{len(lines)}.sqlite")
-            simulate(walking, ground, ways, path, np.random.default_rng(len(lines)))
+            path = Path(folder, f"{len(rows)}.sqlite")
+            simulate(walking, ground, ways, path, np.random.default_rng(len(rows)))
             error = errors_m(path, model)
-            cv, kalman, network = error["cv"], error["kalman_cv"], error["network"]
-            cells = f"{cv:.3f} | {kalman:.3f} | {network:.3f} | {network / min(cv, kalman):.2f}"
-            lines.append(f"| {name} | {walking.removesuffix('Model')} | {cells} |")
-    return "\n".join(lines)
+            best = min(error["cv"], error["kalman_cv"])
+            rows.append(
+                {
+                    "ground": name,
+                    "people": walking.removesuffix("Model"),
+                    "CV": error["cv"],
+                    "Kalman CV": error["kalman_cv"],
+                    "network": error["network"],
+                    "network / the better": error["network"] / best,
+                }
+            )
+    return rows
 
 
 def main() -> None:
-    """Simulate, measure, print, and write the table into the page."""
+    """Simulate, measure, print, and write the table if asked."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
-    parser.add_argument("--write", action="store_true", help=f"write the table into {_PAGE}")
+    parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
-    table = table_of(options.model)
-    print(f"\nADE over 3 s, m\n{table}")
+    rows = rows_of(options.model)
+    tell("ADE, m", rows)
     if options.write:
-        _PAGE.write_text(filled(_PAGE.read_text(), {"other_people": table}))
+        pages.put("other_people", rows)
 
 
 if __name__ == "__main__":
