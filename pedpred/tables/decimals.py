@@ -35,7 +35,7 @@ def with_decimal_points(
     comma = point = None
     for line, fields in rows:
         for at in used:
-            if "." in fields[at]:
+            if "." in fields[at] and ":" not in fields[at]:  # dates have points, too
                 point = line
             if has_decimal_comma(fields[at]):
                 comma = line

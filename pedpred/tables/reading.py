@@ -126,9 +126,10 @@ def _read(
     rows = with_positions(path, rows, places, at["track_id"])
     still = Still(at["y_m"], [] if options.columns else columns_of_heights(titles))
     dates = Dates(path, titles[at[clock]], at[clock], column_of_days(titles))
-    rows = still.watched(dates.in_seconds(rows))
     rows = with_decimal_points(path, rows, [*places, at[clock]], lines.separator if lines else None)
+    rows = still.watched(dates.in_seconds(rows))
     columns = read_numbers(path, ids.numbered(rows, at["track_id"]), titles, wanted, OWN_FILE)
+    columns[clock] = dates.with_days(columns[clock])
     units = _units(path, wanted, unit_of_lengths(path, comments, options.unit))
     for name in LENGTHS:
         columns[name] *= UNITS[units[name] or "m"]
