@@ -9,7 +9,7 @@ from pedpred.command import main
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.sources.single_file import read_file
-from pedpred.sources.stanford import PictureOptions, read_homography
+from pedpred.tables.pictures import PictureOptions, read_homography
 from tests.field_formats import PEOPLE, PIXEL_M, ROWS, lines, write_stanford, write_sumo
 
 INCLINED = np.array([[0.05, 0.01, -3.0], [0.002, -0.06, 20.0], [1e-4, 8e-4, 1.0]])

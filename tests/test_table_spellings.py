@@ -146,7 +146,6 @@ def test_a_text_without_titles_may_have_any_separator(tmp_path, separator, frame
         "x [m/s]",
         "bbox_x",
         "image_x",
-        "x_px",
         "distance",
         "group",
         "z",

@@ -22,11 +22,11 @@ from pedpred.sources.geometries import is_geometry, read_ground, read_walls
 from pedpred.sources.plausibility import check_speeds
 from pedpred.sources.scene_folder import read_own
 from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
-from pedpred.sources.stanford import PictureOptions, read_homography
 from pedpred.storage.scenes import write_scene
 from pedpred.tables.classes import PERSON_CLASSES
 from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
+from pedpred.tables.pictures import PictureOptions, read_homography
 
 _OPEN_END_M = 6.0
 """Length of corridors beyond open ends of geometries, m."""

@@ -1,7 +1,8 @@
-"""Times that are written as dates (2024-03-05T14:02:07.5) or times of day (14:02:07.5), in seconds.
+"""Times that are written as dates (2024-03-05T14:02:07.5) or times of day (14:02:07.5, 02:07.5), in seconds.
 
 Dates may begin with the year, or end with it: 5.3.2024 has the day first, 3/25/2024 the month. Which of both
 comes first in 5/3/2024 is found in other rows, or makes no difference where all rows have the same date.
+Months may have their English names.
 """
 
 from __future__ import annotations
@@ -17,11 +18,19 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.tables.text import AS_TIMES, Row
 
-_CLOCK_SIGNS = r"(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)(?: ?([AaPp])\.?[Mm]\.?)?"
+_CLOCK_SIGNS = r"(?:(\d{1,2}):)?([0-5]\d):([0-5]\d(?:[.,]\d+)?)(?: ?([AaPp])\.?[Mm]\.?)?"
 _DATE_SIGNS = r"(\d{1,4})([-/.])(\d{1,2})\2(\d{1,4})"
+_NAMES = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_NAME, _YEAR = rf"(?P<month>{'|'.join(_NAMES)})[a-z]*", r"(?P<year>\d{4})"
+_NAMED = (
+    re.compile(rf"(?P<day>\d{{1,2}})[- ]{_NAME}[- ]{_YEAR}", re.IGNORECASE),
+    re.compile(rf"{_NAME} (?P<day>\d{{1,2}}),? {_YEAR}", re.IGNORECASE),
+    re.compile(rf"{_YEAR}(?P<month>\d\d)(?P<day>\d\d)[T _-](?P<h>\d\d):?(?P<min>\d\d):?(?P<s>\d\d)"),
+)
+"""Dates with the name of the month, and without signs between the parts."""
 _DATE, _CLOCK = re.compile(rf"{_DATE_SIGNS}$"), re.compile(rf"{_CLOCK_SIGNS}$")
-_STAMP = re.compile(rf"{_DATE_SIGNS}(?:T|,? +){_CLOCK_SIGNS} ?(Z|UTC|[+-]\d{{2}}:?\d{{2}})?$")
-_HALF_DAY_S, _DAY_S = 43200.0, 86400
+_STAMP = re.compile(rf"{_DATE_SIGNS}(?:T|,? +){_CLOCK_SIGNS} ?(Z|UTC|[+-]\d{{2}}(?::?\d{{2}})?)?$")
+_HALF_HOUR_S, _HALF_DAY_S, _DAY_S = 1800.0, 43200.0, 86400
 _HOURS, _HALF_DAY_HOURS = 24, 12
 _CENTURY, _SHORT, _LONG = 2000, 2, 4
 """The century of years with two digits, and how many digits they have."""
@@ -55,8 +64,8 @@ class Dates:
         """The rows with seconds in the column; where dates end with the year, `with_days` adds the days.
 
         Raises:
-            SourceError: something is no such time, or times of day go back by more than half a day; it names
-                the line.
+            SourceError: something is no such time, or times of day go back by more than half a day (without
+                hours, half an hour); it names the line.
         """
         at = self._at
         for count, (line, fields) in enumerate(rows):
@@ -101,8 +110,8 @@ class Dates:
             return None
 
     def _seconds(self, line: int, fields: Sequence[str]) -> str:
-        text = fields[self._at].strip()
-        day = "" if self._days is None else fields[self._days].strip()
+        text = _plain(fields[self._at])
+        day = "" if self._days is None else _plain(fields[self._days])
         try:
             if stamp := _STAMP.match(f"{day} {text}" if _DATE.match(day) and _CLOCK.match(text) else text):
                 *_, hours, minutes, seconds, half, zone = stamp.groups()
@@ -110,7 +119,8 @@ class Dates:
                     self._days_s(line, stamp) + _of_day(hours, minutes, seconds, half) - _shift_s(zone)
                 )
             if (clock := _CLOCK.match(text)) and not self._open:
-                return repr(self._rising(line, _of_day(*clock.groups()), text))
+                half_s = _HALF_DAY_S if clock[1] else _HALF_HOUR_S
+                return repr(self._rising(line, _of_day(*clock.groups()), text, half_s))
         except ValueError as cause:
             problem = f"{self._title} = {text[:80]!r}, {cause}"
             raise SourceError(self._path, line, problem, AS_TIMES) from cause
@@ -130,9 +140,10 @@ class Dates:
         self._day_of_row.append(place)
         return 0
 
-    def _rising(self, line: int, time_s: float, text: str) -> float:
-        if self._latest_s is not None and time_s < self._latest_s - _HALF_DAY_S:
-            problem = f"{self._title} goes back from the evening to {text[:5]}: a day has ended"
+    def _rising(self, line: int, time_s: float, text: str, half_s: float) -> float:
+        if self._latest_s is not None and time_s < self._latest_s - half_s:
+            ended = "the evening" if half_s == _HALF_DAY_S else "the end of an hour"
+            problem = f"{self._title} goes back from {ended} to {text[:5]}"
             raise SourceError(self._path, line, problem, "Write dates with the times, or divide the file")
         self._latest_s = time_s
         return time_s
@@ -140,12 +151,24 @@ class Dates:
 
 def is_date(field: str) -> bool:
     """Whether a field holds a date with a time."""
-    return bool(_STAMP.match(field.strip()))
+    return bool(_STAMP.match(_plain(field)))
 
 
 def column_of_days(titles: Sequence[str]) -> int | None:
     """The column of dates, if one has the title `date`, also in other languages."""
     return next((at for at, title in enumerate(titles) if title.strip().lower() in _TITLES), None)
+
+
+def _plain(field: str) -> str:
+    """A date with its parts as numbers, the year first, where it has the name of the month, or no signs."""
+    text = field.strip()
+    named = next((match for form in _NAMED if (match := form.match(text))), None)
+    if named is None:
+        return text
+    part = named.groupdict()
+    month = _NAMES.index(part["month"].lower()) + 1 if part["month"].isalpha() else int(part["month"])
+    clock = f" {part['h']}:{part['min']}:{part['s']}" if "h" in part else ""
+    return f"{part['year']}-{month}-{part['day']}{clock}{text[named.end() :]}"
 
 
 def _orders(text: str) -> tuple[tuple[int, ...], ...]:
@@ -171,8 +194,10 @@ def _day(text: str, order: tuple[int, ...]) -> int:
     return date(year if year >= 10**_SHORT else _CENTURY + year, month, day).toordinal() - _EPOCH
 
 
-def _of_day(hours: str, minutes: str, seconds: str, half: str | None) -> float:
-    hour = int(hours)
+def _of_day(hours: str | None, minutes: str, seconds: str, half: str | None) -> float:
+    if hours is None and seconds.isdecimal():
+        raise ValueError("which may be hours and minutes, or minutes and seconds")
+    hour = int(hours or 0)
     if half and not 1 <= hour <= _HALF_DAY_HOURS:
         raise ValueError(f"but half a day has {_HALF_DAY_HOURS} hours")
     if half:
@@ -185,4 +210,4 @@ def _of_day(hours: str, minutes: str, seconds: str, half: str | None) -> float:
 def _shift_s(zone: str | None) -> int:
     if not zone or zone[0] not in "+-":
         return 0
-    return (1 if zone[0] == "+" else -1) * (3600 * int(zone[1:3]) + 60 * int(zone[-2:]))
+    return (1 if zone[0] == "+" else -1) * (3600 * int(zone[1:3]) + 60 * int(zone[3:].strip(":") or 0))

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import SourceError
-from pedpred.tables.text import Row
+from pedpred.tables.text import MISSING, Row
 
-_MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 _log = logging.getLogger(__name__)
 
 
@@ -35,7 +34,7 @@ def without_other_rows(path: Path, rows: Iterable[Row], used: Sequence[int]) -> 
     """Leave out rows without a value in all used columns but the clock: they are about something else."""
     others = _Count()
     for line, fields in rows:
-        if any(fields[at].strip() for at in used):
+        if any(fields[at].strip().lower() not in MISSING for at in used):
             yield line, fields
         else:
             others.add(line)
@@ -54,7 +53,7 @@ def with_positions(path: Path, rows: Iterable[Row], places: Sequence[int], who: 
     """
     missing = _Count()
     for line, fields in rows:
-        if any(fields[at].strip().lower() in _MISSING for at in places) and fields[who].strip():
+        if any(fields[at].strip().lower() in MISSING for at in places) and fields[who].strip():
             missing.add(line)
         else:
             yield line, fields
@@ -88,6 +87,11 @@ def without_copies(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.n
         who, time_s = columns["track_id"][one[first]], columns["time_s"][one[first]]
         problem = f"track_id {who} and time_s {time_s:.10g} again, first in line {before}, at another place"
         remedy = "Remove one of the lines. If it was recorded in several runs, make a file for each"
+        if 2 * len(pair) > len(order):
+            problem += f", as in {len(pair)} of {len(order)} lines: times are too coarse"
+            remedy = (
+                "Write times with more decimals, or name all columns in order: --columns frame,id,x,y --rate 10"
+            )
         raise SourceError(path, line, problem, remedy)
     copies = _Count(int(again.sum()), int(columns["line"][other[again]].min(initial=2**62)))
     if not copies.rows:

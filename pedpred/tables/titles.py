@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from pedpred.errors import ValueRuleError
 from pedpred.storage.tracks import TRACK_COLUMNS
-from pedpred.tables.units import LENGTH_WORDS, PER_SECOND, TIME_WORDS
+from pedpred.tables.units import LENGTH_WORDS, PER_SECOND, PIXELS, TIME_WORDS
 
 NAMES = {
     "time_s": ("t", "time", "time_s", "timestamp"),
@@ -173,7 +173,8 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
         candidates = [title for title in titles if title in meant and meant[title].name == name]
         if name in ("time_s", "frame"):
             candidates = [title for title in candidates if (name, meant[title].unit or "s") == clock]
-        candidates = [title for title in candidates if meant[title].plain] or candidates
+        for preferred in (lambda meaning: meaning.unit != PIXELS, lambda meaning: meaning.plain):
+            candidates = [title for title in candidates if preferred(meant[title])] or candidates
         if len(candidates) > 1:
             rule = f"columns {candidates[0]} and {candidates[1]} are both {name}"
             raise ValueRuleError("columns", titles, rule)

@@ -16,7 +16,9 @@ LENGTH_WORDS = {
     for word in (f"{short}m", *(f"{long}{metre}" for metre in _METRES))
 }
 LENGTH_WORDS |= {"zentimeter": "cm", "ft": "ft", "feet": "ft", "inch": "inch", "inches": "inch"}
-"""Word -> unit of length."""
+PIXELS = "px"
+LENGTH_WORDS |= dict.fromkeys(("px", "pix", "pixel", "pixels"), PIXELS)
+"""Word -> unit of length, or `PIXELS`."""
 
 TIME_WORDS = {
     word: unit
