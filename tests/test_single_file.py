@@ -40,7 +40,7 @@ def test_trajnet_is_read(tmp_path):
         ('"f": 6, "p": 3', '"f": 6.5, "p": 3', "line 4: f = 6.5, but it must be a whole number"),
         ('"f": 6, "p": 3', '"f": 0, "p": 3', "line 4: track_id 3 and frame 0 again, first in line 2"),
         ('"x": 3.5', '"x": "far"', "line 4: x = \"'far'\" is not a number"),
-        ('"x": 3.5', '"x": NaN', "line 4: ValueError: NaN is not a number"),
+        ('"x": 3.5', '"x": Infinity', "line 4: ValueError: Infinity is not a number"),
         ('"x": 3.5, ', "", "line 4: 'x' is missing"),
         ('"x": 3.5', '"prediction_number": 0, "x": 3.5', "line 4: a forecast"),
         ('{"track": {"f": 6, "p": 3', '["track", {"f": 6, "p": 3', "line 4: JSONDecodeError"),

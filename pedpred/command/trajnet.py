@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import SourceError
-from pedpred.sources.trajnet import track_rows
+from pedpred.sources.trajnet import rate_of, track_rows
 from pedpred.storage.tracks import MOST_NUMBERS
 from pedpred.tables.text import read_numbers
 
@@ -45,7 +45,7 @@ def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
             if len(about) == _MOST_SCENES:
                 raise SourceError(path, line, f"more than {_MOST_SCENES} scenes", "Divide the file")
             scene = content["scene"]
-            about[int(scene["id"])] = int(scene["p"]), float(scene["fps"])
+            about[int(scene["id"])] = int(scene["p"]), rate_of(scene)
             return None
         track = content["track"]
         if track.get("prediction_number") is None:

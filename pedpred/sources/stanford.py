@@ -19,7 +19,7 @@ from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import on_ground
-from pedpred.tables.text import Row, check_unique, check_width, read_numbers, text_rows
+from pedpred.tables.text import Row, check_unique, check_width, read_numbers, text_lines
 
 _COLUMNS = ("track", "xmin", "ymin", "xmax", "ymax", "frame", "lost", "occluded", "generated", "label")
 _NAMES = {"track": "track_id", "frame": "frame"} | {name: name for name in _COLUMNS[1:5]}
@@ -29,8 +29,8 @@ _LOOKED_AT = 10
 
 
 def fits(begins: Beginning) -> bool:
-    """Whether one of the first lines is such a box."""
-    return any(_ROW.fullmatch(line.strip()) for line in begins.lines[:_LOOKED_AT])
+    """Whether one of the first lines is such a box, with blanks, tabs or commas between the numbers."""
+    return any(_ROW.fullmatch(" ".join(_fields(line))) for line in begins.lines[:_LOOKED_AT])
 
 
 def read(path: Path, options: TableOptions) -> Trajectories:
@@ -56,7 +56,12 @@ def read(path: Path, options: TableOptions) -> Trajectories:
 
 
 def _pedestrians(path: Path) -> Iterator[Row]:
-    for line, fields in text_rows(path):
+    for line, text in text_lines(path):
+        fields = _fields(text)
         check_width(path, line, fields, _COLUMNS)
         if fields[-1].strip('"') == "Pedestrian" and fields[_COLUMNS.index("lost")] != "1":
             yield line, fields
+
+
+def _fields(line: str) -> list[str]:
+    return line.replace(",", " ").split()

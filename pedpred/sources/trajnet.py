@@ -6,6 +6,7 @@ were annotated: the usual number of frames between two detections of a track las
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -49,7 +50,7 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
         track = content.get("track")
         if track is None:
             if "fps" in content.get("scene", {}) and len(rates) < 2:
-                rates.add(float(content["scene"]["fps"]))
+                rates.add(rate_of(content["scene"]))
         elif track.get("prediction_number") is not None:
             raise SourceError(
                 path, line, "a forecast (prediction_number), but only detections are read", _MEASURE
@@ -75,6 +76,11 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
             )
         rate_hz = by_frame.usual_interval_s() * rates.pop()
         return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
+
+
+def rate_of(scene: Mapping[str, Any]) -> float:
+    """Frames per second of a scene; NaN where it says none."""
+    return math.nan if scene["fps"] is None else float(scene["fps"])
 
 
 def track_rows(

@@ -31,6 +31,7 @@ from pedpred.tables.options import TableOptions
 from pedpred.tables.reading import in_metres, numbered
 from pedpred.tables.text import OWN_FILE, Row, is_number, read_numbers
 from pedpred.tables.titles import LENGTHS
+from pedpred.tables.units import PIXELS
 
 COLUMNS = ("id", "frame", "x", "y")
 _NAMES = ("track_id", "frame", "x_m", "y_m")
@@ -75,6 +76,9 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
             path, None, problem, f"{_REMEDY}, with any other word for columns that are not used"
         )
     unit = unit_of_lengths(path, lines.comments, options) or "m"
+    if unit == PIXELS and len(titles) > len(COLUMNS):
+        problem = f"without a header, {len(titles)} columns in pixels may be those of boxes"
+        raise SourceError(path, line, problem, _REMEDY.replace("time", "frame"))
     in_metres(path, columns, dict.fromkeys(LENGTHS, unit), options)
     position = np.stack([columns.pop(name) for name in LENGTHS], axis=-1)
     fractions = [ids.holds_fractions() for ids in both]

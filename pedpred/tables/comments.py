@@ -21,13 +21,18 @@ NO_RATE = (
 """Problem and remedy where nobody says how many frames a second has."""
 
 _RATE = re.compile(
-    r"(?:frame[ _-]?rate|fps)\W*(?:is\W+|of\W+)?(\d+(?:\.\d+)?)"
+    r"(?:frame[ _-]?rate|fps)\s*(?:[(\[][^)\]]*[)\]])?\W*(?:is\W+|of\W+)?(\d+(?:\.\d+)?)"
     r"|(\d+(?:\.\d+)?)\s*(?:fps|hz|frames per second)\b",
     re.IGNORECASE,
 )
+_WHAT = (
+    r"x|y|all|data|everything|values?|units?|lengths?|pos|positions?|coords?|coordinates?|distances?|points?"
+    r"|tracks?|trajector(?:y|ies)|locations?"
+)
 _BEFORE = (
     r"\b[xy]\s*[/\[(_:=]?\s*",
-    r"\b(?:in|is|are)\s+",
+    rf"\b(?:{_WHAT})\b[^,;]*?\b(?:in|is|are)\s+",
+    r"^\W*(?:\w+\W+)?in\s+(?=\w+\W*$)",
     r"\b(?:units?|lengths?|positions?|coordinates?|distances?)\s*[:=(\[/]\s*",
     r"^[#\s]*(?=\w+\s*$)",
 )

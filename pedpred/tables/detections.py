@@ -89,9 +89,7 @@ def without_copies(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.n
         remedy = "Remove one of the lines. If it was recorded in several runs, make a file for each"
         if 2 * len(pair) > len(order):
             problem += f", as in {len(pair)} of {len(order)} lines: times are too coarse"
-            remedy = (
-                "Write times with more decimals, or name all columns in order: --columns frame,id,x,y --rate 10"
-            )
+            remedy = "Write times with more decimals, or name all columns in order: --columns frame,id,x,y"
         raise SourceError(path, line, problem, remedy)
     copies = _Count(int(again.sum()), int(columns["line"][other[again]].min(initial=2**62)))
     if not copies.rows:
