@@ -1,6 +1,7 @@
 """Recordings in single files: TrajNet++, texts and tables, and clocks that count something else."""
 
 import json
+import logging
 
 import numpy as np
 import pytest
@@ -32,6 +33,17 @@ def test_trajnet_is_read(tmp_path):
     assert_same(read_ndjson(path), TRACKS)
     assert_same(read_ndjson(write_ndjson(path, scenes=()), TableOptions(rate_hz=12.0)), TRACKS)
     assert read_file(write_ndjson(path)).detection_dt_s == 0.5
+
+
+@pytest.mark.parametrize("nowhere", ["NaN", "null"])
+def test_trajnet_may_miss_positions(tmp_path, nowhere, caplog):
+    path = write_ndjson(tmp_path / "walk.ndjson")
+    whole = read_ndjson(path)
+    lost = f'{{"track": {{"f": 900, "p": 3, "x": {nowhere}, "y": {nowhere}}}}}'
+    path.write_text(path.read_text().rstrip() + f"\n{lost}\n")
+    with caplog.at_level(logging.WARNING):
+        np.testing.assert_array_equal(read_ndjson(path).position, whole.position)
+    assert "rows without a position are missing detections" in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,15 @@ def test_a_matrix_may_be_written_in_every_usual_way(tmp_path_factory, form):
     np.testing.assert_array_equal(read_homography(path).matrix[:, [1, 0, 2]], INCLINED)
 
 
+@pytest.mark.parametrize("separator", ["\t", ",", ", "])
+def test_boxes_may_have_other_separators(tmp_path, separator):
+    path = write_stanford(tmp_path)
+    plain = read_file(path, PictureOptions(pixel_m=PIXEL_M)).trajectories
+    path.write_text(path.read_text().replace(" ", separator))
+    found = read_file(path, PictureOptions(pixel_m=PIXEL_M)).trajectories
+    np.testing.assert_array_equal(found.position, plain.position)
+
+
 def test_an_inclined_camera_is_undone(tmp_path, capsys):
     path = annotated(tmp_path, shown)
     np.savetxt(tmp_path / "H.txt", INCLINED, fmt="%.17g")

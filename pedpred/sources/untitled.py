@@ -23,7 +23,7 @@ from pedpred.sources.plausibility import ids_come_first
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import is_date
 from pedpred.tables.decimals import with_decimal_points
-from pedpred.tables.detections import with_positions, without_copies
+from pedpred.tables.detections import doubt_restarts, with_positions, without_copies, without_untracked
 from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import lines_of, of_width
@@ -93,7 +93,9 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
         time_s = _frames(clock, columns[names[1]]) / rate_hz
     values = {"line": columns["line"], "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
-    values = without_copies(path, values | {"track_id": numbered(who, columns[names[0]], options)})
+    values |= {"track_id": numbered(who, columns[names[0]], options)}
+    doubt_restarts(path, values)
+    values = without_copies(path, without_untracked(path, values))
     shown = ", ".join(order if ids_first else order[::-1])
     _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit, clock_is)
     with translate_errors(partial(SourceError, path, None)):

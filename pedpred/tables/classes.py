@@ -12,7 +12,11 @@ from pedpred.tables.text import MISSING
 
 PERSON_CLASSES = ("person", "people", "pedestrian", "human")
 """The classes that are people, unless others are wanted."""
-_FORMS = ("ped", "peds", "persons", "pedestrians", "humans", "adult", "adults", "child", "children", "walker")
+_FORMS = (
+    *("ped", "peds", "persons", "pedestrians", "humans", "adult", "adults", "child", "children", "walker"),
+    *("fussg\u00e4nger", "fussgaenger", "fussganger", "personen", "pi\u00e9ton", "pieton", "personne"),
+    *("peat\u00f3n", "peaton", "persona", "pedone", "voetganger", "persoon"),
+)
 """Further words for them in tables."""
 _WORD = re.compile(r"[^\W\d_]+")
 _MOST_CLASSES = 50

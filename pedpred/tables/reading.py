@@ -22,7 +22,13 @@ from pedpred.tables.clocks import add_rest, set_time
 from pedpred.tables.comments import frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import Dates, column_of_days
 from pedpred.tables.decimals import with_decimal_points
-from pedpred.tables.detections import with_positions, without_copies, without_other_rows
+from pedpred.tables.detections import (
+    doubt_restarts,
+    with_positions,
+    without_copies,
+    without_other_rows,
+    without_untracked,
+)
 from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import Lines, lines_of, of_width
@@ -143,7 +149,8 @@ def _read(
             add_rest(columns, _said(titles[at[REST]]))
         set_time(path, columns, units[clock], rate_hz)
         columns["track_id"] = numbered(ids, columns["track_id"], options)
-        columns = without_copies(path, columns)
+        doubt_restarts(path, columns)
+        columns = without_copies(path, without_untracked(path, columns))
         del columns["line"]
         if lines is not None:
             _tell(path, titles, wanted, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})

@@ -45,15 +45,16 @@ _QUANTITY = {word: quantity for quantity, words in _SAY.items() for word in word
 _BESIDE = {
     "number": "number no nr num index nummer numero",
     "place": "pos position coord coords coordinate coordinates location loc center centre centroid point "
-    "world map local global ground utm head pose koordinate coordonnee coordenada coordinata posicion "
-    "posizione posicao",
+    "world map local global ground utm head pose est estimated filtered smoothed koordinate coordonnee "
+    "coordenada coordinata posicion posizione posicao",
     "clock": "timestep simulation sim unix epoch ros elapsed relative absolute header date tv datum",
 }
 _NUMBER, _PLACE, _CLOCK = (set(words.split()) for words in _BESIDE.values())
 _CLASS, _APART = (
     set(words.split())
     for words in (
-        "class classes category categories type types label labels kind classification",
+        "class classes category categories type types label labels kind classification klasse typ kategorie "
+        "clase tipo categoria classe categorie",
         "scene run trial recording video session experiment scenario floor storey",
     )
 )
