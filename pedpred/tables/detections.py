@@ -12,7 +12,7 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.tables.text import MISSING, Row
 
-_MOST_RESTARTS = 20
+_FEW, _MOST_RESTARTS = 10, 20
 _log = logging.getLogger(__name__)
 
 
@@ -88,7 +88,7 @@ def without_copies(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.n
         who, time_s = columns["track_id"][one[first]], columns["time_s"][one[first]]
         problem = f"track_id {who} and time_s {time_s:.10g} again, first in line {before}, at another place"
         remedy = "Remove one of the lines. If it was recorded in several runs, make a file for each"
-        many = 2 * len(pair) > len(order)
+        many = 3 * len(pair) > len(columns["line"]) > _FEW
         if many and len(np.unique(columns["track_id"])) == 1:
             problem += ": all lines have this id"
             remedy = "If another column holds the ids, name all in order: --columns time,id,x,y"
