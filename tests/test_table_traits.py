@@ -108,9 +108,14 @@ def test_metres_beside_pixels_are_used(tmp_path, plain):
 
 
 def test_boxes_without_titles_are_no_positions(tmp_path):
-    rows = [(k, who, 40 * x, 40 * y, 20, 50, 1, -1, -1, -1) for k, (_, who, x, y) in enumerate(WALK)]
-    with pytest.raises(SourceError, match=r"10 columns in pixels may be those of boxes.*--columns"):
-        tracks(write(tmp_path, rows, None), pixel_m=0.025, rate_hz=4.0)
+    boxes = [(k, who, 40 * x, 40 * y, 20, 50) for k, (_, who, x, y) in enumerate(WALK)]
+    for rest in ((1, -1, -1, -1), (1, 1, 0.75)):
+        for options in ({"pixel_m": 0.025}, {"unit": "cm"}):
+            path = write(tmp_path, [(*box, *rest) for box in boxes], None)
+            with pytest.raises(SourceError, match=r"boxes of MOTChallenge.*frame,id,x_px,y_px"):
+                tracks(path, rate_hz=4.0, **options)
+    with pytest.raises(SourceError, match=r"6 columns in pixels may be those of boxes.*--columns"):
+        tracks(write(tmp_path, boxes, None), pixel_m=0.025, rate_hz=4.0)
 
 
 @given(st.floats(0.0, 0.15), st.sampled_from(["z", "Pos Z", "z [m]"]))

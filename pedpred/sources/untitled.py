@@ -38,6 +38,10 @@ _NAMES = ("track_id", "frame", "x_m", "y_m")
 _Y = COLUMNS.index("y")
 _REMEDY = "Name the columns in order, such as --columns time,id,x,y"
 _WRONG = f"{OWN_FILE}. Or, if columns hold something else: {_REMEDY}"
+_BOXES = (
+    "Write the middle of the lower edge of each box into a table with the columns frame,id,x_px,y_px, "
+    "and give --homography H.txt, or --scale"
+)
 _LOOKED_AT, _FEWEST_ROWS = 200, 3
 _log = logging.getLogger(__name__)
 
@@ -62,6 +66,9 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     if dates := [k for k in (0, 1) if is_date(first[k])]:
         problem = f"no header, and {first[dates[0]]!r} is a time, not a number of frames or seconds"
         raise SourceError(path, line, problem, _REMEDY)
+    if _is_box(first):
+        problem = "these look like boxes of MOTChallenge: frame, id, left, top, width, height in pixels"
+        raise SourceError(path, line, problem, _BOXES)
     titles = (*COLUMNS, "z", *(f"column_{n}" for n in range(6, len(first) + 1)))[: len(first)]
     still = Still(_Y, range(_Y + 1, len(first)))
     rows = of_width(path, chain([(line, first)], rows), titles)
@@ -101,6 +108,17 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     with translate_errors(partial(SourceError, path, None)):
         position = np.stack([values["x_m"], values["y_m"]], axis=-1)
         return Trajectories(values["time_s"], values["track_id"], position)
+
+
+def _is_box(fields: Sequence[str]) -> bool:
+    """Whether a line is one of MOTChallenge: a box, and behind it -1 three times, or class and visibility."""
+    if len(fields) not in (9, 10) or not all(map(is_number, fields)):
+        return False
+    _, _, _, _, width, height, sure, *rest = map(float, fields)
+    ends = rest == [-1] * 3 or (
+        len(rest) == 2 and sure in (0, 1) and rest[0].is_integer() and 0 <= rest[1] <= 1
+    )
+    return ends and min(width, height) > 1
 
 
 def _without_row_numbers(path: Path, rows: Iterator[Row]) -> Iterator[Row]:

@@ -145,6 +145,8 @@ def _read(
     units |= {clock: None if dates.found else _said(titles[at[clock]])}
     with translate_errors(lambda problem: SourceError(path, None, problem)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
+        if clock != "frame" and options.rate_hz:
+            _log.warning("%s: times are in column %s, so that --rate is not used", path, titles[at[clock]])
         if REST in at:
             add_rest(columns, _said(titles[at[REST]]))
         set_time(path, columns, units[clock], rate_hz)
