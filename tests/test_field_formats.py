@@ -35,6 +35,15 @@ from tests.field_formats import (
 SUFFIXES = ("", ".data", ".txt", ".csv", ".xml", ".SQLITE")
 
 
+@pytest.mark.parametrize("hidden", ["NULL", "", "NaN"])
+def test_hidden_markers_of_qtm_may_be_written_otherwise(tmp_path, hidden):
+    path = write_qtm(tmp_path)
+    text = path.read_text()
+    path.write_text(text.replace("\t0.000\t0.000\t0.000", f"\t{hidden}" * 3))
+    assert path.read_text() != text
+    np.testing.assert_allclose(read_file(path).trajectories.position, PEOPLE.position, atol=1e-6)
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_format_is_read_to_the_value(tmp_path, name):
     people = read_file(WRITERS[name](tmp_path), OPTIONS.get(name)).trajectories

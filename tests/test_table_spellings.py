@@ -98,6 +98,25 @@ def test_any_spelling_is_the_same_people(tmp_path, data):
     assert_are_the_people(read_file(path).trajectories)
 
 
+@pytest.mark.parametrize(
+    ("titles", "meant"),
+    [
+        ("Zeit [Sek], Person Nr, X-Koordinate [cm], Y-Koordinate in cm", "time_s s track_id x_m cm y_m cm"),
+        ("ZEITSTEMPEL, Fußgänger-ID, Rechtswert, Hochwert", "time_s track_id x_m y_m"),
+        ("Uhrzeit (Sekunden), Fussgaenger, x in Metern, y in Metern", "time_s s track_id x_m m y_m m"),
+        ("Bildnummer, Personennummer, x, y", "frame track_id x_m y_m"),
+        ("Temps (secondes), Piéton, Coordonnée X, Coordonnée Y", "time_s s track_id x_m y_m"),
+        ("tiempo [s], Peatón, posición x, posición y", "time_s s track_id x_m y_m"),
+        ("fotogramma, pedone, x (metri), y (metri)", "frame track_id x_m m y_m m"),
+        ("tijd, voetganger, x, y", "time_s track_id x_m y_m"),
+    ],
+)
+def test_titles_may_be_those_of_other_languages(titles, meant):
+    found = [meaning_of(title) for title in titles.split(", ")]
+    words = [word for one in found if one for word in (one.name, one.unit) if word]
+    assert " ".join(words) == meant
+
+
 @given(
     st.sampled_from([" ", "\t", ",", ";", ", ", "  "]),
     st.booleans(),
@@ -127,7 +146,6 @@ def test_a_text_without_titles_may_have_any_separator(tmp_path, separator, frame
         "x [m/s]",
         "bbox_x",
         "image_x",
-        "x_px",
         "distance",
         "group",
         "z",

@@ -48,7 +48,7 @@ class Format:
         read: the detections.
         walls: the geometry inside the file; None: it has none.
         any_unit: whether lengths may be other than metres, so that `--unit` has a meaning.
-        pixels: whether positions are pixels, which need their size.
+        pixels: whether positions are pixels, or may be.
     """
 
     name: str
@@ -141,8 +141,8 @@ def checked_interval_s(path: Path, people: Trajectories, titled: bool, sure: boo
     return dt_s
 
 
-_TEXT = Format("text without titles", lambda begins: False, read_untitled, any_unit=True)
-_TABLE = Format("table", lambda begins: False, read_table, any_unit=True)
+_TEXT = Format("text without titles", lambda begins: False, read_untitled, any_unit=True, pixels=True)
+_TABLE = Format("table", lambda begins: False, read_table, any_unit=True, pixels=True)
 """What other texts are, with and without a header."""
 
 FORMATS = (

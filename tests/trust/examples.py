@@ -31,7 +31,6 @@ from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
 from pedpred.sources.geometries import read_ground, read_walls
 from pedpred.sources.single_file import read_file
-from pedpred.sources.stanford import PictureOptions, read_homography
 from pedpred.storage.columns import split_pairs
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import read_manifest, read_shard, write_manifest, write_shard
@@ -43,6 +42,7 @@ from pedpred.storage.situations import (
     write_situations_manifest,
 )
 from pedpred.tables.options import TableOptions
+from pedpred.tables.pictures import PictureOptions, read_homography
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.field_formats import BINARY, PIXEL_M, WRITERS
 from tests.forecasts import windows_with
