@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
+from datetime import datetime, timezone
 from pathlib import Path
 
 from pedpred.errors import SourceError
@@ -88,7 +88,9 @@ def column_of_days(titles: Sequence[str]) -> int | None:
 def _since_1970(year: str, month: str, day: str, clock: str, zone: str | None) -> float:
     hours, minutes, seconds = clock.replace(",", ".").split(":")
     whole, _, part = seconds.partition(".")
-    moment = datetime(int(year), int(month), int(day), int(hours), int(minutes), int(whole), tzinfo=UTC)
+    moment = datetime(
+        int(year), int(month), int(day), int(hours), int(minutes), int(whole), tzinfo=timezone.utc
+    )
     shift_s = 0
     if zone and zone[0] in "+-":
         shift_s = (1 if zone[0] == "+" else -1) * (3600 * int(zone[1:3]) + 60 * int(zone[-2:]))
