@@ -8,12 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from pedpred.ros.scene_messages import Content, header
-from pedpred.ros2.follower import Follower
+from pedpred.ros2.follower import Counts, Follower
 
 DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 OK, WARN = 0, 1
 _SILENT_S = 2.0
 _LATEST = 100
+_MANY_LEFT_OUT = 0.1
 
 
 class Latencies:
@@ -31,13 +32,14 @@ class Latencies:
         return 1000 * float(np.median(self._taken_s)) if self._taken_s else float("nan")
 
 
-def diagnose(follower: Follower, now_s: float, publishers: int) -> tuple[int, str]:
+def diagnose(follower: Follower, now_s: float, publishers: int, before: Counts) -> tuple[int, str]:
     """Level and summary: OK, or what is wrong.
 
     Args:
         follower: of the node.
         now_s: by the clock of `Follower.people_came`.
         publishers: how many there are of the people's topic.
+        before: what had happened at the last diagnosis.
     """
     problems = []
     if follower.occupancy is None and follower.settings.use_map:
@@ -48,6 +50,10 @@ def diagnose(follower: Follower, now_s: float, publishers: int) -> tuple[int, st
         problems.append("no people heard")
     elif now_s - follower.forecast_s > _SILENT_S:
         problems.append("people are heard, but there is no forecast: see what is left out, and the log")
+    messages = follower.counts.messages - before.messages
+    left_out = follower.counts.left_out - before.left_out
+    if left_out > _MANY_LEFT_OUT * messages:
+        problems.append(f"of the last {messages} messages of people, {left_out} are left out")
     return (
         (WARN, "; ".join(problems))
         if problems
@@ -81,6 +87,7 @@ def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
         "left out: no transform": counts.lost,
         "left out: earlier than another": counts.late,
         "left out: forecasts take too long": counts.slow,
+        "left out: something is wrong with it": counts.refused,
         "left out: people without a forecast": counts.without_forecast,
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
         "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",
