@@ -2,6 +2,7 @@
 
 import logging
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from pedpred.ros.message_types import serialize
 from pedpred.ros.people import TrackNumbers
 from pedpred.ros.planning import HORIZON, MOST_CELLS, fitting_ground, grid_messages, grid_topic
 from pedpred.ros.scene_messages import header
+from pedpred.ros2.arrivals import Arrivals
 from pedpred.ros2.diagnostics import Latencies, diagnose, told_values
 from pedpred.ros2.follower import UPDATE_TYPE, Counts
 from pedpred.ros2.log import RosHandler
@@ -233,6 +235,38 @@ def test_diagnostics_say_when_people_come_and_forecasts_do_not():
     assert (level, text[:40]) == (1, "people are heard, but there is no foreca")
     assert "of the last 50 messages of people, 49 are left out" in text
     assert told_values(follower, Latencies())["left out: earlier than another"] == 49
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.booleans()), max_size=60))
+def test_messages_that_nobody_read_are_counted(sent):
+    """Of each publisher, between those that were read; other editions of rclpy name no publisher."""
+    arrivals, numbers, read, missed = Arrivals(), dict.fromkeys(range(4), 7), {}, 0
+    for publisher, is_read in sent:
+        numbers[publisher] += 1
+        if is_read:
+            read.setdefault(publisher, []).append(numbers[publisher])
+            about = {"publisher_gid": {"data": publisher}, "publication_sequence_number": numbers[publisher]}
+            missed += arrivals.missed(about)
+            assert arrivals.missed(about | {"publisher_gid": None}) == 0
+    assert missed == sum(each[-1] - each[0] + 1 - len(each) for each in read.values())
+
+
+def test_messages_that_nobody_read_are_told(caplog):
+    follower = follower_of()
+    for k in range(10):
+        answered(follower, named(1.0 + k / 10, "7"), k / 10)
+    follower.people_missed(2)
+    assert "2 messages of people were lost before they were read" in caplog.text
+    level, text = diagnose(follower, 1.0, 1, Counts())
+    assert (level, text) == (1, "of the last 12 messages of people, 2 are left out")
+
+
+def test_two_clocks_are_told():
+    follower = follower_of()
+    for k in range(10):
+        answered(follower, named((1.0 if k % 2 else 1000.0) + k / 10, "7"), k / 10)
+    assert "do two clocks stamp people?" in diagnose(follower, 1.0, 1, Counts())[1]
+    assert diagnose(follower, 1.0, 1, replace(follower.counts)) == (0, "forecasts")
 
 
 # Who is who

@@ -54,6 +54,8 @@ def diagnose(follower: Follower, now_s: float, publishers: int, before: Counts) 
     left_out = follower.counts.left_out - before.left_out
     if left_out > _MANY_LEFT_OUT * messages:
         problems.append(f"of the last {messages} messages of people, {left_out} are left out")
+    if follower.counts.jumps - before.jumps > 1:
+        problems.append("time jumps again and again, and all are forgotten: do two clocks stamp people?")
     return (
         (WARN, "; ".join(problems))
         if problems
@@ -84,10 +86,12 @@ def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
         "people": counts.people,
         "messages": counts.messages,
         "forecasts": counts.forecasts,
+        "jumps of time, all forgotten": counts.jumps,
         "left out: no transform": counts.lost,
         "left out: earlier than another": counts.late,
         "left out: forecasts take too long": counts.slow,
         "left out: something is wrong with it": counts.refused,
+        "left out: lost before they were read": counts.missed,
         "left out: people without a forecast": counts.without_forecast,
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
         "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",

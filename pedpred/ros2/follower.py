@@ -37,6 +37,7 @@ from pedpred.ros2.outputs import (
 from pedpred.ros2.settings import NodeSettings
 from pedpred.ros2.views import Views
 from pedpred.scenes import Forecast, OccupancyMap
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _MOST_WAITING = 100
 _CAUGHT_UP = 0.1
@@ -56,12 +57,14 @@ class Counts:
     late: int = 0
     slow: int = 0
     refused: int = 0
+    missed: int = 0
+    jumps: int = 0
     without_forecast: int = 0
 
     @property
     def left_out(self) -> int:
         """Messages without a forecast."""
-        return self.lost + self.late + self.slow + self.refused
+        return self.lost + self.late + self.slow + self.refused + self.missed
 
     @contextmanager
     def refusing(self) -> Iterator[None]:
@@ -179,6 +182,15 @@ class Follower:
         """Take a tf2_msgs/TFMessage; `fixed` if it is of /tf_static."""
         self._frames.add(self._decoded(raw, TRANSFORMS), clock_s, fixed)
 
+    def people_missed(self, count: int) -> None:
+        """Count messages of people that were sent, and that nobody can read any more."""
+        self.counts.messages += count
+        self.counts.missed += count
+        text = (
+            "%d messages of people were lost before they were read: more come than can be read in time, or "
+        )
+        _log.warning(text + "the network loses them", count)
+
     def people_came(self, raw: bytes, clock_ns: int, now_s: float, waited_s: float = 0.0) -> None:
         """Take people, who wait for the transform of their time.
 
@@ -259,6 +271,7 @@ class Follower:
         if forecast is self._latest:  # the frame was dropped
             self.counts.late += 1
             return
+        self.counts.jumps += self._jumped(one.stamp_s)
         self._latest = forecast
         self.counts.without_forecast += int((~np.isin(track_id[kept], forecast.track_id)).sum())
         self.counts.forecasts += 1
@@ -268,6 +281,11 @@ class Follower:
                 "no map has come: forecasts go through walls. Publish `map`, or set use_map to false"
             )
         yield from self._contents(forecast, waiting.time_ns, frame)
+
+    def _jumped(self, stamp_s: float) -> bool:
+        """Whether the predictor has forgotten all, as time has jumped since the last forecast."""
+        before, longest_s = self._latest, self._predictor.protocol.lost_after_s
+        return before is not None and abs(stamp_s - before.time_s) > longest_s + TIME_TOLERANCE_S
 
     def _contents(self, forecast: Forecast, time_ns: int, frame: str) -> Iterator[Answer]:
         tell_rounding(forecast.predictions, _log)
