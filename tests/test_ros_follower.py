@@ -237,6 +237,12 @@ def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
     assert not follower.occupancy.occupied.any()
 
 
+def test_a_frame_of_the_robot_is_none_for_forecasts():
+    follower = follower_of(map_frame="robot1/base_link")
+    answered(follower, people(1.0, "robot1/base_link", anna=(1.0, 0.0)))
+    assert "'robot1/base_link', which moves with the robot" in diagnose(follower, 0.0, 1, Counts())[1]
+
+
 def test_people_without_ids_are_refused_where_ids_are_asked_for():
     nameless = people(1.0, **{"": (0.0, 0.0)})
     with pytest.raises(ValueRuleError, match="id of his or her own"):

@@ -28,6 +28,11 @@ def frame_name(name: str) -> str:
     return name.lstrip("/")
 
 
+def is_robots(frame: str) -> bool:
+    """Whether a frame has the name of one that moves with a robot (REP 105)."""
+    return frame.rpartition("/")[2] in ("base_link", "base_footprint")
+
+
 class FrameTree:
     """Poses of frames in their parents, over time."""
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pedpred.ros.frame_tree import is_robots
 from pedpred.ros.scene_messages import Content, header
 from pedpred.ros2.follower import Counts, Follower
 
@@ -44,6 +45,11 @@ def diagnose(follower: Follower, now_s: float, publishers: int, before: Counts) 
     problems = []
     if follower.occupancy is None and follower.settings.use_map:
         problems.append("no map: forecasts go through walls")
+    if is_robots(follower.frame):
+        problems.append(
+            f"forecasts are in {follower.frame!r}, which moves with the robot: who stands seems to walk. "
+            "Publish the map in a frame that stands, or set map_frame"
+        )
     if publishers == 0:
         problems.append("nobody publishes people")
     elif now_s - follower.heard_s > _SILENT_S:
