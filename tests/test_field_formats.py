@@ -71,8 +71,10 @@ def test_every_format_is_written_here():
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_what_a_file_was_taken_for_is_said(tmp_path, name, capsys):
-    scale = ["--scale", str(PIXEL_M)] if name in OPTIONS else []
-    main(["info", str(WRITERS[name](tmp_path)), *scale])
+    about = OPTIONS.get(name, TableOptions())
+    stated = {"--scale": about.pixel_m, "--rate": about.rate_hz}
+    options = [word for option, value in stated.items() if value for word in (option, str(value))]
+    main(["info", str(WRITERS[name](tmp_path)), *options])
     assert f"read as  {name.split(',')[0].split(' (')[0]}" in capsys.readouterr().out
 
 

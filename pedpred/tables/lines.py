@@ -15,6 +15,7 @@ from itertools import chain, islice
 from pathlib import Path
 
 from pedpred.errors import SourceError, ValueRuleError
+from pedpred.tables.columnar import columnar_lines, is_columnar
 from pedpred.tables.comments import MOST_COMMENTS
 from pedpred.tables.decimals import has_decimal_comma
 from pedpred.tables.text import Row, check_width, is_number, text_lines
@@ -135,7 +136,7 @@ def of_width(path: Path, rows: Iterable[Row], titles: Sequence[str]) -> Iterator
 
 def _lines(path: Path, header: bool) -> Iterator[tuple[int, str]]:
     """Number and text of each line; what stands above a header, such as a program's name, is a comment."""
-    lines = text_lines(path, _UTF8)
+    lines = columnar_lines(path) if is_columnar(path) else text_lines(path, _UTF8)
     if not header:
         return lines
     begin, above = list(islice(lines, _MOST_ABOVE)), 0

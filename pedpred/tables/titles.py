@@ -34,9 +34,9 @@ _SAY = {
     "zeit uhrzeit zeitstempel zeitpunkt temps horodatage heure tiempo hora tijd",
     "frame": "frame frames bild fotogramma fotograma trame",
     "id": "id ids uid pid identifier identity identifiant identificador identificativo kennung",
-    "who": "track tracklet trajectory traj ped pedestrian person agent object obj subject human participant "
-    "walker people name fussganger fussgaenger objekt personen pieton personne objet peaton persona objeto "
-    "pedone oggetto voetganger persoon pessoa pedestre",
+    "who": "track tracklet trajectory traj ped pedestrian person agent actor object obj subject human "
+    "participant walker people name fussganger fussgaenger objekt personen pieton personne objet peaton "
+    "persona objeto pedone oggetto voetganger persoon pessoa pedestre",
     "x": "x easting rechtswert",
     "y": "y northing hochwert",
 }
@@ -58,11 +58,12 @@ _CLASS, _APART = (
         "scene run trial recording video session experiment scenario floor storey",
     )
 )
-_CLASSED = {*_QUANTITY, "actor", "road", "user", "detection"} - {"t", "x", "y"}
+_CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
+_STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
 _LETTERS = {"m", "s"}  # no unit before another word without a sign between them
 _DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
-_KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *LENGTH_WORDS, *TIME_WORDS, *_FILLERS}
+_KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *_STEPS, *LENGTH_WORDS, *TIME_WORDS, *_FILLERS}
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
 _SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
 """Signs that change what a title means, such as those of inches and degrees."""
@@ -131,6 +132,8 @@ def _is_called(title: str, needed: set[str], beside: set[str]) -> bool:
 
 def _name(said: set[str], words: set[str], units: Sequence[str]) -> str | None:
     """The column that the quantities in a title mean, if its other words go with it."""
+    if words - _NUMBER == {"timestep"} or ("step" in words and words <= _STEPS | _NUMBER | {"time"}):
+        return "frame"
     axes = said & {"x", "y"}
     rest = words - set(_QUANTITY) - set(units) - _FILLERS
     if axes:

@@ -44,7 +44,7 @@ from pedpred.storage.situations import (
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import PictureOptions, read_homography
 from tests.exported import NETWORK, WIDTHS, write_network
-from tests.field_formats import BINARY, PIXEL_M, WRITERS
+from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
 from tests.forecasts import windows_with
 from tests.scenes import write_as_table
 from tests.test_bag_definitions import Filled
@@ -145,6 +145,7 @@ def read_tables(folder: Path) -> object:
 FIELD_TEXTS = (
     *("fcd.xml", "annotations.txt", "00_tracks.csv", "00_tracksMeta.csv", "00_recordingMeta.csv"),
     *("Exp_1_run_1.tsv", "THOR-Magni_120522_SC1A_R1.csv", "postvis.traj", "hall_001.pp", "atc-20121031.csv"),
+    "0013.txt",
 )
 
 
@@ -167,9 +168,19 @@ def read_inclined(folder: Path) -> object:
 
 def read_field_texts(folder: Path) -> object:
     names = [name for name in FIELD_TEXTS if "Meta" not in name]
-    return [
-        read_file(folder / name, TableOptions(pixel_m=PIXEL_M) if "annot" in name else None) for name in names
-    ]
+    options = {"annotations.txt": TableOptions(pixel_m=PIXEL_M), "0013.txt": TableOptions(rate_hz=RATE_HZ)}
+    return [read_file(folder / name, options.get(name)) for name in names]
+
+
+def make_columnar(folder: Path) -> None:
+    """People as tables of pandas."""
+    table = pd.DataFrame(ROWS, columns=["time", "name", "x", "y"]).astype({"name": str})
+    table.to_parquet(folder / "walk.parquet")
+    table.to_feather(folder / "walk.feather")
+
+
+def read_columnar(folder: Path) -> object:
+    return [read_file(folder / name) for name in ("walk.parquet", "walk.feather")]
 
 
 FORECASTS = ("theirs.csv", "theirs.ndjson", "theirs.parquet")

@@ -83,6 +83,9 @@ READERS = {
     ),
     "data archive": Reader(field_formats.write_archive, ("archive.h5",), at("archive.h5", read_file)),
     "field formats": Reader(examples.make_field_texts, examples.FIELD_TEXTS, examples.read_field_texts),
+    "columnar tables": Reader(
+        examples.make_columnar, ("walk.parquet", "walk.feather"), examples.read_columnar
+    ),
     "homography": Reader(examples.make_inclined, ("annotations.txt", "H.txt"), examples.read_inclined),
     "features": Reader(examples.make_features, ("manifest.json", "place.parquet"), examples.read_features),
     "situations": Reader(
