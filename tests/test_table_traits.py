@@ -150,6 +150,19 @@ def test_further_forms_of_dates(tmp_path, plain, form):
     np.testing.assert_allclose(found.time_s - first, plain.time_s, atol=1e-6)
 
 
+@pytest.mark.parametrize("day", ["2026-12-24", "24.12.2026", "12/24/2026"])
+def test_all_rows_have_a_date_or_none_has(tmp_path, day):
+    rows = [(day if t else "", f"10:00:{t:06.3f}", *row) for t, *row in WALK]
+    with pytest.raises(SourceError, match=r"line 4: time = '10:00:00.250', with a date, unlike the rows"):
+        tracks(write(tmp_path, rows, ("date", *TITLES)))
+    with pytest.raises(SourceError, match=r"line 48: time = '10:00:00.000', without a date"):
+        tracks(write(tmp_path, rows[2:] + rows[:2], ("date", *TITLES)))
+    other = {"2026-12-24": "24/12/2026"}.get(day, "2026-12-24")
+    rows = [(day if t else other, *row) for (_, *row), (t, *_) in zip(rows, WALK, strict=True)]
+    with pytest.raises(SourceError, match=r"line 4: .*but the dates before are written otherwise"):
+        tracks(write(tmp_path, rows, ("date", *TITLES)))
+
+
 def test_minutes_and_seconds_are_times_until_the_hour_ends(tmp_path, plain):
     rows = [(f"59:{50 + t:06.3f}", *row) for t, *row in WALK]
     found = tracks(write(tmp_path, rows))

@@ -56,6 +56,8 @@ class Dates:
     def __init__(self, path: Path, title: str, at: int, days: int | None):
         self._path, self._title, self._at, self._days = path, title, at, days
         self._latest_s: float | None = None
+        self._dated: bool | None = None
+        self._orders: tuple[tuple[int, ...], ...] | None = None
         self._open: dict[str, tuple[int, int]] = {}  # date that ends with the year -> first line, place
         self._day_of_row = array("i")
         self.found = False
@@ -91,7 +93,7 @@ class Dates:
         """
         if not self._open:
             return time_s
-        days = [found for order in _orders(next(iter(self._open))) if (found := self._days_in(order))]
+        days = [found for order in self._orders or () if (found := self._days_in(order))]
         if not days:
             text, (line, _) = next(iter(self._open.items()))
             problem = f"{self._title}: no order of day and month fits all dates, such as {text}"
@@ -114,11 +116,13 @@ class Dates:
         day = "" if self._days is None else _plain(fields[self._days])
         try:
             if stamp := _STAMP.match(f"{day} {text}" if _DATE.match(day) and _CLOCK.match(text) else text):
+                self._check_dated(True)
                 *_, hours, minutes, seconds, half, zone = stamp.groups()
                 return repr(
                     self._days_s(line, stamp) + _of_day(hours, minutes, seconds, half) - _shift_s(zone)
                 )
-            if (clock := _CLOCK.match(text)) and not self._open:
+            if clock := _CLOCK.match(text):
+                self._check_dated(False)
                 half_s = _HALF_DAY_S if clock[1] else _HALF_HOUR_S
                 return repr(self._rising(line, _of_day(*clock.groups()), text, half_s))
         except ValueError as cause:
@@ -126,14 +130,21 @@ class Dates:
             raise SourceError(self._path, line, problem, AS_TIMES) from cause
         raise SourceError(self._path, line, f"{self._title} = {text[:80]!r} is not a time", AS_TIMES)
 
+    def _check_dated(self, dated: bool) -> None:
+        """Check that all rows have a date, or none has."""
+        if self._dated not in (None, dated):
+            raise ValueError(f"{'with' if dated else 'without'} a date, unlike the rows before")
+        self._dated = dated
+
     def _days_s(self, line: int, stamp: re.Match[str]) -> int:
         """Seconds until the day begins; 0 if it stays open which day it is."""
         text = stamp[1] + stamp[2] + stamp[3] + stamp[2] + stamp[4]
         orders = _orders(text)
-        if self._open and orders != _orders(next(iter(self._open))):
-            raise ValueError("but the dates before are written otherwise")
         if not orders:
             raise ValueError("but a year has four digits")
+        if self._orders not in (None, orders):
+            raise ValueError("but the dates before are written otherwise")
+        self._orders = orders
         if len(orders) == 1:
             return _DAY_S * _day(text, orders[0])
         _, place = self._open.setdefault(text, (line, len(self._open)))

@@ -99,6 +99,14 @@ def make_deep_map(folder: Path) -> None:
     (folder / "map.yaml").write_text(f"{about}negate: no\noccupied_thresh: 0.65\nfree_thresh: 0.2\n")
 
 
+def make_tiff_map(folder: Path) -> None:
+    """A compressed picture of eight bits."""
+    grey = np.random.default_rng(0).integers(0, 2**8, (12, 9), dtype=np.uint8)
+    Image.fromarray(grey).save(folder / "room.tif", compression="tiff_lzw")
+    about = "image: room.tif\nresolution: 0.1\norigin: [-1, -2.0, 0]\n"
+    (folder / "map.yaml").write_text(f"{about}negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n")
+
+
 GEOMETRIES = ("lines.xml", "room.wkt")
 
 
@@ -124,7 +132,7 @@ def make_table(folder: Path) -> None:
     write_as_table(place(), folder, float_format="%.3f")
 
 
-TABLES = ("walk.csv", "walk.tsv", "walk.txt", "walk.ndjson")
+TABLES = ("walk.csv", "walk.tsv", "walk.txt", "walk.ndjson", "dates.csv")
 
 
 def make_tables(folder: Path) -> None:
@@ -133,6 +141,8 @@ def make_tables(folder: Path) -> None:
     for name, separator in {"walk.csv": ";", "walk.tsv": "\t", "walk.txt": " "}.items():
         lines = [("time", "id", "x", "y"), *rows]
         (folder / name).write_text("\n".join(separator.join(map(str, row)) for row in lines))
+    dated = [f"24/12/2026;10:00:0{t:.1f};{who};{x};{y}".replace(".", ",") for t, who, x, y in rows]
+    (folder / "dates.csv").write_text("\n".join(["Datum;Uhrzeit;Person;x;y", *dated]))
     tracks = [{"track": {"f": round(10 * t), "p": who, "x": x, "y": y}} for t, who, x, y in rows]
     lines = [{"scene": {"id": 0, "fps": 2.5}}, *tracks]
     (folder / "walk.ndjson").write_text("\n".join(map(json.dumps, lines)))

@@ -74,6 +74,7 @@ READERS = {
     "jupedsim": Reader(write_recording, ("hall.txt", "hall.xml"), source("jupedsim", LABORATORY)),
     "map": Reader(examples.make_scene, ("map.yaml", "map.pgm"), read_map),
     "deep map": Reader(examples.make_deep_map, ("map.yaml", "sub/deep.png"), read_map),
+    "TIFF map": Reader(examples.make_tiff_map, ("map.yaml", "room.tif"), read_map),
     "geometries": Reader(examples.make_geometries, examples.GEOMETRIES, examples.read_geometries),
     "scene": Reader(examples.make_scene, ("scene.json", "tracks.parquet", "reference.png"), read_scene),
     "scene_folder": Reader(examples.make_table, ("tracks.csv", "scene.json"), source("scene_folder", {})),
