@@ -42,7 +42,8 @@ def test_drives_that_are_interrupted_go_on_where_they_were(tmp_path, processes):
     table, methods = tmp_path / "table.csv", ("--method", "standing", "--method", "kalman")
     command = [sys.executable, "-m", "pedpred.command", "drive", CORNER, "--table", str(table), *methods]
     command += ["--risk", "0.1", "--episodes", "5000", "--processes", processes]
-    environment = os.environ | {"TQDM_MININTERVAL": "0"}
+    environment = {name: value for name, value in os.environ.items() if name != "TQDM_DISABLE"}
+    environment["TQDM_MININTERVAL"] = "0"
     heeds = partial(
         signal.signal, signal.SIGINT, signal.SIG_DFL
     )  # background jobs are started without Ctrl-C
