@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import pages
 from benchmarks.timing import needed, tell
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.command.conversion import read_any
@@ -53,11 +54,11 @@ def ahead_m(scene: Scene, model: Path | None) -> dict[str, np.ndarray]:
 
 def rows_of(scene: Scene, map_: str, model: Path | None) -> list[dict[str, object]]:
     """One row per range of speeds."""
-    found, rows = ahead_m(scene, model), []
+    along, rows = ahead_m(scene, model), []
     for low, high in pairwise(SPEEDS_MPS):
-        some = (found["speed"] >= low) & (found["speed"] < high)
+        some = (along["speed"] >= low) & (along["speed"] < high)
         if some.sum() >= FEWEST:
-            means = {name: float(found[name][some].mean()) for name in ("truth", "network", "cv")}
+            means = {name: float(along[name][some].mean()) for name in ("truth", "network", "cv")}
             row = {"place": scene.name, "map": map_, "speed, m/s": f"{low}-{high}", "windows": some.sum()}
             rows.append({**row, **means, "network - truth": means["network"] - means["truth"]})
     return rows
@@ -68,15 +69,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
     parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
-    given = parser.parse_args()
+    parser.add_argument("--write", action="store_true", help=pages.WRITE)
+    options = parser.parse_args()
     rows = []
-    for path in given.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest")):
+    for path in options.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest")):
         scene = read_any(path)
-        rows += rows_of(scene, "yes", given.model)
+        rows += rows_of(scene, "yes", options.model)
         if scene.occupancy.occupied.any():
             free = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
-            rows += rows_of(replace(scene, occupancy=free), "no", given.model)
+            rows += rows_of(replace(scene, occupancy=free), "no", options.model)
     tell("displacement after 3 s, m", rows)
+    if options.write:
+        pages.put("bias", rows)
 
 
 if __name__ == "__main__":

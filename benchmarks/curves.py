@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import pages
 from benchmarks.timing import tell
 from pedpred.baselines.kalman import kalman_velocity
 from pedpred.evaluation import EvaluationSettings
@@ -82,17 +83,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
     parser.add_argument("--people", type=int, default=60)
-    given = parser.parse_args()
+    parser.add_argument("--write", action="store_true", help=pages.WRITE)
+    options = parser.parse_args()
     rows = []
     for turn_radps in TURNS_RADPS:
-        scene = walkers(turn_radps, given.people)
+        scene = walkers(turn_radps, options.people)
         for rate_hz, noise_m in product(RATES_HZ, NOISES_M):
             sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
-            network, best = network_m(scene, sensor, given.model), filter_m(scene, sensor)
+            network, best = network_m(scene, sensor, options.model), filter_m(scene, sensor)
             row = {"turn rate, rad/s": turn_radps, "rate, Hz": rate_hz, "noise, m": noise_m}
             ratio = network / best if best > _LEVEL_M else float("nan")
             rows.append(row | {"network": network, "best filter": best, "network / filter": ratio})
     tell("ADE, m", rows)
+    if options.write:
+        pages.put("curves", rows)
 
 
 if __name__ == "__main__":

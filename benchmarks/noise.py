@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import pages
 from benchmarks.timing import needed, tell
 from pedpred.command.conversion import read_any
 from pedpred.command.evaluation import Apart
@@ -45,18 +46,18 @@ def errors(scene: Scene, sensor: SensorSettings, model: Path | None) -> dict[str
         "fixed": OnlineSettings(age_s, learn_noise=False),
         "fitted": OnlineSettings(age_s, tracker=fitted),
     }
-    found = {}
+    scored = {}
     for name, settings in trackers.items():
         predictor = OnlinePredictor.load(model, settings)
         scores = assess(scene, predictor, EvaluationSettings(), sensor, metrics={METRIC: METRICS[METRIC]})
-        found[name] = {method: float(np.nanmean(own.values[METRIC])) for method, own in scores.items()}
-    best = min(found["learns"]["cv"], found["fitted"]["kalman_cv"])
+        scored[name] = {method: float(np.nanmean(each.values[METRIC])) for method, each in scores.items()}
+    best = min(scored["learns"]["cv"], scored["fitted"]["kalman_cv"])
     return {
-        "cv": found["learns"]["cv"],
-        "kalman_cv, fitted": found["fitted"]["kalman_cv"],
-        "network": found["learns"]["network"],
-        "with a fixed tracker": found["fixed"]["network"],
-        "network / best": found["learns"]["network"] / best,
+        "cv": scored["learns"]["cv"],
+        "kalman_cv, fitted": scored["fitted"]["kalman_cv"],
+        "network": scored["learns"]["network"],
+        "with a fixed tracker": scored["fixed"]["network"],
+        "network / best": scored["learns"]["network"] / best,
     }
 
 
@@ -70,24 +71,27 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=300.0, help="of each recording (%(default)s)")
     parser.add_argument("--alone", action="store_true", help="everybody alone")
     parser.add_argument("--no-map", action="store_true", help="without obstacles")
-    given = parser.parse_args()
-    places = given.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest"))
-    options = TableOptions(rate_hz=given.rate)
+    parser.add_argument("--write", action="store_true", help=pages.WRITE)
+    options = parser.parse_args()
+    places = options.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest"))
+    table = TableOptions(rate_hz=options.rate)
     rows = []
     for path in places:
-        scene = read_any(path, options=options if path.is_file() else None)
-        rows_then = scene.trajectories.time_s < scene.trajectories.time_s.min() + given.seconds
+        scene = read_any(path, options=table if path.is_file() else None)
+        rows_then = scene.trajectories.time_s < scene.trajectories.time_s.min() + options.seconds
         scene = replace(scene, trajectories=scene.trajectories.select(rows_then))
-        if given.alone:
+        if options.alone:
             scene = replace(scene, trajectories=Apart.of(scene.trajectories).moved(scene.trajectories))
-        if given.no_map:
+        if options.no_map:
             scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
-        faster = 1.0 / scene.detection_dt_s > given.detections
+        faster = 1.0 / scene.detection_dt_s > options.detections
         for noise_m in NOISES_M:
-            rate_hz = given.detections if faster else 0.0
+            rate_hz = options.detections if faster else 0.0
             sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
-            rows.append({"place": scene.name, "noise, m": noise_m} | errors(scene, sensor, given.model))
+            rows.append({"place": scene.name, "noise, m": noise_m} | errors(scene, sensor, options.model))
     tell("ADE, m", rows)
+    if options.write:
+        pages.put("alone" if options.alone else "noise", rows)
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ SCRATCH = Path("build")
 
 _LARGEST_BYTES, _LARGEST_JSON_BYTES, _LARGEST_YAML_BYTES = 2**30, 2**22, 2**18
 _LONGEST_LINE, _LONGEST_PROBLEM = 2**16, 600
-_PICTURES = ("PNG", "PPM", "BMP", "JPEG")  # formats that are decoded here, not by another program
+_PICTURES = ("PNG", "PPM", "BMP", "JPEG", "TIFF")  # formats that are decoded here, not by another program
 
 Wording = Callable[[str], PedpredError]
 """Makes the error for a problem, with the file and the remedy."""
@@ -161,6 +161,8 @@ def open_picture(path: Path, wording: Wording) -> Iterator[Image.Image]:
     with translate_errors(wording), _opened_picture(path) as image:
         if math.prod(image.size) > MOST_PIXELS:
             raise ShapeError(path.name, image.size, f"at most {MOST_PIXELS} pixels")
+        if image.format == "TIFF" and image.mode == "I":  # any range; other files have 16 bits in this mode
+            raise ValueError("pixels have 32 bits: save the picture with 8 bits per channel")
         yield image
 
 

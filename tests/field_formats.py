@@ -180,6 +180,13 @@ def write_atc(folder):
     return lines(folder / "atc-20121031.csv", *data)
 
 
+def write_kitti(folder):
+    """Labels of KITTI's tracking benchmark, with a car that is no person."""
+    box, size = "600.0 150.0 640.0 260.0", "1.70 0.60 0.80"
+    data = [f"{k} {who} Pedestrian 0 0 -1.57 {box} {size} {x:.6f} 1.6 {y:.6f} 0.1" for k, who, x, y in ROWS]
+    return lines(folder / "0013.txt", f"0 99 Car 0 0 -1.57 {box} {size} 2.0 1.6 9.0 0.1", *data)
+
+
 WRITERS = {
     "JuPedSim database": write_jupedsim,
     "Pedestrian Dynamics Data Archive": write_archive,
@@ -191,6 +198,10 @@ WRITERS = {
     "Vadere": write_vadere,
     "PTV Viswalk": write_viswalk,
     "ATC shopping centre": write_atc,
+    "KITTI tracking labels": write_kitti,
 }
 BINARY = ("JuPedSim database", "Pedestrian Dynamics Data Archive")
-OPTIONS = {"Stanford Drone Dataset": TableOptions(pixel_m=PIXEL_M)}
+OPTIONS = {
+    "Stanford Drone Dataset": TableOptions(pixel_m=PIXEL_M),
+    "KITTI tracking labels": TableOptions(rate_hz=RATE_HZ),
+}

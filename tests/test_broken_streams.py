@@ -71,12 +71,13 @@ def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
 def test_no_jump_and_no_gap_spoils_a_forecast(folder, seed, jumps, gaps):
     """Jumps of 1 m to 1e8 m, frames 1 us to 10 s apart: everybody has a forecast, the others the same."""
     rng = np.random.default_rng(seed)
-    start, velocity = walkers(rng, apart_m=100.0)
+    start, velocity = walkers(rng)
     robot, other, now = OnlinePredictor.load(folder), OnlinePredictor.load(folder), 0.0
     others = np.delete(np.arange(len(start)), JUMPER)
     for k in range(30):
         now += 10.0 ** gaps[k % len(gaps)] if k >= 10 else 0.1
         position = np.clip(start + now * velocity, -50, 50) + rng.normal(0, 0.05, start.shape)
+        position[JUMPER] += 300.0  # whoever meets others concerns them
         without = robot_sees = position
         if k >= 10 and k % 3 == 0:
             robot_sees = position.copy()

@@ -35,6 +35,15 @@ from tests.field_formats import (
 SUFFIXES = ("", ".data", ".txt", ".csv", ".xml", ".SQLITE")
 
 
+@pytest.mark.parametrize("hidden", ["NULL", "", "NaN"])
+def test_hidden_markers_of_qtm_may_be_written_otherwise(tmp_path, hidden):
+    path = write_qtm(tmp_path)
+    text = path.read_text()
+    path.write_text(text.replace("\t0.000\t0.000\t0.000", f"\t{hidden}" * 3))
+    assert path.read_text() != text
+    np.testing.assert_allclose(read_file(path).trajectories.position, PEOPLE.position, atol=1e-6)
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_format_is_read_to_the_value(tmp_path, name):
     people = read_file(WRITERS[name](tmp_path), OPTIONS.get(name)).trajectories
@@ -62,8 +71,10 @@ def test_every_format_is_written_here():
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_what_a_file_was_taken_for_is_said(tmp_path, name, capsys):
-    scale = ["--scale", str(PIXEL_M)] if name in OPTIONS else []
-    main(["info", str(WRITERS[name](tmp_path)), *scale])
+    about = OPTIONS.get(name, TableOptions())
+    stated = {"--scale": about.pixel_m, "--rate": about.rate_hz}
+    options = [word for option, value in stated.items() if value for word in (option, str(value))]
+    main(["info", str(WRITERS[name](tmp_path)), *options])
     assert f"read as  {name.split(',')[0].split(' (')[0]}" in capsys.readouterr().out
 
 

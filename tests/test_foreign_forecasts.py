@@ -68,9 +68,24 @@ def predicted(scenes, fps, path):
 
 @pytest.mark.parametrize("fps", [0, -1, 1e-320, 1e308, float("inf"), float("nan")])
 def test_a_rate_that_no_camera_has_is_refused(fps, tmp_path):
-    rule = "fps of the scenes" if np.isfinite(fps) else "them.ndjson, line 1: .* is not a number"
+    rule = "them.ndjson, line 1: .* is not a number" if np.isinf(fps) else "fps of the scenes"
     with pytest.raises(SourceError, match=rule):
         read_forecasts(predicted(1, fps, tmp_path / "them.ndjson"), None)
+
+
+@pytest.mark.parametrize("nowhere", ["NaN", "null"])
+def test_neighbours_may_have_no_position_and_others_must(nowhere, tmp_path):
+    path = predicted(1, 2.5, tmp_path / "them.ndjson")
+    wanted = read_forecasts(path, None)
+    lost = f'{{"track": {{"f": 10, "p": %d, "x": {nowhere}, "y": {nowhere}, "prediction_number": 0, '
+    lost += '"scene_id": 0}}'
+    text = path.read_text()
+    path.write_text(f"{text}\n{lost % 99}")
+    found = read_forecasts(path, None)
+    np.testing.assert_array_equal(found.time_s, wanted.time_s)
+    path.write_text(f"{text}\n{lost % 1}")
+    with pytest.raises(SourceError, match=r"line \d+: a prediction of the pedestrian.*has no position"):
+        read_forecasts(path, None)
 
 
 def test_the_number_of_scenes_is_bounded(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 import logging
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,8 +19,9 @@ from pedpred.ros.message_types import serialize
 from pedpred.ros.people import TrackNumbers
 from pedpred.ros.planning import HORIZON, MOST_CELLS, fitting_ground, grid_messages, grid_topic
 from pedpred.ros.scene_messages import header
+from pedpred.ros2.arrivals import Arrivals
 from pedpred.ros2.diagnostics import Latencies, diagnose, told_values
-from pedpred.ros2.follower import UPDATE_TYPE
+from pedpred.ros2.follower import UPDATE_TYPE, Counts
 from pedpred.ros2.log import RosHandler
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
 from tests.test_ros_follower import GRID, PEOPLE, TF, answered, follower_of, rows_of
@@ -229,9 +231,42 @@ def test_diagnostics_say_when_people_come_and_forecasts_do_not():
     follower = follower_of()
     for k in range(50):
         answered(follower, serialize(PEOPLE, {"header": header(10**9)}), k / 10)
-        level, text = diagnose(follower, k / 10, publishers=1)
+        level, text = diagnose(follower, k / 10, 1, Counts())
     assert (level, text[:40]) == (1, "people are heard, but there is no foreca")
+    assert "of the last 50 messages of people, 49 are left out" in text
     assert told_values(follower, Latencies())["left out: earlier than another"] == 49
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.booleans()), max_size=60))
+def test_messages_that_nobody_read_are_counted(sent):
+    """Of each publisher, between those that were read; other editions of rclpy name no publisher."""
+    arrivals, numbers, read, missed = Arrivals(), dict.fromkeys(range(4), 7), {}, 0
+    for publisher, is_read in sent:
+        numbers[publisher] += 1
+        if is_read:
+            read.setdefault(publisher, []).append(numbers[publisher])
+            about = {"publisher_gid": {"data": publisher}, "publication_sequence_number": numbers[publisher]}
+            missed += arrivals.missed(about)
+            assert arrivals.missed(about | {"publisher_gid": None}) == 0
+    assert missed == sum(each[-1] - each[0] + 1 - len(each) for each in read.values())
+
+
+def test_messages_that_nobody_read_are_told(caplog):
+    follower = follower_of()
+    for k in range(10):
+        answered(follower, named(1.0 + k / 10, "7"), k / 10)
+    follower.people_missed(2)
+    assert "2 messages of people were lost before they were read" in caplog.text
+    level, text = diagnose(follower, 1.0, 1, Counts())
+    assert (level, text) == (1, "of the last 12 messages of people, 2 are left out")
+
+
+def test_two_clocks_are_told():
+    follower = follower_of()
+    for k in range(10):
+        answered(follower, named((1.0 if k % 2 else 1000.0) + k / 10, "7"), k / 10)
+    assert "do two clocks stamp people?" in diagnose(follower, 1.0, 1, Counts())[1]
+    assert diagnose(follower, 1.0, 1, replace(follower.counts)) == (0, "forecasts")
 
 
 # Who is who
@@ -351,6 +386,27 @@ def test_grids_are_those_of_the_whole_ground_wherever_people_are(seed, people, s
     cells = [np.asarray(found[grid_topic(step + 1)]["data"]).reshape(40, 70).T for step in range(3)]
     assert np.abs(np.array(cells) - expected).max() <= 1
     np.testing.assert_array_equal(found[HORIZON]["data"], np.max(cells, axis=0).T.ravel())
+
+
+@given(SEEDS, st.integers(0, 3), st.integers(1, 7))
+@settings(max_examples=25)
+def test_small_cells_have_the_value_of_their_square(seed, people, group):
+    rng = np.random.default_rng(seed)
+    path = rng.uniform(-4, 4, (people, 1, 2, 2))
+    spread = np.eye(2) * rng.uniform(1e-4, 0.5, (people, 1, 2, 1, 1))
+    forecasts = Predictions(path[:, 0], path, np.ones((people, 1)), 0.3, spread)
+    ground = OccupancyMap(np.zeros((131, 97), bool), np.array([-3.0, -2.0]), 0.1 / group)
+    found = grid_messages(forecasts, ground, 0, "map", detail_m=0.1)
+    squares = grid_messages(forecasts, ground.free(group * ground.resolution_m), 0, "map")
+    for step in (1, 2):
+        small, large = (
+            np.asarray(each[grid_topic(step)]["data"], int).reshape(
+                each[grid_topic(step)]["info"]["height"], -1
+            )
+            for each in (found, squares)
+        )
+        spelt = large.repeat(group, axis=0).repeat(group, axis=1)[:97, :131]
+        assert np.abs(small - spelt).max() <= 1
 
 
 @given(st.integers(1, 300), st.integers(1, 300), st.floats(-3, 6), st.floats(-3, 1), st.integers(1, 20))

@@ -78,7 +78,13 @@ def test_walls_the_table_and_the_open_end(folder):
 
 @pytest.mark.parametrize(
     "header",
-    ["#framerate: 16", "# framerate: 16.00 fps", "# Frame rate 16", "#description: run 2, 16:02\n#fps=16"],
+    [
+        "#framerate: 16",
+        "# framerate: 16.00 fps",
+        "# Frame rate 16",
+        "#description: run 2, 16:02\n#fps=16",
+        "# Frame rate (1/s): 16",
+    ],
 )
 def test_ways_to_say_the_frame_rate(folder, header):
     change("hall.txt", "# framerate: 16", header)(folder)
@@ -95,6 +101,8 @@ def test_ways_to_say_the_frame_rate(folder, header):
         ("x / cm", 0.01),
         ("positions in cm", 0.01),
         ("positions in centimetres", 0.01),
+        ("x in m, y in m, z in cm", 1.0),
+        ("cells of 10 cm, cell size in cm", 1.0),
     ],
 )
 def test_ways_to_say_the_unit(folder, comment, unit_m):

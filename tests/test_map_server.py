@@ -111,6 +111,11 @@ def palette():
         (lambda: Image.fromarray(DARK ^ True), "x.pbm"),
         (palette, "x.png"),
         (palette, "x.bmp"),
+        (lambda: Image.fromarray(GREYS), "x.tif"),
+        (lambda: Image.fromarray(GREYS.astype(np.uint16) * 257), "x.tiff"),
+        (lambda: Image.fromarray(DARK ^ True), "x.tiff"),
+        (lambda: Image.fromarray(GREYS).convert("RGBA"), "x.tiff"),
+        (palette, "x.tif"),
     ],
 )
 def test_any_depth_and_any_kind_of_pixels_is_the_same_map(image, name, tmp_path):
@@ -160,6 +165,13 @@ def test_a_large_picture_is_read_in_blocks_of_rows():
     grey = rng.integers(0, 256, (1500, 1500), dtype=np.uint8)
     greys = np.arange(256) < 80
     np.testing.assert_array_equal(blocked_cells(Image.fromarray(grey), greys, "trinary"), grey < 80)
+
+
+@pytest.mark.parametrize("kind", [np.int32, np.float32])
+def test_a_tiff_whose_range_is_unknown_is_refused(kind, tmp_path):
+    path = write(tmp_path, Image.fromarray(GREYS.astype(kind)), "x.tif", image="x.tif")
+    with pytest.raises(StorageError, match=r"x\.tif.*save the picture with 8 bits per channel"):
+        read_map_file(path)
 
 
 def test_fractions_are_refused(tmp_path):
@@ -320,7 +332,7 @@ def test_what_is_missing_is_named_with_what_is_usual(key, tmp_path):
     read_map_file(path)
 
 
-@pytest.mark.parametrize("name", ["map.tiff", "map.gif", "map.webp"])
+@pytest.mark.parametrize("name", ["map.gif", "map.webp"])
 def test_a_picture_of_another_kind_is_to_be_converted(tmp_path, name):
     write(tmp_path, name=name, image=name)
     with pytest.raises(StorageError, match=rf"{name}.*of another kind than PNG, .*convert it to PNG"):

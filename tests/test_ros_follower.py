@@ -11,15 +11,16 @@ from scipy.spatial.transform import Rotation
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
 from pedpred.ros.assignment import NearestTracks
+from pedpred.ros.frame_tree import FrameTree
 from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros.people import ADAPTERS
 from pedpred.ros.planning import HORIZON, ROW, grid_messages
 from pedpred.ros.scene_messages import header, map_message
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
-from pedpred.ros2.follower import UPDATE_TYPE, Follower
+from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
 from pedpred.ros2.identities import UNNAMED_TYPES
 from pedpred.ros2.live_frames import KEPT_S, MOST_FRAMES, MOST_POSES, LiveFrames
-from pedpred.ros2.outputs import output_types
+from pedpred.ros2.outputs import MARKERS, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of
 from pedpred.scenes import OccupancyMap, Predictions
 
@@ -31,7 +32,7 @@ STANDING = np.array([3.0, 2.0, 0.0])
 
 def follower_of(**values):
     settings = NodeSettings(**{"use_map": False} | values)
-    return Follower(OnlinePredictor.load(None, settings.online()), settings)
+    return Follower(OnlinePredictor.load(None, settings.online()), settings, clock=lambda: 0.0)
 
 
 def people(time_s, frame="map", **places):
@@ -97,6 +98,13 @@ def test_who_stands_has_no_speed_seen_from_a_robot_that_drives_and_turns():
         (eve,) = answers["predictions/people"]["people"]
         assert np.hypot(*eve["velocity"].values()) < 0.05
         np.testing.assert_allclose(list(eve["position"].values()), STANDING[:2], atol=0.05)
+
+
+def test_places_that_a_table_cannot_hold_are_told(caplog):
+    for x in (1e4, 4e5):
+        assert "rounded" not in caplog.text
+        answered(follower_of(), people(1.0, anna=(x, 0.0)))
+    assert "places in /predictions are rounded to 0.03" in caplog.text
 
 
 def test_people_wait_for_the_transform_of_their_time():
@@ -175,7 +183,7 @@ def test_a_map_in_another_frame_begins_anew_and_the_same_map_changes_nothing(cap
     follower = follower_of(use_map=True)
     answered(follower, people(1.0, anna=(1.0, 0.0)))
     assert "no map has come" in caplog.text
-    assert diagnose(follower, 0.0, 1) == (1, "no map: forecasts go through walls")
+    assert diagnose(follower, 0.0, 1, Counts()) == (1, "no map: forecasts go through walls")
     content = map_message(OccupancyMap(np.ones((4, 5), bool), np.zeros(2), 0.5), 0)
     content["header"]["frame_id"] = "world"
     for _ in range(2):
@@ -183,8 +191,8 @@ def test_a_map_in_another_frame_begins_anew_and_the_same_map_changes_nothing(cap
     assert caplog.text.count("all are forgotten") == 1
     answers = answered(follower, people(1.1, "world", anna=(1.0, 0.0)))
     assert answers["predictions"]["header"]["frame_id"] == "world"
-    assert diagnose(follower, 0.0, 1) == (0, "forecasts with map")
-    assert diagnose(follower, 9.0, 1) == (1, "no people heard")
+    assert diagnose(follower, 0.0, 1, Counts()) == (0, "forecasts with map")
+    assert diagnose(follower, 9.0, 1, Counts()) == (1, "no people heard")
     values = told_values(follower, Latencies())
     told = serialize(DIAGNOSTICS_TYPE, diagnostics_content("pedpred", 1, "x", values, 5))
     (status,) = known_types().deserialize_cdr(told, DIAGNOSTICS_TYPE).status
@@ -217,10 +225,22 @@ def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
     cells[1:3, 4:7] = 100
     plain.map_came(grid(cells))
     np.testing.assert_array_equal(follower.occupancy.occupied, plain.occupancy.occupied)
-    for wrong in (update(6, 1, part), update(0, 5, part), update(-1, 0, part), update(0, 0, part, "odom")):
-        with pytest.raises(ValueRuleError, match="map"):
-            follower.map_update_came(wrong)
+    wrong = update(6, 1, part), update(0, 5, part), update(-1, 0, part), update(0, 0, part, "odom")
+    for odd in (*wrong, update(0, 0, 0 * part - 100)):
+        with pytest.raises(ValueRuleError, match=r"map|cells are -1"):
+            follower.map_update_came(odd)
     np.testing.assert_array_equal(follower.occupancy.occupied, plain.occupancy.occupied)
+    before = follower.occupancy
+    follower.map_update_came(update(4, 1, part - 1))
+    assert follower.occupancy is before  # what blocks is the same
+    follower.map_came(grid(0 * cells))  # the same bytes as at first
+    assert not follower.occupancy.occupied.any()
+
+
+def test_a_frame_of_the_robot_is_none_for_forecasts():
+    follower = follower_of(map_frame="robot1/base_link")
+    answered(follower, people(1.0, "robot1/base_link", anna=(1.0, 0.0)))
+    assert "'robot1/base_link', which moves with the robot" in diagnose(follower, 0.0, 1, Counts())[1]
 
 
 def test_people_without_ids_are_refused_where_ids_are_asked_for():
@@ -270,6 +290,34 @@ def test_transforms_whose_stamps_stand_still_do_not_pile_up(stamp_s):
     assert sum(map(len, kept)) <= 9 * (MOST_POSES + 200 + MOST_FRAMES + 200)
     assert frames.lack("robot", "map", stamp_s or 100.0 + (count - 1) / 10) == ""
     assert "'p0' has no parent" in frames.lack("p0", "map", stamp_s or 100.0)
+
+
+def test_a_frame_that_gets_another_parent_is_followed_there():
+    """As where one localisation takes over from another; in the meantime its last pose holds."""
+    follower, xs = follower_of(), []
+    odom = transforms(transform("map", "odom", Rotation.identity(), (5.0, 0.0, 0.0)))
+    follower.transforms_came(odom, 100.0, True)
+    for k in range(60):
+        at_s, (parent, x) = 100.0 + k / 10, (("odom", 0.0) if k < 30 else ("map", 7.0))
+        base = transforms(transform(parent, "base", Rotation.identity(), (x, 0.0, 0.0), at_s))
+        follower.transforms_came(base, at_s, False)
+        answers = answered(follower, people(at_s, "base", anna=(1.0, 0.0)))
+        xs.append(answers["predictions/people"]["people"][0]["position"]["x"])
+    np.testing.assert_allclose(xs[:30], 6.0)
+    np.testing.assert_allclose(xs[45:], 8.0, atol=1e-6)
+
+
+@given(st.integers(0, 2**32), st.integers(1, 12))
+@settings(max_examples=40)
+def test_where_a_place_is_does_not_depend_on_those_asked_with_it(seed, count):
+    rng, tree = np.random.default_rng(seed), FrameTree()
+    for at_s in rng.choice([0.01, 0.4, 3.0], count).cumsum() + 100.0:
+        pose = transform("map", "base", *(robot(at_s) if rng.random() < 0.7 else robot(100.0)), at_s)
+        tree.add(known_types().deserialize_cdr(transforms(pose), TF), at_s, False)
+    asked_s, always = rng.uniform(98.0, 102.0 + 2 * count, 30), (-np.inf, np.inf)
+    place = rng.normal(0, 5, (30, 3))
+    each = [tree.placed(place[[k]], asked_s[[k]], "base", "map", always) for k in range(30)]
+    np.testing.assert_array_equal(tree.placed(place, asked_s, "base", "map", always), np.concatenate(each))
 
 
 def test_a_loop_of_frames_is_called_so():
@@ -359,6 +407,23 @@ def test_markers_and_grids_are_made_no_more_often_than_viewers_need():
         assert all({"predictions", "predictions/people"} <= own for own in shown)
         for topic in ("predictions/markers", "predicted_occupancy/horizon"):
             assert least <= sum(topic in own for own in shown) <= most
+
+
+def test_viewers_and_costmaps_take_at_most_half_of_the_time():
+    now_s = 0.0
+
+    def slow(topic):
+        nonlocal now_s
+        now_s += 0.5 * (topic == MARKERS)  # as if markers took half a second
+        return True
+
+    online = NodeSettings(use_map=False)
+    follower = Follower(OnlinePredictor.load(None, online.online()), online, slow, lambda: now_s)
+    shown = []
+    for k in range(20):
+        shown.append(MARKERS in answered(follower, people(5.0 + k / 10, **{"7": (2.0, 1.0)})))
+        now_s += 0.125
+    assert shown == ([True] + 3 * [False]) * 5
 
 
 def position(x):

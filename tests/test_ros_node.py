@@ -348,6 +348,24 @@ def test_no_message_ends_or_stalls_the_node(place):
     assert int(table["left out: people without a forecast"]) > 0
 
 
+def test_people_who_are_lost_before_they_are_read_are_counted(place):
+    """More come at once than the queue holds."""
+    names = [str(k) for k in range(100)]
+    send = [
+        (0.0, 0, people(100.0 + k / 50, **{name: (k / 50, 2.0 * int(name)) for name in names}))
+        for k in range(200)
+    ]
+    publish = [("/people", PEOPLE_TYPE, "rv")]
+    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
+    with place.node("-p", "use_map:=false") as told:
+        until = {"/predictions": 40, "/diagnostics": 5}
+        heard = place.exchange(publish, (0, people(60.0)), send, record, until)
+    tables = [{pair.key: pair.value for pair in one.status[0].values} for one in heard["/diagnostics"]]
+    assert int(tables[-1]["left out: lost before they were read"]) > 0
+    assert "lost before they were read" in told.read_text()
+    assert any("messages of people" in one.status[0].message for one in heard["/diagnostics"])
+
+
 def test_people_without_ids_are_told_apart(place):
     def poses(k, places):
         listed = [{"position": {"x": x, "y": y}, "orientation": {"w": 1.0}} for x, y in places]
@@ -367,7 +385,7 @@ def test_people_without_ids_are_told_apart(place):
 
 
 def test_a_manager_starts_the_node(place):
-    """It listens to agents of a simulator only when it is active."""
+    """In whatever order it asks; the node listens to agents of a simulator only when it is active."""
 
     def agents(*k):
         moved = [{"id": 5, "type": 1, "pose": {"position": {"x": one / 10}}} for one in k]
@@ -377,10 +395,13 @@ def test_a_manager_starts_the_node(place):
     walk = [(k / 10, 0, agents(k)) for k in range(5)]
     arguments = ["-p", f"people_type:={AGENTS}", "-p", "autostart:=false", "-p", "use_map:=false"]
     arguments += ["--log-level", "pedpred:=debug"]
-    manager, out, said = place.peer(transitions=["configure", "activate"], node="/pedpred")
+    asked = ["activate", "configure", "cleanup", "deactivate", "configure", "configure", "activate"]
+    asked += ["cleanup", "activate", "deactivate", "activate"]
+    possible = [False, True, True, False, True, False, True, False, False, True, True]
+    manager, out, said = place.peer(transitions=asked, node="/pedpred")
     with place.node(*arguments) as told:
         assert manager.wait(2 * LIMIT_S) == 0, said.read_text()
-        assert out.read_text().split() == ["configure", "True", "activate", "True"]
+        assert out.read_text().splitlines() == [f"{a} {b}" for a, b in zip(asked, possible, strict=True)]
         publish, record = [("/people", AGENTS, "rv")], [("/predictions", CLOUD, "rv")]
         heard = place.exchange(publish, (0, agents()), walk, record, {"/predictions": 5})
     assert all(set(rows_of(cloud)["track_id"]) == {5} for cloud in heard["/predictions"])

@@ -1,6 +1,7 @@
 """Recordings in single files: TrajNet++, texts and tables, and clocks that count something else."""
 
 import json
+import logging
 
 import numpy as np
 import pytest
@@ -34,13 +35,24 @@ def test_trajnet_is_read(tmp_path):
     assert read_file(write_ndjson(path)).detection_dt_s == 0.5
 
 
+@pytest.mark.parametrize("nowhere", ["NaN", "null"])
+def test_trajnet_may_miss_positions(tmp_path, nowhere, caplog):
+    path = write_ndjson(tmp_path / "walk.ndjson")
+    whole = read_ndjson(path)
+    lost = f'{{"track": {{"f": 900, "p": 3, "x": {nowhere}, "y": {nowhere}}}}}'
+    path.write_text(path.read_text().rstrip() + f"\n{lost}\n")
+    with caplog.at_level(logging.WARNING):
+        np.testing.assert_array_equal(read_ndjson(path).position, whole.position)
+    assert "rows without a position are missing detections" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [
         ('"f": 6, "p": 3', '"f": 6.5, "p": 3', "line 4: f = 6.5, but it must be a whole number"),
         ('"f": 6, "p": 3', '"f": 0, "p": 3', "line 4: track_id 3 and frame 0 again, first in line 2"),
         ('"x": 3.5', '"x": "far"', "line 4: x = \"'far'\" is not a number"),
-        ('"x": 3.5', '"x": NaN', "line 4: ValueError: NaN is not a number"),
+        ('"x": 3.5', '"x": Infinity', "line 4: ValueError: Infinity is not a number"),
         ('"x": 3.5, ', "", "line 4: 'x' is missing"),
         ('"x": 3.5', '"prediction_number": 0, "x": 3.5', "line 4: a forecast"),
         ('{"track": {"f": 6, "p": 3', '["track", {"f": 6, "p": 3', "line 4: JSONDecodeError"),

@@ -9,7 +9,7 @@ from pedpred.command import main
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.sources.single_file import read_file
-from pedpred.sources.stanford import PictureOptions, read_homography
+from pedpred.tables.pictures import PictureOptions, read_homography
 from tests.field_formats import PEOPLE, PIXEL_M, ROWS, lines, write_stanford, write_sumo
 
 INCLINED = np.array([[0.05, 0.01, -3.0], [0.002, -0.06, 20.0], [1e-4, 8e-4, 1.0]])
@@ -43,6 +43,15 @@ def test_a_matrix_may_be_written_in_every_usual_way(tmp_path_factory, form):
     path = tmp_path_factory.getbasetemp() / "H.txt"
     path.write_text(form.format(*INCLINED.ravel().tolist()))
     np.testing.assert_array_equal(read_homography(path).matrix[:, [1, 0, 2]], INCLINED)
+
+
+@pytest.mark.parametrize("separator", ["\t", ",", ", "])
+def test_boxes_may_have_other_separators(tmp_path, separator):
+    path = write_stanford(tmp_path)
+    plain = read_file(path, PictureOptions(pixel_m=PIXEL_M)).trajectories
+    path.write_text(path.read_text().replace(" ", separator))
+    found = read_file(path, PictureOptions(pixel_m=PIXEL_M)).trajectories
+    np.testing.assert_array_equal(found.position, plain.position)
 
 
 def test_an_inclined_camera_is_undone(tmp_path, capsys):

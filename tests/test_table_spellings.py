@@ -1,6 +1,9 @@
 """The same people in every spelling of a table: titles, orders, units, separators, encodings, ids."""
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -98,6 +101,56 @@ def test_any_spelling_is_the_same_people(tmp_path, data):
     assert_are_the_people(read_file(path).trajectories)
 
 
+@pytest.mark.parametrize("written_by", ["to_parquet", "to_feather"])
+@pytest.mark.parametrize("clock", ["seconds", "dates", "zoned", "spans"])
+def test_tables_of_parquet_and_arrow_are_those_of_csv(tmp_path, written_by, clock):
+    """Words with separators, categories, missing values, lists and row groups, too; not what is cut."""
+    spans = pd.to_timedelta(ROWS[:, 1] / RATE_HZ, unit="s")
+    day = pd.Timestamp("2024-03-05 10:00")
+    dates = day + spans
+    clocks = {
+        "seconds": ROWS[:, 1] / RATE_HZ,
+        "spans": spans,
+        "dates": dates,
+        "zoned": dates.tz_localize("UTC"),
+    }
+    table = pd.DataFrame({"name": [f'#{who:g}, "a"' for who in ROWS[:, 0]], "time": clocks[clock]})
+    table = table.assign(x_cm=100.0 * ROWS[:, 2], y_cm=100.0 * ROWS[:, 3], box=[[1, 2]] * len(ROWS))
+    table["kind"] = pd.Categorical(["person"] * len(ROWS))
+    table = pd.concat([table, table[:1].assign(kind="car", x_cm=9e4), table[:1].assign(x_cm=np.nan)])
+    path = tmp_path / "walk"
+    getattr(table.reset_index(drop=True), written_by)(path)
+    people = read_file(path).trajectories
+    start_s = day.timestamp() if clock in ("dates", "zoned") else 0.0
+    assert_are_the_people(replace(people, time_s=people.time_s - start_s))
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(SourceError, match=r"walk: .*Write the file again"):
+        read_file(path)
+
+
+@pytest.mark.parametrize(
+    ("titles", "meant"),
+    [
+        ("frame, timestamp, actor_id, x, y, z, yaw", "frame time_s track_id x_m y_m"),
+        ("timestep, track_id, position_x, position_y", "frame track_id x_m y_m"),
+        ("time_step, id, x_est, y_est, vx_est", "frame track_id x_m y_m"),
+        ("timestep_time, ped_id, person_x, person_y", "time_s track_id x_m y_m"),
+        ("Zeit [Sek], Person Nr, X-Koordinate [cm], Y-Koordinate in cm", "time_s s track_id x_m cm y_m cm"),
+        ("ZEITSTEMPEL, Fußgänger-ID, Rechtswert, Hochwert", "time_s track_id x_m y_m"),
+        ("Uhrzeit (Sekunden), Fussgaenger, x in Metern, y in Metern", "time_s s track_id x_m m y_m m"),
+        ("Bildnummer, Personennummer, x, y", "frame track_id x_m y_m"),
+        ("Temps (secondes), Piéton, Coordonnée X, Coordonnée Y", "time_s s track_id x_m y_m"),
+        ("tiempo [s], Peatón, posición x, posición y", "time_s s track_id x_m y_m"),
+        ("fotogramma, pedone, x (metri), y (metri)", "frame track_id x_m m y_m m"),
+        ("tijd, voetganger, x, y", "time_s track_id x_m y_m"),
+    ],
+)
+def test_titles_may_be_those_of_other_languages(titles, meant):
+    found = [meaning_of(title) for title in titles.split(", ")]
+    words = [word for one in found if one for word in (one.name, one.unit) if word]
+    assert " ".join(words) == meant
+
+
 @given(
     st.sampled_from([" ", "\t", ",", ";", ", ", "  "]),
     st.booleans(),
@@ -127,7 +180,6 @@ def test_a_text_without_titles_may_have_any_separator(tmp_path, separator, frame
         "x [m/s]",
         "bbox_x",
         "image_x",
-        "x_px",
         "distance",
         "group",
         "z",

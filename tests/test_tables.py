@@ -106,7 +106,7 @@ def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separ
         ("time,id,x,y\n0,1,2,5,3\n", "line 2: 5 columns, .*decimal ones.*semicolons"),
         ("time,id,x,y\n0,1,inf,3\n", "line 2: x = 'inf', but it must be finite"),
         ("time,id,x,y\n0,1.5,2,3\n", "line 2: id = 1.5, but it must be a whole number"),
-        (f"time,id,x,y\n0,{2**63},2,3\n", "line 2: id = 9223372036854775808, but .* 64 bits"),
+        (f"frame,id,x,y\n{2**63},1,2,3\n", "line 2: frame = 9223372036854775808, but .* 64 bits"),
         (
             "time,id,x,y\n0,1,2,3\n\n1,1,2,3\n0,1,2,4\n",
             "line 5: .* again, first in line 2",

@@ -174,7 +174,7 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.add_argument("--rate", "--frame-rate", type=float, help=counted)
     long = "of lengths in a table or text (default: what the file says, else m)"
     command.add_argument("--unit", choices=list(UNITS), help=long)
-    side = "side of a pixel where people were annotated in pictures (Stanford Drone Dataset), m"
+    side = "side of a pixel where positions are pixels of a picture (Stanford Drone Dataset, tables), m"
     command.add_argument("--scale", type=_number(float, 1e-6, 10.0), metavar="METRES_PER_PIXEL", help=side)
     flat = "in place of --scale: a text with 3 x 3 numbers, which map (x, y, 1) in pixels to metres"
     command.add_argument("--homography", type=named_path, metavar="FILE", help=flat)

@@ -13,7 +13,7 @@ import numpy as np
 from mcap.writer import MCAP0_MAGIC
 
 from pedpred.command.maps import map_at
-from pedpred.errors import ValueRuleError
+from pedpred.errors import SourceError, ValueRuleError
 from pedpred.ros import Transform, is_bag, is_recording, read_bag, read_recording, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
@@ -22,11 +22,11 @@ from pedpred.sources.geometries import is_geometry, read_ground, read_walls
 from pedpred.sources.plausibility import check_speeds
 from pedpred.sources.scene_folder import read_own
 from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
-from pedpred.sources.stanford import PictureOptions, read_homography
 from pedpred.storage.scenes import write_scene
 from pedpred.tables.classes import PERSON_CLASSES
 from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
+from pedpred.tables.pictures import PictureOptions, read_homography
 
 _OPEN_END_M = 6.0
 """Length of corridors beyond open ends of geometries, m."""
@@ -190,6 +190,18 @@ def refuse_overwriting(path: Path, force: bool) -> None:
             sys.exit(f"{output} is there already; --force replaces it")
 
 
+def _check_folder(path: Path) -> None:
+    """Check that a folder is a scene, not one in which recordings lie.
+
+    Raises:
+        SourceError: it is not.
+    """
+    if path.is_dir() and not any((path / name).exists() for name in ("scene.json", "tracks.parquet")):
+        files = sorted(file.name for file in path.iterdir() if file.is_file() and file.name[0] != ".")
+        remedy = f"Name one of its files, such as {path / files[0]}" if files else "It holds no files"
+        raise SourceError(path, None, "a folder with no scene and no bag", remedy)
+
+
 def read_any(
     path: Path,
     topic: str | None = None,
@@ -223,6 +235,7 @@ def read_any(
     elif _is_foreign(path) or (path.is_file() and (topic is not None or map_topic is not None)):
         return read_bag(path, topic, transform, map_topic, classes, options.names.of_number)
     else:
+        _check_folder(path)
         scene = read_own(path, options) if path.is_dir() else read_recording(path, transform)
         check_speeds(path, scene.trajectories, by_format=True)
         transform = transform if path.is_dir() else None

@@ -19,7 +19,7 @@ from pedpred.command.conversion import read_given
 from pedpred.command.field_protocol import assess_windows, field_table
 from pedpred.command.foreign import ForeignForecasts, by_name, read_forecasts
 from pedpred.command.prediction import read_tracker, robot_for
-from pedpred.command.tables import SHOWN, caution, table, verdict
+from pedpred.command.tables import SHOWN, caution, remark, table, verdict
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.files import write_json
@@ -72,6 +72,7 @@ def evaluate(arguments: argparse.Namespace) -> None:
             field_table(name, scores[name]) if arguments.protocol else table(name, rows, scores[name])
         )
     sys.stdout.write(verdict(list(scores.values())[-1], settings))
+    sys.stdout.writelines(remark(name, rows) for name, rows in figures.items())
     sys.stdout.writelines(caution(name, place) for name, place in places.items())
     if arguments.json is not None:
         write_json(arguments.json, figures)

@@ -15,7 +15,7 @@ from pedpred.sources.geometries import GEOMETRIES
 from pedpred.storage.maps import picture_of, read_map_file
 
 _YAML = (".yaml", ".yml")
-_PICTURES = (".pgm", ".ppm", ".png", ".bmp", ".jpg", ".jpeg")
+_PICTURES = (".pgm", ".ppm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
 _REMEDY = "Correct the file"
 _log = logging.getLogger(__name__)
 

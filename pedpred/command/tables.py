@@ -14,6 +14,8 @@ from pedpred.scenes import Placement
 
 SHOWN = (*("ade_m", "fde_m", "moving_ade_m", "standing_ade_m", "nll", "obstacle_share", "collision_share"),)
 """Metrics in the table, in its order."""
+_NOISY = 2.0
+"""Constant velocity errs more than the Kalman filter by this factor where steps are noise."""
 
 
 def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str, Scores]) -> str:
@@ -46,6 +48,21 @@ def caution(name: str, place: Placement) -> str:
     if not place.wrong:
         return ""
     return f"{name}: WRONG MAP? {place}: figures with this map say little; look at both, or use --no-map\n"
+
+
+def remark(name: str, rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """A remark that simple methods continue the noise of detections; empty where they do not.
+
+    Args:
+        name: of the scene.
+        rows: method -> figure -> value.
+    """
+    error_m = {method: row["ade_m"] for method, row in rows.items()}
+    if error_m["cv"] <= _NOISY * error_m["kalman_cv"]:
+        return ""
+    return (
+        f"{name}: cv and ca continue the noise of single steps; kalman_cv smooths it: compare with that one\n"
+    )
 
 
 def _cell(key: str, value: float | None) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import SourceError
-from pedpred.sources.trajnet import track_rows
+from pedpred.sources.trajnet import rate_of, track_rows
 from pedpred.storage.tracks import MOST_NUMBERS
 from pedpred.tables.text import read_numbers
 
@@ -38,20 +38,33 @@ def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
         SourceError: the file is missing or wrong, or holds no predictions.
     """
     about: dict[int, tuple[int, float]] = {}
+    nowhere: dict[tuple[int, int], int] = {}  # scene, pedestrian without a position -> first line
 
     def predicted(content: Any, line: int) -> Any:
         if "scene" in content:
             if len(about) == _MOST_SCENES:
                 raise SourceError(path, line, f"more than {_MOST_SCENES} scenes", "Divide the file")
             scene = content["scene"]
-            about[int(scene["id"])] = int(scene["p"]), float(scene["fps"])
+            about[int(scene["id"])] = int(scene["p"]), rate_of(scene)
             return None
         track = content["track"]
-        return None if track.get("prediction_number") is None else track
+        if track.get("prediction_number") is None:
+            return None
+        if track["x"] is not None and track["y"] is not None:
+            return track
+        if len(nowhere) == _MOST_SCENES:
+            raise SourceError(
+                path, line, f"more than {_MOST_SCENES} tracks without positions", "Divide the file"
+            )
+        nowhere.setdefault((int(track["scene_id"]), int(track["p"])), line)
+        return None
 
     columns = read_numbers(path, track_rows(path, _FIELDS, predicted), tuple(_FIELDS), _FIELDS)
     if not len(columns["line"]):
         raise SourceError(path, None, "no prediction: no track of a scene has a prediction_number")
+    if lost := [line for (scene, who), line in nowhere.items() if about.get(scene, (None,))[0] == who]:
+        problem = "a prediction of the pedestrian that the scene is about has no position"
+        raise SourceError(path, min(lost), problem, "Remove the scene, or forecast it")
     rates = {fps for _, fps in about.values()}
     if len(rates) != 1 or not _RATES_HZ[0] <= min(rates) <= _RATES_HZ[1]:
         raise SourceError(

@@ -13,7 +13,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.ros.clocks import find_false, find_missing, find_passes, in_a_row
-from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name
+from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name, is_robots
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.identity import check_identity
 from pedpred.ros.people import (
@@ -28,8 +28,6 @@ from pedpred.scenes import Trajectories, rule_of
 from pedpred.tables.classes import PERSON_CLASSES, is_person
 from pedpred.tables.placeholders import find_placeholders, left_out
 
-_ROBOTS = ("base_link", "base_footprint")
-"""Frames of robots (REP 105): they move."""
 _CARRIED = re.compile(r"base_|_link|laser|lidar|velodyne|ouster|livox|camera|optical|scan|realsense|zed")
 """In names of frames that robots carry, mostly."""
 _TOLD = 5
@@ -260,7 +258,7 @@ def _target(frame: str, grid: str | None, tree: FrameTree, transform: Transform 
         return str(grid)
     if grid is None:
         return MAP_FRAME if MAP_FRAME in above else above[-1]
-    if tree.moves(frame) or above[-1].rpartition("/")[2] in _ROBOTS:
+    if tree.moves(frame) or is_robots(above[-1]):
         frames = f"people in {frame!r}, which /tf brings to {above[-1]!r}, map in {grid!r}"
         rule = f"nothing says how these lie: {_ROBOT_REMEDY}, or leave the bag's maps out (--map-topic '')"
         raise ValueRuleError("frame_id", frames, rule)

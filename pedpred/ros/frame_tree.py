@@ -28,6 +28,11 @@ def frame_name(name: str) -> str:
     return name.lstrip("/")
 
 
+def is_robots(frame: str) -> bool:
+    """Whether a frame has the name of one that moves with a robot (REP 105)."""
+    return frame.rpartition("/")[2] in ("base_link", "base_footprint")
+
+
 class FrameTree:
     """Poses of frames in their parents, over time."""
 
@@ -69,6 +74,16 @@ class FrameTree:
         }
         if kept:
             self._samples[child] = kept
+
+    def leave_others(self, child: str, parent: str, since_s: float) -> None:
+        """Drop the poses of a frame in other parents that ended before a time by the clock of the stamps.
+
+        Fixed ones stay. Without this, the parent with the most poses counts.
+        """
+        parents = self._samples.get(child, {})
+        for other in [name for name in parents if name != parent and (child, name) not in self._fixed]:
+            if parents[other][1 - _COLUMNS] < since_s:  # the stamp of the last one
+                del parents[other]
 
     def trim(self, kept_s: float, most_poses: int, most_frames: int) -> None:
         """Drop poses that are much older than the latest one of their edge, and frames that are too many.
@@ -178,7 +193,7 @@ class FrameTree:
             turn, offset = (part[-1:] for part in self._known(edge)[1:])
             last = np.zeros(len(time_s), np.int64)
             return turn[last], offset[last]
-        known_s, turn, offset = self._known(edge, heard_s)
+        known_s, turn, offset = self._known(edge, heard_s, time_s)
         if not len(known_s):
             return np.tile(NO_TURN, (len(time_s), 1)), np.full((len(time_s), 3), np.nan)
         moved = _moves(turn, offset)
@@ -198,14 +213,27 @@ class FrameTree:
         return between(turn[after - 1], turn[after], part), place
 
     def _known(
-        self, edge: tuple[str, str], heard_s: tuple[float, float] = _ALWAYS
+        self,
+        edge: tuple[str, str],
+        heard_s: tuple[float, float] = _ALWAYS,
+        asked_s: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times, turns and offsets of an edge in order of time; of two at one time the last one."""
+        """Times, turns and offsets of an edge in order of time; of two at one time the last one.
+
+        Args:
+            edge: child and parent.
+            heard_s: see `placed`.
+            asked_s: only those around these times, two on each side; None: all.
+        """
         child, parent = edge
         samples = np.asarray(self._samples[child][parent]).reshape(-1, _COLUMNS)
         stamped = 1 if samples[:, 1].any() else 0
         samples = samples[(heard_s[0] <= samples[:, 0]) & (samples[:, 0] <= heard_s[1])][::-1]
         known_s, rows = np.unique(samples[:, stamped], return_index=True)
+        if asked_s is not None and len(asked_s):
+            first, last = np.searchsorted(known_s, (asked_s.min(), asked_s.max()))
+            near = slice(max(first - 2, 0), last + 2)
+            known_s, rows = known_s[near], rows[near]
         return known_s, normalised(samples[rows, 5:]), samples[rows, 2:5]
 
 

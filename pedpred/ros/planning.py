@@ -6,6 +6,7 @@ weights and covariances of every step, and every ROS installation reads this one
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
 import numpy as np
@@ -21,6 +22,8 @@ MOST_CELLS = 2**24
 """Of all steps of predicted occupancy together."""
 _DEVIATIONS, _MARGIN = 4.0, 1.5
 """A person's rectangle ends so many standard deviations and cells beyond the paths."""
+_NO_CELL = 1e-6
+"""Share of a cell that is no cell."""
 
 _COLUMNS = {
     "x": "<f4",
@@ -41,6 +44,8 @@ ROW = np.dtype(list(_COLUMNS.items()))
 track is track_high * 2^32 + track_id. Mode 0 is the most likely one. Steps count from 1, `time_s` after the
 stamp. Covariances are those within a mode, m^2, or NaN.
 """
+
+_ROUGH_M = 0.01
 
 _DATATYPES = {"<u2": 4, "<i4": 5, "<u4": 6, "<f4": 7}
 """The constants of sensor_msgs/PointField."""
@@ -65,6 +70,14 @@ def prediction_rows(track_id: np.ndarray, predictions: Predictions) -> np.ndarra
     spread = covariance.reshape(-1, 2, 2)
     rows["cov_xx"], rows["cov_xy"], rows["cov_yy"] = spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
     return rows
+
+
+def tell_rounding(predictions: Predictions, log: logging.Logger) -> None:
+    """Warn if the table cannot hold the farthest path to the centimetre, as in UTM coordinates."""
+    rounded_m = np.spacing(np.float32(np.abs(predictions.path).max(initial=0.0)))
+    if rounded_m > _ROUGH_M:
+        text = "places in %s are rounded to %.2g m: the origin of their frame is too far away"
+        log.warning(text, PREDICTIONS, rounded_m)
 
 
 def predictions_message(track_id: np.ndarray, predictions: Predictions, time_ns: int, frame: str) -> Content:
@@ -95,6 +108,7 @@ def grid_messages(
     frame: str,
     horizon: bool = False,
     is_wanted: Callable[[str], bool] = lambda topic: True,
+    detail_m: float = 0.0,
 ) -> dict[str, Content]:
     """Topic -> nav_msgs/OccupancyGrid of each step: how likely somebody is in a cell, in per cent.
 
@@ -109,11 +123,15 @@ def grid_messages(
         horizon: add `HORIZON`, the largest value of all steps, stamped with the present: for costmaps,
             which have one value per cell.
         is_wanted: whether somebody wants a topic.
+        detail_m: cells share a value in squares of at most this side, since small ones take long, m.
     """
-    part = _reached(predictions, ground)
+    group = max(int(detail_m / ground.resolution_m * (1.0 + _NO_CELL)), 1)
+    part = _reached(predictions, ground, group)
     corner = ground.origin + ground.resolution_m * np.array([each.start for each in part])
     cut = OccupancyMap(ground.occupied[part], corner, ground.resolution_m)
-    per_cent = np.rint(100 * predicted_occupancy(predictions, cut)).astype(np.int8)
+    squares = np.rint(100 * predicted_occupancy(predictions, cut.free(group * cut.resolution_m)))
+    per_cent = squares.astype(np.int8).repeat(group, axis=1).repeat(group, axis=2)
+    per_cent = per_cent[:, : cut.occupied.shape[0], : cut.occupied.shape[1]]
     info = map_info(ground, time_ns)
 
     def grid(cells: np.ndarray, then_ns: int) -> Content:
@@ -131,19 +149,27 @@ def grid_messages(
     return messages
 
 
-def _reached(predictions: Predictions, ground: OccupancyMap) -> tuple[slice, slice]:
-    """The cells of a rectangle, one at least, beyond which `predicted_occupancy` expects nobody."""
+def _reached(predictions: Predictions, ground: OccupancyMap, group: int) -> tuple[slice, slice]:
+    """The cells of a rectangle, one at least, beyond which `predicted_occupancy` expects nobody.
+
+    Args:
+        predictions: world frame.
+        ground: the cells.
+        group: cells per side of squares that begin at the first cell; the rectangle begins where one does.
+    """
     path = predictions.path.reshape(-1, 2)
     spread = np.zeros((len(path), 2))
     if predictions.covariance is not None:
         spread = np.sqrt(np.diagonal(predictions.covariance, axis1=-2, axis2=-1)).reshape(-1, 2)
     known = np.isfinite(path).all(axis=1)
-    path, wide = path[known], _DEVIATIONS * (spread[known] + _MARGIN * ground.resolution_m) + BODY_M
+    side_m = group * ground.resolution_m
+    path, wide = path[known], _DEVIATIONS * (spread[known] + _MARGIN * side_m) + BODY_M
     last = np.array(ground.occupied.shape) - 1
     if not len(path):
         return slice(0, 1), slice(0, 1)
     low, high = (path - wide).min(axis=0), (path + wide).max(axis=0)
     first, end = (np.clip(ground.cell_of(each), 0, last).tolist() for each in (low, high))
+    first = [at // group * group for at in first]
     return slice(first[0], end[0] + 1), slice(first[1], end[1] + 1)
 
 

@@ -34,6 +34,7 @@ from pedpred.ros.planning import (
     grid_messages,
     grid_topic,
     predictions_message,
+    tell_rounding,
 )
 from pedpred.ros.scene_messages import (
     FRAME,
@@ -234,6 +235,8 @@ def _messages(
     ends = np.searchsorted(detected, instants, side="right")
     start_ns = int(instants[0])
     ground = None if cell_m is None else scene.occupancy.free(cell_m)
+    if windows is not None and planned is not None:
+        tell_rounding(windows.predictions[planned], _log)
     yield start_ns, FRAMES, frames_message(start_ns)
     yield start_ns, MAP, map_message(scene.occupancy, start_ns)
     first = 0

@@ -103,15 +103,24 @@ def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
     if len(data) != info.width * info.height:
         rule = f"a map of {info.width} x {info.height} cells has a value for each cell"
         raise ValueRuleError("data", f"{len(data)} values", rule)
+    _check_values(data)
     cells = data.reshape(info.height, info.width).T
-    for value in (cells.min(), cells.max()):
+    origin = np.array([info.origin.position.x, info.origin.position.y])
+    side_m = float(resolution_m or str(np.float32(info.resolution)))
+    straight = OccupancyMap(blocked(cells), origin, side_m)
+    return turned_map(straight.occupied, origin, side_m, yaw_rad) if yaw_rad else straight
+
+
+def blocked(data: np.ndarray) -> np.ndarray:
+    """Which values of a nav_msgs/OccupancyGrid are those of blocked cells. [...] bool."""
+    return data > _OCCUPIED / 2
+
+
+def _check_values(data: np.ndarray) -> None:
+    for value in (data.min(initial=_FREE), data.max(initial=_FREE)):
         if not _UNKNOWN <= value <= _OCCUPIED:
             rule = "cells are -1 (unknown) or 0 to 100 (per cent); publish raw costs as an OccupancyGrid"
             raise ValueRuleError("data", int(value), rule)
-    origin = np.array([info.origin.position.x, info.origin.position.y])
-    side_m = float(resolution_m or str(np.float32(info.resolution)))
-    straight = OccupancyMap(cells > _OCCUPIED / 2, origin, side_m)
-    return turned_map(straight.occupied, origin, side_m, yaw_rad) if yaw_rad else straight
 
 
 def updated_grid(grid: Any, update: Any) -> Any:
@@ -122,7 +131,8 @@ def updated_grid(grid: Any, update: Any) -> Any:
         update: decoded; new values of a rectangle of its cells.
 
     Raises:
-        ValueRuleError: the update is in another frame, not within the map, or has not one value per cell.
+        ValueRuleError: the update is in another frame, not within the map, or has not one value per cell,
+            each unknown or a percentage.
     """
     if update.header.frame_id.lstrip("/") != grid.header.frame_id.lstrip("/"):
         rule = f"an update must be in the frame of its map, {grid.header.frame_id!r}"
@@ -135,7 +145,9 @@ def updated_grid(grid: Any, update: Any) -> Any:
         rule = f"an update must lie within its map of {columns} x {rows} cells, with a value for each cell"
         raise ValueRuleError("update", values | {"values": len(update.data)}, rule)
     part = slice(update.y, update.y + update.height), slice(update.x, update.x + update.width)
-    cells[part] = np.asarray(update.data).reshape(shape)
+    data = np.asarray(update.data)
+    _check_values(data)
+    cells[part] = data.reshape(shape)
     return replace(grid, data=cells.ravel())
 
 

@@ -113,7 +113,8 @@ def _opened(file: BagFile) -> Iterator[sqlite3.Connection]:
                 _check_bag(base, file)
                 yield base
             except sqlite3.DatabaseError as cause:
-                remedy = f"Repair it: sqlite3 {file.name} .recover | sqlite3 repaired.db3"
+                remedy = f"Try to repair it: sqlite3 {file.name} .recover | sqlite3 repaired.db3"
+                remedy += ". What is empty then was cut before its first message"
                 raise SourceError(file.name, None, f"damaged, {cause}", remedy) from cause
 
 

@@ -7,13 +7,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pedpred.ros.frame_tree import is_robots
 from pedpred.ros.scene_messages import Content, header
-from pedpred.ros2.follower import Follower
+from pedpred.ros2.follower import Counts, Follower
 
 DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 OK, WARN = 0, 1
 _SILENT_S = 2.0
 _LATEST = 100
+_MANY_LEFT_OUT = 0.1
 
 
 class Latencies:
@@ -31,23 +33,35 @@ class Latencies:
         return 1000 * float(np.median(self._taken_s)) if self._taken_s else float("nan")
 
 
-def diagnose(follower: Follower, now_s: float, publishers: int) -> tuple[int, str]:
+def diagnose(follower: Follower, now_s: float, publishers: int, before: Counts) -> tuple[int, str]:
     """Level and summary: OK, or what is wrong.
 
     Args:
         follower: of the node.
         now_s: by the clock of `Follower.people_came`.
         publishers: how many there are of the people's topic.
+        before: what had happened at the last diagnosis.
     """
     problems = []
     if follower.occupancy is None and follower.settings.use_map:
         problems.append("no map: forecasts go through walls")
+    if is_robots(follower.frame):
+        problems.append(
+            f"forecasts are in {follower.frame!r}, which moves with the robot: who stands seems to walk. "
+            "Publish the map in a frame that stands, or set map_frame"
+        )
     if publishers == 0:
         problems.append("nobody publishes people")
     elif now_s - follower.heard_s > _SILENT_S:
         problems.append("no people heard")
     elif now_s - follower.forecast_s > _SILENT_S:
         problems.append("people are heard, but there is no forecast: see what is left out, and the log")
+    messages = follower.counts.messages - before.messages
+    left_out = follower.counts.left_out - before.left_out
+    if left_out > _MANY_LEFT_OUT * messages:
+        problems.append(f"of the last {messages} messages of people, {left_out} are left out")
+    if follower.counts.jumps - before.jumps > 1:
+        problems.append("time jumps again and again, and all are forgotten: do two clocks stamp people?")
     return (
         (WARN, "; ".join(problems))
         if problems
@@ -78,9 +92,12 @@ def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
         "people": counts.people,
         "messages": counts.messages,
         "forecasts": counts.forecasts,
+        "jumps of time, all forgotten": counts.jumps,
         "left out: no transform": counts.lost,
         "left out: earlier than another": counts.late,
         "left out: forecasts take too long": counts.slow,
+        "left out: something is wrong with it": counts.refused,
+        "left out: lost before they were read": counts.missed,
         "left out: people without a forecast": counts.without_forecast,
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
         "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import logging
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,41 +19,30 @@ from pedpred.online import OnlinePredictor
 from pedpred.ros.decoding import Connection, Decoder
 from pedpred.ros.detections import Instant
 from pedpred.ros.frame_tree import frame_name
-from pedpred.ros.markers import forecast_message, names_markers
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import find_usable
-from pedpred.ros.planning import (
-    GRID_TYPE,
-    PREDICTIONS_TYPE,
-    fitting_ground,
-    grid_messages,
-    predictions_message,
-)
-from pedpred.ros.scene_messages import map_of_grid, updated_grid
+from pedpred.ros.planning import PREDICTIONS_TYPE, predictions_message, tell_rounding
+from pedpred.ros.scene_messages import blocked, map_of_grid, updated_grid
 from pedpred.ros2.identities import Identities
 from pedpred.ros2.live_frames import LiveFrames
 from pedpred.ros2.outputs import (
-    MARKERS,
-    MARKERS_TYPE,
     NAMES,
     PEOPLE,
     PEOPLE_TYPE,
     PREDICTIONS,
     TEXT_TYPE,
     Answer,
-    grid_topics,
     people_content,
 )
 from pedpred.ros2.settings import NodeSettings
+from pedpred.ros2.views import Views
 from pedpred.scenes import Forecast, OccupancyMap
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
-_COLOUR = (0.84, 0.37, 0.0)
 _MOST_WAITING = 100
 _CAUGHT_UP = 0.1
 """Once people had to wait too long, all are left out until some wait less than this share of that time: when
 forecasts take longer than messages need to come, late ones would be late for ever."""
-_SHOWN_EVERY_S = 0.08
-"""Viewers and costmaps need no more than this, and markers and grids take longer than forecasts, s."""
 _log = logging.getLogger(__name__)
 
 
@@ -65,7 +56,24 @@ class Counts:
     lost: int = 0
     late: int = 0
     slow: int = 0
+    refused: int = 0
+    missed: int = 0
+    jumps: int = 0
     without_forecast: int = 0
+
+    @property
+    def left_out(self) -> int:
+        """Messages without a forecast."""
+        return self.lost + self.late + self.slow + self.refused + self.missed
+
+    @contextmanager
+    def refusing(self) -> Iterator[None]:
+        """Count a message that something is wrong with."""
+        try:
+            yield
+        except Exception:
+            self.refused += 1
+            raise
 
 
 @dataclass(frozen=True)
@@ -96,6 +104,7 @@ class Follower:
         settings: of the node; may be replaced at any time.
         is_heard: whether somebody listens to a topic; all but the table of forecasts, which planners read,
             and the names is left out where nobody does.
+        clock: gives such times.
     """
 
     def __init__(
@@ -103,6 +112,7 @@ class Follower:
         predictor: OnlinePredictor,
         settings: NodeSettings,
         is_heard: Callable[[str], bool] = lambda topic: True,
+        clock: Callable[[], float] = time.monotonic,
     ):
         self._predictor, self.settings, self._is_heard = predictor, settings, is_heard
         self._decoder, self._frames = Decoder(), LiveFrames()
@@ -112,7 +122,7 @@ class Follower:
         self._named: dict[int, str] = {}
         self._is_behind = False
         self._latest: Forecast | None = None
-        self._shown_s = -np.inf
+        self._views = Views(is_heard, clock)
         self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
         self._heard: Instant | None = None
 
@@ -157,21 +167,29 @@ class Follower:
 
     def map_update_came(self, raw: bytes) -> None:
         """Change a part of the map by a map_msgs/OccupancyGridUpdate; without a map it is left out."""
-        before = self._map.occupancy
+        before = self._map.grid
         if before is None:
             _log.warning("an update of the map is left out: the map has not come")
             return
-        update = self._decoded(raw, UPDATE_TYPE)
-        grid = updated_grid(self._map.grid, update)
-        occupancy = map_of_grid(grid)
-        self._map.grid = grid
-        if not np.array_equal(occupancy.occupied, before.occupied):
+        grid = updated_grid(before, self._decoded(raw, UPDATE_TYPE))
+        if not np.array_equal(blocked(grid.data), blocked(before.data)):
+            occupancy = map_of_grid(grid)
             self._predictor.set_map(occupancy)
             self._map.occupancy, self._map.told = occupancy, told_map(occupancy)
+        self._map.grid, self._map.raw = grid, b""  # the whole map takes the change back, should it come again
 
     def transforms_came(self, raw: bytes, clock_s: float, fixed: bool) -> None:
         """Take a tf2_msgs/TFMessage; `fixed` if it is of /tf_static."""
         self._frames.add(self._decoded(raw, TRANSFORMS), clock_s, fixed)
+
+    def people_missed(self, count: int) -> None:
+        """Count messages of people that were sent, and that nobody can read any more."""
+        self.counts.messages += count
+        self.counts.missed += count
+        text = (
+            "%d messages of people were lost before they were read: more come than can be read in time, or "
+        )
+        _log.warning(text + "the network loses them", count)
 
     def people_came(self, raw: bytes, clock_ns: int, now_s: float, waited_s: float = 0.0) -> None:
         """Take people, who wait for the transform of their time.
@@ -193,10 +211,11 @@ class Follower:
             )
             return
         kind = self.settings.people_type
-        message = self._decoded(raw, kind)
+        with self.counts.refusing():
+            message = self._decoded(raw, kind)
+            instant = Instant.of(message, kind, clock_ns / 1e9, self.settings.class_ids)
         stamp = message.header.stamp
         time_ns = stamp.sec * 10**9 + stamp.nanosec
-        instant = Instant.of(message, kind, clock_ns / 1e9, self.settings.class_ids)
         if instant.others:
             text = "left out: detections of class %s; parameter class_ids says who is a person"
             _log.info(text, sorted(set(instant.others)))
@@ -207,6 +226,7 @@ class Follower:
         if len(self._waiting) >= _MOST_WAITING:
             self._waiting.popleft()
             self.counts.lost += 1
+            _log.warning("people left out: %d messages wait for transforms", _MOST_WAITING)
         self._waiting.append(_Waiting(now_s, time_ns, instant))
 
     def _decoded(self, raw: bytes, kind: str) -> Any:
@@ -241,15 +261,17 @@ class Follower:
 
     def _answered(self, waiting: _Waiting, frame: str) -> Iterator[Answer]:
         one = waiting.instant
-        place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
-        track_id = self._identities.number(one, place)
-        kept, left_out = find_usable(np.full(len(place), one.stamp_s), track_id, place)
-        if left_out:
-            _log.warning("%s", left_out)
-        forecast = self._predictor.update(one.stamp_s, track_id[kept], place[kept])
+        with self.counts.refusing():
+            place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
+            track_id = self._identities.number(one, place)
+            kept, left_out = find_usable(np.full(len(place), one.stamp_s), track_id, place)
+            if left_out:
+                _log.warning("%s", left_out)
+            forecast = self._predictor.update(one.stamp_s, track_id[kept], place[kept])
         if forecast is self._latest:  # the frame was dropped
             self.counts.late += 1
             return
+        self.counts.jumps += self._jumped(one.stamp_s)
         self._latest = forecast
         self.counts.without_forecast += int((~np.isin(track_id[kept], forecast.track_id)).sum())
         self.counts.forecasts += 1
@@ -260,7 +282,13 @@ class Follower:
             )
         yield from self._contents(forecast, waiting.time_ns, frame)
 
+    def _jumped(self, stamp_s: float) -> bool:
+        """Whether the predictor has forgotten all, as time has jumped since the last forecast."""
+        before, longest_s = self._latest, self._predictor.protocol.lost_after_s
+        return before is not None and abs(stamp_s - before.time_s) > longest_s + TIME_TOLERANCE_S
+
     def _contents(self, forecast: Forecast, time_ns: int, frame: str) -> Iterator[Answer]:
+        tell_rounding(forecast.predictions, _log)
         cloud = predictions_message(forecast.track_id, forecast.predictions, time_ns, frame)
         yield Answer(PREDICTIONS, PREDICTIONS_TYPE, cloud)
         names = self._identities.names
@@ -271,30 +299,7 @@ class Follower:
         self._named = names
         if self.settings.publish_people and self._is_heard(PEOPLE):
             yield Answer(PEOPLE, PEOPLE_TYPE, people_content(forecast, named, time_ns, frame))
-        if abs(forecast.time_s - self._shown_s) >= _SHOWN_EVERY_S:
-            self._shown_s = forecast.time_s
-            yield from self._shown(forecast, named, time_ns, frame)
-
-    def _shown(self, forecast: Forecast, named: list[str], time_ns: int, frame: str) -> Iterator[Answer]:
-        if self.settings.publish_markers and self._is_heard(MARKERS):
-            content = forecast_message(forecast, _COLOUR, time_ns, frame)
-            content["markers"] += names_markers(forecast, named, time_ns, frame)
-            yield Answer(MARKERS, MARKERS_TYPE, content)
-        cell_m, steps = self.settings.occupancy_cell_m, forecast.predictions.steps
-        heard = {topic for topic in grid_topics(steps) if self._is_heard(topic)} if cell_m else set()
-        if heard:
-            paths = forecast.predictions.path.reshape(-1, 2)
-            there = self._map.occupancy
-            ground = fitting_ground(there or OccupancyMap.free_around(paths, cell_m=cell_m), cell_m, steps)
-            if there is not None and ground.resolution_m > cell_m:
-                _log.warning(
-                    "predicted_occupancy has cells of %.2f m: the map is large for smaller ones",
-                    ground.resolution_m,
-                )
-            wanted = {f"/{topic}" for topic in heard}
-            grids = grid_messages(forecast.predictions, ground, time_ns, frame, True, wanted.__contains__)
-            for topic, content in grids.items():
-                yield Answer(topic.lstrip("/"), GRID_TYPE, content)
+        yield from self._views.answers(forecast, named, time_ns, frame, self._map.occupancy, self.settings)
 
 
 def told_map(occupancy: OccupancyMap) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.ros.frame_tree import FrameTree, frame_name
+from pedpred.ros.frame_tree import LONGEST_GAP_S, FrameTree, frame_name
 from pedpred.ros.scene_messages import seconds
 from pedpred.tracking.tracks import LOST_AFTER_S
 
@@ -21,6 +21,7 @@ _log = logging.getLogger(__name__)
 class LiveFrames:
     """A tree of frames that forgets what is older than `KEPT_S`, and a frame whose time goes back.
 
+    A frame that gets another parent is in that one once no pose in the former one is near any more.
     Each frame has a clock of its own here: a publisher with false stamps spoils its own frame, no other one.
     """
 
@@ -38,7 +39,9 @@ class LiveFrames:
         for one in message.transforms:
             stamp_s = seconds(one.header.stamp) or received_s
             if not fixed:
-                self._notice_jumps(frame_name(one.child_frame_id), stamp_s)
+                child = frame_name(one.child_frame_id)
+                self._notice_jumps(child, stamp_s)
+                self._tree.leave_others(child, frame_name(one.header.frame_id), stamp_s - LONGEST_GAP_S)
             self._tree.hold(one, received_s, stamp_s, fixed)
             self._count += 1
             if self._count % _BETWEEN == 0:

@@ -6,6 +6,7 @@ import logging
 import re
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -21,8 +22,9 @@ from pedpred.online.warming import warm_up
 from pedpred.ros.message_types import TRANSFORMS, serialize
 from pedpred.ros.planning import GRID_TYPE
 from pedpred.ros.turned_maps import warm_up_turning
+from pedpred.ros2.arrivals import Arrivals
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
-from pedpred.ros2.follower import UPDATE_TYPE, Follower
+from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
 from pedpred.ros2.log import RosHandler
 from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, fields_of
@@ -48,7 +50,7 @@ class PedpredNode(LifecycleNode):
             self.declare_parameter(name, list(default) if isinstance(default, tuple) else default, about)
         self.add_on_set_parameters_callback(self._changed)
         self._follower: Follower | None = None
-        self._latencies = Latencies()
+        self._latencies, self._diagnosed, self._arrivals = Latencies(), Counts(), Arrivals()
         self._sinks: dict[str, Any] = {}
         self._own: list[Any] = []
         self._people: Any = None
@@ -117,7 +119,8 @@ class PedpredNode(LifecycleNode):
         warm_up_turning()
         predictor = OnlinePredictor.load(settings.model or None, settings.online())
         self._steps = predictor.protocol.horizon_steps
-        self._follower, self._latencies = Follower(predictor, settings, self._is_heard), Latencies()
+        self._follower = Follower(predictor, settings, self._is_heard)
+        self._latencies, self._diagnosed = Latencies(), Counts()
         self._add_publishers()
         if settings.use_map:
             for qos in (
@@ -195,7 +198,7 @@ class PedpredNode(LifecycleNode):
             self._retry.cancel()
         if self._people is not None:
             self.destroy_subscription(self._people)
-            self._people = None
+            self._people, self._arrivals = None, Arrivals()
 
     def _clean_up(self) -> None:
         self._forget_people()
@@ -216,6 +219,8 @@ class PedpredNode(LifecycleNode):
 
     def _people_heard(self, raw: bytes, about: dict[str, Any]) -> None:
         """Take people and what the middleware knows of their message: two arguments ask rclpy for it."""
+        if (missed := self._arrivals.missed(about)) and self._follower is not None:
+            self._follower.people_missed(missed)
         self._guarded("people", self._people_came)(raw, about["received_timestamp"])
 
     def _people_came(self, raw: bytes, received_ns: int) -> None:
@@ -256,7 +261,8 @@ class PedpredNode(LifecycleNode):
         if self._follower is None:
             return
         publishers = self.count_publishers(self.resolve_topic_name("people"))
-        level, summary = diagnose(self._follower, time.monotonic(), publishers)
+        level, summary = diagnose(self._follower, time.monotonic(), publishers, self._diagnosed)
+        self._diagnosed = replace(self._follower.counts)
         level, summary = (level, summary) if self._people is not None else (0, "not active")
         values = told_values(self._follower, self._latencies)
         now_ns, name = self.get_clock().now().nanoseconds, self.get_fully_qualified_name().lstrip("/")

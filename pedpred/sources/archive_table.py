@@ -48,7 +48,9 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
         for name, values in columns.items():
             if values.dtype.kind not in "iuf":
                 raise ValueError(f"column {name} has the type {values.dtype}, which is not a number")
-        fps = np.ravel(np.asarray(table.attrs.get("fps", ()), dtype=np.float64))[:1].tolist()
+            columns[name] = values.astype(values.dtype.newbyteorder("="), copy=False)
+        said = table.attrs.get("fps", file.attrs.get("fps", ()))
+        fps = np.ravel(np.asarray(said, dtype=np.float64))[:1].tolist()
         geometry = file.attrs.get("wkt_geometry", "")
         wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)
     about = {"fps": "".join(map(repr, fps)), "wkt": wkt}

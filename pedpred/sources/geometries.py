@@ -13,6 +13,7 @@ from pedpred.sources.geometry_wkt import read_wkt
 from pedpred.sources.geometry_xml import read_xml
 from pedpred.sources.walls import Walls, occupancy_of
 
+_WRONG = 'Correct the file or the open ends. Lengths are metres, in XML also cm with unit="cm"'
 GEOMETRIES: dict[str, Callable[[Path], Walls]] = {".xml": read_xml, ".wkt": read_wkt}
 
 
@@ -46,5 +47,5 @@ def read_ground(
     Raises:
         SourceError: they make no map, or an open end does not lie on them.
     """
-    with translate_errors(partial(SourceError, path, None, remedy="Correct the file or the open ends")):
+    with translate_errors(partial(SourceError, path, None, remedy=_WRONG)):
         return occupancy_of(walls, resolution_m, thickness_m, open_ends, open_end_m)

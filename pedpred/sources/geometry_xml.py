@@ -69,7 +69,7 @@ class _Reading:
             raise self.error(f"the outermost element is <{brief(name)[1:-1]}>, expected <geometry>", _REMEDY)
         if name == "geometry":
             unit = attributes.get("unit", "m").strip()
-            if unit.lower() not in LENGTH_WORDS:
+            if LENGTH_WORDS.get(unit.lower()) not in UNITS:
                 raise self.error(f"unit = {brief(unit)}, expected one of {', '.join(UNITS)}")
             self.unit_m = UNITS[LENGTH_WORDS[unit.lower()]]
         elif name == "subroom":

@@ -27,9 +27,9 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.sources.geometry_xml import read_xml
 from pedpred.sources.walls import occupancy_of
 from pedpred.tables.comments import MOST_COMMENTS, NO_RATE, frame_rate_hz, unit_of_lengths
-from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ
+from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions
 from pedpred.tables.text import Row, check_unique, read_numbers, text_rows
-from pedpred.tables.units import UNITS
+from pedpred.tables.units import PIXELS, UNITS
 
 COLUMNS = ("id", "frame", "x", "y")
 _NAMES = ("track_id", "frame", "x_m", "y_m")
@@ -108,7 +108,9 @@ def read_tracks(path: Path, rate_hz: float | None = None) -> Trajectories:
     wanted = dict(zip(COLUMNS, _NAMES, strict=True))
     columns = read_numbers(path, chain([(line, first)], rows), titles, wanted)
     check_unique(path, columns, "track_id", "frame")
-    unit = unit_of_lengths(path, comments, None) or "m"
+    unit = unit_of_lengths(path, comments, TableOptions()) or "m"
+    if unit == PIXELS:
+        raise SourceError(path, None, "lengths are said to be pixels", "Write them in metres")
     position = UNITS[unit] * np.stack([columns["x_m"], columns["y_m"]], axis=-1)
     rate_hz = frame_rate_hz(path, comments, rate_hz)
     if rate_hz is None:

@@ -26,7 +26,7 @@ from pedpred.sources.beginnings import Beginning
 from pedpred.sources.rates import check_rate
 from pedpred.storage.tracks import MOST_NUMBERS
 from pedpred.tables.options import TableOptions
-from pedpred.tables.text import Row, check_width, is_number, number, text_lines
+from pedpred.tables.text import MISSING, Row, check_width, is_number, number, text_lines
 
 _log = logging.getLogger(__name__)
 _QTM, _MAGNI = "NO_OF_FRAMES", "FILE_ID"
@@ -158,7 +158,7 @@ def _places(path: Path, export: _Export) -> dict[str, list[tuple[int, int]]]:
 
 
 def _values(path: Path, export: _Export, used: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Lines [F] and the numbers of some columns [F, C]; NaN where a field is blank."""
+    """Lines [F] and the numbers of some columns [F, C]; NaN where a field says nothing."""
     lines: list[int] = []
     values: list[np.ndarray] = []
     for line, fields in export.rows:
@@ -167,7 +167,7 @@ def _values(path: Path, export: _Export, used: Sequence[int]) -> tuple[np.ndarra
             raise SourceError(path, line, f"more than {MOST_NUMBERS} numbers", "Divide the file")
         written = [fields[column] for column in used]
         numbers = [
-            np.nan if field.lower() in ("", "nan") else number(path, line, export.titles[column], field)
+            np.nan if field.lower() in MISSING else number(path, line, export.titles[column], field)
             for column, field in zip(used, written, strict=True)
         ]
         lines.append(line)

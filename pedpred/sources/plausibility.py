@@ -123,8 +123,8 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False, by_
     if usual_mps > FASTEST_MPS:
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
         if not sure:
-            remedy = f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, "
-            remedy += "or correct --rate, the unit of times or the order of --columns"
+            remedy = f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, --scale if "
+            remedy += "they are pixels, or correct these, --rate, the unit of times or the order of --columns"
             raise SourceError(path, None, problem, remedy)
         _log.warning("%s: %s%s", path, problem, doubt)
     elif usual_mps > _USUAL_MPS:

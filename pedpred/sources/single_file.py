@@ -15,6 +15,7 @@ from pedpred.sources import (
     data_archive,
     drones,
     jupedsim_database,
+    kitti,
     motion_capture,
     stanford,
     sumo,
@@ -27,6 +28,7 @@ from pedpred.sources.plausibility import check_degrees, check_speeds, check_titl
 from pedpred.sources.times import check_brief, check_clock, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
+from pedpred.tables.columnar import is_columnar
 from pedpred.tables.lines import has_header
 from pedpred.tables.options import TableOptions
 from pedpred.tables.placeholders import without_placeholders
@@ -48,7 +50,7 @@ class Format:
         read: the detections.
         walls: the geometry inside the file; None: it has none.
         any_unit: whether lengths may be other than metres, so that `--unit` has a meaning.
-        pixels: whether positions are pixels, which need their size.
+        pixels: whether positions are pixels, or may be.
     """
 
     name: str
@@ -104,6 +106,8 @@ def format_of(path: Path, options: TableOptions | None = None) -> Format:
         SourceError: it is missing, or of a kind that is not read; it is named.
     """
     begins = Beginning.of(path)
+    if is_columnar(path):
+        return _TABLE
     if begins.lines and options is not None and options.columns is not None:
         return _TABLE
     if recognised := next((kind for kind in FORMATS if kind.fits(begins)), None):
@@ -141,8 +145,8 @@ def checked_interval_s(path: Path, people: Trajectories, titled: bool, sure: boo
     return dt_s
 
 
-_TEXT = Format("text without titles", lambda begins: False, read_untitled, any_unit=True)
-_TABLE = Format("table", lambda begins: False, read_table, any_unit=True)
+_TEXT = Format("text without titles", lambda begins: False, read_untitled, any_unit=True, pixels=True)
+_TABLE = Format("table", lambda begins: False, read_table, any_unit=True, pixels=True)
 """What other texts are, with and without a header."""
 
 FORMATS = (
@@ -154,6 +158,7 @@ FORMATS = (
     Format("motion capture (THÖR, THÖR-MAGNI, QTM)", motion_capture.fits, motion_capture.read),
     Format("Vadere", vadere.fits, vadere.read),
     Format("PTV Viswalk", viswalk.fits, viswalk.read, any_unit=True),
+    Format("KITTI tracking labels", kitti.fits, kitti.read),
     Format("ATC shopping centre", atc.fits, atc.read),
     Format("TrajNet++", trajnet.fits, trajnet.read_ndjson),
 )

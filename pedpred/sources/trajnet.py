@@ -6,6 +6,7 @@ were annotated: the usual number of frames between two detections of a track las
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -18,10 +19,13 @@ from pedpred.files import translate_errors
 from pedpred.plain import parse_json
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
+from pedpred.tables.detections import with_positions
 from pedpred.tables.options import TableOptions
 from pedpred.tables.text import Row, check_unique, read_numbers, text_lines
 
 _FIELDS = {"f": "frame", "p": "track_id", "x": "x_m", "y": "y_m"}
+_WHO, _PLACE = 1, (2, 3)
+_MEASURE = "Measure forecasts with: pedpred evaluate RECORDING --forecasts FILE"
 
 
 def fits(begins: Beginning) -> bool:
@@ -46,12 +50,15 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
         track = content.get("track")
         if track is None:
             if "fps" in content.get("scene", {}) and len(rates) < 2:
-                rates.add(float(content["scene"]["fps"]))
+                rates.add(rate_of(content["scene"]))
         elif track.get("prediction_number") is not None:
-            raise SourceError(path, line, "a forecast (prediction_number), but only detections are read")
+            raise SourceError(
+                path, line, "a forecast (prediction_number), but only detections are read", _MEASURE
+            )
         return track
 
-    columns = read_numbers(path, track_rows(path, _FIELDS, detected), tuple(_FIELDS), _FIELDS)
+    rows = with_positions(path, track_rows(path, _FIELDS, detected), _PLACE, _WHO)
+    columns = read_numbers(path, rows, tuple(_FIELDS), _FIELDS)
     if not len(columns["line"]):
         raise SourceError(
             path, None, "no line with a track, such as " + '{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}'
@@ -71,6 +78,11 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
         return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
 
 
+def rate_of(scene: Mapping[str, Any]) -> float:
+    """Frames per second of a scene; NaN where it says none."""
+    return math.nan if scene["fps"] is None else float(scene["fps"])
+
+
 def track_rows(
     path: Path, names: Iterable[str], wanted: Callable[[Any, int], Mapping[str, Any] | None]
 ) -> Iterator[Row]:
@@ -86,12 +98,14 @@ def track_rows(
     """
     for line, text in text_lines(path):
         with translate_errors(partial(SourceError, path, line)):
-            track = wanted(parse_json(text), line)
+            track = wanted(parse_json(text, missing=True), line)
             fields = None if track is None else [_written(track[name]) for name in names]
         if fields is not None:
             yield line, fields
 
 
 def _written(value: Any) -> str:
-    """Write a number as in a table; anything else becomes what is not a number."""
+    """Write a number as in a table, nothing if it is missing; anything else becomes what is not a number."""
+    if value is None:
+        return ""
     return repr(value) if type(value) in (int, float) else f"'{value}'"[:80]

@@ -9,9 +9,9 @@ the frame rate and the unit of lengths those of comments, see `pedpred.tables.co
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from itertools import chain
+from itertools import chain, islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -23,20 +23,26 @@ from pedpred.sources.plausibility import ids_come_first
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import is_date
 from pedpred.tables.decimals import with_decimal_points
-from pedpred.tables.detections import with_positions, without_copies
+from pedpred.tables.detections import doubt_restarts, with_positions, without_copies, without_untracked
 from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import lines_of, of_width
 from pedpred.tables.options import TableOptions
-from pedpred.tables.reading import numbered
-from pedpred.tables.text import OWN_FILE, read_numbers
-from pedpred.tables.units import UNITS
+from pedpred.tables.reading import in_metres, numbered
+from pedpred.tables.text import OWN_FILE, Row, is_number, read_numbers
+from pedpred.tables.titles import LENGTHS
+from pedpred.tables.units import PIXELS
 
 COLUMNS = ("id", "frame", "x", "y")
 _NAMES = ("track_id", "frame", "x_m", "y_m")
 _Y = COLUMNS.index("y")
 _REMEDY = "Name the columns in order, such as --columns time,id,x,y"
 _WRONG = f"{OWN_FILE}. Or, if columns hold something else: {_REMEDY}"
+_BOXES = (
+    "Write the middle of the lower edge of each box into a table with the columns frame,id,x_px,y_px, "
+    "and give --homography H.txt, or --scale"
+)
+_LOOKED_AT, _FEWEST_ROWS = 200, 3
 _log = logging.getLogger(__name__)
 
 
@@ -51,7 +57,8 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         SourceError: the file is wrong; it names line and value. Or the order of its columns stays open.
     """
     lines = lines_of(path, header=False)
-    line, first = next(lines.rows)
+    rows = _without_row_numbers(path, lines.rows)
+    line, first = next(rows)
     if len(first) < len(COLUMNS):
         problem = f"no header, and {len(first)} columns, expected {' '.join(COLUMNS)} and perhaps z"
         remedy = "Separate values by blanks, tabs, commas or semicolons"
@@ -59,21 +66,28 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     if dates := [k for k in (0, 1) if is_date(first[k])]:
         problem = f"no header, and {first[dates[0]]!r} is a time, not a number of frames or seconds"
         raise SourceError(path, line, problem, _REMEDY)
+    if _is_box(first):
+        problem = "these look like boxes of MOTChallenge: frame, id, left, top, width, height in pixels"
+        raise SourceError(path, line, problem, _BOXES)
     titles = (*COLUMNS, "z", *(f"column_{n}" for n in range(6, len(first) + 1)))[: len(first)]
     still = Still(_Y, range(_Y + 1, len(first)))
-    rows = of_width(path, chain([(line, first)], lines.rows), titles)
+    rows = of_width(path, chain([(line, first)], rows), titles)
     rows = still.watched(with_positions(path, rows, (2, 3), 0))
     rows = with_decimal_points(path, rows, range(len(COLUMNS)), lines.separator)
     both = Ids(path, COLUMNS[0], _REMEDY), Ids(path, COLUMNS[1], _REMEDY)
     rows = both[1].numbered(both[0].numbered(rows, 0), 1)
     columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), _WRONG)
-    if still.found is not None:
-        problem = f"without a header, column {_Y + 1} should be y, but it is {still.value} in all lines"
+    if moves := still.found():
+        problem = f"without a header, column {_Y + 1} should be y, but it {moves[1]}"
         raise SourceError(
             path, None, problem, f"{_REMEDY}, with any other word for columns that are not used"
         )
-    unit = unit_of_lengths(path, lines.comments, options.unit) or "m"
-    position = UNITS[unit] * np.stack([columns.pop("x_m"), columns.pop("y_m")], axis=-1)
+    unit = unit_of_lengths(path, lines.comments, options) or "m"
+    if unit == PIXELS and len(titles) > len(COLUMNS):
+        problem = f"without a header, {len(titles)} columns in pixels may be those of boxes"
+        raise SourceError(path, line, problem, _REMEDY.replace("time", "frame"))
+    in_metres(path, columns, dict.fromkeys(LENGTHS, unit), options)
+    position = np.stack([columns.pop(name) for name in LENGTHS], axis=-1)
     fractions = [ids.holds_fractions() for ids in both]
     ids_first = fractions[1] if any(fractions) else _ids_first(path, both, columns, position, titles)
     (who, clock), names = (both, _NAMES) if ids_first else (both[::-1], _NAMES[1::-1])
@@ -86,12 +100,48 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
         time_s = _frames(clock, columns[names[1]]) / rate_hz
     values = {"line": columns["line"], "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
-    values = without_copies(path, values | {"track_id": numbered(who, columns[names[0]], options)})
+    values |= {"track_id": numbered(who, columns[names[0]], options)}
+    doubt_restarts(path, values)
+    values = without_copies(path, without_untracked(path, values))
     shown = ", ".join(order if ids_first else order[::-1])
     _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit, clock_is)
     with translate_errors(partial(SourceError, path, None)):
         position = np.stack([values["x_m"], values["y_m"]], axis=-1)
         return Trajectories(values["time_s"], values["track_id"], position)
+
+
+def _is_box(fields: Sequence[str]) -> bool:
+    """Whether a line is one of MOTChallenge: a box, and behind it -1 three times, or class and visibility."""
+    if len(fields) not in (9, 10) or not all(map(is_number, fields)):
+        return False
+    _, _, _, _, width, height, sure, *rest = map(float, fields)
+    ends = rest == [-1] * 3 or (
+        len(rest) == 2 and sure in (0, 1) and rest[0].is_integer() and 0 <= rest[1] <= 1
+    )
+    return ends and min(width, height) > 1
+
+
+def _without_row_numbers(path: Path, rows: Iterator[Row]) -> Iterator[Row]:
+    """The rows without a first column that numbers them, before id and frame, as pandas writes it."""
+    first = list(islice(rows, _LOOKED_AT))
+    columns = list(zip(*(fields for _, fields in first), strict=False))[: len(COLUMNS) + 1]
+    every = chain(first, rows)
+    if not _numbers_rows(columns):
+        return every
+    _log.info("%s: the first column numbers the rows, and is not used", path)
+    return ((line, fields[1:]) for line, fields in every)
+
+
+def _numbers_rows(columns: Sequence[Sequence[str]]) -> bool:
+    """Whether columns are a number that rises from row to row, two of whole numbers, and two of others."""
+    if len(columns) <= len(COLUMNS) or len(columns[0]) < _FEWEST_ROWS:
+        return False
+    if not all(is_number(field) for column in columns for field in column):
+        return False
+    number, *whole, x, y = ([float(field) for field in column] for column in columns)
+    rises = all(later > earlier for earlier, later in pairwise(number))
+    are_whole = [all(value.is_integer() for value in column) for column in (number, *whole, x, y)]
+    return rises and are_whole == [True, True, True, False, False]
 
 
 def _ids_first(

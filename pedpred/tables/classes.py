@@ -8,13 +8,17 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from pedpred.errors import SourceError, brief
+from pedpred.tables.text import MISSING
 
 PERSON_CLASSES = ("person", "people", "pedestrian", "human")
 """The classes that are people, unless others are wanted."""
-_FORMS = ("ped", "peds", "persons", "pedestrians", "humans", "adult", "adults", "child", "children", "walker")
+_FORMS = (
+    *("ped", "peds", "persons", "pedestrians", "humans", "adult", "adults", "child", "children", "walker"),
+    *("fussg\u00e4nger", "fussgaenger", "fussganger", "personen", "pi\u00e9ton", "pieton", "personne"),
+    *("peat\u00f3n", "peaton", "persona", "pedone", "voetganger", "persoon"),
+)
 """Further words for them in tables."""
 _WORD = re.compile(r"[^\W\d_]+")
-_MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 _MOST_CLASSES = 50
 """A column with more different words holds something else, such as names."""
 _TOLD = 5
@@ -36,7 +40,7 @@ def is_person(label: str, wanted: Collection[str] = PERSON_CLASSES) -> bool:
 def label_of(field: str) -> str:
     """The class in a field; empty where it is missing."""
     label = field.strip()
-    return "" if label.lower() in _MISSING else label
+    return "" if label.lower() in MISSING else label
 
 
 def classes_of_people(

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pedpred.errors import SourceError
-from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ
-from pedpred.tables.units import LENGTH_WORDS
+from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions
+from pedpred.tables.pictures import is_of_pixels
+from pedpred.tables.units import LENGTH_WORDS, PIXELS
 
 MOST_COMMENTS = 1000
 """More are not looked at."""
@@ -20,11 +21,18 @@ NO_RATE = (
 """Problem and remedy where nobody says how many frames a second has."""
 
 _RATE = re.compile(
-    r"(?:frame[ _-]?rate|fps)\W*(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)\s*(?:fps|frames per second)\b", re.IGNORECASE
+    r"(?:frame[ _-]?rate|fps)\s*(?:[(\[][^)\]]*[)\]])?\W*(?:is\W+|of\W+)?(\d+(?:\.\d+)?)"
+    r"|(\d+(?:\.\d+)?)\s*(?:fps|hz|frames per second)\b",
+    re.IGNORECASE,
+)
+_WHAT = (
+    r"x|y|all|data|everything|values?|units?|lengths?|pos|positions?|coords?|coordinates?|distances?|points?"
+    r"|tracks?|trajector(?:y|ies)|locations?"
 )
 _BEFORE = (
     r"\b[xy]\s*[/\[(_:=]?\s*",
-    r"\b(?:in|is|are)\s+",
+    rf"\b(?:{_WHAT})\b[^,;]*?\b(?:in|is|are)\s+",
+    r"^\W*(?:\w+\W+)?in\s+(?=\w+\W*$)",
     r"\b(?:units?|lengths?|positions?|coordinates?|distances?)\s*[:=(\[/]\s*",
     r"^[#\s]*(?=\w+\s*$)",
 )
@@ -39,25 +47,30 @@ def frame_rate_hz(path: Path, comments: Sequence[str], stated_hz: float | None) 
     Raises:
         SourceError: they differ, or it is out of range.
     """
-    written = {float(match[1] or match[2]) for comment in comments if (match := _RATE.search(comment))}
-    rates = written | ({float(stated_hz)} if stated_hz else set())
+    rates = {float(match[1] or match[2]) for comment in comments for match in _RATE.finditer(comment)}
+    if stated_hz:
+        stated = {float(stated_hz)}
+        rates = stated if len(rates) > 1 and stated <= rates else rates | stated
     if len(rates) > 1 or not all(SLOWEST_HZ <= rate <= FASTEST_HZ for rate in rates):
         found_hz = " and ".join(f"{rate:g}" for rate in sorted(rates))
         problem = f"frame rate {found_hz} Hz, expected one from 0.001 to 1000000 Hz"
-        raise SourceError(path, None, problem, "Correct the comment, or --rate")
+        raise SourceError(path, None, problem, "Correct the comment, or say which: --rate")
     return rates.pop() if rates else None
 
 
-def unit_of_lengths(path: Path, comments: Sequence[str], stated: str | None) -> str | None:
-    """Unit of lengths from comments or the caller; None: unknown.
+def unit_of_lengths(path: Path, comments: Sequence[str], options: TableOptions) -> str | None:
+    """Unit of lengths, or pixels, from comments or the caller; None: unknown.
 
     Raises:
         SourceError: they differ.
     """
+    stated = PIXELS if is_of_pixels(options) else options.unit
     units = {LENGTH_WORDS[match[1].lower()] for text in comments for match in _UNIT.finditer(text)}
     if stated is not None:
         units = units & {stated} if len(units) > 1 and stated in units else units | {stated}
     if len(units) > 1:
         said = " and ".join(sorted(units))
-        raise SourceError(path, None, f"lengths are said to be {said}", "Correct the comment, or --unit")
+        raise SourceError(
+            path, None, f"lengths are said to be {said}", "Correct the comment, --unit or --scale"
+        )
     return units.pop() if units else None

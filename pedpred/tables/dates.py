@@ -1,21 +1,44 @@
-"""Times that are written as dates (2024-03-05T14:02:07.5) or times of day (14:02:07.5), in seconds."""
+"""Times that are written as dates (2024-03-05T14:02:07.5) or times of day (14:02:07.5, 02:07.5), in seconds.
+
+Dates may begin with the year, or end with it: 5.3.2024 has the day first, 3/25/2024 the month. Which of both
+comes first in 5/3/2024 is found in other rows, or makes no difference where all rows have the same date.
+Months may have their English names.
+"""
 
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
+from datetime import date
 from pathlib import Path
+
+import numpy as np
 
 from pedpred.errors import SourceError
 from pedpred.tables.text import AS_TIMES, Row
 
-_DATE = re.compile(r"\d{4}[-/]\d{1,2}[-/]\d{1,2}$")
-_CLOCK = re.compile(r"(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)$")
-_STAMP = re.compile(
-    r"(\d{4})[-/](\d{1,2})[-/](\d{1,2})[T ]+(\d{1,2}:\d{2}:\d{2}(?:[.,]\d+)?) ?(Z|UTC|[+-]\d{2}:?\d{2})?$"
+_CLOCK_SIGNS = r"(?:(\d{1,2}):)?([0-5]\d):([0-5]\d(?:[.,]\d+)?)(?: ?([AaPp])\.?[Mm]\.?)?"
+_DATE_SIGNS = r"(\d{1,4})([-/.])(\d{1,2})\2(\d{1,4})"
+_NAMES = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_NAME, _YEAR = rf"(?P<month>{'|'.join(_NAMES)})[a-z]*", r"(?P<year>\d{4})"
+_NAMED = (
+    re.compile(rf"(?P<day>\d{{1,2}})[- ]{_NAME}[- ]{_YEAR}", re.IGNORECASE),
+    re.compile(rf"{_NAME} (?P<day>\d{{1,2}}),? {_YEAR}", re.IGNORECASE),
+    re.compile(rf"{_YEAR}(?P<month>\d\d)(?P<day>\d\d)[T _-](?P<h>\d\d):?(?P<min>\d\d):?(?P<s>\d\d)"),
 )
-_HOURS, _HALF_DAY_S = 24, 43200.0
+"""Dates with the name of the month, and without signs between the parts."""
+_DATE, _CLOCK = re.compile(rf"{_DATE_SIGNS}$"), re.compile(rf"{_CLOCK_SIGNS}$")
+_STAMP = re.compile(rf"{_DATE_SIGNS}(?:T|,? +){_CLOCK_SIGNS} ?(Z|UTC|[+-]\d{{2}}(?::?\d{{2}})?)?$")
+_HALF_HOUR_S, _HALF_DAY_S, _DAY_S = 1800.0, 43200.0, 86400
+_HOURS, _HALF_DAY_HOURS = 24, 12
+_CENTURY, _SHORT, _LONG = 2000, 2, 4
+"""The century of years with two digits, and how many digits they have."""
+_EPOCH = date(1970, 1, 1).toordinal()
+_YEAR_FIRST, _DAY_FIRST, _MONTH_FIRST = (0, 1, 2), (2, 1, 0), (2, 0, 1)
+"""Places of year, month and day in a date."""
+_TITLES = ("date", "datum", "fecha", "data")
+_ISO = "Write dates as 2024-03-05"
 
 
 class Dates:
@@ -33,14 +56,18 @@ class Dates:
     def __init__(self, path: Path, title: str, at: int, days: int | None):
         self._path, self._title, self._at, self._days = path, title, at, days
         self._latest_s: float | None = None
+        self._dated: bool | None = None
+        self._orders: tuple[tuple[int, ...], ...] | None = None
+        self._open: dict[str, tuple[int, int]] = {}  # date that ends with the year -> first line, place
+        self._day_of_row = array("i")
         self.found = False
 
     def in_seconds(self, rows: Iterator[Row]) -> Iterator[Row]:
-        """The rows with seconds in the column.
+        """The rows with seconds in the column; where dates end with the year, `with_days` adds the days.
 
         Raises:
-            SourceError: something is no such time, or times of day go back by more than half a day; it names
-                the line.
+            SourceError: something is no such time, or times of day go back by more than half a day (without
+                hours, half an hour); it names the line.
         """
         at = self._at
         for count, (line, fields) in enumerate(rows):
@@ -51,25 +78,83 @@ class Dates:
                 [*fields[:at], self._seconds(line, fields), *fields[at + 1 :]] if self.found else fields,
             )
 
+    def with_days(self, time_s: np.ndarray) -> np.ndarray:
+        """Times with the days of dates that end with the year.
+
+        Args:
+            time_s: what was read from all rows of `in_seconds`. [M]
+
+        Returns:
+            [M] s.
+
+        Raises:
+            SourceError: a day is in no calendar, or it stays open whether day or month comes first, and the
+                time between two rows depends on it.
+        """
+        if not self._open:
+            return time_s
+        days = [found for order in self._orders or () if (found := self._days_in(order))]
+        if not days:
+            text, (line, _) = next(iter(self._open.items()))
+            problem = f"{self._title}: no order of day and month fits all dates, such as {text}"
+            raise SourceError(self._path, line, problem, _ISO)
+        if len({tuple(day - found[0] for day in found) for found in days}) > 1:
+            one, other = list(self._open)[:2]
+            problem = f"{self._title}: in {one} and {other}, day or month may come first"
+            raise SourceError(self._path, self._open[other][0], problem, _ISO)
+        return time_s + np.array(days[0], float)[np.frombuffer(self._day_of_row, np.int32)] * _DAY_S
+
+    def _days_in(self, order: tuple[int, ...]) -> list[int] | None:
+        """All days since 1970, if year, month and day have these places."""
+        try:
+            return [_day(text, order) for text in self._open]
+        except ValueError:
+            return None
+
     def _seconds(self, line: int, fields: Sequence[str]) -> str:
-        text = fields[self._at].strip()
-        day = "" if self._days is None else fields[self._days].strip()
+        text = _plain(fields[self._at])
+        day = "" if self._days is None else _plain(fields[self._days])
         try:
             if stamp := _STAMP.match(f"{day} {text}" if _DATE.match(day) and _CLOCK.match(text) else text):
-                return repr(_since_1970(*stamp.groups()))
+                self._check_dated(True)
+                *_, hours, minutes, seconds, half, zone = stamp.groups()
+                return repr(
+                    self._days_s(line, stamp) + _of_day(hours, minutes, seconds, half) - _shift_s(zone)
+                )
             if clock := _CLOCK.match(text):
-                return repr(self._of_day(line, *clock.groups()))
+                self._check_dated(False)
+                half_s = _HALF_DAY_S if clock[1] else _HALF_HOUR_S
+                return repr(self._rising(line, _of_day(*clock.groups()), text, half_s))
         except ValueError as cause:
             problem = f"{self._title} = {text[:80]!r}, {cause}"
             raise SourceError(self._path, line, problem, AS_TIMES) from cause
         raise SourceError(self._path, line, f"{self._title} = {text[:80]!r} is not a time", AS_TIMES)
 
-    def _of_day(self, line: int, hours: str, minutes: str, seconds: str) -> float:
-        if int(hours) >= _HOURS:
-            raise ValueError(f"but a day has {_HOURS} hours")
-        time_s = 3600 * int(hours) + 60 * int(minutes) + float(seconds.replace(",", "."))
-        if self._latest_s is not None and time_s < self._latest_s - _HALF_DAY_S:
-            problem = f"{self._title} goes back from the evening to {hours}:{minutes}: a day has ended"
+    def _check_dated(self, dated: bool) -> None:
+        """Check that all rows have a date, or none has."""
+        if self._dated not in (None, dated):
+            raise ValueError(f"{'with' if dated else 'without'} a date, unlike the rows before")
+        self._dated = dated
+
+    def _days_s(self, line: int, stamp: re.Match[str]) -> int:
+        """Seconds until the day begins; 0 if it stays open which day it is."""
+        text = stamp[1] + stamp[2] + stamp[3] + stamp[2] + stamp[4]
+        orders = _orders(text)
+        if not orders:
+            raise ValueError("but a year has four digits")
+        if self._orders not in (None, orders):
+            raise ValueError("but the dates before are written otherwise")
+        self._orders = orders
+        if len(orders) == 1:
+            return _DAY_S * _day(text, orders[0])
+        _, place = self._open.setdefault(text, (line, len(self._open)))
+        self._day_of_row.append(place)
+        return 0
+
+    def _rising(self, line: int, time_s: float, text: str, half_s: float) -> float:
+        if self._latest_s is not None and time_s < self._latest_s - half_s:
+            ended = "the evening" if half_s == _HALF_DAY_S else "the end of an hour"
+            problem = f"{self._title} goes back from {ended} to {text[:5]}"
             raise SourceError(self._path, line, problem, "Write dates with the times, or divide the file")
         self._latest_s = time_s
         return time_s
@@ -77,19 +162,63 @@ class Dates:
 
 def is_date(field: str) -> bool:
     """Whether a field holds a date with a time."""
-    return bool(_STAMP.match(field.strip()))
+    return bool(_STAMP.match(_plain(field)))
 
 
 def column_of_days(titles: Sequence[str]) -> int | None:
-    """The column of dates, if one has the title `date`."""
-    return next((at for at, title in enumerate(titles) if title.strip().lower() == "date"), None)
+    """The column of dates, if one has the title `date`, also in other languages."""
+    return next((at for at, title in enumerate(titles) if title.strip().lower() in _TITLES), None)
 
 
-def _since_1970(year: str, month: str, day: str, clock: str, zone: str | None) -> float:
-    hours, minutes, seconds = clock.replace(",", ".").split(":")
-    whole, _, part = seconds.partition(".")
-    moment = datetime(int(year), int(month), int(day), int(hours), int(minutes), int(whole), tzinfo=UTC)
-    shift_s = 0
-    if zone and zone[0] in "+-":
-        shift_s = (1 if zone[0] == "+" else -1) * (3600 * int(zone[1:3]) + 60 * int(zone[-2:]))
-    return moment.timestamp() - shift_s + float(f"0.{part or 0}")
+def _plain(field: str) -> str:
+    """A date with its parts as numbers, the year first, where it has the name of the month, or no signs."""
+    text = field.strip()
+    named = next((match for form in _NAMED if (match := form.match(text))), None)
+    if named is None:
+        return text
+    part = named.groupdict()
+    month = _NAMES.index(part["month"].lower()) + 1 if part["month"].isalpha() else int(part["month"])
+    clock = f" {part['h']}:{part['min']}:{part['s']}" if "h" in part else ""
+    return f"{part['year']}-{month}-{part['day']}{clock}{text[named.end() :]}"
+
+
+def _orders(text: str) -> tuple[tuple[int, ...], ...]:
+    """The orders that year, month and day may have in a date, by its form."""
+    first, _, last = re.split(r"[-/.]", text)
+    if len(first) == _LONG:
+        return (_YEAR_FIRST,)
+    if len(first) > _SHORT or len(last) not in (_SHORT, _LONG):
+        return ()
+    if "." in text:
+        return (_DAY_FIRST,)
+    return (_DAY_FIRST, _MONTH_FIRST) + ((_YEAR_FIRST,) if len(last) == _SHORT else ())
+
+
+def _day(text: str, order: tuple[int, ...]) -> int:
+    """Days since 1970.
+
+    Raises:
+        ValueError: no calendar has the day.
+    """
+    parts = [int(part) for part in re.split(r"[-/.]", text)]
+    year, month, day = (parts[place] for place in order)
+    return date(year if year >= 10**_SHORT else _CENTURY + year, month, day).toordinal() - _EPOCH
+
+
+def _of_day(hours: str | None, minutes: str, seconds: str, half: str | None) -> float:
+    if hours is None and seconds.isdecimal():
+        raise ValueError("which may be hours and minutes, or minutes and seconds")
+    hour = int(hours or 0)
+    if half and not 1 <= hour <= _HALF_DAY_HOURS:
+        raise ValueError(f"but half a day has {_HALF_DAY_HOURS} hours")
+    if half:
+        hour = hour % _HALF_DAY_HOURS + (_HALF_DAY_HOURS if half in "Pp" else 0)
+    if hour >= _HOURS:
+        raise ValueError(f"but a day has {_HOURS} hours")
+    return 3600 * hour + 60 * int(minutes) + float(seconds.replace(",", "."))
+
+
+def _shift_s(zone: str | None) -> int:
+    if not zone or zone[0] not in "+-":
+        return 0
+    return (1 if zone[0] == "+" else -1) * (3600 * int(zone[1:3]) + 60 * int(zone[3:].strip(":") or 0))

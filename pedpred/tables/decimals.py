@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from pedpred.errors import SourceError
-from pedpred.tables.text import Row
+from pedpred.tables.text import PLAIN_NUMBERS, Row
 
-_REMEDY = "Write all numbers with decimal points and without thousands separators"
 _COMMA = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*")
+_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*")
 
 
 def has_decimal_comma(field: str) -> bool:
@@ -30,20 +30,24 @@ def with_decimal_points(
         separator: of fields.
 
     Raises:
-        SourceError: a comma may also separate thousands: numbers have points too, or commas separate fields.
+        SourceError: commas may also separate thousands: numbers have points too, or, where commas separate
+            fields, all have three digits behind a comma.
     """
-    comma = point = None
+    comma = point = open_ = None
+    decimal = separator != ","
     for line, fields in rows:
         for at in used:
-            if "." in fields[at]:
+            if "." in fields[at] and ":" not in fields[at]:  # dates have points, too
                 point = line
             if has_decimal_comma(fields[at]):
                 comma = line
-                if separator == ",":
-                    problem = f"the comma in {fields[at].strip()} may be a decimal one, or separate thousands"
-                    raise SourceError(path, line, problem, _REMEDY)
+                decimal = decimal or not _THOUSANDS.fullmatch(fields[at])
+                open_ = open_ or (line, fields[at].strip())
                 fields = [*fields[:at], fields[at].replace(",", "."), *fields[at + 1 :]]
         if comma and point:
             problem = f"numbers have commas in line {comma} and points in line {point}"
-            raise SourceError(path, line, problem, _REMEDY)
+            raise SourceError(path, line, problem, PLAIN_NUMBERS)
         yield line, fields
+    if open_ and not decimal:
+        problem = f"the comma in {open_[1]} may be a decimal one, or separate thousands"
+        raise SourceError(path, open_[0], problem, PLAIN_NUMBERS)

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import SourceError
-from pedpred.tables.text import Row
+from pedpred.tables.text import MISSING, Row
 
-_MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
+_FEW, _MOST_RESTARTS = 10, 20
 _log = logging.getLogger(__name__)
 
 
@@ -35,7 +35,7 @@ def without_other_rows(path: Path, rows: Iterable[Row], used: Sequence[int]) -> 
     """Leave out rows without a value in all used columns but the clock: they are about something else."""
     others = _Count()
     for line, fields in rows:
-        if any(fields[at].strip() for at in used):
+        if any(fields[at].strip().lower() not in MISSING for at in used):
             yield line, fields
         else:
             others.add(line)
@@ -54,7 +54,7 @@ def with_positions(path: Path, rows: Iterable[Row], places: Sequence[int], who: 
     """
     missing = _Count()
     for line, fields in rows:
-        if any(fields[at].strip().lower() in _MISSING for at in places) and fields[who].strip():
+        if any(fields[at].strip().lower() in MISSING for at in places) and fields[who].strip():
             missing.add(line)
         else:
             yield line, fields
@@ -88,6 +88,13 @@ def without_copies(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.n
         who, time_s = columns["track_id"][one[first]], columns["time_s"][one[first]]
         problem = f"track_id {who} and time_s {time_s:.10g} again, first in line {before}, at another place"
         remedy = "Remove one of the lines. If it was recorded in several runs, make a file for each"
+        many = 3 * len(pair) > len(columns["line"]) > _FEW
+        if many and len(np.unique(columns["track_id"])) == 1:
+            problem += ": all lines have this id"
+            remedy = "If another column holds the ids, name all in order: --columns time,id,x,y"
+        elif many:
+            problem += f", as in {len(pair)} of {len(order)} lines: times are too coarse"
+            remedy = "Write times with more decimals, or name all columns in order: --columns frame,id,x,y"
         raise SourceError(path, line, problem, remedy)
     copies = _Count(int(again.sum()), int(columns["line"][other[again]].min(initial=2**62)))
     if not copies.rows:
@@ -95,3 +102,34 @@ def without_copies(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.n
     _log.warning("%s: rows that repeat another one are left out: %s", path, copies)
     kept = np.sort(np.delete(order, np.flatnonzero(again) + 1))
     return {name: column[kept] for name, column in columns.items()}
+
+
+def without_untracked(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Leave out rows with the id -1 where no other id is negative: trackers write it for nobody.
+
+    Args:
+        path: the file, for messages.
+        columns: [M] each, with `line` and `track_id`.
+    """
+    nobody = columns["track_id"] == -1
+    if not nobody.any() or nobody.all() or (columns["track_id"][~nobody] < 0).any():
+        return columns
+    left_out = _Count(int(nobody.sum()), int(columns["line"][nobody].min()))
+    _log.warning("%s: rows with the id -1 are about nobody who was tracked, and left out: %s", path, left_out)
+    return {name: column[~nobody] for name, column in columns.items()}
+
+
+def doubt_restarts(path: Path, columns: dict[str, np.ndarray]) -> None:
+    """Warn if time begins again, with several other people each time, as where recordings were joined.
+
+    Args:
+        path: the file, for messages.
+        columns: [M] each, with `line`, `time_s` and `track_id`, in the order of the lines.
+    """
+    back = np.flatnonzero(np.diff(columns["time_s"]) < 0) + 1
+    if not 0 < len(back) <= _MOST_RESTARTS:
+        return
+    people = [np.unique(ids) for ids in np.split(columns["track_id"], back)]
+    if min(map(len, people)) > 1 and len(np.unique(np.concatenate(people))) == sum(map(len, people)):
+        text = "%s: time goes back in line %d, and other people follow: are these recordings to be divided?"
+        _log.warning(text, path, columns["line"][back[0]])

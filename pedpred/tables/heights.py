@@ -1,40 +1,62 @@
-"""Columns named y that hold heights: where one never changes while a later or unused one does."""
+"""Columns named y that hold heights: where one hardly changes while a later or unused one does."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from pedpred.tables.text import Row
 
+_MUCH, _FAR = 10.0, 0.1
+"""People move along the ground's second axis more than their heights change, by the first factor, and by at
+least the second share of how far they move along x."""
+
 
 class Still:
-    """Notices a column that never changes while another one does, as where the order is x, height, y.
+    """Notices a column that hardly changes while another one does, as where the order is x, height, y.
 
     Args:
         at: the column that must change.
         others: columns that may be meant instead.
+        beside: the column of x; None: the others may hold anything, and only a column that never changes
+            is noticed.
     """
 
-    def __init__(self, at: int, others: Sequence[int]) -> None:
-        self._watched = (at, *others) if others else ()
-        self._changed = dict.fromkeys(self._watched, False)
-        self.value = ""
+    def __init__(self, at: int, others: Sequence[int], beside: int | None = None) -> None:
+        self._at, self._others, self._beside = at, others, beside
+        self._first: Sequence[str] = ()
+        self._changed = {at: False} | dict.fromkeys(others, False)
+        measured = (at, beside, *others) if others and beside is not None else ()
+        self._range = {k: (math.inf, -math.inf) for k in measured}
 
     def watched(self, rows: Iterable[Row]) -> Iterator[Row]:
         """The rows, while it looks at them."""
-        first: Sequence[str] = ()
         for line, fields in rows:
-            if self._watched:
-                first = first or fields
-                for k in self._watched:
-                    self._changed[k] |= fields[k] != first[k]
+            if self._others:
+                self._first = self._first or fields
+                for k in self._changed:
+                    self._changed[k] |= fields[k] != self._first[k]
+                for k, (least, most) in self._range.items():
+                    value = _number(fields[k])
+                    self._range[k] = min(least, value), max(most, value)
             yield line, fields
-        if first:
-            self.value = first[self._watched[0]].strip()
 
-    @property
-    def found(self) -> int | None:
-        """The column that changes in place of the other one."""
-        if not self._watched or self._changed[self._watched[0]]:
+    def found(self) -> tuple[int, str] | None:
+        """The column that changes in place of the other one, and how that one does; None: all is well."""
+        if not self._changed[self._at]:
+            changes = [k for k in self._others if self._changed[k]]
+            return (changes[0], f"is {self._first[self._at].strip()} in all lines") if changes else None
+        if self._beside is None or not self._range:
             return None
-        return next((k for k in self._watched[1:] if self._changed[k]), None)
+        width = {k: most - least for k, (least, most) in self._range.items()}
+        least = max(_MUCH * width[self._at], _FAR * width[self._beside])
+        far = [k for k in self._others if width[k] > least]
+        return (far[0], f"changes by {width[self._at]:.3g} in all") if far else None
+
+
+def _number(field: str) -> float:
+    """The number in a field; NaN, which is passed over, if there is none."""
+    try:
+        return float(field.replace(",", "."))
+    except ValueError:
+        return math.nan

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import SourceError
-from pedpred.tables.text import OWN_FILE, Row, is_number, whole_number
+from pedpred.tables.text import MISSING, OWN_FILE, Row, is_number, whole_number
 
 _LONGEST_NAME, _MOST_NAMES = 200, 500_000
 _FEW_FRACTIONS = 0.25  # more are not errors
 _LONGEST_PLAIN = 18  # digits that fit into 64 bits
-_NOBODY = {"", "nan", "null", "none"}
+_NOBODY = MISSING - {"-", ".", "na", "nat", "nil"}  # these may be names
 _log = logging.getLogger(__name__)
 
 
@@ -94,7 +94,7 @@ class Ids:
         )
 
     def whole(self, column: np.ndarray) -> np.ndarray | None:
-        """The whole numbers that the ids write; None: some are words.
+        """The whole numbers that the ids write; None: some are words, or have more than 64 bits.
 
         Args:
             column: what was read from the rows of `numbered`. [M] int64
@@ -103,9 +103,9 @@ class Ids:
             [M] int64.
 
         Raises:
-            SourceError: all are numbers, and one is a fraction or too large; it names the line.
+            SourceError: all are numbers, and one is a fraction; it names the line.
         """
-        if not all(map(is_number, self.later)):
+        if not all(is_number(name) and not _is_huge(name) for name in self.later):
             return None
         written = zip(self.later, self.first_lines, strict=True)
         values = (whole_number(self.path, line, self.title, name, self.remedy) for name, line in written)
@@ -156,3 +156,8 @@ def is_plain(name: str) -> bool:
     digits = name[1:] if name.startswith("-") else name
     usual = digits[:1] != "0" or name == "0"
     return usual and len(digits) <= _LONGEST_PLAIN and digits.isdecimal() and digits.isascii()
+
+
+def _is_huge(name: str) -> bool:
+    """Whether the digits of an id are no number of 64 bits, as those of a UUID."""
+    return name.isdecimal() and len(name) > _LONGEST_PLAIN and int(name) >= 2**63

@@ -7,6 +7,7 @@ begin with `#`, `%` or `//` are comments, unless one is the header.
 from __future__ import annotations
 
 import csv
+import logging
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from itertools import chain, islice
 from pathlib import Path
 
 from pedpred.errors import SourceError, ValueRuleError
+from pedpred.tables.columnar import columnar_lines, is_columnar
 from pedpred.tables.comments import MOST_COMMENTS
 from pedpred.tables.decimals import has_decimal_comma
 from pedpred.tables.text import Row, check_width, is_number, text_lines
@@ -30,6 +32,7 @@ _FEWEST = 3
 """Numbers that a row has at least, and one with decimal commas and blanks between them."""
 _WIDTH = "Each line must have a value for each title, also where one is empty"
 _COMMAS = "Where commas are decimal ones, separate values by semicolons"
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -106,25 +109,34 @@ def has_header(path: Path) -> bool:
 
 
 def of_width(path: Path, rows: Iterable[Row], titles: Sequence[str]) -> Iterator[Row]:
-    """Check that each row has a field for each title; an empty field at the end may be there or not.
+    """Check that each row has a field for each title; empty fields at the end may be there or not.
+
+    A header that is repeated, as where files were joined, is left out, with a warning.
 
     Raises:
         SourceError: one has not; it names the line.
     """
-    width = len(titles)
+    width, header = len(titles), [title.strip() for title in titles]
+    again = []
     for line, fields in rows:
-        if len(fields) == width + 1 and not fields[-1].strip():
-            fields = fields[:-1]
+        if len(fields) > width and not any(field.strip() for field in fields[width:]):
+            fields = fields[:width]
         elif len(fields) == width - 1 and not titles[-1]:
             fields = [*fields, ""]
         if len(fields) != width:
             check_width(path, line, fields, titles, f"{_WIDTH}. {_COMMAS}" if len(fields) > width else _WIDTH)
-        yield line, fields
+        if fields[0].strip() == header[0] and [field.strip() for field in fields] == header:
+            again.append(line)
+        else:
+            yield line, fields
+    if again:
+        text = "%s: the header is repeated in line %d: if files of several recordings were joined, divide it"
+        _log.warning(text, path, again[0])
 
 
 def _lines(path: Path, header: bool) -> Iterator[tuple[int, str]]:
     """Number and text of each line; what stands above a header, such as a program's name, is a comment."""
-    lines = text_lines(path, _UTF8)
+    lines = columnar_lines(path) if is_columnar(path) else text_lines(path, _UTF8)
     if not header:
         return lines
     begin, above = list(islice(lines, _MOST_ABOVE)), 0

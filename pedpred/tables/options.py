@@ -47,3 +47,5 @@ class TableOptions:
             raise ValueRuleError(
                 "pixel_m", self.pixel_m, f"it must be positive, at most {_LARGEST_PIXEL_M} m"
             )
+        if self.pixel_m is not None and self.unit is not None:
+            raise ValueRuleError("unit", self.unit, "lengths are pixels, whose size is given: omit one")

@@ -1,4 +1,4 @@
-"""Places that stand for unknown ones, such as (0, 0): people seem to jump there, and on from there."""
+"""Places that stand for unknown ones, such as (0, 0) and (-999, -999): people seem to jump there, and on."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.scenes import Trajectories
+from pedpred.tables.units import UNITS
 
 FASTEST_MPS = 6.0
 """Nobody walks faster."""
 _OFTEN = 3
-"""A place other than (0, 0) stands for unknown ones if people jump to exactly there so often."""
+"""Another place than those below stands for unknown ones if people jump to exactly there so often."""
+_USUAL = (0, -1, *(sign * (10**digits - 1) for digits in range(2, 7) for sign in (1, -1)))
+_UNKNOWN = np.outer(np.array(_USUAL, float), list(UNITS.values()))
+"""What programs write as x and as y where they do not know (-999); in metres, whatever the unit was."""
 _TOLD = 3
 _log = logging.getLogger(__name__)
 
@@ -50,9 +54,9 @@ def find_placeholders(
 ) -> np.ndarray:
     """Find detections at places that stand for unknown ones.
 
-    People move to such a place, and on from there, faster than anybody walks. One jump is enough for (0, 0);
-    other places must be the ends of several, to the last digit. Nothing is found where most steps are too
-    fast, as with lengths in another unit.
+    People move to such a place, and on from there, faster than anybody walks. One jump is enough for the
+    usual ones; other places must be the ends of several, to the last digit. Nothing is found where most steps
+    are too fast, as with lengths in another unit.
 
     Args:
         time_s: s. [M]
@@ -81,10 +85,10 @@ def find_placeholders(
     comes, leaves = np.r_[False, too_fast][first], np.r_[too_fast, False][last]
     jumped = (before | after) & (comes | ~before) & (leaves | ~after)
     spot = place[first]
-    zero = (spot == 0).all(axis=1)
+    usual = (spot[:, 0] == spot[:, 1]) & np.isin(spot[:, 0], _UNKNOWN)
     _, which, counts = np.unique(spot[jumped], axis=0, return_inverse=True, return_counts=True)
     unknown = jumped.copy()
-    unknown[jumped] = zero[jumped] | (counts[which.ravel()] >= _OFTEN)
-    unknown |= zero & ~(before | after) & (unknown & zero).any()  # nobody was ever seen elsewhere
+    unknown[jumped] = usual[jumped] | (counts[which.ravel()] >= _OFTEN)
+    unknown |= usual & ~(before | after) & (unknown & usual).any()  # nobody was ever seen elsewhere
     unknown_rows[order] = np.repeat(unknown, last - first + 1)
     return unknown_rows

@@ -22,11 +22,18 @@ from pedpred.tables.clocks import add_rest, set_time
 from pedpred.tables.comments import frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import Dates, column_of_days
 from pedpred.tables.decimals import with_decimal_points
-from pedpred.tables.detections import with_positions, without_copies, without_other_rows
+from pedpred.tables.detections import (
+    doubt_restarts,
+    with_positions,
+    without_copies,
+    without_other_rows,
+    without_untracked,
+)
 from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import Lines, lines_of, of_width
 from pedpred.tables.options import TableOptions
+from pedpred.tables.pictures import on_ground
 from pedpred.tables.text import OWN_FILE, Row, read_numbers
 from pedpred.tables.titles import (
     LENGTHS,
@@ -37,7 +44,7 @@ from pedpred.tables.titles import (
     meaning_of,
     titles_of_tracks,
 )
-from pedpred.tables.units import UNITS
+from pedpred.tables.units import PIXELS, UNITS
 
 _HEIGHT = "Name the columns in order, such as --columns time,id,x,height,y"
 _NAME = "Name all columns in order, such as --columns time,id,x,y"
@@ -124,29 +131,54 @@ def _read(
     rows = without_other_rows(path, rows, others)
     places = [at[name] for name in LENGTHS]
     rows = with_positions(path, rows, places, at["track_id"])
-    still = Still(at["y_m"], [] if options.columns else columns_of_heights(titles))
+    still = Still(at["y_m"], [] if options.columns else columns_of_heights(titles), at["x_m"])
     dates = Dates(path, titles[at[clock]], at[clock], column_of_days(titles))
-    rows = still.watched(dates.in_seconds(rows))
     rows = with_decimal_points(path, rows, [*places, at[clock]], lines.separator if lines else None)
+    rows = still.watched(dates.in_seconds(rows))
     columns = read_numbers(path, ids.numbered(rows, at["track_id"]), titles, wanted, OWN_FILE)
-    units = _units(path, wanted, unit_of_lengths(path, comments, options.unit))
-    for name in LENGTHS:
-        columns[name] *= UNITS[units[name] or "m"]
-    if still.found is not None:
-        problem = f"{titles[at['y_m']]} is {still.value} in all lines, and {titles[still.found]} changes"
-        raise SourceError(path, None, f"{problem}: y looks like a height", _HEIGHT)
+    columns[clock] = dates.with_days(columns[clock])
+    units = _units(path, wanted, unit_of_lengths(path, comments, options))
+    in_metres(path, columns, units, options)
+    if moves := still.found():
+        problem = f"{titles[at['y_m']]} {moves[1]}, and {titles[moves[0]]} changes: y looks like a height"
+        raise SourceError(path, None, problem, _HEIGHT)
     units |= {clock: None if dates.found else _said(titles[at[clock]])}
     with translate_errors(lambda problem: SourceError(path, None, problem)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
+        if clock != "frame" and options.rate_hz:
+            _log.warning("%s: times are in column %s, so that --rate is not used", path, titles[at[clock]])
         if REST in at:
             add_rest(columns, _said(titles[at[REST]]))
         set_time(path, columns, units[clock], rate_hz)
         columns["track_id"] = numbered(ids, columns["track_id"], options)
-        columns = without_copies(path, columns)
+        doubt_restarts(path, columns)
+        columns = without_copies(path, without_untracked(path, columns))
         del columns["line"]
         if lines is not None:
             _tell(path, titles, wanted, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
         return _tracks(columns)
+
+
+def in_metres(
+    path: Path, columns: dict[str, np.ndarray], units: Mapping[str, str | None], options: TableOptions
+) -> None:
+    """Bring x and y from their units, or from pixels, to metres.
+
+    Args:
+        path: the file, for errors.
+        columns: with `line`, `x_m` and `y_m`, which are changed.
+        units: of x and y; None: metres.
+        options: where pixels lie on the ground.
+
+    Raises:
+        SourceError: positions are pixels, and nobody says where these lie.
+    """
+    if PIXELS in units.values():
+        ground = on_ground(path, options, columns["x_m"], columns["y_m"], columns["line"])
+        columns["x_m"], columns["y_m"] = ground.T.copy()
+    else:
+        for name in LENGTHS:
+            columns[name] *= UNITS[units[name] or "m"]
 
 
 def _wanted(path: Path, titles: Sequence[str]) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -24,7 +25,16 @@ OWN_FILE = "Correct the line, or remove it"
 AS_TIMES = "Write times as seconds, or as 2024-03-05 14:02:07.5"
 """What to do about a time that is neither."""
 
+_NO_VALUE = (
+    "nan +nan -nan nan(ind) -nan(ind) -1.#ind 1.#ind 1.#qnan na n/a #n/a #na #nan <na> nat null #null! "
+    "none nil missing #value! #num! #div/0! #ref! - -- . ?"
+)
+MISSING = {"", *_NO_VALUE.split()}
+"""How programs write, in small letters, that there is no value."""
+
 _FETCHED = "Correct the file or fetch it again"
+PLAIN_NUMBERS = "Write all numbers with decimal points and without thousands separators"
+_GROUPED = re.compile(r"[+-]?\d{1,3}([,.'\u2019 \u00a0\u202f]\d{3})+([.,]\d*)?")
 _WHOLE = ("id", "track_id", "frame", "group_id", "person_id")
 _EXACT = 2**53  # floats of larger whole numbers are rounded
 _BLOCK_ROWS = 2**14
@@ -70,7 +80,7 @@ def number(path: Path, line: int, column: str, field: str, remedy: str = _FETCHE
     try:
         value = float(field)
     except ValueError as cause:
-        what = AS_TIMES if ":" in field else remedy
+        what = AS_TIMES if ":" in field else PLAIN_NUMBERS if _GROUPED.fullmatch(field.strip()) else remedy
         raise SourceError(path, line, f"{column} = {brief(field.strip())} is not a number", what) from cause
     if not math.isfinite(value):
         raise SourceError(path, line, f"{column} = {brief(field.strip())}, but it must be finite", remedy)

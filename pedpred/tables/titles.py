@@ -8,12 +8,13 @@ or `vehicle_id`, is that of a column that is not used.
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pedpred.errors import ValueRuleError
 from pedpred.storage.tracks import TRACK_COLUMNS
-from pedpred.tables.units import LENGTH_WORDS, PER_SECOND, TIME_WORDS
+from pedpred.tables.units import LENGTH_WORDS, PER_SECOND, PIXELS, TIME_WORDS
 
 NAMES = {
     "time_s": ("t", "time", "time_s", "timestamp"),
@@ -29,34 +30,40 @@ REST = "rest_of_time"
 """Times in a part of a second beside those in seconds: the rest of a stamp, or the same times again."""
 PARTS = ("ms", "us", "ns")
 _SAY = {
-    "time": "t time times timestamp timestamps stamp datetime",
-    "frame": "frame frames",
-    "id": "id ids uid pid identifier identity",
-    "who": "track tracklet trajectory traj ped pedestrian person agent object obj subject human participant "
-    "walker people name",
-    "x": "x easting",
-    "y": "y northing",
+    "time": "t time times timestamp timestamps stamp datetime "
+    "zeit uhrzeit zeitstempel zeitpunkt temps horodatage heure tiempo hora tijd",
+    "frame": "frame frames bild fotogramma fotograma trame",
+    "id": "id ids uid pid identifier identity identifiant identificador identificativo kennung",
+    "who": "track tracklet trajectory traj ped pedestrian person agent actor object obj subject human "
+    "participant walker people name fussganger fussgaenger objekt personen pieton personne objet peaton "
+    "persona objeto pedone oggetto voetganger persoon pessoa pedestre",
+    "x": "x easting rechtswert",
+    "y": "y northing hochwert",
 }
+"""Words of English, and of German, French, Spanish, Italian, Dutch and Portuguese, without accents."""
 _QUANTITY = {word: quantity for quantity, words in _SAY.items() for word in words.split()}
 _BESIDE = {
-    "number": "number no nr num index",
+    "number": "number no nr num index nummer numero",
     "place": "pos position coord coords coordinate coordinates location loc center centre centroid point "
-    "world map local global ground utm head pose",
-    "clock": "timestep simulation sim unix epoch ros elapsed relative absolute header date tv",
+    "world map local global ground utm head pose est estimated filtered smoothed koordinate coordonnee "
+    "coordenada coordinata posicion posizione posicao",
+    "clock": "timestep simulation sim unix epoch ros elapsed relative absolute header date tv datum",
 }
 _NUMBER, _PLACE, _CLOCK = (set(words.split()) for words in _BESIDE.values())
 _CLASS, _APART = (
     set(words.split())
     for words in (
-        "class classes category categories type types label labels kind classification",
+        "class classes category categories type types label labels kind classification klasse typ kategorie "
+        "clase tipo categoria classe categorie",
         "scene run trial recording video session experiment scenario floor storey",
     )
 )
-_CLASSED = {*_QUANTITY, "actor", "road", "user", "detection"} - {"t", "x", "y"}
+_CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
+_STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
 _LETTERS = {"m", "s"}  # no unit before another word without a sign between them
 _DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
-_KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *LENGTH_WORDS, *TIME_WORDS, *_FILLERS}
+_KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *_STEPS, *LENGTH_WORDS, *TIME_WORDS, *_FILLERS}
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
 _SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
 """Signs that change what a title means, such as those of inches and degrees."""
@@ -125,6 +132,8 @@ def _is_called(title: str, needed: set[str], beside: set[str]) -> bool:
 
 def _name(said: set[str], words: set[str], units: Sequence[str]) -> str | None:
     """The column that the quantities in a title mean, if its other words go with it."""
+    if words - _NUMBER == {"timestep"} or ("step" in words and words <= _STEPS | _NUMBER | {"time"}):
+        return "frame"
     axes = said & {"x", "y"}
     rest = words - set(_QUANTITY) - set(units) - _FILLERS
     if axes:
@@ -141,9 +150,11 @@ def _name(said: set[str], words: set[str], units: Sequence[str]) -> str | None:
 
 
 def _words(title: str) -> list[str]:
-    """The words of a title in lower case; a word that is not known may be two (`xcm`, `trackid`)."""
+    """The words of a title in lower case without accents; an unknown one may be two (`xcm`, `trackid`)."""
     words: list[str] = []
-    for part in _WORD.findall(title.replace("\u00b5", "u").replace("\u03bc", "u")):
+    plain = title.replace("\u00b5", "u").replace("\u03bc", "u").replace("\u00df", "ss")
+    plain = "".join(sign for sign in unicodedata.normalize("NFKD", plain) if not unicodedata.combining(sign))
+    for part in _WORD.findall(plain):
         word = part.lower()
         pairs = [(word[:k], word[k:]) for k in range(1, len(word)) if word[:k] not in _LETTERS]
         parts = [pair for pair in pairs if set(pair) <= _KNOWN]
@@ -166,7 +177,8 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
         candidates = [title for title in titles if title in meant and meant[title].name == name]
         if name in ("time_s", "frame"):
             candidates = [title for title in candidates if (name, meant[title].unit or "s") == clock]
-        candidates = [title for title in candidates if meant[title].plain] or candidates
+        for preferred in (lambda meaning: meaning.unit != PIXELS, lambda meaning: meaning.plain):
+            candidates = [title for title in candidates if preferred(meant[title])] or candidates
         if len(candidates) > 1:
             rule = f"columns {candidates[0]} and {candidates[1]} are both {name}"
             raise ValueRuleError("columns", titles, rule)

@@ -8,19 +8,22 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "inch": 0.0254}
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "min": 1 / 60}
 """Units of time by their names in files: how many a second has."""
 
+_METRES = ("meter", "meters", "metre", "metres", "metern", "metri", "metros")
 _PREFIXES = {"": "", "c": "centi", "m": "milli"}
 LENGTH_WORDS = {
     word: f"{short}m"
     for short, long in _PREFIXES.items()
-    for word in (f"{short}m", *(f"{long}{metre}" for metre in ("meter", "meters", "metre", "metres")))
+    for word in (f"{short}m", *(f"{long}{metre}" for metre in _METRES))
 }
-LENGTH_WORDS |= {"ft": "ft", "feet": "ft", "inch": "inch", "inches": "inch"}
-"""Word -> unit of length."""
+LENGTH_WORDS |= {"zentimeter": "cm", "ft": "ft", "feet": "ft", "inch": "inch", "inches": "inch"}
+PIXELS = "px"
+LENGTH_WORDS |= dict.fromkeys(("px", "pix", "pixel", "pixels"), PIXELS)
+"""Word -> unit of length, or `PIXELS`."""
 
 TIME_WORDS = {
     word: unit
     for unit, words in {
-        "s": "s sec secs second seconds",
+        "s": "s sec secs second seconds sek sekunde sekunden seconde secondes segundo segundos secondi",
         "ms": "ms msec msecs millis millisec millisecs millisecond milliseconds",
         "us": "us usec usecs micros microsec microsecs microsecond microseconds",
         "ns": "ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds",

@@ -31,7 +31,6 @@ from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
 from pedpred.sources.geometries import read_ground, read_walls
 from pedpred.sources.single_file import read_file
-from pedpred.sources.stanford import PictureOptions, read_homography
 from pedpred.storage.columns import split_pairs
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import read_manifest, read_shard, write_manifest, write_shard
@@ -43,8 +42,9 @@ from pedpred.storage.situations import (
     write_situations_manifest,
 )
 from pedpred.tables.options import TableOptions
+from pedpred.tables.pictures import PictureOptions, read_homography
 from tests.exported import NETWORK, WIDTHS, write_network
-from tests.field_formats import BINARY, PIXEL_M, WRITERS
+from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
 from tests.forecasts import windows_with
 from tests.scenes import write_as_table
 from tests.test_bag_definitions import Filled
@@ -99,6 +99,14 @@ def make_deep_map(folder: Path) -> None:
     (folder / "map.yaml").write_text(f"{about}negate: no\noccupied_thresh: 0.65\nfree_thresh: 0.2\n")
 
 
+def make_tiff_map(folder: Path) -> None:
+    """A compressed picture of eight bits."""
+    grey = np.random.default_rng(0).integers(0, 2**8, (12, 9), dtype=np.uint8)
+    Image.fromarray(grey).save(folder / "room.tif", compression="tiff_lzw")
+    about = "image: room.tif\nresolution: 0.1\norigin: [-1, -2.0, 0]\n"
+    (folder / "map.yaml").write_text(f"{about}negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n")
+
+
 GEOMETRIES = ("lines.xml", "room.wkt")
 
 
@@ -124,7 +132,7 @@ def make_table(folder: Path) -> None:
     write_as_table(place(), folder, float_format="%.3f")
 
 
-TABLES = ("walk.csv", "walk.tsv", "walk.txt", "walk.ndjson")
+TABLES = ("walk.csv", "walk.tsv", "walk.txt", "walk.ndjson", "dates.csv")
 
 
 def make_tables(folder: Path) -> None:
@@ -133,6 +141,8 @@ def make_tables(folder: Path) -> None:
     for name, separator in {"walk.csv": ";", "walk.tsv": "\t", "walk.txt": " "}.items():
         lines = [("time", "id", "x", "y"), *rows]
         (folder / name).write_text("\n".join(separator.join(map(str, row)) for row in lines))
+    dated = [f"24/12/2026;10:00:0{t:.1f};{who};{x};{y}".replace(".", ",") for t, who, x, y in rows]
+    (folder / "dates.csv").write_text("\n".join(["Datum;Uhrzeit;Person;x;y", *dated]))
     tracks = [{"track": {"f": round(10 * t), "p": who, "x": x, "y": y}} for t, who, x, y in rows]
     lines = [{"scene": {"id": 0, "fps": 2.5}}, *tracks]
     (folder / "walk.ndjson").write_text("\n".join(map(json.dumps, lines)))
@@ -145,6 +155,7 @@ def read_tables(folder: Path) -> object:
 FIELD_TEXTS = (
     *("fcd.xml", "annotations.txt", "00_tracks.csv", "00_tracksMeta.csv", "00_recordingMeta.csv"),
     *("Exp_1_run_1.tsv", "THOR-Magni_120522_SC1A_R1.csv", "postvis.traj", "hall_001.pp", "atc-20121031.csv"),
+    "0013.txt",
 )
 
 
@@ -167,9 +178,19 @@ def read_inclined(folder: Path) -> object:
 
 def read_field_texts(folder: Path) -> object:
     names = [name for name in FIELD_TEXTS if "Meta" not in name]
-    return [
-        read_file(folder / name, TableOptions(pixel_m=PIXEL_M) if "annot" in name else None) for name in names
-    ]
+    options = {"annotations.txt": TableOptions(pixel_m=PIXEL_M), "0013.txt": TableOptions(rate_hz=RATE_HZ)}
+    return [read_file(folder / name, options.get(name)) for name in names]
+
+
+def make_columnar(folder: Path) -> None:
+    """People as tables of pandas."""
+    table = pd.DataFrame(ROWS, columns=["time", "name", "x", "y"]).astype({"name": str})
+    table.to_parquet(folder / "walk.parquet")
+    table.to_feather(folder / "walk.feather")
+
+
+def read_columnar(folder: Path) -> object:
+    return [read_file(folder / name) for name in ("walk.parquet", "walk.feather")]
 
 
 FORECASTS = ("theirs.csv", "theirs.ndjson", "theirs.parquet")

@@ -74,6 +74,7 @@ READERS = {
     "jupedsim": Reader(write_recording, ("hall.txt", "hall.xml"), source("jupedsim", LABORATORY)),
     "map": Reader(examples.make_scene, ("map.yaml", "map.pgm"), read_map),
     "deep map": Reader(examples.make_deep_map, ("map.yaml", "sub/deep.png"), read_map),
+    "TIFF map": Reader(examples.make_tiff_map, ("map.yaml", "room.tif"), read_map),
     "geometries": Reader(examples.make_geometries, examples.GEOMETRIES, examples.read_geometries),
     "scene": Reader(examples.make_scene, ("scene.json", "tracks.parquet", "reference.png"), read_scene),
     "scene_folder": Reader(examples.make_table, ("tracks.csv", "scene.json"), source("scene_folder", {})),
@@ -83,6 +84,9 @@ READERS = {
     ),
     "data archive": Reader(field_formats.write_archive, ("archive.h5",), at("archive.h5", read_file)),
     "field formats": Reader(examples.make_field_texts, examples.FIELD_TEXTS, examples.read_field_texts),
+    "columnar tables": Reader(
+        examples.make_columnar, ("walk.parquet", "walk.feather"), examples.read_columnar
+    ),
     "homography": Reader(examples.make_inclined, ("annotations.txt", "H.txt"), examples.read_inclined),
     "features": Reader(examples.make_features, ("manifest.json", "place.parquet"), examples.read_features),
     "situations": Reader(

@@ -1,0 +1,33 @@
+"""Tables of benchmarks on docs/robustness.md."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from numbers import Number
+from pathlib import Path
+from typing import Any
+
+from tools.readme import filled
+
+PAGE = Path("docs/robustness.md")
+WRITE = f"write the table into {PAGE}"
+"""Help of the option."""
+
+
+def markdown(rows: Sequence[dict[str, Any]]) -> str:
+    """Build a table; the rows share their keys, and numbers stand at the right."""
+    right = ["---:" if isinstance(value, Number) else "---" for value in rows[0].values()]
+    lines = [rows[0], right, *([_cell(value) for value in row.values()] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def put(mark: str, rows: Sequence[dict[str, Any]]) -> None:
+    """Replace the table of this name on the page."""
+    PAGE.write_text(filled(PAGE.read_text(), {mark: markdown(rows)}))
+
+
+def _cell(value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.3f}" if math.isfinite(value) else "-"

@@ -1,0 +1,89 @@
+"""What viewers and costmaps show, beside the forecasts that planners read."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from pedpred.ros.markers import forecast_message, names_markers
+from pedpred.ros.planning import GRID_TYPE, fitting_ground, grid_messages
+from pedpred.ros2.outputs import MARKERS, MARKERS_TYPE, Answer, grid_topics
+from pedpred.ros2.settings import NodeSettings
+from pedpred.scenes import Forecast, OccupancyMap
+
+_COLOUR = (0.84, 0.37, 0.0)
+_EVERY_S = 0.08
+"""Viewers and costmaps need no more than this, s."""
+_DETAIL_M = 0.1
+"""Predicted occupancy is computed in no smaller squares: the time grows with the fourth power of their number
+per metre, and a person is wider."""
+_log = logging.getLogger(__name__)
+
+
+class Views:
+    """Makes markers and grids, at most every 0.08 s, and in at most half of the time: forecasts come first.
+
+    Args:
+        is_heard: whether somebody listens to a topic; what nobody listens to is left out.
+        clock: gives seconds; never stops or jumps.
+    """
+
+    def __init__(self, is_heard: Callable[[str], bool], clock: Callable[[], float]):
+        self._is_heard, self._clock = is_heard, clock
+        self._shown_s, self._next_s = -np.inf, -np.inf
+
+    def answers(
+        self,
+        forecast: Forecast,
+        named: list[str],
+        time_ns: int,
+        frame: str,
+        ground: OccupancyMap | None,
+        settings: NodeSettings,
+    ) -> Iterator[Answer]:
+        """What to publish for a forecast, if it is time to.
+
+        Args:
+            forecast: of people.
+            named: the name of each.
+            time_ns: its stamp.
+            frame: of its places.
+            ground: the map, if there is one.
+            settings: of the node.
+        """
+        begun_s = self._clock()
+        if abs(forecast.time_s - self._shown_s) < _EVERY_S or begun_s < self._next_s:
+            return
+        self._shown_s = forecast.time_s
+        try:
+            if settings.publish_markers and self._is_heard(MARKERS):
+                content = forecast_message(forecast, _COLOUR, time_ns, frame)
+                content["markers"] += names_markers(forecast, named, time_ns, frame)
+                yield Answer(MARKERS, MARKERS_TYPE, content)
+            if settings.occupancy_cell_m:
+                yield from self._grids(forecast, time_ns, frame, ground, settings.occupancy_cell_m)
+        finally:
+            ended_s = self._clock()
+            self._next_s = ended_s + (ended_s - begun_s)
+
+    def _grids(
+        self, forecast: Forecast, time_ns: int, frame: str, there: OccupancyMap | None, cell_m: float
+    ) -> Iterator[Answer]:
+        steps = forecast.predictions.steps
+        heard = {f"/{topic}" for topic in grid_topics(steps) if self._is_heard(topic)}
+        if not heard:
+            return
+        paths = forecast.predictions.path.reshape(-1, 2)
+        ground = fitting_ground(there or OccupancyMap.free_around(paths, cell_m=cell_m), cell_m, steps)
+        if there is not None and ground.resolution_m > cell_m:
+            _log.warning(
+                "predicted_occupancy has cells of %.2f m: the map is large for smaller ones",
+                ground.resolution_m,
+            )
+        grids = grid_messages(
+            forecast.predictions, ground, time_ns, frame, True, heard.__contains__, detail_m=_DETAIL_M
+        )
+        for topic, content in grids.items():
+            yield Answer(topic.lstrip("/"), GRID_TYPE, content)
