@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.sources.single_file import read_file
+from pedpred.tables.missing import MISSING
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import PictureOptions
-from pedpred.tables.text import MISSING
 from tests.scenes import assert_same
 
 STEP_S, COUNT = 0.25, 24

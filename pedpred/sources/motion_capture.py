@@ -25,8 +25,9 @@ from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.rates import check_rate
 from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.missing import MISSING
 from pedpred.tables.options import TableOptions
-from pedpred.tables.text import MISSING, Row, check_width, is_number, number, text_lines
+from pedpred.tables.text import Row, check_width, is_number, number, text_lines
 
 _log = logging.getLogger(__name__)
 _QTM, _MAGNI = "NO_OF_FRAMES", "FILE_ID"

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from pedpred.errors import SourceError, brief
-from pedpred.tables.text import MISSING
+from pedpred.tables.missing import MISSING
 
 PERSON_CLASSES = ("person", "people", "pedestrian", "human")
 """The classes that are people, unless others are wanted."""

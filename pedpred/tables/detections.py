@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import SourceError
-from pedpred.tables.text import MISSING, Row
+from pedpred.tables.missing import MISSING
+from pedpred.tables.text import Row
 
 _FEW, _MOST_RESTARTS = 10, 20
 _log = logging.getLogger(__name__)

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import SourceError
-from pedpred.tables.text import MISSING, OWN_FILE, Row, is_number, whole_number
+from pedpred.tables.missing import MISSING
+from pedpred.tables.text import OWN_FILE, Row, is_number, whole_number
 
 _LONGEST_NAME, _MOST_NAMES = 200, 500_000
 _FEW_FRACTIONS = 0.25  # more are not errors

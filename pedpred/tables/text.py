@@ -25,13 +25,6 @@ OWN_FILE = "Correct the line, or remove it"
 AS_TIMES = "Write times as seconds, or as 2024-03-05 14:02:07.5"
 """What to do about a time that is neither."""
 
-_NO_VALUE = (
-    "nan +nan -nan nan(ind) -nan(ind) -1.#ind 1.#ind 1.#qnan na n/a #n/a #na #nan <na> nat null #null! "
-    "none nil missing #value! #num! #div/0! #ref! - -- . ?"
-)
-MISSING = {"", *_NO_VALUE.split()}
-"""How programs write, in small letters, that there is no value."""
-
 _FETCHED = "Correct the file or fetch it again"
 PLAIN_NUMBERS = "Write all numbers with decimal points and without thousands separators"
 _GROUPED = re.compile(r"[+-]?\d{1,3}([,.'\u2019 \u00a0\u202f]\d{3})+([.,]\d*)?")

@@ -23,15 +23,15 @@ def generate_launch_description():
         "autostart": "true",
         "rviz": "false",
     }
-    given = {name: LaunchConfiguration(name) for name in arguments}
-    switches = {name: ParameterValue(given[name], value_type=bool) for name in ("use_sim_time", "autostart")}
+    chosen = {name: LaunchConfiguration(name) for name in arguments}
+    switches = {name: ParameterValue(chosen[name], value_type=bool) for name in ("use_sim_time", "autostart")}
     node = LifecycleNode(
         package="pedpred_ros",
         executable="pedpred",
         name="pedpred",
-        namespace=given["namespace"],
-        parameters=[given["params_file"], switches],
-        remappings=[("people", given["people"]), ("map", given["map"])],
+        namespace=chosen["namespace"],
+        parameters=[chosen["params_file"], switches],
+        remappings=[("people", chosen["people"]), ("map", chosen["map"])],
         output="screen",
     )
     viewer = Node(
@@ -39,7 +39,7 @@ def generate_launch_description():
         executable="rviz2",
         arguments=["-d", str(share / "rviz" / "pedpred.rviz")],
         parameters=[{"use_sim_time": switches["use_sim_time"]}],
-        condition=IfCondition(given["rviz"]),
+        condition=IfCondition(chosen["rviz"]),
     )
     declared = [DeclareLaunchArgument(name, default_value=value) for name, value in arguments.items()]
     return LaunchDescription([*declared, node, viewer])
