@@ -52,15 +52,19 @@ def ahead_m(scene: Scene, model: Path | None) -> dict[str, np.ndarray]:
     return along | {"speed": np.hypot(*asked.velocity.T)}
 
 
-def rows_of(scene: Scene, map_: str, model: Path | None) -> list[dict[str, object]]:
-    """One row per range of speeds."""
+def rows_of(scene: Scene, model: Path | None) -> list[dict[str, object]]:
+    """One row per range of speeds; the network without the map is nan where the map has no obstacles."""
     along, rows = ahead_m(scene, model), []
+    blind = np.full_like(along["network"], np.nan)
+    if scene.occupancy.occupied.any():
+        free = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
+        blind = ahead_m(replace(scene, occupancy=free), model)["network"]
+    columns = {name: along[name] for name in ("truth", "network", "cv")} | {"network, no map": blind}
     for low, high in pairwise(SPEEDS_MPS):
         some = (along["speed"] >= low) & (along["speed"] < high)
         if some.sum() >= FEWEST:
-            means = {name: float(along[name][some].mean()) for name in ("truth", "network", "cv")}
-            row = {"place": scene.name, "map": map_, "speed, m/s": f"{low}-{high}", "windows": some.sum()}
-            rows.append({**row, **means, "network - truth": means["network"] - means["truth"]})
+            row = {"place": scene.name, "speed, m/s": f"{low:g} to {high:g}", "windows": int(some.sum())}
+            rows.append(row | {name: float(values[some].mean()) for name, values in columns.items()})
     return rows
 
 
@@ -73,11 +77,7 @@ def main() -> None:
     options = parser.parse_args()
     rows = []
     for path in options.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest")):
-        scene = read_any(path)
-        rows += rows_of(scene, "yes", options.model)
-        if scene.occupancy.occupied.any():
-            free = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
-            rows += rows_of(replace(scene, occupancy=free), "no", options.model)
+        rows += rows_of(read_any(path), options.model)
     tell("displacement after 3 s, m", rows)
     if options.write:
         pages.put("bias", rows)

@@ -10,8 +10,10 @@ that was not.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -61,6 +63,15 @@ def errors(scene: Scene, sensor: SensorSettings, model: Path | None) -> dict[str
     }
 
 
+def by_place(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    """One row for each place: the network's error, and its share of the best simple method's, by noise."""
+    table: dict[str, dict[str, str]] = {}
+    for row in rows:
+        cells = table.setdefault(row["place"], {"place": row["place"]})
+        cells[f"{100 * row['noise, m']:g} cm"] = f"{row['network']:.3f} ({row['network / best']:.2f})"
+    return list(table.values())
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
@@ -75,7 +86,7 @@ def main() -> None:
     options = parser.parse_args()
     places = options.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest"))
     table = TableOptions(rate_hz=options.rate)
-    rows = []
+    rows: list[dict[str, Any]] = []
     for path in places:
         scene = read_any(path, options=table if path.is_file() else None)
         rows_then = scene.trajectories.time_s < scene.trajectories.time_s.min() + options.seconds
@@ -91,7 +102,7 @@ def main() -> None:
             rows.append({"place": scene.name, "noise, m": noise_m} | errors(scene, sensor, options.model))
     tell("ADE, m", rows)
     if options.write:
-        pages.put("alone" if options.alone else "noise", rows)
+        pages.put("alone" if options.alone else "noise", by_place(rows))
 
 
 if __name__ == "__main__":
