@@ -189,9 +189,9 @@ def check_output(path: Path, folder: bool | None = False) -> None:
     allowed = {False: ("file",), True: ("folder",), None: ("file", "folder")}[folder]
     try:
         if path.exists():
-            found = "file" if path.is_file() else "folder" if path.is_dir() else "device"
-            if found not in allowed:
-                raise OutputError(path, f"a {found} is there, and the output is a {' or '.join(allowed)}")
+            there = "file" if path.is_file() else "folder" if path.is_dir() else "device"
+            if there not in allowed:
+                raise OutputError(path, f"a {there} is there, and the output is a {' or '.join(allowed)}")
         here = path.absolute()
         inside = here if here.is_dir() else next(above for above in here.parents if above.exists())
         tempfile.TemporaryDirectory(prefix=f".{path.name}.new-", dir=inside).cleanup()

@@ -128,6 +128,21 @@ def test_tables_of_parquet_and_arrow_are_those_of_csv(tmp_path, written_by, cloc
         read_file(path)
 
 
+@pytest.mark.parametrize("text_of", [str, lambda span: str(span.to_pytimedelta())])
+def test_spans_of_time_go_on_beyond_a_day(tmp_path, text_of):
+    start = pd.Timedelta(hours=23, minutes=59, seconds=59)
+    clock, *places = values(ROWS)
+    spans = [text_of(start + pd.Timedelta(seconds=float(time))) for time in clock]
+    path = written(
+        tmp_path / "walk.csv",
+        ["time", "id", "x", "y"],
+        [spans, [f"{who:g}" for who in ROWS[:, 0]], *places],
+        ";",
+    )
+    people = read_file(path).trajectories
+    assert_are_the_people(replace(people, time_s=people.time_s - start.total_seconds()))
+
+
 @pytest.mark.parametrize(
     ("titles", "meant"),
     [

@@ -59,16 +59,7 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     lines = lines_of(path, header=False)
     rows = _without_row_numbers(path, lines.rows)
     line, first = next(rows)
-    if len(first) < len(COLUMNS):
-        problem = f"no header, and {len(first)} columns, expected {' '.join(COLUMNS)} and perhaps z"
-        remedy = "Separate values by blanks, tabs, commas or semicolons"
-        raise SourceError(path, line, problem, remedy)
-    if dates := [k for k in (0, 1) if is_date(first[k])]:
-        problem = f"no header, and {first[dates[0]]!r} is a time, not a number of frames or seconds"
-        raise SourceError(path, line, problem, _REMEDY)
-    if _is_box(first):
-        problem = "these look like boxes of MOTChallenge: frame, id, left, top, width, height in pixels"
-        raise SourceError(path, line, problem, _BOXES)
+    _check_columns(path, line, first)
     titles = (*COLUMNS, "z", *(f"column_{n}" for n in range(6, len(first) + 1)))[: len(first)]
     still = Still(_Y, range(_Y + 1, len(first)))
     rows = of_width(path, chain([(line, first)], rows), titles)
@@ -108,6 +99,24 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     with translate_errors(partial(SourceError, path, None)):
         position = np.stack([values["x_m"], values["y_m"]], axis=-1)
         return Trajectories(values["time_s"], values["track_id"], position)
+
+
+def _check_columns(path: Path, line: int, fields: Sequence[str]) -> None:
+    """Check that a line may be one of id, frame, x and y.
+
+    Raises:
+        SourceError: it has too few columns, dates, or a box in a picture.
+    """
+    if len(fields) < len(COLUMNS):
+        problem = f"no header, and {len(fields)} columns, expected {' '.join(COLUMNS)} and perhaps z"
+        remedy = "Separate values by blanks, tabs, commas or semicolons"
+        raise SourceError(path, line, problem, remedy)
+    if dates := [k for k in (0, 1) if is_date(fields[k])]:
+        problem = f"no header, and {fields[dates[0]]!r} is a time, not a number of frames or seconds"
+        raise SourceError(path, line, problem, _REMEDY)
+    if _is_box(fields):
+        problem = "these look like boxes of MOTChallenge: frame, id, left, top, width, height in pixels"
+        raise SourceError(path, line, problem, _BOXES)
 
 
 def _is_box(fields: Sequence[str]) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from datetime import timedelta
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -74,8 +73,6 @@ def _field(value: object) -> str:
     """A value as a field of CSV."""
     if value is None:
         return ""
-    if isinstance(value, timedelta):
-        return str(value.total_seconds())
     if isinstance(value, str):
         return '"' + " ".join(value.replace('"', '""').splitlines()) + '"'
     return str(value)

@@ -1,5 +1,6 @@
 """Times that are written as dates (2024-03-05T14:02:07.5) or times of day (14:02:07.5, 02:07.5), in seconds.
 
+Spans of time have days before them (`1 days 14:02:07.5`, as pandas writes them, or `1 day, 14:02:07.5`).
 Dates may begin with the year, or end with it: 5.3.2024 has the day first, 3/25/2024 the month. Which of both
 comes first in 5/3/2024 is found in other rows, or makes no difference where all rows have the same date.
 Months may have their English names.
@@ -28,7 +29,7 @@ _NAMED = (
     re.compile(rf"{_YEAR}(?P<month>\d\d)(?P<day>\d\d)[T _-](?P<h>\d\d):?(?P<min>\d\d):?(?P<s>\d\d)"),
 )
 """Dates with the name of the month, and without signs between the parts."""
-_DATE, _CLOCK = re.compile(rf"{_DATE_SIGNS}$"), re.compile(rf"{_CLOCK_SIGNS}$")
+_DATE, _CLOCK = re.compile(rf"{_DATE_SIGNS}$"), re.compile(rf"(?:(\d{{1,5}}) days?,? )?{_CLOCK_SIGNS}$")
 _STAMP = re.compile(rf"{_DATE_SIGNS}(?:T|,? +){_CLOCK_SIGNS} ?(Z|UTC|[+-]\d{{2}}(?::?\d{{2}})?)?$")
 _HALF_HOUR_S, _HALF_DAY_S, _DAY_S = 1800.0, 43200.0, 86400
 _HOURS, _HALF_DAY_HOURS = 24, 12
@@ -93,12 +94,12 @@ class Dates:
         """
         if not self._open:
             return time_s
-        days = [found for order in self._orders or () if (found := self._days_in(order))]
+        days = [known for order in self._orders or () if (known := self._days_in(order))]
         if not days:
             text, (line, _) = next(iter(self._open.items()))
             problem = f"{self._title}: no order of day and month fits all dates, such as {text}"
             raise SourceError(self._path, line, problem, _ISO)
-        if len({tuple(day - found[0] for day in found) for found in days}) > 1:
+        if len({tuple(day - known[0] for day in known) for known in days}) > 1:
             one, other = list(self._open)[:2]
             problem = f"{self._title}: in {one} and {other}, day or month may come first"
             raise SourceError(self._path, self._open[other][0], problem, _ISO)
@@ -123,8 +124,9 @@ class Dates:
                 )
             if clock := _CLOCK.match(text):
                 self._check_dated(False)
-                half_s = _HALF_DAY_S if clock[1] else _HALF_HOUR_S
-                return repr(self._rising(line, _of_day(*clock.groups()), text, half_s))
+                days, *of_day = clock.groups()
+                half_s = _HALF_DAY_S if of_day[0] else _HALF_HOUR_S
+                return repr(self._rising(line, _DAY_S * int(days or 0) + _of_day(*of_day), text, half_s))
         except ValueError as cause:
             problem = f"{self._title} = {text[:80]!r}, {cause}"
             raise SourceError(self._path, line, problem, AS_TIMES) from cause

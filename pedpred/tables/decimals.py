@@ -33,7 +33,7 @@ def with_decimal_points(
         SourceError: commas may also separate thousands: numbers have points too, or, where commas separate
             fields, all have three digits behind a comma.
     """
-    comma = point = open_ = None
+    comma = point = doubtful = None
     decimal = separator != ","
     for line, fields in rows:
         for at in used:
@@ -42,12 +42,12 @@ def with_decimal_points(
             if has_decimal_comma(fields[at]):
                 comma = line
                 decimal = decimal or not _THOUSANDS.fullmatch(fields[at])
-                open_ = open_ or (line, fields[at].strip())
+                doubtful = doubtful or (line, fields[at].strip())
                 fields = [*fields[:at], fields[at].replace(",", "."), *fields[at + 1 :]]
         if comma and point:
             problem = f"numbers have commas in line {comma} and points in line {point}"
             raise SourceError(path, line, problem, PLAIN_NUMBERS)
         yield line, fields
-    if open_ and not decimal:
-        problem = f"the comma in {open_[1]} may be a decimal one, or separate thousands"
-        raise SourceError(path, open_[0], problem, PLAIN_NUMBERS)
+    if doubtful and not decimal:
+        problem = f"the comma in {doubtful[1]} may be a decimal one, or separate thousands"
+        raise SourceError(path, doubtful[0], problem, PLAIN_NUMBERS)
