@@ -48,7 +48,7 @@ from stages.drive import trials_of
 from stages.features import features_of, kalman_of, protocol_of
 from stages.literature import comparison_of
 from stages.train import PHASES, settings_of
-from stages.train_far import recordings_of, worlds_of
+from stages.train_far import GROUPS, phase_of
 from stages.validate_simulation import flow_of
 
 SENSED = "simulated/worlds"
@@ -214,7 +214,7 @@ def _report(cfg: Params) -> None:
 def _literature(cfg: Params) -> None:
     literature = part(cfg, "literature")
     with configured("literature"):
-        names = [*(sets.name for sets in fields(ComparisonSettings)), "worlds", "recorded"]
+        names = [*(own.name for own in fields(ComparisonSettings)), *GROUPS]
         check_names(names, literature, "", f"there are {', '.join(names)}")
     with configured("literature.reader"):
         parsed(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
@@ -223,18 +223,18 @@ def _literature(cfg: Params) -> None:
             sets = fold.get(name) if isinstance(fold, Mapping) else None
             if not isinstance(sets, list):
                 raise ConfigError(f"literature.folds.{key}.{name}", sets, "it must be a list of names")
-    for phase in ("worlds", "recorded"):
-        with configured(f"literature.{phase}"):
-            known = cfg["situations"]["simulated"]
-            check_names(
-                known, part(cfg, "literature", phase)["shares"], "shares", f"there are {', '.join(known)}"
-            )
     comparison_of(cfg)
-    worlds_of(cfg)
-    recordings_of(cfg)
     with configured("literature"):
-        one_of("network", cfg["literature"]["network"], cfg["methods"]["memoryless"])
         kalman_of(cfg, cfg["literature"]["tracker"])
+    for group in GROUPS:
+        for name, phases in part(cfg, "literature", group).items():
+            key = f"literature.{group}"
+            _names(key, [name], cfg["methods"][group])
+            _names(f"{key}.{name}", phases, ("worlds", "recorded"))
+            for phase in ("worlds", "recorded"):
+                if shares := part(cfg, "literature", group, name, phase).get("shares"):
+                    _names(f"{key}.{name}.{phase}.shares", shares, cfg["situations"]["simulated"])
+                phase_of(cfg, name, phase)
 
 
 PARTS: dict[str, Check] = {

@@ -11,17 +11,14 @@ from pedpred.evaluation.scores import Resampling, pool_scores, read_scores
 from pedpred.evaluation.summary import summarise_methods
 from pedpred.fields import parsed
 from pedpred.files import write_json
-from pedpred.literature.settings import ComparisonSettings, LiteratureFold
-from stages.literature import comparison_of
+from stages.literature import networks_of
 
 
-def figures_of(
-    comparison: ComparisonSettings, name: str, fold: LiteratureFold, settings: Resampling
-) -> dict[str, Any]:
+def figures_of(cfg: DictConfig, name: str, settings: Resampling) -> dict[str, Any]:
     """Figures at the scenes of a fold, whose recordings are pooled: scene -> method -> figures."""
     figures: dict[str, Any] = {}
-    for scene in fold.test:
-        top, recordings = Path("data/literature", name, scene), comparison.scenes[scene]
+    for scene in cfg.literature.folds[name].test:
+        top, recordings = Path("data/literature", name, scene), cfg.literature.scenes[scene]
         pools = {
             folder.name: pool_scores(
                 [read_scores(folder / f"{recording}.parquet") for recording in recordings]
@@ -30,25 +27,27 @@ def figures_of(
         }
         if not pools:
             continue
-        seeds = [f"{comparison.network}_{seed}" for seed in comparison.seeds]
-        spread = [float(pools.pop(seed).values["ade_m"].mean()) for seed in seeds]
+        spread = {
+            network: [float(pools.pop(f"{network}_{s}").values["ade_m"].mean()) for s in cfg.literature.seeds]
+            for network in networks_of(cfg)
+        }
         figures[scene] = summarise_methods(pools, STRONGEST, settings)
-        figures[scene][comparison.network]["ade_m_of_seeds"] = spread
+        for network, errors_m in spread.items():
+            figures[scene][network]["ade_m_of_seeds"] = errors_m
     return figures
 
 
 @stage
 def main(cfg: DictConfig) -> None:
     """Write reports/metrics/literature.json, entries <scene>, or <scene>_<fold>; and reports/ade."""
-    comparison, out = comparison_of(cfg), Path(cfg.get("out", "reports"))
-    choices = plain(cfg.comparison)
+    out, choices = Path(cfg.get("out", "reports")), plain(cfg.comparison)
     choices.pop("reference")
     with configured("comparison"):
         settings = parsed(Resampling, choices)
     gathered: dict[str, Any] = {}
-    for name, fold in comparison.folds.items():
-        for scene, figures in figures_of(comparison, name, fold, settings).items():
-            gathered[scene if (scene,) == fold.test == (name,) else f"{scene}_{name}"] = figures
+    for name, fold in cfg.literature.folds.items():
+        for scene, figures in figures_of(cfg, name, settings).items():
+            gathered[scene if [scene] == list(fold.test) == [name] else f"{scene}_{name}"] = figures
     write_json(out / "metrics/literature.json", gathered)
     errors_m = {
         key: {method: summary["ade_m"] for method, summary in rows.items()} for key, rows in gathered.items()

@@ -1,4 +1,4 @@
-"""What the stages of the comparison with the literature share: which recordings, folds and network."""
+"""What the stages of the comparison with the literature share: recordings, scenes, folds and networks."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -10,8 +10,13 @@ from pedpred.literature.settings import ComparisonSettings
 
 
 def comparison_of(cfg: Mapping[str, Any]) -> ComparisonSettings:
-    """Read what is compared; other keys of `literature` say how networks are trained."""
+    """Read what is compared, all of it; `networks` and `memoryless` say how those are trained."""
     given, names = part(cfg, "literature"), [own.name for own in fields(ComparisonSettings)]
     with configured("literature"):
         settings: ComparisonSettings = parsed(ComparisonSettings, {k: given[k] for k in names if k in given})
     return settings
+
+
+def networks_of(cfg: Mapping[str, Any]) -> list[str]:
+    """Names of the networks that are compared, of both groups of conf/methods."""
+    return [*cfg["literature"]["networks"], *cfg["literature"]["memoryless"]]

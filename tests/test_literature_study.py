@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,10 +13,15 @@ from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.command import field_protocol
 from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.evaluation import MetricSettings
+from pedpred.features import FeatureTable
+from pedpred.forecasting.tensors import predictions_of
+from pedpred.geometry import rotate
 from pedpred.literature.measures import BEST_ADE, mean_scores, measure
 from pedpred.literature.mixing import RecordingShare
 from pedpred.literature.samples import covering_paths
-from pedpred.literature.windows import find_windows, protocol_of, training_rows
+from pedpred.literature.windows import find_windows, protocol_of, training_rows, training_steps
+from pedpred.models.lstm.autoencoder import GridAutoencoder
+from pedpred.models.lstm.encoding import encode
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.report.literature import SCENES, literature_section
 from pedpred.report.methods import Methods
@@ -24,6 +30,7 @@ from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
 from stages.literature import comparison_of
 from tests.conftest import ROOT, raw_folder
+from tests.exported import LSTM_ROWS, NETWORK, WIDTHS, forecaster_of
 from tests.worlds import empty_map
 
 BANK = KalmanBank.around(
@@ -88,6 +95,35 @@ def test_windows_do_not_depend_on_when_the_clock_began_nor_on_small_errors_of_it
     for own, other in zip(usual.values(), later.values(), strict=True):
         for name, values in own.items():
             np.testing.assert_allclose(other[name], values, atol=1e-5, err_msg=name)
+
+
+def test_a_memory_begins_with_the_window_and_reads_all_8_annotations_as_in_training():
+    torch.manual_seed(0)
+    network, encoder = NETWORK.build(WIDTHS, 12).eval(), GridAutoencoder(60, 64).encoder
+    for weights in network.parameters():
+        torch.nn.init.normal_(weights, std=0.3)
+    windows = found(crowd(2, people=8))
+    request = windows.request
+    forecasts = forecaster_of(network, encoder)(request)
+    steps = FeatureTable.join(list(training_steps(windows, LSTM_ROWS.features)))
+    assert not steps.inputs["occupancy"].any()  # no map
+    for w, (track, position) in enumerate(zip(request.asked.track_id, request.asked.position, strict=True)):
+        own = np.flatnonzero(steps.track_id == track)
+        np.testing.assert_array_equal(steps.step[own], np.arange(8))
+        assert (steps.future_steps[own] == 12).all()
+        last, heading = own[-1], steps.heading_rad[own[-1]]
+        np.testing.assert_allclose(steps.position[last], position)
+        going = rotate(0.4 * steps.future[last].cumsum(axis=0), heading)
+        np.testing.assert_allclose(position + going, windows.truth[w], atol=1e-5)
+        seen = {"state": steps.velocity[own], **{name: values[own] for name, values in steps.inputs.items()}}
+        channels = LSTM_ROWS.features.channels(seen) | {"grid": encode(encoder, seen["occupancy"])}
+        with torch.inference_mode():
+            inputs = {name: torch.from_numpy(values)[None] for name, values in channels.items()}
+            outputs, _ = network(inputs, network.start(1))
+            answer = network.answer({name: values[:, -1] for name, values in outputs.items()}, 0.4)
+        again = predictions_of({name: values.numpy() for name, values in answer.items()}, 0.4)
+        point = again.in_world(position[None], heading[None]).point[0]
+        np.testing.assert_allclose(forecasts.point[w], point, atol=1e-4)
 
 
 def test_people_beside_are_seen():
@@ -177,6 +213,14 @@ def test_what_is_measured():
     assert (scores.values[BEST_ADE] <= scores.values["most_likely_ade_m"] + 0.2).all()
     single = measure(windows, PRESENT_MOTION["cv"](), 20, MetricSettings())
     assert np.isnan(single.values[BEST_ADE]).all()
+
+    def one_mode(request):
+        own = fanned(request)
+        path, covariance = own.path[:, :1], own.covariance[:, :1]
+        return replace(own, point=path[:, 0], path=path, weight=np.ones((len(path), 1)), covariance=covariance)
+
+    spread = measure(windows, one_mode, 20, MetricSettings())
+    assert (spread.values[BEST_ADE] < spread.values["ade_m"]).mean() > 0.9
     both = mean_scores([scores, replace(scores, values={k: v + 1 for k, v in scores.values.items()})])
     np.testing.assert_allclose(both.values["ade_m"], scores.values["ade_m"] + 0.5)
 

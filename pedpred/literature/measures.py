@@ -14,7 +14,7 @@ from pedpred.literature.windows import WindowSet
 from pedpred.metrics import METRICS
 
 BEST_ADE, BEST_FDE = "best_ade_m", "best_fde_m"
-"""Errors of the nearest of the samples, each with its own nearest one; NaN for a method with one path.
+"""Errors of the nearest of the samples, each with its own nearest one; NaN for a method that gives one path alone.
 
 The samples are those of `covering_paths`, or all modes of a method that gives no covariances.
 """
@@ -34,8 +34,8 @@ def measure(windows: WindowSet, forecaster: Forecaster, samples: int, settings: 
     scene = describe_scene(request.asked, request.scene.occupancy, settings)
     scores = score(predictions, windows.truth, windows.track, scene, METRICS)
     best = np.full((2, len(windows.track)), np.nan)
-    if predictions.modes > 1:
-        spread = predictions.covariance is not None
+    spread = predictions.covariance is not None
+    if spread or predictions.modes > 1:
         paths = covering_paths(predictions, samples) if spread else predictions.path[:, :samples]
         away_m = np.linalg.norm(paths - windows.truth[:, None], axis=-1)
         best = np.stack([away_m.mean(axis=2).min(axis=1), away_m[..., -1].min(axis=1)])

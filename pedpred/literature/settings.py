@@ -1,4 +1,4 @@
-"""What the comparison of the literature consists of: recordings, scenes, folds, and one network."""
+"""What the comparison of the literature consists of: recordings, scenes and folds."""
 
 from __future__ import annotations
 
@@ -53,7 +53,6 @@ class ComparisonSettings:
         reader: settings of `pedpred.sources.eth_ucy`, without the name of the file.
         recordings: names of the files.
         tracker: row of conf/trackers for the observed positions.
-        network: row of conf/methods/memoryless.
         samples: number of paths of which the best one counts.
         seeds: of the trainings of each fold.
         scenes: scene -> its recordings.
@@ -65,7 +64,6 @@ class ComparisonSettings:
     reader: Mapping[str, Any]
     recordings: tuple[str, ...]
     tracker: str
-    network: str
     samples: int
     seeds: tuple[int, ...]
     scenes: Mapping[str, Sequence[str]]
