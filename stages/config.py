@@ -42,7 +42,7 @@ from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS, SOURCES
 from pedpred.sources.eth_ucy import EthUcySettings
 from pedpred.sources.mirrors import Mirrors
-from pedpred.training import AutoencoderSettings
+from pedpred.training import AutoencoderSettings, InstantSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages.drive import trials_of
 from stages.features import features_of, kalman_of, protocol_of
@@ -227,14 +227,20 @@ def _literature(cfg: Params) -> None:
     with configured("literature"):
         kalman_of(cfg, cfg["literature"]["tracker"])
     for group in GROUPS:
-        for name, phases in part(cfg, "literature", group).items():
-            key = f"literature.{group}"
-            _names(key, [name], cfg["methods"][group])
-            _names(f"{key}.{name}", phases, ("worlds", "recorded"))
-            for phase in ("worlds", "recorded"):
-                if shares := part(cfg, "literature", group, name, phase).get("shares"):
-                    _names(f"{key}.{name}.{phase}.shares", shares, cfg["situations"]["simulated"])
-                phase_of(cfg, name, phase)
+        for name in part(cfg, "literature", group):
+            _names(f"literature.{group}", [name], cfg["methods"][group])
+            _trained_far(cfg, f"literature.{group}.{name}", part(cfg, "literature", group, name))
+
+
+def _trained_far(cfg: Params, key: str, phases: Mapping[str, Any]) -> None:
+    """Check how a network of the comparison with the literature is trained."""
+    if set(phases) != {"worlds", "recorded"}:
+        raise ConfigError(key, ", ".join(phases), "it must have worlds and recorded, nothing else")
+    for phase in phases:
+        settings, _ = phase_of(cfg, key.rpartition(".")[2], phase)
+        if isinstance(settings, InstantSettings):
+            shares = [name.removeprefix("simulated/") for name in settings.shares]
+            _names(f"{key}.{phase}.shares", shares, cfg["situations"]["simulated"])
 
 
 PARTS: dict[str, Check] = {

@@ -217,7 +217,9 @@ def test_what_is_measured():
     def one_mode(request):
         own = fanned(request)
         path, covariance = own.path[:, :1], own.covariance[:, :1]
-        return replace(own, point=path[:, 0], path=path, weight=np.ones((len(path), 1)), covariance=covariance)
+        return replace(
+            own, point=path[:, 0], path=path, weight=np.ones((len(path), 1)), covariance=covariance
+        )
 
     spread = measure(windows, one_mode, 20, MetricSettings())
     assert (spread.values[BEST_ADE] < spread.values["ade_m"]).mean() > 0.9

@@ -22,6 +22,14 @@ MIXTURE = {
 MIXTURE |= {"evaluate_main_situations", "evaluate_fold_situations"}
 LITERATURE = {"far_worlds", "literature_windows", "train_far", "train_literature", "evaluate_literature"}
 LITERATURE |= {"gather_literature"}
+LITERATURE_STEPS = {
+    "far_steps",
+    "literature_steps",
+    "encode_far",
+    "train_far_steps",
+    "train_literature_steps",
+}
+LITERATURE_STEPS |= {"evaluate_literature", "gather_literature"}
 PAGES = {"gather", "record", "report"}
 OTHERS = {
     "config",
@@ -33,7 +41,7 @@ OTHERS = {
     "ingest_literature",
 }
 ROBOTS = {"export", "drive"}
-ALL = LSTM | MIXTURE | LITERATURE | PAGES | OTHERS | ROBOTS
+ALL = LSTM | MIXTURE | LITERATURE | LITERATURE_STEPS | PAGES | OTHERS | ROBOTS
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +55,7 @@ def families(graph, change):
 
 @pytest.mark.parametrize("change", ["grid_cells", "grid_resolution_m", "angular_cells"])
 def test_the_inputs_of_the_lstm_are_its_own(graph, change):
-    assert families(graph, f"features.lstm.{change}") == LSTM | PAGES | ROBOTS
+    assert families(graph, f"features.lstm.{change}") == LSTM | LITERATURE_STEPS | PAGES | ROBOTS
 
 
 @pytest.mark.parametrize("change", ["beams", "neighbours"])
@@ -69,6 +77,15 @@ def test_a_network_costs_its_own_trainings_and_evaluations(graph, group):
         assert learning
         for own in learning:
             assert own.partition("@")[2].partition("-")[0] == name
+
+
+def test_a_network_in_the_table_of_the_field_retrains_no_other(graph):
+    """A setting of its training, there or in simulation."""
+    measured = {"evaluate_literature", "gather_literature", "report"}
+    own = families(graph, "literature.networks.lstm.worlds.lr")
+    assert own == {"train_far_steps", "train_literature_steps"} | measured
+    own = families(graph, "literature.memoryless.mixture.recorded.lr")
+    assert own == {"train_literature"} | measured
 
 
 def test_forces_fitted_to_real_people_change_no_simulation_and_no_training(graph):
