@@ -229,17 +229,18 @@ def _literature(cfg: Params) -> None:
     for group in GROUPS:
         for name in part(cfg, "literature", group):
             _names(f"literature.{group}", [name], cfg["methods"][group])
-            _trained_far(cfg, f"literature.{group}.{name}", part(cfg, "literature", group, name))
+            _trained_far(cfg, group, name)
 
 
-def _trained_far(cfg: Params, key: str, phases: Mapping[str, Any]) -> None:
+def _trained_far(cfg: Params, group: str, name: str) -> None:
     """Check how a network of the comparison with the literature is trained."""
+    key, phases = f"literature.{group}.{name}", part(cfg, "literature", group, name)
     if set(phases) != {"worlds", "recorded"}:
         raise ConfigError(key, ", ".join(phases), "it must have worlds and recorded, nothing else")
     for phase in phases:
-        settings, _ = phase_of(cfg, key.rpartition(".")[2], phase)
+        settings, _ = phase_of(cfg, group, name, phase)
         if isinstance(settings, InstantSettings):
-            shares = [name.removeprefix("simulated/") for name in settings.shares]
+            shares = [own.removeprefix("simulated/") for own in settings.shares]
             _names(f"{key}.{phase}.shares", shares, cfg["situations"]["simulated"])
 
 

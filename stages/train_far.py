@@ -28,9 +28,14 @@ Phase = tuple[SequenceSettings | InstantSettings, RecordingShare | None]
 """How a network is trained; and, if it learns from instants beside simulated ones, how much is recorded."""
 
 
-def phase_of(cfg: Mapping[str, Any], name: str, phase: str) -> Phase:
-    """Read how a network is trained: in simulation (`worlds`) or on recordings (`recorded`)."""
+def group_of(cfg: Mapping[str, Any], name: str) -> str:
+    """Return which group a network belongs to."""
     (group,) = (group for group in GROUPS if name in cfg["literature"].get(group, {}))
+    return group
+
+
+def phase_of(cfg: Mapping[str, Any], group: str, name: str, phase: str) -> Phase:
+    """Read how a network is trained: in simulation (`worlds`) or on recordings (`recorded`)."""
     options = part(cfg, "literature", group, name, phase)
     with configured(f"literature.{group}.{name}.{phase}"):
         if group == "networks":
@@ -81,7 +86,7 @@ def train_fold(cfg: DictConfig, name: str, out: Path, curves: Path) -> None:
     """Train a network per seed on the recordings of a fold; without recordings all are that of the worlds."""
     fold = one_of("fold", cfg.fold, cfg.literature.folds)
     base = Path("models/far", name)
-    settings, sets = recorded(phase_of(cfg, name, "recorded"), fold.train)
+    settings, sets = recorded(phase_of(cfg, group_of(cfg, name), name, "recorded"), fold.train)
     for seed in cfg.literature.seeds:
         folder, curve = out / str(seed), curves / f"{seed}.tsv"
         if sets:
@@ -102,7 +107,7 @@ def main(cfg: DictConfig) -> None:
         train_fold(cfg, name, top / "models/literature" / cfg.fold / name, curves / cfg.fold / name)
         return
     out, curve = top / "models/far" / name, curves / f"worlds/{name}.tsv"
-    settings, _ = phase_of(cfg, name, "worlds")
+    settings, _ = phase_of(cfg, group_of(cfg, name), name, "worlds")
     if isinstance(settings, SequenceSettings):
         train(cfg, name, settings, ["worlds"], AUTOENCODER, out, curve)
     else:

@@ -13,13 +13,11 @@ from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.command import field_protocol
 from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.evaluation import MetricSettings
-from pedpred.features import FeatureTable
 from pedpred.forecasting.tensors import predictions_of
-from pedpred.geometry import rotate
 from pedpred.literature.measures import BEST_ADE, mean_scores, measure
 from pedpred.literature.mixing import RecordingShare
 from pedpred.literature.samples import covering_paths
-from pedpred.literature.windows import find_windows, protocol_of, training_rows, training_steps
+from pedpred.literature.windows import find_windows, protocol_of, training_rows
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.encoding import encode
 from pedpred.models.mixture.features import MixtureFeatures
@@ -97,33 +95,36 @@ def test_windows_do_not_depend_on_when_the_clock_began_nor_on_small_errors_of_it
             np.testing.assert_allclose(other[name], values, atol=1e-5, err_msg=name)
 
 
-def test_a_memory_begins_with_the_window_and_reads_all_8_annotations_as_in_training():
+def test_a_memory_begins_with_the_window_and_reads_all_8_annotations():
     torch.manual_seed(0)
     network, encoder = NETWORK.build(WIDTHS, 12).eval(), GridAutoencoder(60, 64).encoder
     for weights in network.parameters():
         torch.nn.init.normal_(weights, std=0.3)
     windows = found(crowd(2, people=8))
-    request = windows.request
+    request, features = windows.request, LSTM_ROWS.features
+    asked, clock = request.asked, request.steps
     forecasts = forecaster_of(network, encoder)(request)
-    steps = FeatureTable.join(list(training_steps(windows, LSTM_ROWS.features)))
-    assert not steps.inputs["occupancy"].any()  # no map
-    for w, (track, position) in enumerate(zip(request.asked.track_id, request.asked.position, strict=True)):
-        own = np.flatnonzero(steps.track_id == track)
-        np.testing.assert_array_equal(steps.step[own], np.arange(8))
-        assert (steps.future_steps[own] == 12).all()
-        last, heading = own[-1], steps.heading_rad[own[-1]]
-        np.testing.assert_allclose(steps.position[last], position)
-        going = rotate(0.4 * steps.future[last].cumsum(axis=0), heading)
-        np.testing.assert_allclose(position + going, windows.truth[w], atol=1e-5)
-        seen = {"state": steps.velocity[own], **{name: values[own] for name, values in steps.inputs.items()}}
-        channels = LSTM_ROWS.features.channels(seen) | {"grid": encode(encoder, seen["occupancy"])}
+    for w, track in enumerate(asked.track_id):
+        steps = clock.select(np.flatnonzero(clock.track_id == track))
+        np.testing.assert_array_equal(steps.step, np.arange(8))
+        np.testing.assert_allclose(steps.last_position[0], seen_path(windows, w)[0])
+        seen = request.inputs(features, request.past.last_row(steps.track_id, steps.time_s), steps.time_s)
+        assert not seen["occupancy"].any()  # no map
+        channels = features.channels(seen) | {"grid": encode(encoder, seen["occupancy"])}
         with torch.inference_mode():
             inputs = {name: torch.from_numpy(values)[None] for name, values in channels.items()}
             outputs, _ = network(inputs, network.start(1))
             answer = network.answer({name: values[:, -1] for name, values in outputs.items()}, 0.4)
         again = predictions_of({name: values.numpy() for name, values in answer.items()}, 0.4)
-        point = again.in_world(position[None], heading[None]).point[0]
+        point = again.in_world(asked.position[w : w + 1], asked.heading_rad[w : w + 1]).point[0]
         np.testing.assert_allclose(forecasts.point[w], point, atol=1e-4)
+
+
+def seen_path(windows, w):
+    """The annotations of a window that are seen."""
+    seen = windows.request.scene.trajectories
+    own = np.flatnonzero(seen.track_id == windows.request.asked.track_id[w])
+    return seen.position[own[np.argsort(seen.time_s[own])]]
 
 
 def test_people_beside_are_seen():

@@ -1,10 +1,10 @@
 """Rebuild the long branches of the pipeline side by side: `python -m tools.branches`.
 
 `make reproduce` starts with it. `dvc repro` runs one stage after the other, and a training uses one core. The
-LSTMs, the networks of the literature and each network without memory need nothing further of each other, so one
-`dvc repro` per branch trains and evaluates them at once. Each names its own stages only: DVC refuses a stage,
-even an unchanged one, while another command looks at it. What fails is reported by the `dvc repro` that
-follows, which runs it again.
+LSTMs, the networks of the literature and each network without memory need nothing further of each other, so
+one `dvc repro` per branch trains and evaluates them at once. Each names its own stages only: DVC refuses a
+stage, even an unchanged one, while another command looks at it. What fails is reported by the `dvc repro`
+that follows, which runs it again.
 """
 
 from __future__ import annotations

@@ -14,7 +14,8 @@ from pedpred.literature.windows import WindowSet
 from pedpred.metrics import METRICS
 
 BEST_ADE, BEST_FDE = "best_ade_m", "best_fde_m"
-"""Errors of the nearest of the samples, each with its own nearest one; NaN for a method that gives one path alone.
+"""Errors of the nearest of the samples, each with its own nearest one; NaN for a method with one path
+and no covariances.
 
 The samples are those of `covering_paths`, or all modes of a method that gives no covariances.
 """

@@ -12,14 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import (
-    FeatureTable,
-    ForecastProtocol,
-    ModelFeatures,
-    extract,
-    extract_at_detections,
-    extract_blocks,
-)
+from pedpred.features import ForecastProtocol, ModelFeatures, extract, extract_at_detections
 from pedpred.forecasting import ForecastRequest
 from pedpred.literature.settings import WindowSettings
 from pedpred.literature.stretches import TOLERANCE_S, Stretches, find_stretches
@@ -135,26 +128,3 @@ def training_rows(windows: WindowSet, features: ModelFeatures, parts: int) -> It
         row = request.rows[which]
         inputs = request.inputs(features, row, request.table.time_s[row])
         yield inputs | {"future": request.table.future[row]}
-
-
-def training_steps(windows: WindowSet, features: ModelFeatures) -> Iterator[FeatureTable]:
-    """Inputs and targets at all annotations that are seen, of everybody who is present when a window ends.
-
-    A network with a memory reads them in order, from the first annotation of the window on, as it does where
-    it is measured. Targets reach as far as the window, or the annotations of those who have none.
-
-    Args:
-        windows: of the recording.
-        features: of the model.
-
-    Yields:
-        Whole tracks; each lives in one instant.
-    """
-    request, steps = windows.request, windows.truth.shape[1]
-    seen, asked = request.scene.trajectories, request.asked
-    truth = Trajectories(
-        np.concatenate([seen.time_s, (asked.time_s[:, None] + request.ahead_s).ravel()]),
-        np.concatenate([seen.track_id, np.repeat(asked.track_id, steps)]),
-        np.concatenate([seen.position, windows.truth.reshape(-1, 2)]),
-    )
-    return extract_blocks(request.scene, request.past, request.sizes, features, truth=truth)
