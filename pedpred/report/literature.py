@@ -22,9 +22,8 @@ _ONE, _BEST = ("ade_m", "fde_m"), ("best_ade_m", "best_fde_m")
 _SEEN = (
     "8 annotations 0.4 s apart are seen, the next 12 are forecast; one scene is left out at a time, and "
     "every person who is seen in all 20 annotations counts. Errors are in metres. Networks read "
-    "positions, no map, and the memory of the LSTM is empty at the first annotation; figures are the mean of "
-    "three trainings. The usual folds test Zara with other recordings of the same street in training; rows "
-    "with the whole street or campus left out are stricter. "
+    "positions, no map; figures are the mean of three trainings. The usual folds test Zara with other "
+    "recordings of the same street in training; rows with the whole street or campus left out are stricter. "
     "The file of the scene eth is used as it is, though its frame rate is disputed."
 )
 _TWENTY = (
