@@ -214,7 +214,7 @@ def _report(cfg: Params) -> None:
 def _literature(cfg: Params) -> None:
     literature = part(cfg, "literature")
     with configured("literature"):
-        names = [*(own.name for own in fields(ComparisonSettings)), *GROUPS]
+        names = [*(setting.name for setting in fields(ComparisonSettings)), *GROUPS]
         check_names(names, literature, "", f"there are {', '.join(names)}")
     with configured("literature.reader"):
         parsed(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
@@ -240,7 +240,7 @@ def _trained_far(cfg: Params, group: str, name: str) -> None:
     for phase in phases:
         settings, _ = phase_of(cfg, group, name, phase)
         if isinstance(settings, InstantSettings):
-            shares = [own.removeprefix("simulated/") for own in settings.shares]
+            shares = [name.removeprefix("simulated/") for name in settings.shares]
             _names(f"{key}.{phase}.shares", shares, cfg["situations"]["simulated"])
 
 

@@ -28,8 +28,8 @@ def evaluate_recording(cfg: DictConfig, scene: str, name: str, out: Path) -> Non
     choices = {"together": settings.together, "learning": False}  # nothing earlier than a window is known
     for network in networks_of(cfg):
         folders = {s: Path("models/literature", cfg.fold, network, str(s)) for s in cfg.literature.seeds}
-        trained = {s: forecaster(own, Path("models/autoencoder"), **choices) for s, own in folders.items()}
-        seeds = {f"{network}_{s}": measured(forecaster=own) for s, own in trained.items()}
+        trained = {s: forecaster(f, Path("models/autoencoder"), **choices) for s, f in folders.items()}
+        seeds = {f"{network}_{s}": measured(forecaster=method) for s, method in trained.items()}
         scores |= {network: mean_scores(list(seeds.values()))} | seeds
     for method, result in scores.items():
         write_scores(result, out / scene / method / f"{name}.parquet")

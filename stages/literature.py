@@ -11,9 +11,11 @@ from pedpred.literature.settings import ComparisonSettings
 
 def comparison_of(cfg: Mapping[str, Any]) -> ComparisonSettings:
     """Read what is compared, all of it; `networks` and `memoryless` say how those are trained."""
-    given, names = part(cfg, "literature"), [own.name for own in fields(ComparisonSettings)]
+    values, names = part(cfg, "literature"), [setting.name for setting in fields(ComparisonSettings)]
     with configured("literature"):
-        settings: ComparisonSettings = parsed(ComparisonSettings, {k: given[k] for k in names if k in given})
+        settings: ComparisonSettings = parsed(
+            ComparisonSettings, {k: values[k] for k in names if k in values}
+        )
     return settings
 
 

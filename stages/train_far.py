@@ -41,9 +41,9 @@ def phase_of(cfg: Mapping[str, Any], group: str, name: str, phase: str) -> Phase
         if group == "networks":
             return parsed(SequenceSettings, options), None
         classes = [InstantSettings, RecordingShare][: 1 if phase == "worlds" else 2]
-        settings, *share = parsed_together(classes, options)
-    shares = {f"simulated/{key}": own for key, own in settings.shares.items()}
-    return replace(settings, shares=shares), share[0] if share else None
+        settings, *real_share = parsed_together(classes, options)
+    shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
+    return replace(settings, shares=shares), real_share[0] if real_share else None
 
 
 def recorded(phase: Phase, recordings: Sequence[str]) -> tuple[SequenceSettings | InstantSettings, list[str]]:

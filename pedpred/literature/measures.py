@@ -46,6 +46,6 @@ def measure(windows: WindowSet, forecaster: Forecaster, samples: int, settings: 
 def mean_scores(scores: Sequence[Scores]) -> Scores:
     """The mean over networks that differ in their seed alone, window by window."""
     first = scores[0]
-    values = {key: np.mean([own.values[key] for own in scores], axis=0) for key in first.values}
-    steps = {n: np.mean([getattr(own, n) for own in scores], axis=0) for n in ("error_m", "inside", "nll")}
+    values = {key: np.mean([each.values[key] for each in scores], axis=0) for key in first.values}
+    steps = {n: np.mean([getattr(each, n) for each in scores], axis=0) for n in ("error_m", "inside", "nll")}
     return replace(first, values=values, **steps)

@@ -66,16 +66,16 @@ def _cover(path, root, upto, share, noise, rounds, chosen):  # pragma: no cover 
                     paths[d, p, axis] = path[w, k, p, axis]
                     for other in range(axis + 1):
                         paths[d, p, axis] += root[w, k, p, axis, other] * noise[d, other]
-        own = chosen[w]
+        centres = chosen[w]
         for c in range(count):
-            own[c] = paths[c * draws // count]
+            centres[c] = paths[c * draws // count]
         for _ in range(rounds):
             for d in range(draws):
                 least = np.inf
                 for c in range(count):
                     away = 0.0
                     for p in range(steps):
-                        x, y = paths[d, p, 0] - own[c, p, 0], paths[d, p, 1] - own[c, p, 1]
+                        x, y = paths[d, p, 0] - centres[c, p, 0], paths[d, p, 1] - centres[c, p, 1]
                         away += np.sqrt(x * x + y * y)
                         if away >= least:
                             break
@@ -86,8 +86,8 @@ def _cover(path, root, upto, share, noise, rounds, chosen):  # pragma: no cover 
                 for d in range(draws):
                     if nearest[d] == c:
                         if taken == 0:
-                            own[c] = 0.0
+                            centres[c] = 0.0
                         taken += 1
-                        own[c] += paths[d]
+                        centres[c] += paths[d]
                 if taken > 0:
-                    own[c] /= taken
+                    centres[c] /= taken

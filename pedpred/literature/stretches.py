@@ -37,10 +37,10 @@ class Stretches:
     step_s: float
 
     def __post_init__(self) -> None:
-        for own in fields(self):
-            value = getattr(self, own.name)
-            if own.name != "step_s" and len(value) != len(self.track):
-                raise ShapeError(own.name, value.shape, f"[{len(self.track)}, ...]")
+        for part in fields(self):
+            value = getattr(self, part.name)
+            if part.name != "step_s" and len(value) != len(self.track):
+                raise ShapeError(part.name, value.shape, f"[{len(self.track)}, ...]")
         if not self.step_s > 0:
             raise ValueRuleError("step_s", self.step_s, "it must be positive")
 

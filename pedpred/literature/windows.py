@@ -61,13 +61,13 @@ def find_windows(
         ValueRuleError: there are no windows.
     """
     whole, step_s = scene.trajectories, settings.step_s
-    found = find_stretches(whole, settings.observed_steps, settings.predicted_steps, step_s)
-    if not len(found.track):
+    stretches = find_stretches(whole, settings.observed_steps, settings.predicted_steps, step_s)
+    if not len(stretches.track):
         length = settings.observed_steps + settings.predicted_steps
         raise ValueRuleError("windows", 0, f"nobody in {scene.name} is annotated {length} times in a row")
-    ends_s = np.unique(found.end_s)
+    ends_s = np.unique(stretches.end_s)
     ends_s = ends_s[np.diff(ends_s, prepend=-np.inf) > TOLERANCE_S]
-    instant = np.searchsorted(ends_s, found.end_s, side="right") - 1
+    instant = np.searchsorted(ends_s, stretches.end_s, side="right") - 1
     people, person = np.unique(whole.track_id, return_inverse=True)
     parts = []
     for ago in range(settings.observed_steps):
@@ -79,18 +79,18 @@ def find_windows(
     now_s, track, position = (np.concatenate(column) for column in zip(*parts, strict=True))
     stays = np.isin(track, parts[0][1])
     seen = replace(scene, trajectories=Trajectories(now_s[stays], track[stays], position[stays]))
-    asked = instant * len(people) + np.searchsorted(people, found.track)
+    asked = instant * len(people) + np.searchsorted(people, stretches.track)
     return WindowSet(
-        _ask(seen, found, asked, instant * _APART_S, tracker, standstill_mps, protocol_of(settings)),
-        found.truth,
-        found.track,
-        found.end_s,
+        _ask(seen, stretches, asked, instant * _APART_S, tracker, standstill_mps, protocol_of(settings)),
+        stretches.truth,
+        stretches.track,
+        stretches.end_s,
     )
 
 
 def _ask(
     seen: Scene,
-    found: Stretches,
+    stretches: Stretches,
     asked: np.ndarray,
     now_s: np.ndarray,
     tracker: KalmanBank,
@@ -99,15 +99,15 @@ def _ask(
 ) -> ForecastRequest:
     """Track the people of all instants and ask about those of the windows. [W] tracks at their instants."""
     tracks = follow(seen.trajectories, "kalman", tracker, standstill_mps)
-    steps = found.truth.shape[1] + 1
-    path = np.concatenate([found.seen[:, -1:], found.truth], axis=1)
-    when_s = now_s[:, None] + found.step_s * np.arange(steps)
+    steps = stretches.truth.shape[1] + 1
+    path = np.concatenate([stretches.seen[:, -1:], stretches.truth], axis=1)
+    when_s = now_s[:, None] + stretches.step_s * np.arange(steps)
     truth = Trajectories(when_s.ravel(), np.repeat(asked, steps), path.reshape(-1, 2))
     table = extract_at_detections(seen, tracks, protocol, truth)
     clock = extract(seen, tracks, protocol)
     rows = last_rows(tracks.track_id, tracks.time_s, asked, now_s)
     noise = tracker.filters[0]
-    return ForecastRequest(seen, table, protocol, rows, noise, found.step_s, clock=clock, tracks=tracks)
+    return ForecastRequest(seen, table, protocol, rows, noise, stretches.step_s, clock=clock, tracks=tracks)
 
 
 def training_rows(windows: WindowSet, features: ModelFeatures, parts: int) -> Iterator[dict[str, np.ndarray]]:
