@@ -23,7 +23,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.driving_curves import PAGE
 from benchmarks.driving_variants import VARIANTS, Trial, drive_episode
+from benchmarks.pages import put
 from benchmarks.timing import tell
 from pedpred.command.arguments import parser as command_parser
 from pedpred.command.conversion import read_given
@@ -44,13 +46,12 @@ def compare(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
         usual = VARIANTS[name].instead_of
         comparison = equal_time(episodes, name, usual) if usual in names else None
         if comparison is not None:
-            low, high = (100 * end for end in comparison["at_fault_ci95"])
+            middle, low, high = (100 * x for x in (comparison["at_fault"], *comparison["at_fault_ci95"]))
             yield {
                 "variant": name,
                 "minus": usual,
-                "at, s": comparison["time_s"],
-                "at fault, %": 100 * comparison["at_fault"],
-                "95 % interval": f"{low:+.1f} to {high:+.1f}",
+                "at, s": f"{comparison['time_s']:.1f}",
+                "at fault, % (95 % interval)": f"{middle:+.1f} ({low:+.1f} to {high:+.1f})",
             }
 
 
@@ -82,6 +83,7 @@ def main() -> None:
     parser.add_argument("--variant", choices=list(VARIANTS), action="append")
     parser.add_argument("--causes", action="store_true")
     parser.add_argument("--table", type=Path, help="write the drives there, too")
+    parser.add_argument("--write", action="store_true", help=f"write the comparison into {PAGE}")
     options = parser.parse_args()
     if (options.scene is None) == (options.world is None):
         parser.error("name a scene, or --world")
@@ -100,6 +102,8 @@ def main() -> None:
     tell(f"{places.name}, {options.episodes} episodes", list(condition_rows(rows)))
     if compared := list(compare(rows)):
         tell("at equal time to the goal", compared)
+        if options.write:
+            put("variants", compared, PAGE)
     if causes := [row for _, found in done for row in found]:
         tell("collisions at fault", causes)
 

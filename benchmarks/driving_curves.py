@@ -24,7 +24,7 @@ from pedpred.driving.forecasters import TRUTH
 from pedpred.driving.table import Condition, read_table
 from pedpred.report.drives import LABELS
 
-_PAGE = Path("docs/driving.md")
+PAGE = Path("docs/driving.md")
 _NETWORK, _SIMPLE, _WORST = "modes", "kalman", "standing"
 
 
@@ -130,7 +130,7 @@ def tell_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("tables", type=Path, nargs="+", metavar="TABLE.csv")
-    parser.add_argument("--write", action="store_true", help=f"write the tables into {_PAGE}")
+    parser.add_argument("--write", action="store_true", help=f"write the tables into {PAGE}")
     options = parser.parse_args()
     places: dict[str, Episodes] = {}
     for path in options.tables:
@@ -144,7 +144,7 @@ def main() -> None:
     for name, table in tables.items():
         tell(name, table)
         if options.write:
-            put(name, table, _PAGE)
+            put(name, table, PAGE)
 
 
 if __name__ == "__main__":
