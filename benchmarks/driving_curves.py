@@ -6,6 +6,8 @@ Reads tables that `pedpred drive` has written, one per place, and makes three ta
 * `equal`: the network's modes beside the Kalman filter: collisions at the same time, and time beyond that of
   the true future at the same collisions, with 95 % intervals over episodes;
 * `tell`: people who stand, and the true future.
+
+Each table takes the episodes that all its methods have driven, so that some methods may drive more of them.
 """
 
 from __future__ import annotations
@@ -89,7 +91,7 @@ def equal_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
         curves = Curves(each)
         (time_a, fault_a), (time_b, fault_b) = curves.points(_NETWORK), curves.points(_SIMPLE)
         best_s = curves.points(TRUTH)[0][:, 0]
-        row: dict[str, Any] = {"place": name}
+        row: dict[str, Any] = {"place": name, "episodes": len(each.number)}
         at_s = _middle(time_a, time_b)
         if at_s is None:
             row |= dict.fromkeys(("at, s", "network, %", "Kalman, %", "network / Kalman"), "-")
@@ -132,14 +134,19 @@ def main() -> None:
     parser.add_argument("tables", type=Path, nargs="+", metavar="TABLE.csv")
     parser.add_argument("--write", action="store_true", help=f"write the tables into {PAGE}")
     options = parser.parse_args()
-    places: dict[str, Episodes] = {}
-    for path in options.tables:
-        rows = read_table(path)
-        places[rows[0].place.replace("_", " ")] = Episodes.of(rows)
+    driven = {rows[0].place.replace("_", " "): rows for rows in map(read_table, options.tables)}
+
+    def of(*methods: str) -> dict[str, Episodes]:
+        return {
+            name: Episodes.of([r for r in rows if r.condition.method in methods])
+            for name, rows in driven.items()
+        }
+
+    every = dict.fromkeys(row.condition.method for rows in driven.values() for row in rows)
     tables: dict[str, Sequence[dict[str, Any]]] = {
-        "curves": list(curve_rows(places)),
-        "equal": list(equal_rows(places)),
-        "tell": list(tell_rows(places)),
+        "curves": list(curve_rows(of(*every))),
+        "equal": list(equal_rows(of(_NETWORK, _SIMPLE, TRUTH))),
+        "tell": list(tell_rows(of(_WORST, TRUTH))),
     }
     for name, table in tables.items():
         tell(name, table)
