@@ -1,4 +1,4 @@
-"""Tables of benchmarks on docs/robustness.md."""
+"""Tables of benchmarks on pages of the documents."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def markdown(rows: Sequence[dict[str, Any]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def put(mark: str, rows: Sequence[dict[str, Any]]) -> None:
-    """Replace the table of this name on the page."""
-    PAGE.write_text(filled(PAGE.read_text(), {mark: markdown(rows)}))
+def put(mark: str, rows: Sequence[dict[str, Any]], page: Path = PAGE) -> None:
+    """Replace the table of this name on a page."""
+    page.write_text(filled(page.read_text(), {mark: markdown(rows)}))
 
 
 def _cell(value: object) -> str:

@@ -1,8 +1,8 @@
 """Write the tables of results into README.md and docs/: `python -m tools.readme [--check]`.
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. Its figures come from
-reports/metrics/{transfer,real}.json; while a place has none, all tables stay as they are. That of drives
-comes from reports/metrics/driving, those beside the literature from reports/metrics/literature.json.
+reports/metrics/{transfer,real}.json; while a place has none, all tables stay as they are. Those beside the
+literature come from reports/metrics/literature.json.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from pedpred.config import config_errors, plain, read_params
 from pedpred.errors import StorageError
 from pedpred.files import atomic_write, read_json
 from pedpred.report.comparison import metrics_now
-from pedpred.report.drives import LABELS
 from pedpred.report.literature import literature_tables
 from pedpred.report.methods import Methods
 
@@ -52,28 +51,6 @@ def tables_from(studies: Mapping[str, Figures], methods: Methods) -> dict[str, s
         "places": places_table(studies, methods),
         "main": main_table(studies, methods),
     }
-
-
-def drives_table(driven: Mapping[str, Any]) -> str:
-    """Make the table of drives: a row per method and limit of risk, a column per place; or no text."""
-    driven = {place: drives for place, drives in driven.items() if drives}
-    conditions = {
-        (m, r): None for drives in driven.values() for m, limits in drives["methods"].items() for r in limits
-    }
-    titles = [f"{_words(place)} ({drives['episodes']} episodes)" for place, drives in driven.items()]
-    lines = [_line(["at fault, % (95 % interval); s to the goal", "limit", *titles]), _rule(len(titles) + 1)]
-    for method, risk in conditions:
-        cells = [LABELS.get(method, method), risk if risk != "0" else ""]
-        for drives in driven.values():
-            figures = drives["methods"].get(method, {}).get(risk)
-            cells.append("" if figures is None else _drives(figures))
-        lines.append(_line(cells))
-    return "\n".join(lines) if driven else ""
-
-
-def _drives(figures: Mapping[str, Any]) -> str:
-    low, high = figures["at_fault_ci95"]
-    return f"{100 * figures['at_fault']:.0f} ({100 * low:.0f}-{100 * high:.0f}); {figures['time_s']:.1f}"
 
 
 def unseen_table(studies: Mapping[str, Figures], methods: Methods) -> str:
@@ -211,7 +188,6 @@ def pages(root: Path) -> dict[Path, str]:
         literature_tables(literature, params["report"]["published"], methods) if literature else {}
     )
     tables = tables_from(studies, methods) | {
-        "drives": drives_table(metrics_now(root / _METRICS / "driving")),
         **{name: table.markdown("") for name, table in ours_and_theirs.items()},
     }
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
