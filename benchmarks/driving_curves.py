@@ -81,7 +81,7 @@ def _middle(one: np.ndarray, other: np.ndarray) -> np.ndarray | None:
 
 
 def _with_interval(values: np.ndarray, form: str) -> str:
-    low, high = np.nanpercentile(values[1:], [2.5, 97.5])
+    low, high = np.nanpercentile(values[1:], [2.5, 97.5], method="nearest")  # there may be infinite ones
     return f"{values[0]:{form}} ({low:{form}} to {high:{form}})"
 
 
