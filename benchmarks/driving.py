@@ -96,7 +96,7 @@ def main() -> None:
     trial = Trial(places, options.model, variants, options.risk, options.causes)
     jobs = [(trial, number) for number in range(options.episodes)]
     done = in_parallel(drive_episode, jobs, f"drive {places.name}", "episode")
-    rows = [row for found, _ in done for row in found]
+    rows = [row for driven, _ in done for row in driven]
     if options.table:
         write_table(options.table, rows)
     tell(f"{places.name}, {options.episodes} episodes", list(condition_rows(rows)))
@@ -104,7 +104,7 @@ def main() -> None:
         tell("at equal time to the goal", compared)
         if options.write:
             put("variants", compared, PAGE)
-    if causes := [row for _, found in done for row in found]:
+    if causes := [row for _, hits in done for row in hits]:
         tell("collisions at fault", causes)
 
 

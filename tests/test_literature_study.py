@@ -123,8 +123,8 @@ def test_a_memory_begins_with_the_window_and_reads_all_8_annotations():
 def seen_path(windows, w):
     """The annotations of a window that are seen."""
     seen = windows.request.scene.trajectories
-    own = np.flatnonzero(seen.track_id == windows.request.asked.track_id[w])
-    return seen.position[own[np.argsort(seen.time_s[own])]]
+    rows = np.flatnonzero(seen.track_id == windows.request.asked.track_id[w])
+    return seen.position[rows[np.argsort(seen.time_s[rows])]]
 
 
 def test_people_beside_are_seen():

@@ -82,10 +82,10 @@ def test_a_network_costs_its_own_trainings_and_evaluations(graph, group):
 def test_a_network_in_the_table_of_the_field_retrains_no_other(graph):
     """A setting of its training, there or in simulation."""
     measured = {"evaluate_literature", "gather_literature", "report"}
-    own = families(graph, "literature.networks.lstm.worlds.lr")
-    assert own == {"train_far_steps", "train_literature_steps"} | measured
-    own = families(graph, "literature.memoryless.mixture.recorded.lr")
-    assert own == {"train_literature"} | measured
+    stale = families(graph, "literature.networks.lstm.worlds.lr")
+    assert stale == {"train_far_steps", "train_literature_steps"} | measured
+    stale = families(graph, "literature.memoryless.mixture.recorded.lr")
+    assert stale == {"train_literature"} | measured
 
 
 def test_forces_fitted_to_real_people_change_no_simulation_and_no_training(graph):
