@@ -73,9 +73,9 @@ def locked(values: np.ndarray, kind: type) -> np.ndarray:
     """
     if values.dtype == kind and values.flags.c_contiguous and _never_changes(values):
         return values
-    own: np.ndarray = np.array(values, kind, order="C")
-    own.flags.writeable = False
-    return own
+    array: np.ndarray = np.array(values, kind, order="C")
+    array.flags.writeable = False
+    return array
 
 
 def _hides(value: Any) -> bool:

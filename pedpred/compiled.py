@@ -119,11 +119,11 @@ class _Kept:
 
     def _name(self, signature: Any, codegen: Any) -> str | None:
         """File name for some types of arguments; None if the loop has changed in this process."""
-        own = contents(self._loop)
-        if own is None:
+        code = contents(self._loop)
+        if code is None:
             return None
         arguments = [_described(kind) for kind in getattr(signature, "args", signature)]
-        everything = repr((own, arguments, codegen.magic_tuple(), _versions()))
+        everything = repr((code, arguments, codegen.magic_tuple(), _versions()))
         return f"{self._loop.__qualname__}-{_checksum(everything.encode()).hex()[:40]}.loop"
 
 
@@ -167,12 +167,12 @@ def _tidy(folder: Path) -> None:
 class _Announcement(Listener):
     """Log once in a process that compiling takes a while."""
 
-    given = False
+    announced = False
 
     def on_start(self, event: Event) -> None:
         """Look whose function it is."""
-        if not self.given and event.data["dispatcher"].py_func.__module__.startswith("pedpred."):
-            self.given = True
+        if not self.announced and event.data["dispatcher"].py_func.__module__.startswith("pedpred."):
+            self.announced = True
             _LOG.warning(
                 "compiling loops for this processor: takes some seconds, once per user and version; "
                 "`pedpred warm-up` does it beforehand"

@@ -67,8 +67,8 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
         if address:
             with config_errors(address):
                 keep_lock(root)
-                given = declared(root, address, sys.argv[1:])
-            run(given)
+                addressed = declared(root, address, sys.argv[1:])
+            run(addressed)
         else:
             hydra.main(version_base="1.3", config_path=str(root / "conf"), config_name="config")(run)()
 
@@ -148,10 +148,10 @@ def row(cfg: Mapping[str, Any], group: str, name: str) -> dict[str, Any]:
     """Return a group's row, merged over the row that it names as its `base`."""
     if not isinstance(name, str) or name not in cfg[group]:
         raise ConfigError(group, name, f"no such row; there are {', '.join(cfg[group])}")
-    found = part(cfg, group, name)
-    base = row(cfg, group, found.pop("base")) if "base" in found else {}
-    inside = [k for k, v in found.items() if isinstance(v, dict) and isinstance(base.get(k), dict)]
-    return base | found | {k: base[k] | found[k] for k in inside}
+    changes = part(cfg, group, name)
+    base = row(cfg, group, changes.pop("base")) if "base" in changes else {}
+    inside = [k for k, v in changes.items() if isinstance(v, dict) and isinstance(base.get(k), dict)]
+    return base | changes | {k: base[k] | changes[k] for k in inside}
 
 
 @contextmanager
@@ -240,17 +240,17 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--check", action="store_true", help="fail with a diff instead of writing")
     parser.add_argument("--stamp", type=Path, help="with --check: write this file when all is well")
     parser.add_argument("overrides", nargs="*", help="Hydra overrides, e.g. scale=smoke")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     with config_errors():
-        text = composed(Path("conf"), given.overrides)
-        if not given.check:
+        text = composed(Path("conf"), options.overrides)
+        if not options.check:
             write_text(Path("params.yaml"), text)
             return
         changes = difference(Path("params.yaml"), text)
     if changes and "DVC_EXP_NAME" not in os.environ:  # `dvc exp run` has just composed params.yaml itself
         sys.exit(f"{changes}\nparams.yaml is not what conf/ composes to: run `make params`")
-    if given.stamp:
-        write_text(given.stamp, "params.yaml is what conf/ composes to\n")
+    if options.stamp:
+        write_text(options.stamp, "params.yaml is what conf/ composes to\n")
 
 
 if __name__ == "__main__":

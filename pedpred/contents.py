@@ -29,7 +29,7 @@ def contents(loop: FunctionType) -> list[Any] | None:
     Raises:
         TypeError: a loop reads something whose content cannot be told.
     """
-    loops, found = [loop], []
+    loops, parts = [loop], []
     for one in loops:  # grows
         read: list[Any] = []
         called: list[Any] = []
@@ -41,11 +41,11 @@ def contents(loop: FunctionType) -> list[Any] | None:
             if other not in loops:
                 loops.append(other)
             called.append((name, loops.index(other)))
-        own = one.__module__, one.__qualname__, _code(one.__code__, one.__doc__), read
-        if _FIRST.setdefault(one, own) != own:
+        content = one.__module__, one.__qualname__, _code(one.__code__, one.__doc__), read
+        if _FIRST.setdefault(one, content) != content:
             return None
-        found.append((own, called))
-    return found
+        parts.append((content, called))
+    return parts
 
 
 def _globals(loop: FunctionType) -> dict[str, Any]:
@@ -59,8 +59,8 @@ def _globals(loop: FunctionType) -> dict[str, Any]:
 @functools.cache
 def _names(code: CodeType) -> frozenset[str]:
     """The global names in some code, and in the functions inside it."""
-    own = {step.argval for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"}
-    return frozenset(own).union(*(_names(inner) for inner in code.co_consts if isinstance(inner, CodeType)))
+    read = {step.argval for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL"}
+    return frozenset(read).union(*(_names(inner) for inner in code.co_consts if isinstance(inner, CodeType)))
 
 
 @functools.cache

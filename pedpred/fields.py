@@ -66,11 +66,11 @@ def parsed_together(kinds: Sequence[type], plain: Any, path: str = "") -> list[A
     Raises:
         ValueRuleError: a field is unknown to all of them, missing or breaks its rule.
     """
-    names = [[field.name for field in fields(kind)] for kind in kinds]
-    known = [name for own in names for name in own]
+    fields_of = [[field.name for field in fields(kind)] for kind in kinds]
+    known = [name for names in fields_of for name in names]
     check_names(known, plain, path, f"the fields are {', '.join(known)}")
-    own_parts = ({name: plain[name] for name in own if name in plain} for own in names)
-    return [parsed(kind, own, path) for kind, own in zip(kinds, own_parts, strict=True)]
+    parts = ({name: plain[name] for name in names if name in plain} for names in fields_of)
+    return [parsed(kind, part, path) for kind, part in zip(kinds, parts, strict=True)]
 
 
 def parsed_each(kind: type, plain: Any, path: str = "") -> dict[str, Any]:
@@ -80,7 +80,7 @@ def parsed_each(kind: type, plain: Any, path: str = "") -> dict[str, Any]:
         ValueRuleError: it is not a dictionary, or an entry breaks a rule of `parsed`.
     """
     check_mapping(path, plain)
-    return {name: parsed(kind, own, field_path(path, name)) for name, own in plain.items()}
+    return {name: parsed(kind, entry, field_path(path, name)) for name, entry in plain.items()}
 
 
 def check_mapping(field: str, value: Any) -> None:

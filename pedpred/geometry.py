@@ -48,19 +48,21 @@ def placed(points: np.ndarray, origin: np.ndarray, heading_rad: np.ndarray) -> n
     Returns:
         World frame, m. [W, ..., 2] float64
     """
-    found = np.empty((len(points), math.prod(points.shape[1:-1]), 2))
-    _place(points.reshape(found.shape), origin, np.cos(heading_rad), np.sin(heading_rad), found)
-    return found.reshape(points.shape)
+    points_in_map = np.empty((len(points), math.prod(points.shape[1:-1]), 2))
+    _place(
+        points.reshape(points_in_map.shape), origin, np.cos(heading_rad), np.sin(heading_rad), points_in_map
+    )
+    return points_in_map.reshape(points.shape)
 
 
 @compiled
-def _place(points, origin, cos, sin, found):  # pragma: no cover (compiled)
-    """Writes into `found`."""
+def _place(points, origin, cos, sin, placed):  # pragma: no cover (compiled)
+    """Writes into `placed`."""
     for w in range(len(points)):
         for m in range(points.shape[1]):
             x, y = points[w, m, 0], points[w, m, 1]
-            found[w, m, 0] = origin[w, 0] + (cos[w] * x - sin[w] * y)
-            found[w, m, 1] = origin[w, 1] + (sin[w] * x + cos[w] * y)
+            placed[w, m, 0] = origin[w, 0] + (cos[w] * x - sin[w] * y)
+            placed[w, m, 1] = origin[w, 1] + (sin[w] * x + cos[w] * y)
 
 
 def rotated_covariance(covariance: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
@@ -73,23 +75,23 @@ def rotated_covariance(covariance: np.ndarray, angle_rad: np.ndarray) -> np.ndar
     Returns:
         Same unit. [W, ..., 2, 2] float64
     """
-    found = np.empty((len(covariance), math.prod(covariance.shape[1:-2]), 2, 2))
-    _turn(covariance.reshape(found.shape), np.cos(angle_rad), np.sin(angle_rad), found)
-    return found.reshape(covariance.shape)
+    rotated = np.empty((len(covariance), math.prod(covariance.shape[1:-2]), 2, 2))
+    _turn(covariance.reshape(rotated.shape), np.cos(angle_rad), np.sin(angle_rad), rotated)
+    return rotated.reshape(covariance.shape)
 
 
 @compiled
-def _turn(covariance, cos, sin, found):  # pragma: no cover (compiled)
-    """Writes into `found`."""
+def _turn(covariance, cos, sin, rotated):  # pragma: no cover (compiled)
+    """Writes into `rotated`."""
     for w in range(len(covariance)):
         c, s = cos[w], sin[w]
         for m in range(covariance.shape[1]):
             for k in range(2):  # R Sigma, then its rows times R^T
                 x, y = covariance[w, m, 0, k], covariance[w, m, 1, k]
-                found[w, m, 0, k], found[w, m, 1, k] = c * x - s * y, s * x + c * y
+                rotated[w, m, 0, k], rotated[w, m, 1, k] = c * x - s * y, s * x + c * y
             for k in range(2):
-                x, y = found[w, m, k, 0], found[w, m, k, 1]
-                found[w, m, k, 0], found[w, m, k, 1] = c * x - s * y, s * x + c * y
+                x, y = rotated[w, m, k, 0], rotated[w, m, k, 1]
+                rotated[w, m, k, 0], rotated[w, m, k, 1] = c * x - s * y, s * x + c * y
 
 
 @dataclass(frozen=True)

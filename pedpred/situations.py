@@ -82,14 +82,14 @@ class Recipe:
 
 def draw_tracker(settings: RowSettings, rng: np.random.Generator) -> KalmanBank:
     """Draw a tracker: one filter, or several that learn the noise of the detections."""
-    own = KalmanSettings(
+    tracker = KalmanSettings(
         log_uniform(rng, settings.acceleration_noise),
         log_uniform(rng, settings.position_noise_m),
         uniform(rng, settings.initial_speed_mps),
     )
     if settings.trackers and rng.random() < settings.used_share:
-        own = settings.trackers[rng.integers(len(settings.trackers))]
-    return KalmanBank.around(own, learn_noise=rng.random() < settings.learning_share)
+        tracker = settings.trackers[rng.integers(len(settings.trackers))]
+    return KalmanBank.around(tracker, learn_noise=rng.random() < settings.learning_share)
 
 
 def training_rows(

@@ -52,12 +52,12 @@ def in_parallel(
 
 def _jobs() -> int:
     """Number of jobs at a time, as joblib counts them: -1 means all cores."""
-    given = os.environ.get("PEDPRED_JOBS")
-    if not given:
+    jobs = os.environ.get("PEDPRED_JOBS")
+    if not jobs:
         return -1
-    if not (given.isdecimal() and 1 <= int(given) <= _MOST_JOBS):
-        raise ValueRuleError("$PEDPRED_JOBS", given, f"it must be unset or a number from 1 to {_MOST_JOBS}")
-    return int(given)
+    if not (jobs.isdecimal() and 1 <= int(jobs) <= _MOST_JOBS):
+        raise ValueRuleError("$PEDPRED_JOBS", jobs, f"it must be unset or a number from 1 to {_MOST_JOBS}")
+    return int(jobs)
 
 
 @contextmanager

@@ -120,9 +120,9 @@ def _check_output(path: Path, inputs: list[Path], folder: bool = False) -> None:
 def _each(action: Callable[[argparse.Namespace], None]) -> Callable[[argparse.Namespace], None]:
     """Apply an action to each of several scenes."""
 
-    def for_all(given: argparse.Namespace) -> None:
-        for number, scene in enumerate(given.scene):
-            one = copy.copy(given)
+    def for_all(arguments: argparse.Namespace) -> None:
+        for number, scene in enumerate(arguments.scene):
+            one = copy.copy(arguments)
             one.scene = scene
             sys.stdout.write("\n" if number else "")
             action(one)

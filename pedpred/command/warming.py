@@ -35,7 +35,7 @@ def add_warm_up(commands: Any) -> argparse.ArgumentParser:
     """Add the subcommand to those of `pedpred`."""
     about = "Compile loops now, so that no later command and no robot waits for it."
     command: argparse.ArgumentParser = commands.add_parser("warm-up", help=about, description=about)
-    command.set_defaults(action=lambda given: warm_up_commands(given.model), scene=[])
+    command.set_defaults(action=lambda arguments: warm_up_commands(arguments.model), scene=[])
     return command
 
 

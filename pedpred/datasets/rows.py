@@ -85,7 +85,8 @@ class TrainingRows:
     def to(self, device: torch.device) -> TrainingRows:
         """The same rows on another device, all of them."""
         channels, nothing = (
-            {name: values.to(device) for name, values in own.items()} for own in (self.channels, self.nothing)
+            {name: values.to(device) for name, values in tensors.items()}
+            for tensors in (self.channels, self.nothing)
         )
         future, future_steps = self.future.to(device), self.future_steps.to(device)
         return replace(self, channels=channels, nothing=nothing, future=future, future_steps=future_steps)
@@ -117,8 +118,8 @@ class TrainingRows:
 
 def _entries(table: torch.Tensor, rows: torch.Tensor, nothing: torch.Tensor | None) -> torch.Tensor:
     """Entries of a table [M, W]; at row < 0 `nothing` [W], which is zeros when None. [...] -> [..., W]."""
-    found = table.index_select(0, rows.clamp(min=0).flatten()).to(torch.float32).unflatten(0, rows.shape)
-    return torch.where((rows >= 0)[..., None], found, 0.0 if nothing is None else nothing)
+    entries = table.index_select(0, rows.clamp(min=0).flatten()).to(torch.float32).unflatten(0, rows.shape)
+    return torch.where((rows >= 0)[..., None], entries, 0.0 if nothing is None else nothing)
 
 
 def sequences_of(table: FeatureTable) -> np.ndarray:
@@ -142,11 +143,11 @@ def load_sequences(folders: Mapping[str, Path], embeddings: Mapping[str, Path] |
         ValueRuleError: the folders were made with different sizes.
         OSError: the disk is full.
     """
-    found = {name: read_manifest(folder) for name, folder in folders.items()}
-    made_with = _common({name: own for name, (own, _) in found.items()})
+    manifests = {name: read_manifest(folder) for name, folder in folders.items()}
+    made_with = _common({name: row_format for name, (row_format, _) in manifests.items()})
     columns, scenes, tracks = _Columns(), 0, 0
     for part, (name, folder) in enumerate(folders.items()):
-        _, shards = found[name]
+        _, shards = manifests[name]
         numbers = {digest: scenes + i for i, digest in enumerate(dict.fromkeys(shards.values()))}
         largest = -1
         for shard, digest in shards.items():
@@ -176,10 +177,10 @@ def load_instants(folders: Mapping[str, Path]) -> TrainingRows:
         ValueRuleError: the sets were made with different sizes.
         OSError: the disk is full.
     """
-    found = {name: read_situations_manifest(folder) for name, folder in folders.items()}
-    made_with = _common({name: own for name, (own, _) in found.items()})
+    manifests = {name: read_situations_manifest(folder) for name, folder in folders.items()}
+    made_with = _common({name: row_format for name, (row_format, _) in manifests.items()})
     columns, steps, scene = _Columns(), made_with.protocol.horizon_steps, 0
-    for part, (name, (_, worlds)) in enumerate(found.items()):
+    for part, (name, (_, worlds)) in enumerate(manifests.items()):
         for world in worlds:
             stored = read_situations(folders[name], world, made_with)
             future = stored.pop("future")
@@ -201,7 +202,7 @@ def _common(formats: Mapping[str, RowFormat]) -> RowFormat:
     for other in others:
         mine, theirs = (formats[name] for name in (first, other))
         for part, size in common:
-            values = [getattr(getattr(own, part), size, None) for own in (mine, theirs)]
+            values = [getattr(getattr(row_format, part), size, None) for row_format in (mine, theirs)]
             if values[0] != values[1]:
                 rule = f"{first} has {values[0]!r}, and one training needs the same"
                 raise ValueRuleError(f"{other}, {size}", values[1], rule)

@@ -188,9 +188,9 @@ def draw_episode(
         return Episode(
             number, tick, start, heading, course, float(lengths[-1]), watching, window, faults, ticks
         )
-    found = ", ".join(f"{count} {why}" for why, count in refused.most_common())
+    reasons = ", ".join(f"{count} {why}" for why, count in refused.most_common())
     rule = f"no way of {low_m:g} to {high_m:g} m of a robot of radius {robot.radius_m:g} m meets anybody"
-    raise ValueRuleError("scene", place.name, f"{rule}. Of {refused.total()} tried: {found}")
+    raise ValueRuleError("scene", place.name, f"{rule}. Of {refused.total()} tried: {reasons}")
 
 
 def _has_room(walls: Walls, start: np.ndarray, goal: np.ndarray, robot: Robot) -> bool:

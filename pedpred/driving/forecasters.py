@@ -123,4 +123,4 @@ def forecaster_of(
     predictor.set_map(occupancy)
     if method in KNOWING:
         return KNOWING[method](predictor, crowd, occupancy)
-    return METHODS.get(method, lambda own: own)(predictor)
+    return METHODS.get(method, lambda network: network)(predictor)

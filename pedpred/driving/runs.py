@@ -30,11 +30,11 @@ class Models:
     """Folders of networks.
 
     Attributes:
-        own: whose tracker and network the named methods use.
+        default: whose tracker and network the named methods use.
         others: networks that are compared with it, by their names in tables.
     """
 
-    own: Path
+    default: Path
     others: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -45,7 +45,7 @@ class Models:
 
     def of(self, method: str) -> Path:
         """Folder that a method depends on."""
-        return self.others.get(method, self.own)
+        return self.others.get(method, self.default)
 
     def conditions(self, methods: Sequence[str], risks: Sequence[float]) -> list[Condition]:
         """Combine all methods and limits of risk; forecasts without covariances get the limit 0 alone."""
@@ -96,14 +96,14 @@ class Runner:
         """
         self.settings, self.places, self._models = settings, places, models
         online = OnlineSettings(detection_noise_m=settings.sensor.noise_m)
-        folders = {folder: None for folder in (models.own, *models.others.values())}
+        folders = {folder: None for folder in (models.default, *models.others.values())}
         self._sums = {folder: checksum(places, settings, folder) for folder in folders}
         self._predictors = {folder: OnlinePredictor.load(folder, online) for folder in folders}
 
     @property
     def predictor(self) -> OnlinePredictor:
         """Of the network that is not compared with."""
-        return self._predictors[self._models.own]
+        return self._predictors[self._models.default]
 
     def rows(self, number: int, wanted: Sequence[Condition]) -> tuple[list[Row], list[float]]:
         """Drive one episode under some conditions.

@@ -92,14 +92,14 @@ def extract_blocks(
     if features is not None:
         around = neighbours_at(tracks, steps.time_s, scene.detection_dt_s * protocol.max_age_intervals)
     for block in track_blocks(steps.track_id, rows):
-        own = steps.select(block)
+        instants = steps.select(block)
         inputs = {}
         if features is not None and around is not None:
             beside = replace(around, span=around.span[block])
-            seen = Surroundings.of(tracks, own.row, own.time_s, beside, scene.occupancy)
+            seen = Surroundings.of(tracks, instants.row, instants.time_s, beside, scene.occupancy)
             computed = features.compute(seen, protocol.dt_s)
             inputs = {name: computed[name] for name in features.columns()}
-        yield replace(_table(tracks, protocol, own, futures), inputs=inputs)
+        yield replace(_table(tracks, protocol, instants, futures), inputs=inputs)
 
 
 def extract_at_detections(

@@ -83,7 +83,7 @@ class FeatureTable:
     @property
     def columns(self) -> dict[str, np.ndarray]:
         """Everything but the inputs, by name."""
-        return {own.name: getattr(self, own.name) for own in fields(self) if own.name != "inputs"}
+        return {column.name: getattr(self, column.name) for column in fields(self) if column.name != "inputs"}
 
     def __len__(self) -> int:
         return len(self.track_id)

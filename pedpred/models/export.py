@@ -52,11 +52,11 @@ class ExportedStep(nn.Module):
 
     def advance(self, *values: Tensor) -> tuple[Tensors, Tensors]:
         """The same, by name; the outputs in the order of `TENSORS`."""
-        given = dict(zip(self.inputs, values, strict=False))
+        channels = dict(zip(self.inputs, values, strict=False))
         state: Tensors = dict(zip(self.memory, values[len(self.inputs) :], strict=True))
-        if "crop" in given and self.encoder is not None:
-            given["grid"] = self.encoder.embedding(given.pop("crop"))
-        outputs, after = self.network.step(given, state)
+        if "crop" in channels and self.encoder is not None:
+            channels["grid"] = self.encoder.embedding(channels.pop("crop"))
+        outputs, after = self.network.step(channels, state)
         answer = self.network.answer(outputs, self.dt_s)
         return {name: answer[name] for name in TENSORS if name in answer}, after
 
@@ -117,11 +117,11 @@ def _check_graph(step: ExportedStep, sizes: list[tuple[int, ...]], sources: list
         expected = step(*map(torch.from_numpy, values))
     try:
         session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
-        found = session.run(None, dict(zip(sources, values, strict=True)))
+        outputs = session.run(None, dict(zip(sources, values, strict=True)))
     except Exception as error:  # onnxruntime documents none
         raise ValueRuleError("graph", path.name, "it fails for other numbers of people") from error
-    for mine, own in zip(found, expected, strict=True):
-        if mine.shape != own.shape or not np.allclose(mine, own.numpy(), rtol=1e-3, atol=1e-4):
+    for mine, tensor in zip(outputs, expected, strict=True):
+        if mine.shape != tensor.shape or not np.allclose(mine, tensor.numpy(), rtol=1e-3, atol=1e-4):
             raise ValueRuleError("graph", path.name, "it is wrong for other numbers of people")
 
 

@@ -93,15 +93,15 @@ class NetworkForecaster:
     ) -> list[Tensors]:
         """The network's inputs at some lists of rows and times; equal crops are encoded once."""
         stored = [request.inputs(self.features, row, time_s) for row, time_s in instants]
-        channels = [self.features.channels(own) for own in stored]
+        channels = [self.features.channels(columns) for columns in stored]
         if self.encoder is not None:
-            crops = np.concatenate([own["occupancy"] for own in stored])
+            crops = np.concatenate([columns["occupancy"] for columns in stored])
             different, index = np.unique(crops, axis=0, return_inverse=True)
             embedded = encode(self.encoder, different)[index.ravel()]
             parts = np.split(embedded, np.cumsum([len(row) for row, _ in instants])[:-1])
-            for own, part in zip(channels, parts, strict=True):
-                own[EMBEDDED] = part
-        return [{name: torch.from_numpy(values) for name, values in own.items()} for own in channels]
+            for columns, part in zip(channels, parts, strict=True):
+                columns[EMBEDDED] = part
+        return [{name: torch.from_numpy(values) for name, values in columns.items()} for columns in channels]
 
 
 def forecaster(network_folder: Path, autoencoder_folder: Path, **choices: bool) -> NetworkForecaster:

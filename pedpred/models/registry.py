@@ -34,10 +34,10 @@ def parse_settings(plain: Mapping[str, Any]) -> NetworkSettings:
         ValueRuleError: the architecture is unknown, or a setting breaks its rule.
     """
     check_mapping("settings", plain)
-    own = dict(plain)
-    name = own.pop("architecture", None)
+    fields = dict(plain)
+    name = fields.pop("architecture", None)
     check_choice("architecture", name, ARCHITECTURES)
-    return ARCHITECTURES[name].parse(own)
+    return ARCHITECTURES[name].parse(fields)
 
 
 def plain_settings(settings: NetworkSettings) -> dict[str, Any]:

@@ -70,10 +70,10 @@ def recall(
     for at in range(0, len(start), _TRACKS_AT_ONCE):
         block = slice(at, at + _TRACKS_AT_ONCE)
         state = network.start(len(start[block]))
-        own = np.flatnonzero((lane >= at) & (lane < block.stop))
+        in_block = np.flatnonzero((lane >= at) & (lane < block.stop))
         for step in range(length[at] + 1):
             going = int((length[block] > step).sum())  # longer tracks come first
-            due = own[before[own] == step]
+            due = in_block[before[in_block] == step]
             between = due[~on_step[due]]
             rows, fresh = torch.from_numpy(start[block][:going] + step), torch.from_numpy(between)
             if not going + len(between):

@@ -123,9 +123,9 @@ def check_cells(width: int, height: int) -> None:
         raise ShapeError("occupied", (width, height), f"[X, Y], not empty, at most {MOST_PIXELS} cells")
 
 
-def _blocked(given: Any) -> np.ndarray:
+def _blocked(values: Any) -> np.ndarray:
     """Cells as bool, after a check that each is clearly blocked or free."""
-    cells = real_numbers("occupied", given, "biuf")
+    cells = real_numbers("occupied", values, "biuf")
     if cells.ndim != 2:
         raise ShapeError("occupied", cells.shape, "[X, Y]")
     check_cells(*cells.shape)

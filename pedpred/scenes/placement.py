@@ -62,9 +62,9 @@ def placement(position: np.ndarray, occupancy: OccupancyMap) -> Placement:
 def checked_placement(scene: Scene) -> Placement:
     """Measure where on its map the detections of a scene are; log a warning where that is implausible."""
     position, ground = scene.trajectories.position, scene.occupancy
-    found = placement(position, ground)
-    if found.worst <= MOST_MISPLACED:
-        return found
+    placed = placement(position, ground)
+    if placed.worst <= MOST_MISPLACED:
+        return placed
     turned = {
         "mirrored in x": replace(ground, occupied=ground.occupied[::-1]),
         "mirrored in y": replace(ground, occupied=ground.occupied[:, ::-1]),
@@ -77,9 +77,9 @@ def checked_placement(scene: Scene) -> Placement:
     _log.warning(
         "%s%s: %s. The map does not lie under the people, and such a map doubles errors silently. Draw both; "
         "origin is the map's lower left corner in metres, the first row of its picture is its largest y.%s",
-        "WRONG MAP? " if found.wrong else "",
+        "WRONG MAP? " if placed.wrong else "",
         scene.name,
-        found,
+        placed,
         hint,
     )
-    return found
+    return placed

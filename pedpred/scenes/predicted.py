@@ -106,11 +106,11 @@ def _convolved(density, body):  # pragma: no cover (compiled)
     """Convolve a density [X, Y] with a body [D, D] that is its own mirror image; it is 0 outside. [X, Y]."""
     width, height = density.shape
     rim = len(body) // 2
-    found = np.zeros((width, height))
+    total = np.zeros((width, height))
     for x in range(width):
         for i in range(max(rim - x, 0), min(len(body), width + rim - x)):
             for j in range(len(body)):
                 share, shift = body[i, j], j - rim
                 for y in range(max(0, -shift), min(height, height - shift)):
-                    found[x, y] += share * density[x + i - rim, y + shift]
-    return found
+                    total[x, y] += share * density[x + i - rim, y + shift]
+    return total

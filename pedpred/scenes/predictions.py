@@ -67,8 +67,8 @@ class Predictions:
         cls, point: np.ndarray, dt_s: float, covariance: np.ndarray | None = None, frame: Frame = "world"
     ) -> Predictions:
         """One mode, the point forecast itself, with the covariance of its positions [W, P, 2, 2]."""
-        own = None if covariance is None else covariance[:, None]
-        return cls(point, point[:, None], np.ones((len(point), 1)), dt_s, own, frame)
+        covariances = None if covariance is None else covariance[:, None]
+        return cls(point, point[:, None], np.ones((len(point), 1)), dt_s, covariances, frame)
 
     @classmethod
     def join(cls, parts: Sequence[Predictions]) -> Predictions:
@@ -78,9 +78,9 @@ class Predictions:
             ShapeError: some parts have covariances, others have none.
         """
         arrays = [part.arrays() for part in parts]
-        if any(own.keys() != arrays[0].keys() for own in arrays):
+        if any(columns.keys() != arrays[0].keys() for columns in arrays):
             raise ShapeError("covariance", (), "all parts or none to have it")
-        joined: dict[str, Any] = {n: np.concatenate([own[n] for own in arrays]) for n in arrays[0]}
+        joined: dict[str, Any] = {n: np.concatenate([columns[n] for columns in arrays]) for n in arrays[0]}
         return replace(parts[0], **joined)
 
     def __len__(self) -> int:
@@ -204,10 +204,10 @@ def _fall_and_sum_to_1(weight: np.ndarray) -> bool:  # pragma: no cover (compile
     """Whether the weights in each row are no less than 0, do not rise and sum to 1. [W, K] -> bool."""
     for row in range(len(weight)):
         before, total = np.inf, 0.0
-        for own in weight[row]:
-            if not 0.0 <= own <= before:
+        for share in weight[row]:
+            if not 0.0 <= share <= before:
                 return False
-            before, total = own, total + own
+            before, total = share, total + share
         if not abs(total - 1.0) <= _SUM_TOLERANCE:
             return False
     return True

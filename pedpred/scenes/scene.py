@@ -48,15 +48,15 @@ class Trajectories:
             value = getattr(self, field.name)
             if value is None:
                 continue
-            given = real_numbers(field.name, value)
+            values = real_numbers(field.name, value)
             shape = (rows, 2) if field.name in _PAIRS else (rows,)
-            if given.shape != shape:
-                raise ShapeError(field.name, given.shape, str(shape))
-            rule, valid = rule_of(field.name, given)
+            if values.shape != shape:
+                raise ShapeError(field.name, values.shape, str(shape))
+            rule, valid = rule_of(field.name, values)
             if not valid.all():
                 row = int(np.argwhere(~valid)[0, 0])
-                raise ValueRuleError(f"{field.name}[{row}]", given[row].tolist(), rule)
-            value = given.astype(np.int64 if field.name in _WHOLE else np.float64)
+                raise ValueRuleError(f"{field.name}[{row}]", values[row].tolist(), rule)
+            value = values.astype(np.int64 if field.name in _WHOLE else np.float64)
             object.__setattr__(self, field.name, value)
         self._sort()
 
@@ -70,8 +70,8 @@ class Trajectories:
         same = (np.diff(self.time_s) == 0) & (np.diff(self.track_id) == 0)
         if same.any():
             row = int(np.flatnonzero(same)[0])
-            found = f"track {self.track_id[row]} at {self.time_s[row]} s"
-            raise ValueRuleError("(track_id, time_s)", found, "it must be unique")
+            detection = f"track {self.track_id[row]} at {self.time_s[row]} s"
+            raise ValueRuleError("(track_id, time_s)", detection, "it must be unique")
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -85,9 +85,9 @@ class Trajectories:
         order = np.lexsort((self.time_s, self.track_id))
         same = np.diff(self.track_id[order]) == 0
         if not same.any():
-            found = f"{len(self)} ids in {len(self)} detections"
+            counts = f"{len(self)} ids in {len(self)} detections"
             rule = "no pedestrian was detected twice; ids must stay with people"
-            raise ValueRuleError("track_id", found, rule)
+            raise ValueRuleError("track_id", counts, rule)
         return float(np.median(np.diff(self.time_s[order])[same]))
 
     def select(self, rows: np.ndarray) -> Trajectories:
@@ -96,17 +96,18 @@ class Trajectories:
         return Trajectories(**{name: value[rows] for name, value in values.items() if value is not None})
 
 
-def rule_of(field: str, given: np.ndarray) -> tuple[str, np.ndarray]:
+def rule_of(field: str, values: np.ndarray) -> tuple[str, np.ndarray]:
     """The rule of a field of `Trajectories`, and which of some values obey it, each one a bool."""
     if field in _WHOLE:
-        valid = given <= _LARGEST_WHOLE
-        if given.dtype.kind not in "iu":
-            valid &= (given >= -_LARGEST_WHOLE) & (given == np.floor(given)) & (given != _LARGEST_WHOLE)
+        valid = values <= _LARGEST_WHOLE
+        if values.dtype.kind not in "iu":
+            valid &= (values >= -_LARGEST_WHOLE) & (values == np.floor(values)) & (values != _LARGEST_WHOLE)
         return "it must be a whole number of 64 bits", valid
     if field == "time_s":
         rule = f"it must be finite, in seconds, less than {LATEST_S:.0f} from 0: convert ms, us or ns to s"
-        return rule, (given > -LATEST_S) & (given < LATEST_S)
-    return f"it must be finite, at most {FARTHEST_M:g} from 0", (given >= -FARTHEST_M) & (given <= FARTHEST_M)
+        return rule, (values > -LATEST_S) & (values < LATEST_S)
+    rule = f"it must be finite, at most {FARTHEST_M:g} from 0"
+    return rule, (values >= -FARTHEST_M) & (values <= FARTHEST_M)
 
 
 @dataclass(frozen=True)

@@ -91,10 +91,10 @@ def arrangements(
     """
     made = rooms(data_set, layouts, clutter)
     people, duration_s = data_set.pedestrians, 3600.0 * data_set.hours / len(made)
-    found = [Arrangement(name, layout, rng, people, duration_s) for name, (layout, rng) in made.items()]
-    for arrangement in found:
+    drawn = [Arrangement(name, layout, rng, people, duration_s) for name, (layout, rng) in made.items()]
+    for arrangement in drawn:
         _check_crowd(arrangement, settings.crowd)
-    return found
+    return drawn
 
 
 def rooms(
@@ -105,16 +105,16 @@ def rooms(
     Raises:
         ValueRuleError: a layout is unknown.
     """
-    found = {}
+    drawn = {}
     for name in data_set.rooms:
         rng = np.random.default_rng([data_set.seed, zlib.crc32(name.encode())])
         if name not in data_set.drawn:
-            found[name] = (draw_cluttered_room(clutter, rng), rng)
+            drawn[name] = (draw_cluttered_room(clutter, rng), rng)
         elif name in layouts:
-            found[name] = (layouts[name], rng)
+            drawn[name] = (layouts[name], rng)
         else:
             raise ValueRuleError("drawn", name, f"there is no such layout; known ones are {sorted(layouts)}")
-    return found
+    return drawn
 
 
 def simulate_arrangement(arrangement: Arrangement, settings: SocialForceSettings) -> Scene:

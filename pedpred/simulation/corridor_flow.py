@@ -154,7 +154,7 @@ def _lanes(trajectories: Trajectories, people: int, settings: FlowSettings) -> d
         x, y = trajectories.position[rows].T
         inside = (low <= x) & (x <= high)
         forward = trajectories.velocity[rows][inside, 0] > 0
-        for found, who in zip(orders, (forward, rng.permutation(forward)), strict=True):
-            found.append(lane_order(y[inside], who, settings.lane_m))
+        for scores, who in zip(orders, (forward, rng.permutation(forward)), strict=True):
+            scores.append(lane_order(y[inside], who, settings.lane_m))
     real, chance = (float(np.nanmean(o)) if not np.isnan(o).all() else float("nan") for o in orders)
     return {"lane_order": real, "lane_order_shuffled": chance}

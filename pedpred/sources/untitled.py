@@ -68,7 +68,7 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     both = Ids(path, COLUMNS[0], _REMEDY), Ids(path, COLUMNS[1], _REMEDY)
     rows = both[1].numbered(both[0].numbered(rows, 0), 1)
     columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), _WRONG)
-    if moves := still.found():
+    if moves := still.moving_column():
         problem = f"without a header, column {_Y + 1} should be y, but it {moves[1]}"
         raise SourceError(
             path, None, problem, f"{_REMEDY}, with any other word for columns that are not used"

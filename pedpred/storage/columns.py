@@ -169,9 +169,9 @@ def read_blocks(
 
 
 def _check(path: Path, schema: pa.Schema, names: Iterable[str], version: int | None) -> None:
-    found = (schema.metadata or {}).get(_VERSION_KEY, b"none").decode()
-    if version is not None and found != str(version):
-        raise StorageError(path, "schema", f"version {found}, expected {version}", _REMEDY)
+    stored = (schema.metadata or {}).get(_VERSION_KEY, b"none").decode()
+    if version is not None and stored != str(version):
+        raise StorageError(path, "schema", f"version {stored}, expected {version}", _REMEDY)
     for name in names:
         if name not in schema.names:
             raise StorageError(path, f"column {name}", "it is missing", _REMEDY)

@@ -118,9 +118,9 @@ def read_shard_blocks(folder: Path, name: str, made_with: RowFormat) -> Iterator
             another type or size; it names file and field.
     """
     for columns in _blocks(folder / f"{name}.parquet", columns_of(made_with)):
-        found = join_pairs(columns)
-        inputs = {own: found.pop(own) for own in made_with.features.columns()}
-        yield FeatureTable(**found, inputs=inputs)
+        table = join_pairs(columns)
+        inputs = {column: table.pop(column) for column in made_with.features.columns()}
+        yield FeatureTable(**table, inputs=inputs)
 
 
 def read_crops(folder: Path, name: str, made_with: RowFormat) -> Iterator[np.ndarray]:

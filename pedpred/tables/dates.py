@@ -61,7 +61,7 @@ class Dates:
         self._orders: tuple[tuple[int, ...], ...] | None = None
         self._open: dict[str, tuple[int, int]] = {}  # date that ends with the year -> first line, place
         self._day_of_row = array("i")
-        self.found = False
+        self.read_dates = False
 
     def in_seconds(self, rows: Iterator[Row]) -> Iterator[Row]:
         """The rows with seconds in the column; where dates end with the year, `with_days` adds the days.
@@ -73,10 +73,10 @@ class Dates:
         at = self._at
         for count, (line, fields) in enumerate(rows):
             if not count:
-                self.found = is_date(fields[at]) or bool(_CLOCK.match(fields[at].strip()))
+                self.read_dates = is_date(fields[at]) or bool(_CLOCK.match(fields[at].strip()))
             yield (
                 line,
-                [*fields[:at], self._seconds(line, fields), *fields[at + 1 :]] if self.found else fields,
+                [*fields[:at], self._seconds(line, fields), *fields[at + 1 :]] if self.read_dates else fields,
             )
 
     def with_days(self, time_s: np.ndarray) -> np.ndarray:

@@ -41,7 +41,7 @@ class Still:
                     self._range[k] = min(least, value), max(most, value)
             yield line, fields
 
-    def found(self) -> tuple[int, str] | None:
+    def moving_column(self) -> tuple[int, str] | None:
         """The column that changes in place of the other one, and how that one does; None: all is well."""
         if not self._changed[self._at]:
             changes = [k for k in self._others if self._changed[k]]

@@ -139,10 +139,10 @@ def _read(
     columns[clock] = dates.with_days(columns[clock])
     units = _units(path, wanted, unit_of_lengths(path, comments, options))
     in_metres(path, columns, units, options)
-    if moves := still.found():
+    if moves := still.moving_column():
         problem = f"{titles[at['y_m']]} {moves[1]}, and {titles[moves[0]]} changes: y looks like a height"
         raise SourceError(path, None, problem, _HEIGHT)
-    units |= {clock: None if dates.found else _said(titles[at[clock]])}
+    units |= {clock: None if dates.read_dates else _said(titles[at[clock]])}
     with translate_errors(lambda problem: SourceError(path, None, problem)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
         if clock != "frame" and options.rate_hz:

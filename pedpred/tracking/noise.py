@@ -47,22 +47,22 @@ class KalmanBank:
             raise ValueRuleError("filters", self.filters, "there must be one at least")
 
     @classmethod
-    def around(cls, own: KalmanSettings, learn_noise: bool = True) -> KalmanBank:
+    def around(cls, tuned: KalmanSettings, learn_noise: bool = True) -> KalmanBank:
         """A model's own filter, and one for each level of noise that streams have if the noise is learned."""
         if not learn_noise:
-            return cls((own,))
-        levels = (KalmanSettings(q, r, own.initial_speed_mps) for q, r in LEVELS)
-        return cls((own, *levels))
+            return cls((tuned,))
+        levels = (KalmanSettings(q, r, tuned.initial_speed_mps) for q, r in LEVELS)
+        return cls((tuned, *levels))
 
     @cached_property
     def acceleration_noise(self) -> np.ndarray:
         """Spectral density q of each filter, m^2/s^3. [H]."""
-        return np.array([own.acceleration_noise for own in self.filters])
+        return np.array([settings.acceleration_noise for settings in self.filters])
 
     @cached_property
     def position_noise_m(self) -> np.ndarray:
         """Standard deviation r of a detection for each filter, m. [H]."""
-        return np.array([own.position_noise_m for own in self.filters])
+        return np.array([settings.position_noise_m for settings in self.filters])
 
     @cached_property
     def shortest_s(self) -> np.ndarray:
@@ -82,11 +82,11 @@ class KalmanBank:
 
     def born(self, detection: np.ndarray) -> Belief:
         """Beliefs after first detections (m, [N, 2]), person by person, of each filter. N x H."""
-        first = [vars(born(detection, own.position_noise_m, own.initial_speed_mps)) for own in self.filters]
+        first = [vars(born(detection, one.position_noise_m, one.initial_speed_mps)) for one in self.filters]
         sizes = {name: values.shape[1] for name, values in first[0].items()}
         return Belief(
             *(
-                np.stack([own[name] for own in first], axis=1).reshape(-1, size)
+                np.stack([belief[name] for belief in first], axis=1).reshape(-1, size)
                 for name, size in sizes.items()
             )
         )

@@ -54,7 +54,7 @@ def references(time_s, age):  # pragma: no cover (compiled)
     Returns:
         [M] int64
     """
-    kept, found = spaced(time_s, age), np.arange(len(time_s))
+    kept, latest_row = spaced(time_s, age), np.arange(len(time_s))
     latest = 0
     for row in range(len(time_s)):
         if age[row] == 0:
@@ -65,5 +65,5 @@ def references(time_s, age):  # pragma: no cover (compiled)
                 break
             if kept[later]:
                 latest = later
-        found[row] = latest
-    return found
+        latest_row[row] = latest
+    return latest_row

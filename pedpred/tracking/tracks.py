@@ -100,8 +100,8 @@ def last_rows(
     asked = np.searchsorted(names, asked_id)
     elapsed = np.clip(asked_s - start + TIME_TOLERANCE_S, -0.5, span)
     row = np.searchsorted(keys, asked * 2 * span + elapsed, side="right") - 1
-    found = (row >= 0) & (track_id[np.maximum(row, 0)] == asked_id)
-    return np.where(found, row, -1)
+    known = (row >= 0) & (track_id[np.maximum(row, 0)] == asked_id)
+    return np.where(known, row, -1)
 
 
 def births(track_id: np.ndarray, time_s: np.ndarray, position: np.ndarray, lost_after_s: float) -> np.ndarray:

@@ -62,10 +62,10 @@ def tune_kalman(trajectories: Trajectories, ahead: int) -> KalmanSettings:
         return KalmanSettings(*np.maximum(np.exp(logarithms), LEAST).tolist())
 
     start = [_START.acceleration_noise, _START.position_noise_m, _START.initial_speed_mps]
-    found = minimize(
+    optimum = minimize(
         lambda x: -log_likelihood(trajectories, settings(x), ahead),
         np.log(start),
         method="Nelder-Mead",
         options={"xatol": 1e-4, "fatol": 1e-9},
     )
-    return settings(found.x)
+    return settings(optimum.x)

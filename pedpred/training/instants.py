@@ -123,7 +123,7 @@ class InstantLearner(Learner):
 
     def batches(self, done: int) -> Iterator[np.ndarray]:
         """Rows of the data, [B] each; those of a step depend on its number alone."""
-        how, own = self.settings, self.context.share(self.settings.rows)
+        how, of_rank = self.settings, self.context.share(self.settings.rows)
         sets = [(rows, how.shares.get(name, 0.0)) for name, rows in self.training.items() if len(rows)]
         share = np.array([share for _, share in sets]) / sum(share for _, share in sets)
         step = done
@@ -131,7 +131,7 @@ class InstantLearner(Learner):
             rng = np.random.default_rng([how.seed, step])
             each = rng.multinomial(how.rows, share)
             drawn = [rows[rng.integers(len(rows), size=n)] for (rows, _), n in zip(sets, each, strict=True)]
-            yield rng.permutation(np.concatenate(drawn))[own]
+            yield rng.permutation(np.concatenate(drawn))[of_rank]
             step += 1
 
     def loss(self, batch: np.ndarray, step: int) -> Loss:

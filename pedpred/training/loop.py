@@ -159,13 +159,13 @@ def train_step(learner: Learner, batch: Any, step: int) -> Tensor:
 def _validate(learner: Learner, progress: Progress, train_loss: float) -> str:
     """Add a row to the curve and keep the weights if they are the best so far; returns the first figure."""
     learner.network.eval()
-    found = learner.validate()
+    figures = learner.validate()
     learner.network.train()
-    if learner.best_by and found[learner.best_by] < progress.lowest(learner.best_by):
+    if learner.best_by and figures[learner.best_by] < progress.lowest(learner.best_by):
         progress.best = {k: v.detach().clone() for k, v in learner.network.state_dict().items()}
     row = {"epoch": len(progress.curve), "step": progress.step, "train_loss": train_loss}
-    progress.curve.append(row | found)
-    return "".join(f"{name} {value:.3f}" for name, value in list(found.items())[:1])
+    progress.curve.append(row | figures)
+    return "".join(f"{name} {value:.3f}" for name, value in list(figures.items())[:1])
 
 
 @contextmanager

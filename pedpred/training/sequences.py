@@ -139,9 +139,9 @@ class SequenceLearner(Learner):
             "validation_<score>" for each of the network's scores.
         """
         names = [f"validation_{name}" for name in self.network.score_names]
-        data, own = self.data, self.validation[self.context.rank :: self.context.size]
+        data, rows_of_rank = self.data, self.validation[self.context.rank :: self.context.size]
         sums = torch.zeros(len(names) + 1, dtype=torch.float64, device=data.future.device)  # and how many
-        for rows, outputs in rolled(self.network, data, own):
+        for rows, outputs in rolled(self.network, data, rows_of_rank):
             known = data.known(rows).all(dim=-1)
             truth = data.future[rows[known]]
             scores = list(self.network.scores(select(outputs, known), truth, data.dt_s).values())

@@ -30,8 +30,8 @@ def load_encoder(folder: Path) -> GridEncoder:
         partial(StorageError, folder / "about.json", "settings", remedy="Train the encoder again")
     ):
         encoder = GridEncoder(int(about["cells"]), about["settings"]["latent"])
-    own = {name.removeprefix(_PREFIX): w for name, w in weights.items() if name.startswith(_PREFIX)}
-    load_weights(encoder, own, folder)
+    of_encoder = {name.removeprefix(_PREFIX): w for name, w in weights.items() if name.startswith(_PREFIX)}
+    load_weights(encoder, of_encoder, folder)
     return encoder
 
 

@@ -184,8 +184,8 @@ class MotionLstm(RecurrentNetwork):
     def clipped_groups(self) -> list[list[nn.Parameter]]:
         """Weights of the mean and of the spread: with one norm, the spread would slow the mean down."""
         spread = [] if self.uncertainty is None else list(self.uncertainty.parameters())
-        own = {id(weight) for weight in spread}
-        return [[weight for weight in self.parameters() if id(weight) not in own], spread]
+        apart = {id(weight) for weight in spread}
+        return [[weight for weight in self.parameters() if id(weight) not in apart], spread]
 
     def take_encoder(self, encoder: GridEncoder) -> None:
         """The encoder's fully connected layer becomes the projection of the grid (paper, III-B.2)."""

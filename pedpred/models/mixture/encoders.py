@@ -46,15 +46,15 @@ def own_signs(history: int) -> list[float]:
     return [1.0, -1.0, *[1.0, -1.0, 1.0] * past, 1.0, -1.0, *[1.0] * (past + 5)]
 
 
-def motion_known(own: Tensor) -> Tensor:
+def motion_known(motion_inputs: Tensor) -> Tensor:
     """How far a person's motion, and with it the heading, is known: 0 without any, 1 above 1 cm/s. [N, 1].
 
     Args:
-        own: of `own_motion`.
+        motion_inputs: of `own_motion`.
     """
-    past = (own.shape[-1] - 9) // (PAST + 1)
+    past = (motion_inputs.shape[-1] - 9) // (PAST + 1)
     motion = [1.0, 1.0, *[1.0, 1.0, 0.0] * past, 2.0, 2.0, *[0.0] * (past + 5)]  # (m/s or m) per number
-    size = (own.abs() * own.new_tensor(motion)).amax(dim=-1, keepdim=True)
+    size = (motion_inputs.abs() * motion_inputs.new_tensor(motion)).amax(dim=-1, keepdim=True)
     return size / (size + _STIRS)
 
 
@@ -65,19 +65,19 @@ class NeighbourEncoder(nn.Module):
         units: of the result.
     """
 
-    def __init__(self, own: int, width: int, units: int, sides: int):
+    def __init__(self, observer: int, width: int, units: int, sides: int):
         super().__init__()
         self.units, self.crowd, self.wide = 2 * units, width // NEIGHBOUR, sides * units
         self.first = MirroredLinear([1.0, -1.0] * 3 + [1.0] * 4, units, sides)
-        self.second, self.observer = nn.Linear(units, units), nn.Linear(own, units)
+        self.second, self.observer = nn.Linear(units, units), nn.Linear(observer, units)
 
-    def forward(self, neighbours: Tensor, state: Tensor, own: Tensor) -> Tensor:
+    def forward(self, neighbours: Tensor, state: Tensor, encoded_motion: Tensor) -> Tensor:
         """Encode everybody around some observers.
 
         Args:
             neighbours: see `pedpred.models.mixture.features.nearest`. [N, K * NEIGHBOUR]
             state: the observers' velocities, agent frame, m/s. [N, 2]
-            own: the observers' encoded motion, from each side. [N * sides, own]
+            encoded_motion: of the observers, from each side. [N * sides, observer]
 
         Returns:
             [N * sides, units]
@@ -87,7 +87,7 @@ class NeighbourEncoder(nn.Module):
         sx, sy = state[:, :1], state[:, 1:]
         facts = torch.stack(_facts(x, y, vx, vy, vx - sx, vy - sy), dim=-1)
         each = facts.reshape(-1, self.first.in_features) @ self.first.both.T
-        observer = self.observer(own) + self.first.bias
+        observer = self.observer(encoded_motion) + self.first.bias
         hidden = torch.relu(each.reshape(-1, crowd, wide) + observer.reshape(-1, 1, wide))
         each = torch.relu(self.second(hidden.reshape(-1, units)))
         each = weight[..., None] * each.reshape(-1, crowd, wide)

@@ -147,9 +147,9 @@ class MixtureNetwork(RecurrentNetwork):
         """Forecast some people; see `RecurrentNetwork.step`."""
         modes, steps = self.settings.modes, self.horizon_steps
         seen = {n: torch.zeros_like(v) if n in self.settings.unread else v for n, v in inputs.items()}
-        own = own_motion(seen)
-        known = motion_known(own)
-        velocities, paths, weight, spread = self._heads(self._look(seen, own, known))
+        motion = own_motion(seen)
+        known = motion_known(motion)
+        velocities, paths, weight, spread = self._heads(self._look(seen, motion, known))
         now, known = seen["state"][:, None].expand(-1, steps, -1), known[..., None]
         a, c, k = spread.reshape(-1, modes, steps, 3).unbind(-1)
         wide, longer = 0.5 * (a + c), 0.5 * known * (a - c)  # without a heading, as wide in each direction
@@ -161,14 +161,14 @@ class MixtureNetwork(RecurrentNetwork):
             "prior": now,
         }, {}
 
-    def _look(self, inputs: Mapping[str, Tensor], own: Tensor, known: Tensor) -> Tensor:
+    def _look(self, inputs: Mapping[str, Tensor], motion: Tensor, known: Tensor) -> Tensor:
         """Everything that is seen, from each side. [N * sides, units]."""
-        own = self.own(own)
-        around = self.neighbours(inputs["neighbours"], inputs["state"], own)
+        motion = self.own(motion)
+        around = self.neighbours(inputs["neighbours"], inputs["state"], motion)
         surroundings = torch.cat([around, self.beams(inputs["beams"])], dim=-1)
         known = torch.cat([known] * self.sides, dim=-1).reshape(-1, 1)
         first, *others = self.layers
-        fused = torch.relu(first(torch.cat([own, known * surroundings], dim=-1)))
+        fused = torch.relu(first(torch.cat([motion, known * surroundings], dim=-1)))
         for layer in others:
             fused = fused + torch.relu(layer(fused))
         return fused
@@ -176,11 +176,11 @@ class MixtureNetwork(RecurrentNetwork):
     def _heads(self, fused: Tensor) -> tuple[Tensor, ...]:
         """The output of each head, turned back from the mirror. [N, sides, ...] each."""
         weight, bias = (
-            torch.cat([self.heads.get_parameter(f"{name}.{own}") for name in self.heads])
-            for own in ("weight", "bias")
+            torch.cat([self.heads.get_parameter(f"{name}.{kind}") for name in self.heads])
+            for kind in ("weight", "bias")
         )
-        found = linear(fused, weight, bias).float().reshape(-1, self.sides, len(bias))
-        return (found * found.new_tensor(self.signs)).split(self.sizes, dim=-1)
+        outputs = linear(fused, weight, bias).float().reshape(-1, self.sides, len(bias))
+        return (outputs * outputs.new_tensor(self.signs)).split(self.sizes, dim=-1)
 
     def loss(self, outputs: Tensors, future: Tensor, known: Tensor, dt_s: float) -> Loss:
         """Mean distance of the point forecast and of the closest mode, and two negative log likelihoods.

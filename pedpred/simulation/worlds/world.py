@@ -76,8 +76,8 @@ def draw_visited_world(
     Returns:
         The map, and all that does not change while people walk.
     """
-    own = getattr(settings, kind)
-    floor, visitors, whole_map, closed_m = _SET_UP[kind](own, settings.warm_up_s + own.duration_s, rng)
+    ranges = getattr(settings, kind)
+    floor, visitors, whole_map, closed_m = _SET_UP[kind](ranges, settings.warm_up_s + ranges.duration_s, rng)
     occupied = ~floor.free if whole_map else show_on_map(floor.free, rng)
     if closed_m > 0:
         occupied = close_openings(occupied, closed_m)
@@ -90,14 +90,14 @@ def draw_visited_world(
 
 
 def _simulate_visitors(
-    kind: str, own: Any, settings: WorldSettings, name: str, rng: np.random.Generator
+    kind: str, ranges: Any, settings: WorldSettings, name: str, rng: np.random.Generator
 ) -> Scene:
     occupancy, world = draw_visited_world(kind, settings, rng)
-    return Scene(name, record_walking(world, settings.warm_up_s, own.duration_s, rng), occupancy, RECORD_S)
+    return Scene(name, record_walking(world, settings.warm_up_s, ranges.duration_s, rng), occupancy, RECORD_S)
 
 
-def _simulate_lone(own: LoneSettings, _: WorldSettings, name: str, rng: np.random.Generator) -> Scene:
-    return simulate_lone_people(own, RECORD_S, name, rng)
+def _simulate_lone(ranges: LoneSettings, _: WorldSettings, name: str, rng: np.random.Generator) -> Scene:
+    return simulate_lone_people(ranges, RECORD_S, name, rng)
 
 
 def draw_routes(

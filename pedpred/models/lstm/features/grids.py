@@ -53,7 +53,7 @@ def _crop(flat, shape, start, heading_rad, centers, step, crops):  # pragma: no 
     cells = len(centers)
     for q in range(len(start)):
         cos, sin = math.cos(heading_rad[q]) * step, math.sin(heading_rad[q]) * step
-        found = np.empty(cells * cells, np.uint8)
+        occupied = np.empty(cells * cells, np.uint8)
         index = np.empty(cells, np.int32)
         for i in range(cells):
             row_x = start[q, 0] + cos * centers[i]
@@ -64,8 +64,8 @@ def _crop(flat, shape, start, heading_rad, centers, step, crops):  # pragma: no 
                 inside = (x >= 0.0) & (x < size_x) & (y >= 0.0) & (y < size_y)
                 index[j] = np.int32(x * size_y + y if inside else -1.0)
             for j in range(cells):
-                found[i * cells + j] = index[j] >= 0 and flat[index[j]]
-        words = found.view(np.uint64)
+                occupied[i * cells + j] = index[j] >= 0 and flat[index[j]]
+        words = occupied.view(np.uint64)
         for k in range(len(words)):  # number by number: assigning arrays takes seconds to compile
             crops[q, k] = np.uint8((words[k] * _GATHER_BITS) >> np.uint64(56))
 

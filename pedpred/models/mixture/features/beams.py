@@ -31,19 +31,19 @@ def obstacle_distances(
         Distances, m; 0 inside an obstacle. [Q, B] float32
     """
     start = (np.asarray(position, np.float64) - occupancy.origin) / occupancy.resolution_m
-    found = np.empty((len(start), beams), np.float32)
+    distance = np.empty((len(start), beams), np.float32)
     turns = 2.0 * math.pi * np.arange(beams) / beams
     shape, cells = occupancy.occupied.shape, occupancy.occupied.ravel()
     cells.flags.writeable = False  # of this view alone: whoever owns the map, one type is compiled
     heading_rad = np.asarray(heading_rad, np.float64)
-    _cast(cells, shape, start, heading_rad, turns, range_m / occupancy.resolution_m, found)
-    found *= np.float32(occupancy.resolution_m)
-    return np.minimum(found, np.float32(range_m))
+    _cast(cells, shape, start, heading_rad, turns, range_m / occupancy.resolution_m, distance)
+    distance *= np.float32(occupancy.resolution_m)
+    return np.minimum(distance, np.float32(range_m))
 
 
 @compiled
-def _cast(cells, shape, start, heading_rad, turns, reach, found):  # pragma: no cover (compiled)
-    """Lengths are in cells. Writes into `found`."""
+def _cast(cells, shape, start, heading_rad, turns, reach, distance):  # pragma: no cover (compiled)
+    """Lengths are in cells. Writes into `distance`."""
     for q in range(len(start)):
         x, y = start[q, 0], start[q, 1]
         for b in range(len(turns)):
@@ -53,13 +53,13 @@ def _cast(cells, shape, start, heading_rad, turns, reach, found):  # pragma: no 
             from_y, to_y = _above(y, way_y, shape[1], reach)
             enter, leave = max(from_x, from_y), min(to_x, to_y)
             if enter >= leave:
-                found[q, b] = reach
+                distance[q, b] = reach
             elif abs(way_x) >= abs(way_y):
-                found[q, b] = _walk(
+                distance[q, b] = _walk(
                     cells, x, way_x, shape[0], shape[1], y, way_y, shape[1], 1, enter, leave, reach
                 )
             else:
-                found[q, b] = _walk(
+                distance[q, b] = _walk(
                     cells, y, way_y, shape[1], 1, x, way_x, shape[0], shape[1], enter, leave, reach
                 )
 

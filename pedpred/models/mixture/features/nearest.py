@@ -44,41 +44,50 @@ def nearest_neighbours(
     Returns:
         Agent frame; zeros behind the last neighbour. [Q, N, NEIGHBOUR] float32
     """
-    found = np.zeros((len(position), count, NEIGHBOUR), np.float32)
+    neighbours = np.zeros((len(position), count, NEIGHBOUR), np.float32)
     _collect(
-        position, heading_rad, crowd, crowd_velocity, crowd_track, own_track, crowd_span, max_range_m, found
+        position,
+        heading_rad,
+        crowd,
+        crowd_velocity,
+        crowd_track,
+        own_track,
+        crowd_span,
+        max_range_m,
+        neighbours,
     )
-    return found
+    return neighbours
 
 
 @compiled
 def _collect(
-    position, heading_rad, crowd, crowd_velocity, crowd_track, own_track, crowd_span, range_m, found
+    position, heading_rad, crowd, crowd_velocity, crowd_track, own_track, crowd_span, range_m, neighbours
 ):  # pragma: no cover (compiled)
-    """Insertion into a short sorted list per observer. Writes into `found`."""
-    count = found.shape[1]
+    """Insertion into a short sorted list per observer. Writes into `neighbours`."""
+    count = neighbours.shape[1]
     for q in range(len(position)):
         square, who, taken = np.empty(count), np.empty(count, np.int64), 0
         for c in range(crowd_span[q, 0], crowd_span[q, 1]):
             dx, dy = crowd[c, 0] - position[q, 0], crowd[c, 1] - position[q, 1]
-            own = dx * dx + dy * dy
-            if crowd_track[c] == own_track[q] or own >= range_m * range_m:
+            square_m2 = dx * dx + dy * dy
+            if crowd_track[c] == own_track[q] or square_m2 >= range_m * range_m:
                 continue
             at = taken
             while at > 0 and (
-                square[at - 1] > own or (square[at - 1] == own and crowd_track[who[at - 1]] > crowd_track[c])
+                square[at - 1] > square_m2
+                or (square[at - 1] == square_m2 and crowd_track[who[at - 1]] > crowd_track[c])
             ):
                 at -= 1
             if at == count:
                 continue
             for k in range(min(taken, count - 1), at, -1):
                 square[k], who[k] = square[k - 1], who[k - 1]
-            square[at], who[at] = own, c
+            square[at], who[at] = square_m2, c
             taken = min(taken + 1, count)
         cos, sin = math.cos(heading_rad[q]), math.sin(heading_rad[q])
         for k in range(taken):
             dx, dy = crowd[who[k], 0] - position[q, 0], crowd[who[k], 1] - position[q, 1]
             vx, vy = crowd_velocity[who[k], 0], crowd_velocity[who[k], 1]
-            found[q, k, 0], found[q, k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
-            found[q, k, 2], found[q, k, 3] = cos * vx + sin * vy, cos * vy - sin * vx
-            found[q, k, 4] = min((range_m - math.sqrt(square[k])) / FADE_M, 1.0)
+            neighbours[q, k, 0], neighbours[q, k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
+            neighbours[q, k, 2], neighbours[q, k, 3] = cos * vx + sin * vy, cos * vy - sin * vx
+            neighbours[q, k, 4] = min((range_m - math.sqrt(square[k])) / FADE_M, 1.0)
