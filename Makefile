@@ -20,7 +20,7 @@ setup: $(VENV)/.installed ## create .venv and install everything (once, and agai
 
 $(VENV)/.installed: pyproject.toml $(CONSTRAINTS)
 	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable '.[train,dev,docs]'
+	$(VENV)/bin/python -m pip install --quiet --no-compile --constraint $(CONSTRAINTS) --editable '.[train,dev,docs]'
 	@touch $@
 
 params: setup ## write params.yaml from conf/
