@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from pedpred.features import Surroundings, neighbours_at
 from pedpred.features.perception import parsed_kalman
@@ -274,6 +273,8 @@ def refine(scene: Scene, dt_s: float) -> Scene:
     """
     if abs(scene.detection_dt_s - dt_s) < 1e-9:
         return scene
+    from scipy.interpolate import CubicHermiteSpline  # late: takes longer to import than all else here
+
     known = scene.trajectories
     assert known.velocity is not None
     order = np.lexsort((known.time_s, known.track_id))

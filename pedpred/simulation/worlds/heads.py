@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import lfilter
 
 from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.worlds.drawing import check_intervals
@@ -67,6 +66,8 @@ def move_to_heads(scene: Scene, sway: Sway, rng: np.random.Generator) -> Scene:
 
 def _offsets(velocity: np.ndarray, sway: Sway, dt_s: float, rng: np.random.Generator) -> np.ndarray:
     """Offset of one person's head over time, m. [T, 2]."""
+    from scipy.signal import lfilter  # late: takes longer to import than all else here
+
     speed = uniform_filter1d(np.linalg.norm(velocity, axis=1), _SPEED_ROWS, mode="nearest")
     direction = uniform_filter1d(velocity, _DIRECTION_ROWS, axis=0, mode="nearest")
     direction /= np.linalg.norm(direction, axis=1, keepdims=True) + 0.05
