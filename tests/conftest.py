@@ -12,6 +12,7 @@ from hypothesis import settings
 settings.register_profile("pedpred", deadline=None, derandomize=True)
 settings.load_profile("pedpred")
 torch.set_num_threads(1)  # the networks of the tests are too small to share
+os.environ.setdefault("PEDPRED_JOBS", "1")  # and their sets smaller than what a worker takes to start
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -50,6 +50,7 @@ NOT_RUN = {
     "python -m stages.simulate +name=sim_test": "needs the layout on its page; test_layouts.py simulates it",
     "pedpred info build/rooms": "likewise",
     "torchrun": "needs the features of a run; test_processes.py trains with two processes",
+    "pedpred warm-up": "compiles for long; test_package.py runs it, and test_warm_up.py what it leaves",
     "pedpred drive": "drives for minutes; test_driving_command.py drives a few episodes",
     "python -m benchmarks": "measures for minutes, and for nothing beside other tests",
 }
@@ -92,7 +93,7 @@ COMMANDS = list(commands())
 def one_point(override):
     """The first point of a queued sweep `key=value,value`; other overrides stay, such as lists."""
     key, _, values = override.partition("=")
-    return override if values[:1] in ("[", "{") else f"{key}={values.split(',')[0]}"
+    return f"{key}={values.split(',')[0]}" if values[:1].isalnum() else override
 
 
 def begins(words, starts):

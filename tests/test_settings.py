@@ -2,13 +2,16 @@
 
 import copy
 import math
+import re
 import subprocess
 import sys
 
 import pytest
 import yaml
+from omegaconf import OmegaConf
 
 from pedpred.errors import PedpredError
+from stages import features, pretrain_autoencoder, train
 from stages.config import PARTS, check_parts
 from tests.conftest import ROOT
 
@@ -152,20 +155,26 @@ def test_an_unknown_part_is_refused():
 
 
 STAGES = [
-    ("train +phase=corridor +name=lstm", "training.corridor", "steps", -5),
-    ("train +phase=situations +name=mixture", "training.situations", "seed", -1),
-    ("pretrain_autoencoder", "autoencoder", "clip_norm", 0),
-    ("simulate +name=corridor", "simulations.corridor", "hours", "abc"),
-    ("features +kind=real +name=eth", "features.lstm", "grid_cells", 61),
+    (train, {"phase": "corridor", "name": "lstm"}, "training.corridor", "steps", -5),
+    (train, {"phase": "situations", "name": "mixture"}, "training.situations", "seed", -1),
+    (pretrain_autoencoder, {}, "autoencoder", "clip_norm", 0),
+    (features, {"kind": "real", "name": "eth"}, "features.lstm", "grid_cells", 61),
 ]
 
 
-@pytest.mark.parametrize(("stage", "part", "key", "value"), STAGES)
-def test_a_stage_ends_with_the_key_of_a_value_outside_its_range(stage, part, key, value, tmp_path):
-    name, *arguments = stage.split()
-    outputs = [f"+out={tmp_path / 'out'}", f"+curve={tmp_path / 'curve.tsv'}", f"{part}.{key}={value}"]
-    command = [sys.executable, "-m", f"stages.{name}", *arguments, "scale=smoke", *outputs]
+@pytest.mark.parametrize(("stage", "arguments", "part", "key", "value"), STAGES)
+def test_a_stage_refuses_a_value_outside_its_range_by_its_key(stage, arguments, part, key, value, tmp_path):
+    cfg = OmegaConf.create(PARAMS | arguments | {"out": f"{tmp_path}/out", "curve": f"{tmp_path}/curve.tsv"})
+    OmegaConf.update(cfg, f"{part}.{key}", value)
+    with pytest.raises(PedpredError, match=re.escape(f"configuration key '{part}.{key}' = {value}")):
+        stage.main.__wrapped__(cfg)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_stage_ends_with_the_key_of_a_value_outside_its_range(tmp_path):
+    key, arguments = "simulations.corridor.hours", ["+name=corridor", f"+out={tmp_path / 'out'}"]
+    command = [sys.executable, "-m", "stages.simulate", *arguments, f"{key}=abc"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert done.stderr.startswith(f"ConfigError: configuration key '{part}.{key}' = ")
+    assert done.stderr.startswith(f"ConfigError: configuration key '{key}' = ")
     assert list(tmp_path.iterdir()) == []
