@@ -1,5 +1,7 @@
 """One change makes stale what it changes, in the pipeline's own graph."""
 
+import re
+
 import pytest
 
 from pedpred.config import read_params
@@ -100,6 +102,12 @@ def test_forces_fitted_to_real_people_change_no_simulation_and_no_training(graph
 
 def test_every_family_belongs_to_one_model_or_to_all(graph):
     assert {family(stage.name) for stage in graph} == ALL
+
+
+def test_no_result_is_recorded_of_a_stage_that_is_gone(graph):
+    """`python -m tools.mend_lock` drops what DVC keeps, and reads and writes after every stage."""
+    recorded = re.findall(r"(?m)^  (\S.*):$", (ROOT / "dvc.lock").read_text())
+    assert set(recorded) <= {stage.name for stage in graph}
 
 
 def test_a_change_that_nothing_reads_is_refused(graph):
