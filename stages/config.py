@@ -47,6 +47,7 @@ from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages.drive import trials_of
 from stages.features import features_of, kalman_of, protocol_of
 from stages.literature import comparison_of
+from stages.simulate import LAYOUTS, read_layouts
 from stages.train import PHASES, settings_of
 from stages.train_far import GROUPS, phase_of
 from stages.validate_simulation import flow_of
@@ -95,7 +96,7 @@ def _use(cfg: Params, key: str, use: SetUse) -> None:
 
 def _simulation(cfg: Params, name: str) -> None:
     simulation = part(cfg, "simulations", name)
-    _names(f"simulations.{name}.drawn", SimulationSettings.parse(simulation).drawn, cfg["layouts"])
+    _names(f"simulations.{name}.drawn", SimulationSettings.parse(simulation).drawn, layout_names())
     _use(cfg, f"simulations.{name}", parsed_together([SimulationSettings, SetUse], simulation)[1])
 
 
@@ -140,9 +141,19 @@ def _online(cfg: Params) -> None:
         _names(f"online.promises.{name}.method", [promise.method], _keys(cfg))
 
 
-def _layouts(cfg: Params) -> None:
+def layout_names() -> list[str]:
+    """Names of the drawn rooms."""
+    return sorted(file.stem for file in LAYOUTS.glob("*.yaml"))
+
+
+def check_layouts(layouts: Params) -> None:
+    """Make drawn rooms of what is written of them.
+
+    Raises:
+        ConfigError: a name is unknown, or a value breaks its rule; it names the key.
+    """
     with configured("layouts"):
-        for name, layout in part(cfg, "layouts").items():
+        for name, layout in layouts.items():
             layout_from(layout, name)
 
 
@@ -256,7 +267,6 @@ PARTS: dict[str, Check] = {
     "folds": _each("folds", _fold),
     "methods": _methods,
     "online": _online,
-    "layouts": _layouts,
     "clutter": _whole("clutter", ClutterSettings),
     "worlds": _whole("worlds", WorldSettings),
     "sensing": _whole("sensing", SensingSettings),
@@ -290,9 +300,10 @@ def check_parts(cfg: Params) -> None:
 
 
 def main() -> None:
-    """Check params.yaml and write data/config.checked."""
+    """Check params.yaml and the drawn rooms, and write data/config.checked."""
     with config_errors():
         check_parts(plain(read_params(Path())))
+        check_layouts(read_layouts(layout_names()))
     config.main(["--check", "--stamp", "data/config.checked"])
 
 

@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, row, stage, stage_key
+from pedpred.errors import ConfigError
 from pedpred.fields import parsed
+from pedpred.files import read_yaml
 from pedpred.simulation.arrangements import Arrangement, arrangements, parse_layouts, simulate_arrangement
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.settings import SimulationSettings, SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import write_scene
 from pedpred.workers import in_parallel
+
+LAYOUTS = Path(__file__).resolve().parents[1] / "conf/layouts"
+"""Drawn rooms, a file each, which are no parameters: a room is another one or it is not."""
+
+
+def read_layouts(names: Iterable[str]) -> dict[str, Any]:
+    """Read drawn rooms as they are written, by name; names without a file are left out."""
+    files = {name: LAYOUTS / f"{name}.yaml" for name in names}
+    return {
+        name: read_yaml(file, partial(ConfigError, f"layouts.{name}", str(file)))
+        for name, file in files.items()
+        if file.exists()
+    }
 
 
 def simulate_into(out: Path, arrangement: Arrangement, settings: SocialForceSettings) -> None:
@@ -33,7 +51,7 @@ def main(cfg: DictConfig) -> None:
     with configured(f"simulations.{key}"):
         data_set = SimulationSettings.parse(simulation)
     with configured("layouts"):
-        layouts = parse_layouts(plain(cfg.layouts), data_set.drawn, settings)
+        layouts = parse_layouts(read_layouts(data_set.drawn), data_set.drawn, settings)
     with configured(f"simulations.{key}"):
         todo = arrangements(data_set, layouts, clutter, settings)
     tasks = [(out, arrangement, settings) for arrangement in todo]

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +17,7 @@ from pedpred.simulation.clutter import ClutterSettings, draw_cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
 from pedpred.simulation.layouts import Layout, draw_targets
 from pedpred.simulation.shapes import Circle, Door, Polygon, Rectangle, Wall, shape_from
+from stages import simulate
 from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, asked, drawn, scene_of, short
 
 SHAPE_EXAMPLES = {
@@ -125,18 +125,15 @@ def test_a_room_depends_on_its_generator_state_only():
     np.testing.assert_array_equal(first[0].occupied, again[0].occupied)
 
 
-def test_a_layout_of_ones_own_is_a_file_a_line_and_a_command(tmp_path):
+def test_a_layout_of_ones_own_is_a_file_and_a_command(tmp_path, monkeypatch):
     page = (CONF.parent / "docs/layouts.md").read_text().partition("## The simulated people")[0]
-    layout, line, commands = re.findall(r"```(?:yaml|sh)\n(.*?)```", page, re.DOTALL)
-    shutil.copytree(CONF, tmp_path / "conf")
-    (tmp_path / "conf/layouts/kitchen.yaml").write_text(layout)
-    defaults = tmp_path / "conf/config.yaml"
-    beside = "  - layouts@layouts.office: office\n"
-    assert beside in defaults.read_text()
-    defaults.write_text(defaults.read_text().replace(beside, beside + line))
-    simulate, info = (shlex.split(command) for command in commands.splitlines())
-    cfg = yaml.safe_load(composed(tmp_path / "conf", simulate[3:]))
-    (todo,) = asked(cfg["simulations"][cfg["name"]], cfg["layouts"])
+    layout, commands = re.findall(r"```(?:yaml|sh)\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "kitchen.yaml").write_text(layout)
+    monkeypatch.setattr(simulate, "LAYOUTS", tmp_path)
+    command, info = (shlex.split(line) for line in commands.splitlines())
+    cfg = yaml.safe_load(composed(CONF, command[3:]))
+    row = cfg["simulations"][cfg["name"]]
+    (todo,) = asked(row, simulate.read_layouts(row["drawn"]))
     assert f"{cfg['out']}/{todo.name}" == info[-1]
     scene = scene_of(replace(todo, duration_s=6.0))
     assert len(scene.trajectories) == 20 * 20

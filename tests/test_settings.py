@@ -10,12 +10,16 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
+from pedpred.config import part
 from pedpred.errors import PedpredError
 from stages import features, pretrain_autoencoder, train
-from stages.config import PARTS, check_parts
+from stages.config import PARTS, check_layouts, check_parts, layout_names
+from stages.simulate import read_layouts
 from tests.conftest import ROOT
 
-PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
+LAYOUTS = read_layouts(layout_names())
+PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text()) | {"layouts": LAYOUTS}
+CHECKS = PARTS | {"layouts": lambda cfg: check_layouts(part(cfg, "layouts"))}
 ROWS = ("mirrors", "trackers", "sensors", "social_forces", "simulations", "places", "folds", "layouts")
 BASES = {base for name in ROWS for row in PARAMS[name].values() if (base := row.get("base"))}
 FREE = (  # names that are chosen freely, or that other parts of the configuration choose
@@ -69,7 +73,7 @@ def refused(name, path, new):
     if name in ROWS and path and isinstance(own, dict):
         own = {key: row for key, row in own.items() if key == path[0] or key in BASES}
     try:
-        PARTS[name](PARAMS | {name: own})
+        CHECKS[name](PARAMS | {name: own})
     except PedpredError as error:
         return str(error)
     return None
@@ -95,7 +99,7 @@ def wrong_values(value):
     return (1, "x", True, None, [1])
 
 
-@pytest.mark.parametrize("name", PARTS)
+@pytest.mark.parametrize("name", CHECKS)
 def test_a_value_of_another_kind_is_refused_by_its_key(name):
     missed = []
     for path, value in nodes(PARAMS[name]):
@@ -106,7 +110,7 @@ def test_a_value_of_another_kind_is_refused_by_its_key(name):
     assert missed == []
 
 
-@pytest.mark.parametrize("name", PARTS)
+@pytest.mark.parametrize("name", CHECKS)
 def test_a_number_is_in_its_range_or_refused_by_its_key(name):
     missed = []
     for path, value in nodes(PARAMS[name]):
@@ -136,7 +140,7 @@ def test_a_range_that_falls_or_is_empty_is_refused_by_its_key(name):
                 assert worded((name, *path))[-1] in (refused(name, path, wrong) or ""), (path, wrong)
 
 
-@pytest.mark.parametrize("name", PARTS)
+@pytest.mark.parametrize("name", CHECKS)
 def test_an_unknown_name_is_refused(name):
     missed = []
     for path, value in nodes(PARAMS[name]):
@@ -149,9 +153,10 @@ def test_an_unknown_name_is_refused(name):
 
 
 def test_an_unknown_part_is_refused():
-    check_parts(PARAMS)
+    params = {name: PARAMS[name] for name in PARTS}
+    check_parts(params)
     with pytest.raises(PedpredError, match="magic"):
-        check_parts(PARAMS | {"magic": 1})
+        check_parts(params | {"magic": 1})
 
 
 STAGES = [

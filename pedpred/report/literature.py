@@ -123,7 +123,7 @@ def _quoted(published: Sequence[Published], samples: int) -> list[Row]:
             errors[MEAN] = np.mean([errors[scene] for scene in SCENES], axis=0)
         pairs = [errors.get(key, (None, None)) for key in (MEAN, *SCENES)]
         cells = [Cell(NOTHING if error is None else f"{error:.2f}") for pair in pairs for error in pair]
-        rows.append(Row([Cell(row["name"], remark=row["remark"]), *cells]))
+        rows.append(Row([Cell(row["name"], remark=row.get("remark", "")), *cells]))
     return rows
 
 

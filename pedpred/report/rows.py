@@ -117,7 +117,7 @@ class PublishedRow:
     name: str
     samples: int
     errors_m: Mapping[str, Range]
-    remark: str
+    remark: str = ""
 
     def __post_init__(self) -> None:
         check_ranges(self, {"errors_m": "(0, 1000]", "samples": "[1, 1000]"})
