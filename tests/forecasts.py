@@ -28,7 +28,7 @@ def request_about(scene, table, rows=None, **given):
 
 def learned(predictions, person, time_s, detection, seen, *how, **named):
     """Forecasts of many instants at once with regions that learn, see `learn_regions`."""
-    return next(learn_regions([(predictions, person, time_s, detection, seen)], *how, **named))
+    return next(learn_regions([(predictions, person, time_s, detection, seen)], *how, **named))[0]
 
 
 def metric_scene(windows, occupancy=None, **given):

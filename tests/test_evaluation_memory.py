@@ -93,7 +93,7 @@ def test_regions_learn_alike_from_parts(size, seed):
     cuts = range(0, 90, 3 * size)
     rows = [np.arange(cut, min(cut + 3 * size, 90)) for cut in cuts]
     parts = [(given_.select(r), who[r], time_s[r], here[r], np.ones(len(r), bool)) for r in rows]
-    joined = Predictions.join(list(learn_regions(parts)))
+    joined = Predictions.join([part[0] for part in learn_regions(parts)])
     np.testing.assert_array_equal(joined.covariance, whole.covariance)
 
 

@@ -30,7 +30,7 @@ class MetricSettings:
 
     Attributes:
         together: networks choose the modes of people who are present together.
-        learning: networks learn the size of their regions from earlier forecasts at the same place.
+        learning: networks without memory learn from earlier forecasts at the same place.
         moving_mps: slower people count as standing.
         collision_m: people forecast nearer than this at the same step collide.
         miss_m: a forecast whose last position is farther off than this is a miss.

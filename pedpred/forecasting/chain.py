@@ -1,6 +1,7 @@
 """From what a network says of each person alone to forecasts: the same for replays, batches and robots.
 
-In this order: world frame; people who are forecast together choose their modes together
+In this order: world frame; paths move towards straight lines as far as earlier forecasts of the network were
+worse than these (`pedpred.forecasting.trust`); people who are forecast together choose their modes together
 (`pedpred.forecasting.selection`); regions of probability are scaled by what was learned from earlier
 forecasts (`pedpred.forecasting.regions`). A robot then shortens the forecasts of people who have just
 appeared (`pedpred.online.caution`).
@@ -15,9 +16,11 @@ from itertools import pairwise
 import numpy as np
 
 from pedpred.features import ModelFeatures
-from pedpred.forecasting.regions import Instants, Regions, learn_regions
+from pedpred.forecasting.instants import Instants
+from pedpred.forecasting.regions import Regions, learn_regions
 from pedpred.forecasting.request import ForecastRequest
 from pedpred.forecasting.selection import choose_modes
+from pedpred.forecasting.trust import Trust, learn_trust
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
@@ -33,7 +36,7 @@ class Chain:
 
     Attributes:
         together: people choose their modes together.
-        learning: regions learn from earlier forecasts.
+        learning: trust in the network and regions learn from earlier forecasts.
         noise_m: standard deviation of a detection's coordinate, see `Regions`.
     """
 
@@ -42,19 +45,36 @@ class Chain:
     noise_m: float = 0.0
 
 
+@dataclass(frozen=True)
+class Place:
+    """What was learned at a place from earlier forecasts: how far to trust the network, and its regions."""
+
+    trust: Trust
+    regions: Regions
+
+    @classmethod
+    def unlearned(cls, steps: int, noise_m: float = 0.0) -> Place:
+        """Before the first instant; see `Regions` for the noise."""
+        return cls(Trust.unlearned(steps), Regions.unlearned(steps, noise_m))
+
+    def without_people(self) -> Place:
+        """What was learned, with nobody to learn from."""
+        return Place(self.trust.without_people(), self.regions.without_people())
+
+
 def forecast_instant(
-    regions: Regions,
+    place: Place,
     alone: Predictions,
     position: np.ndarray,
     time_s: float,
     person: np.ndarray,
     detection: np.ndarray,
     seen: np.ndarray,
-) -> tuple[Regions, Predictions]:
+) -> tuple[Place, Predictions]:
     """Apply all links to the people of one instant.
 
     Args:
-        regions: what was learned before.
+        place: what was learned before.
         alone: world frame. [N]
         position: where people are, world frame, m. [N, 2]
         time_s: the instant, s.
@@ -65,8 +85,10 @@ def forecast_instant(
     Returns:
         What is learned afterwards, and the forecasts.
     """
-    chosen = choose_modes(alone, position, np.full(len(alone), time_s))
-    return regions.after(time_s, person, detection, seen, chosen)
+    trust, moved = place.trust.after(time_s, person, detection, seen, alone)
+    chosen = choose_modes(moved, position, np.full(len(alone), time_s))
+    regions, scaled = place.regions.after(time_s, person, detection, seen, chosen)
+    return Place(trust, regions), scaled
 
 
 def forecast_blocks(
@@ -94,11 +116,15 @@ def forecast_blocks(
     row, time_s, asked = request.present()
     order = np.argsort(asked, kind="stable")
     blocks = instant_blocks(time_s)
-    parts = _chosen(request, features, infer, chain, row, time_s, progress(blocks))
-    scaled: Iterator[Predictions] = (part[0] for part in parts)
+    parts = _alone(request, features, infer, row, time_s, progress(blocks))
+    lost_after_s = request.sizes.lost_after_s
     if chain.learning:
-        scaled = learn_regions(parts, chain.noise_m, request.sizes.lost_after_s)
-    for (at, end), everybody in zip(blocks, scaled, strict=True):
+        parts = learn_trust(parts, lost_after_s)
+    if chain.together:
+        parts = _together(request, parts, row)
+    if chain.learning:
+        parts = learn_regions(parts, chain.noise_m, lost_after_s)
+    for (at, end), (everybody, *_) in zip(blocks, parts, strict=True):
         which = order[slice(*np.searchsorted(asked, [at, end], sorter=order))]
         if len(which):
             yield which, everybody.select(asked[which] - at)
@@ -111,16 +137,15 @@ def instant_blocks(time_s: np.ndarray) -> list[tuple[int, int]]:
     return list(pairwise([*edges, len(time_s)]))
 
 
-def _chosen(
+def _alone(
     request: ForecastRequest,
     features: ModelFeatures,
     infer: Infer,
-    chain: Chain,
     row: np.ndarray,
     time_s: np.ndarray,
     blocks: Iterable[tuple[int, int]],
 ) -> Iterator[Instants]:
-    """Forecast everybody present, before regions have learned; rows [C] of tracks at their instants [C]."""
+    """Forecast everybody present, each alone; rows [C] of tracks at their instants [C]."""
     tracks = request.past
     kept = tracks.kept()
     for at, end in blocks:
@@ -129,6 +154,14 @@ def _chosen(
         alone = infer(instant, request.inputs(features, instant, now_s)).in_world(
             here, tracks.heading_rad[instant]
         )
-        chosen = choose_modes(alone, here, now_s) if chain.together else alone
         seen = (tracks.time_s[instant] > now_s - TIME_TOLERANCE_S) & kept[instant]
-        yield chosen, tracks.life[instant], now_s, tracks.detection[instant], seen
+        yield alone, tracks.life[instant], now_s, tracks.detection[instant], seen
+
+
+def _together(request: ForecastRequest, parts: Iterable[Instants], row: np.ndarray) -> Iterator[Instants]:
+    """Let people choose their modes together; rows [C] of tracks in the order of the parts."""
+    at = 0
+    for alone, person, now_s, detection, seen in parts:
+        here = request.past.position_at(row[at : at + len(alone)], now_s)
+        at += len(alone)
+        yield choose_modes(alone, here, now_s), person, now_s, detection, seen

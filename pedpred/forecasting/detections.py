@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,12 +25,17 @@ class Detections:
     position: np.ndarray
 
     @classmethod
+    def none(cls) -> Detections:
+        """Of nobody."""
+        return cls(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2)))
+
+    @classmethod
     def join(cls, parts: tuple[Detections, ...]) -> Detections:
         """All of them, sorted by person and time; instants rise from part to part."""
-        nobody = np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2))
+        every = (cls.none(), *parts)
         time_s, person, position = (
-            np.concatenate([none, *(getattr(part, name) for part in parts)])
-            for none, name in zip(nobody, ("time_s", "person", "position"), strict=True)
+            np.concatenate([getattr(part, name) for part in every])
+            for name in ("time_s", "person", "position")
         )
         order = np.argsort(person, kind="stable")
         return cls(time_s[order], person[order], position[order])
@@ -49,8 +55,43 @@ class Detections:
             Positions, NaN between detections too far apart [Q, 2]; their variance in units of a detection's
             [Q].
         """
+        return _at(*self._rows_of(person), self.time_s, self.position, time_s)
+
+    def lines(self, person: np.ndarray, time_s: float, spans_s: np.ndarray) -> Lines:
+        """Fit lines to the latest detections of some tracks.
+
+        Args:
+            person: whose. [Q]
+            time_s: when the lines give a position, s.
+            spans_s: how long before the last detection those begin that a line is fitted to, s. [L]
+        """
+        begin, end = self._rows_of(person)
+        some = end > begin
+        followed_s = np.zeros(len(person))
+        followed_s[some] = self.time_s[end[some] - 1] - self.time_s[begin[some]]
+        position, velocity = _lines(begin, end, self.time_s, self.position, time_s, spans_s)
+        return Lines(position, velocity, followed_s, end - begin)
+
+    def _rows_of(self, person: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """First row and end of the detections of some tracks. [Q] each."""
         begin, end = (np.searchsorted(self.person, person, side) for side in ("left", "right"))
-        return _at(begin, end, self.time_s, self.position, time_s)
+        return begin, end
+
+
+class Lines(NamedTuple):
+    """Lines through the latest detections of some tracks.
+
+    Attributes:
+        position: at an instant, m; NaN where there are no two detections to fit. [Q, L, 2]
+        velocity: m/s; NaN there, too. [Q, L, 2]
+        followed_s: time from the first to the last known detection, s. [Q]
+        detections: how many are known. [Q]
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    followed_s: np.ndarray
+    detections: np.ndarray
 
 
 @compiled
@@ -81,6 +122,26 @@ def _at(begin, end, known_s, position, time_s):  # pragma: no cover (compiled)
             if variance < noise[q]:
                 positions[q, 0], positions[q, 1], noise[q] = x, y, variance
     return positions, noise
+
+
+@compiled
+def _lines(begin, end, known_s, position, now_s, spans_s):  # pragma: no cover (compiled)
+    """See `Detections.lines`; rows [begin, end) are the detections of each person. [Q, L, 2] each."""
+    there = np.full((len(begin), len(spans_s), 2), np.nan)
+    velocity = np.full((len(begin), len(spans_s), 2), np.nan)
+    for q in range(len(begin)):
+        near_s, near = known_s[begin[q] : end[q]], position[begin[q] : end[q]]
+        for line in range(len(spans_s)):
+            first = len(near_s)
+            if first > 0:
+                first = _below(near_s, near_s[-1] - spans_s[line] - TIME_TOLERANCE_S)
+            if len(near_s) - first < 2:
+                continue
+            x, y, _ = _on_line(near_s[first:], now_s, near[first:])
+            later_x, later_y, _ = _on_line(near_s[first:], now_s + 1.0, near[first:])
+            there[q, line, 0], there[q, line, 1] = x, y
+            velocity[q, line, 0], velocity[q, line, 1] = later_x - x, later_y - y
+    return there, velocity
 
 
 @compiled

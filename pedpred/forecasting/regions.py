@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from functools import partial
 
 import numpy as np
 
@@ -37,13 +37,12 @@ from pedpred.forecasting.comparisons import (
     widen_covariances,
 )
 from pedpred.forecasting.detections import NEAR_S, Detections
+from pedpred.forecasting.instants import EVERY_S, KNOWN, LATELY_S, Instants, learn_along
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S
 
-_EVERY_S, _LONG_S = 0.3, 1.0
-"""Least time between instants whose forecasts are kept, and the longest that one of them stands for, s."""
-_KNOWN, _LATELY_S = 4, 4.0
-"""Forecasts are kept of people who were detected so often, as in the evaluation, in so many seconds."""
+_LONG_S = 1.0
+"""The longest time that an instant whose forecasts are kept stands for, s."""
 _COMPARED = 4
 """Steps of the horizon at which forecasts are compared, from the first to the last one."""
 _LIMITS = np.array([[-3.0, -0.3], [1.0, 2.0]])[..., None, None]
@@ -111,15 +110,15 @@ class Regions:
         parts = self.detections
         if seen.any():
             parts += (Detections(np.full(int(seen.sum()), time_s), person[seen], detection[seen]),)
-        if time_s < self.looked_s + _EVERY_S - TIME_TOLERANCE_S:
+        if time_s < self.looked_s + EVERY_S - TIME_TOLERANCE_S:
             return replace(self, detections=parts), self.scaled(forecasts)
         known = Detections.join(parts)
         here = self._compared(time_s, known)
         scaled = here.scaled(forecasts)
         first, end = (np.searchsorted(known.person, person, side) for side in ("left", "right"))
-        rows = np.flatnonzero(seen & (end - first >= _KNOWN))
+        rows = np.flatnonzero(seen & (end - first >= KNOWN))
         here = here._keeping(time_s, person[rows], rows, scaled)
-        return replace(here, looked_s=time_s, detections=(known.since(time_s - _LATELY_S),)), scaled
+        return replace(here, looked_s=time_s, detections=(known.since(time_s - LATELY_S),)), scaled
 
     def scaled(self, predictions: Predictions) -> Predictions:
         """Predictions whose regions are as learned so far."""
@@ -175,31 +174,14 @@ class Regions:
         )
 
 
-Instants = tuple[Predictions, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Predictions, world frame, and person, time_s, detection and seen of `Regions.after`, at whole instants."""
-
-
 def learn_regions(
     parts: Iterable[Instants], noise_m: float = 0.0, lost_after_s: float = LOST_AFTER_S
-) -> Iterator[Predictions]:
-    """Yield forecasts with regions that learn from one instant to the next; each from earlier ones only.
+) -> Iterator[Instants]:
+    """Yield the same instants with regions that learn from one to the next; see `learn_along`.
 
     Args:
-        parts: instants that never fall, with no more than one part in memory.
+        parts: see there.
         noise_m: see `Regions`.
-        lost_after_s: after a longer time without an instant, all people are new, as on a robot, s.
+        lost_after_s: see there, s.
     """
-    regions, before_s = None, np.inf
-    for predictions, person, time_s, detection, seen in parts:
-        regions = regions or Regions.unlearned(predictions.steps, noise_m)
-        widened = [predictions.select(np.zeros(0, np.int64))]
-        later = np.flatnonzero(np.diff(time_s) > TIME_TOLERANCE_S) + 1
-        for begin, end in pairwise([0, *later.tolist(), len(predictions)]):
-            now = np.arange(begin, end)
-            current, now_s = predictions.select(now), float(time_s[begin])
-            if now_s - before_s > lost_after_s + TIME_TOLERANCE_S:
-                regions = regions.without_people()
-            regions, scaled = regions.after(now_s, person[now], detection[now], seen[now], current)
-            widened.append(scaled)
-            before_s = time_s[end - 1]
-        yield Predictions.join(widened)
+    return learn_along(partial(Regions.unlearned, noise_m=noise_m), parts, lost_after_s)

@@ -35,7 +35,7 @@ class NetworkForecaster:
         features: what it reads.
         encoder: the frozen convolutions; None for a network that does not read the grid.
         together: people choose their modes together, see `pedpred.forecasting.selection`.
-        learning: regions learn from earlier forecasts, see `pedpred.forecasting.regions`.
+        learning: trust and regions learn from earlier forecasts, see `pedpred.forecasting.chain`.
     """
 
     network: RecurrentNetwork

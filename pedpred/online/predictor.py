@@ -10,8 +10,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError, brief
 from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surroundings
-from pedpred.forecasting.chain import forecast_instant
-from pedpred.forecasting.regions import Regions
+from pedpred.forecasting.chain import Place, forecast_instant
 from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
 from pedpred.online.frame import Frame
@@ -36,8 +35,9 @@ class OnlinePredictor:
     A frame in between gets a forecast from its own inputs and the state of the last step, which stays as it
     is, so any frame rate will do. If frames are rarer than steps, the missed steps are computed for their own
     instants, from what was known then. A network without memory has no steps; people choose among its modes
-    together (`pedpred.forecasting.selection`), and its regions learn from what people did
-    (`pedpred.forecasting.regions`). One object serves one stream; it is not thread-safe.
+    together (`pedpred.forecasting.selection`), and trust in it and its regions learn from what people did
+    (`pedpred.forecasting.trust`, `pedpred.forecasting.regions`). One object serves one stream; it is not
+    thread-safe.
     """
 
     def __init__(self, folder: Path, settings: OnlineSettings | None = None):
@@ -89,12 +89,12 @@ class OnlinePredictor:
         return self._about.protocol
 
     def reset(self) -> None:
-        """Delete all tracks and what the regions have learned; the map stays."""
+        """Delete all tracks and what was learned at the place; the map stays."""
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
-        self._regions = Regions.unlearned(self.protocol.horizon_steps, self._settings.detection_noise_m)
+        self._place = Place.unlearned(self.protocol.horizon_steps, self._settings.detection_noise_m)
         none, answer = np.zeros(0, int), self._network.nobody()
         nobody = self._people.at(none, 0.0), answer.predictions, answer.velocities
-        self._last = self._forecast(self._people, self._regions, none, *nobody, 0.0)[1]
+        self._last = self._forecast(self._people, self._place, none, *nobody, 0.0)[1]
 
     def _nobody(self) -> People:
         past_s = self._about.features.past_s(self.protocol.dt_s)
@@ -139,20 +139,20 @@ class OnlinePredictor:
         if abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S:
             _LOG.warning("frame at %s s dropped: the last one was at %s s", now, self._now)
             return self._last
-        people, regions, jumps = self._people, self._regions, self._jumps
+        people, place, jumps = self._people, self._place, self._jumps
         if abs(now - self._now) > longest_s:
             if len(people) and (now < self._now or not jumps):  # of long gaps the first one
                 _LOG.warning("time jumps from %s s to %s s (seconds?): all are forgotten", self._now, now)
             jumps += len(people) > 0
-            people, regions = self._nobody(), regions.without_people()
+            people, place = self._nobody(), place.without_people()
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
         people, frame = self._within_limit(people, frame)
         people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
         people, rows, observers, predictions, velocities = self._predicted(people, now)
-        regions, forecast = self._forecast(people, regions, rows, observers, predictions, velocities, now)
-        self._regions, self._lives = regions, self._lives + len(frame.track_id)
+        place, forecast = self._forecast(people, place, rows, observers, predictions, velocities, now)
+        self._place, self._lives = place, self._lives + len(frame.track_id)
         self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
         return forecast
 
@@ -257,13 +257,13 @@ class OnlinePredictor:
     def _forecast(
         self,
         people: People,
-        regions: Regions,
+        place: Place,
         rows: np.ndarray,
         observers: Pedestrians,
         predictions: Predictions,
         velocities: np.ndarray,
         time_s: float,
-    ) -> tuple[Regions, Forecast]:
+    ) -> tuple[Place, Forecast]:
         """What is given for some people, and what is learned from it."""
         position, heading = observers.position, observers.heading_rad
         world = rotate(velocities.astype(np.float64), heading[:, None])
@@ -271,11 +271,13 @@ class OnlinePredictor:
         if not self._about.memory:
             seen = (people.seen_s[rows] == time_s) & people.past["kept"][rows]
             lives, detection = people.life[rows], people.detection[rows]
-            regions, there = forecast_instant(regions, there, position, time_s, lives, detection, seen)
+            alone = there.point
+            place, there = forecast_instant(place, there, position, time_s, lives, detection, seen)
+            world = world + np.diff(there.point - alone, axis=1, prepend=0.0) / there.dt_s
         share = self._moving_shares(people, rows)
         if not (share == 1.0).all():
             world, there = share[:, None, None] * world, shorten_paths(there, position, share)
-        return regions, Forecast(time_s, observers.track_id, world, there).locked()
+        return place, Forecast(time_s, observers.track_id, world, there).locked()
 
     def _moving_shares(self, people: People, rows: np.ndarray) -> np.ndarray:
         """See `pedpred.online.caution`. [R]."""

@@ -1,0 +1,216 @@
+"""How far to trust a network beside straight lines, learned from how people walk at a place.
+
+A network has seen many places, not this one. Where people walk straighter or detections are better than it
+expects, a line through a person's last detections is the better forecast. So everybody's forecast is kept now
+and then, beside such lines, and compared with where the person was detected later. Of every person, let n be
+the network's point forecast at a step, d_l = line l - n, and e = position - n. The point forecast becomes
+    n + sum_l w_l d_l,    w_l >= 0,    sum_l w_l <= 1
+with the w that minimise
+    sum |e - sum_l w_l d_l|^2 / (c + |e - sum_l v_l d_l|) + (M / N) sum_l w_l^2 sum |d_l|^2 / (c + |...|)
+over the N forecasts that were compared, where v was w at the comparison: distances count, not their squares
+(iteratively reweighted least squares). The second term draws w to 0, all trust in the network, as M forecasts
+would that were right. When N is larger than some thousands, the sums fade. Each step of the horizon has a w,
+and people who are forecast to stand and to walk have their own. All modes move with the point forecast.
+
+Noise of the detection that ends a comparison is independent of d and changes no w in the mean. Forecasts of
+people who are not seen up to the last step do not count, as in the evaluation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from pedpred.forecasting.comparisons import GROUPS, groups_of
+from pedpred.forecasting.detections import NEAR_S, Detections
+from pedpred.forecasting.instants import EVERY_S, KNOWN, LATELY_S, Instants, learn_along
+from pedpred.scenes import Predictions
+from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S
+
+_SPANS_S = np.array([2.4, 0.6])
+"""Lines are fitted to so many seconds of detections, s: a steady one, and one that follows turns."""
+_USED_S, _COMPARED_S = 1.2, 2.4
+"""Lines are used, and compared, of people who have been followed for so long, s."""
+_PRIOR, _MOST = 200.0, 10000.0
+"""M, and the most forecasts that N counts: those of 100 people in half a minute, of one in 50 minutes."""
+_NEAR_M = 0.02
+"""c: errors below this, m, count as squares."""
+
+
+class Kept(NamedTuple):
+    """Forecasts from one instant whose time is still to come.
+
+    Attributes:
+        due_s: when the last step can be compared.
+        time_s: of each step. [P]
+        person: whose. [N]
+        group: see `groups_of`. [N]
+        point: of the network, world frame, m. [N, P, 2]
+        apart: from there to the lines, m. [N, L, P, 2]
+    """
+
+    due_s: float
+    time_s: np.ndarray
+    person: np.ndarray
+    group: np.ndarray
+    point: np.ndarray
+    apart: np.ndarray
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What was learned at a place, the forecasts to learn from, and the detections of their time.
+
+    Attributes:
+        weights: w of each group, step and line. [G, P, L]
+        products: sums of d_l . d_m, weighted. [G, P, L, L]
+        errors: sums of d_l . e, weighted. [G, P, L]
+        compared: number of forecasts in the sums. [G]
+        looked_s: when forecasts were last compared and kept, s.
+        waiting: for their time.
+        detections: of the last seconds.
+    """
+
+    weights: np.ndarray
+    products: np.ndarray
+    errors: np.ndarray
+    compared: np.ndarray
+    looked_s: float = -np.inf
+    waiting: tuple[Kept, ...] = ()
+    detections: Detections = field(default_factory=Detections.none)
+
+    @classmethod
+    def unlearned(cls, steps: int) -> Trust:
+        """Before the first instant: forecasts are the network's."""
+        lines = len(_SPANS_S)
+        each = np.zeros((GROUPS, steps, lines))
+        return cls(each, np.zeros((GROUPS, steps, lines, lines)), each, np.zeros(GROUPS))
+
+    def without_people(self) -> Trust:
+        """What was learned, with nobody to learn from."""
+        return replace(self, looked_s=-np.inf, waiting=(), detections=Detections.none())
+
+    def after(
+        self,
+        time_s: float,
+        person: np.ndarray,
+        detection: np.ndarray,
+        seen: np.ndarray,
+        forecasts: Predictions,
+    ) -> tuple[Trust, Predictions]:
+        """Take the detections of an instant and the forecasts from it.
+
+        Args:
+            time_s: see `Regions.after`.
+            person: see there. [N]
+            detection: see there. [N, 2]
+            seen: see there. [N] bool
+            forecasts: of the network alone, world frame.
+
+        Returns:
+            Everything afterwards, and the forecasts with other paths.
+        """
+        new = Detections(np.full(int(seen.sum()), time_s), person[seen], detection[seen])
+        known = Detections.join((self.detections, new)) if seen.any() else self.detections
+        here = replace(self, detections=known)
+        looks = time_s >= self.looked_s + EVERY_S - TIME_TOLERANCE_S
+        if looks:
+            here = here._compared(time_s)
+        if not looks and not here.weights.any():
+            return here, forecasts
+        ahead_s = forecasts.dt_s * np.arange(1, forecasts.steps + 1)
+        lines, group = known.lines(person, time_s, _SPANS_S), groups_of(forecasts)
+        paths = lines.position[:, :, None] + lines.velocity[:, :, None] * ahead_s[:, None]
+        apart = np.nan_to_num(paths - forecasts.point[:, None])
+        used = lines.followed_s >= _USED_S - TIME_TOLERANCE_S
+        share = here.weights[group] * used[:, None, None]
+        blended = _moved(forecasts, np.einsum("npl,nlpx->npx", share, apart)) if share.any() else forecasts
+        if looks:
+            old = lines.followed_s >= _COMPARED_S - TIME_TOLERANCE_S
+            rows = np.flatnonzero(seen & old & (lines.detections >= KNOWN))
+            waiting, step_s = here.waiting, time_s + ahead_s
+            if len(rows):
+                point = forecasts.point[rows].astype(np.float64)
+                waiting += (Kept(step_s[-1] + NEAR_S, step_s, person[rows], group[rows], point, apart[rows]),)
+            here = replace(here, looked_s=time_s, waiting=waiting, detections=known.since(time_s - LATELY_S))
+        return here, blended
+
+    def _compared(self, time_s: float) -> Trust:
+        """After the comparison of the forecasts whose time has come with the detections."""
+        now_s = time_s + TIME_TOLERANCE_S
+        due = [past for past in self.waiting if past.due_s <= now_s]
+        if not due:
+            return self
+        products, errors, compared = self.products.copy(), self.errors.copy(), self.compared.copy()
+        for past in due:
+            steps, people = len(past.time_s), len(past.person)
+            asked = np.repeat(past.person, steps), np.tile(past.time_s, people)
+            error = self.detections.at(*asked)[0].reshape(past.point.shape) - past.point
+            rows = np.flatnonzero(~np.isnan(error).any(axis=(1, 2)))
+            group, apart, error = past.group[rows], past.apart[rows], error[rows]
+            left = error - np.einsum("npl,nlpx->npx", self.weights[group], apart)
+            weight = 1.0 / (_NEAR_M + np.linalg.norm(left, axis=-1))
+            np.add.at(products, group, np.einsum("np,nlpx,nmpx->nplm", weight, apart, apart))
+            np.add.at(errors, group, np.einsum("np,nlpx,npx->npl", weight, apart, error))
+            np.add.at(compared, group, 1.0)
+        fades = np.minimum(1.0, _MOST / np.maximum(compared, 1.0))
+        products, errors = products * fades[:, None, None, None], errors * fades[:, None, None]
+        compared = compared * fades
+        prior = (_PRIOR / np.maximum(compared, 1.0))[:, None, None, None] * np.eye(len(_SPANS_S))
+        return replace(
+            self,
+            weights=best_weights(products * (1.0 + prior), errors),
+            products=products,
+            errors=errors,
+            compared=compared,
+            waiting=tuple(past for past in self.waiting if past.due_s > now_s),
+        )
+
+
+def best_weights(products: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Minimise w A w / 2 - b w over w_1, w_2 >= 0 with w_1 + w_2 <= 1.
+
+    The minimum lies in the triangle, or on one of its edges.
+
+    Args:
+        products: A, symmetric and without negative eigenvalues. [..., 2, 2]
+        errors: b. [..., 2]
+
+    Returns:
+        w; 0 where A is 0. [..., 2]
+    """
+    first, second, both = products[..., 0, 0], products[..., 1, 1], products[..., 0, 1]
+    b, c = errors[..., 0], errors[..., 1]
+    inside = np.stack([second * b - both * c, first * c - both * b], axis=-1)
+    inside = _ratio(inside, (first * second - both**2)[..., None])
+    valid = (inside >= 0).all(axis=-1) & (inside.sum(axis=-1) <= 1)
+    inside = np.where(valid[..., None], inside, 0.0)
+    none = np.zeros_like(b)
+    one, two = (np.clip(_ratio(*edge), 0.0, 1.0) for edge in ((b, first), (c, second)))
+    share = np.clip(_ratio(b - c + second - both, first + second - 2.0 * both), 0.0, 1.0)
+    edges = (np.stack(w, axis=-1) for w in ((none, none), (one, none), (none, two), (share, 1.0 - share)))
+    places = np.stack([inside, *edges])
+    loss = 0.5 * np.einsum("k...i,...ij,k...j->k...", places, products, places)
+    loss -= (places * errors).sum(axis=-1)
+    least = loss.argmin(axis=0)[None, ..., None]
+    return np.asarray(np.take_along_axis(places, least, axis=0)[0])
+
+
+def _ratio(above: np.ndarray, below: np.ndarray) -> np.ndarray:
+    """Quotient; 0 where the divisor is not positive."""
+    positive = below > 0
+    return np.where(positive, above / np.where(positive, below, 1.0), 0.0)
+
+
+def _moved(predictions: Predictions, shift: np.ndarray) -> Predictions:
+    """Predictions whose point and modes are moved, m. [N, P, 2]."""
+    point, path = predictions.point + shift, predictions.path + shift[:, None]
+    return replace(predictions, point=point, path=path)
+
+
+def learn_trust(parts: Iterable[Instants], lost_after_s: float = LOST_AFTER_S) -> Iterator[Instants]:
+    """Yield the same instants with the trust learned from one to the next; see `learn_along`."""
+    return learn_along(Trust.unlearned, parts, lost_after_s)

@@ -1,0 +1,219 @@
+"""Trust in a network beside straight lines: what is learned, from what, and what stays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.forecasting.trust import Trust, best_weights, learn_trust
+from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.replay import replay_scene
+from pedpred.scenes import Predictions
+from tests.worlds import walled_scene
+
+STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
+WALK = 1
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def stream(rng, frames=60, people=8, wrong_m=0.3, noise_m=0.0, turn_radps=0.0):
+    """People who walk straight or in circles, and forecasts that are wrong by a vector per person and step.
+
+    Returns:
+        Person, time, detection and seen of each row, its true path, and its forecasts.
+    """
+    time_s, person = np.repeat(np.arange(frames) * EVERY_S, people), np.tile(np.arange(people), frames)
+    heading, speed = rng.uniform(-np.pi, np.pi, people), rng.uniform(0.8, 1.6, people)
+    turn = np.where(rng.random(people) < 0.5, -1.0, 1.0) * max(turn_radps, 1e-9)
+
+    def position(at_s):
+        angle = heading[person, None] + turn[person, None] * at_s
+        return (speed / turn)[person, None, None] * np.stack([np.sin(angle), -np.cos(angle)], axis=-1)
+
+    truth = position(time_s[:, None] + DT_S * np.arange(1, STEPS + 1))
+    here = position(time_s[:, None])[:, 0]
+    point = truth + (wrong_m * rng.normal(size=(people, STEPS, 2)))[person]
+    path = np.stack([point, point + 0.5], axis=1)
+    covariance = np.broadcast_to(0.1 * np.eye(2), (len(here), 2, STEPS, 2, 2)).copy()
+    weight = np.tile([0.7, 0.3], (len(here), 1))
+    detection = here + noise_m * rng.normal(size=here.shape)
+    seen = np.ones(len(here), bool)
+    return person, time_s, detection, seen, truth, Predictions(point, path, weight, DT_S, covariance)
+
+
+def learned(person, time_s, detection, seen, forecasts):
+    return next(learn_trust([(forecasts, person, time_s, detection, seen)]))[0]
+
+
+def errors_m(forecasts, truth, rows):
+    return np.linalg.norm(forecasts.point - truth, axis=-1)[rows].mean()
+
+
+@given(
+    st.lists(st.floats(-3, 3), min_size=4, max_size=4), st.tuples(st.floats(-5, 5), st.floats(-5, 5)), SEEDS
+)
+def test_no_shares_are_better_than_the_best(root, errors, seed):
+    root = np.reshape(root, (2, 2))
+    products, errors = root @ root.T, np.array(errors)
+    best = best_weights(products, errors)
+    assert (best >= 0).all()
+    assert best.sum() <= 1 + 1e-12
+    others = np.random.default_rng(seed).dirichlet(np.ones(3), 200)[:, :2]
+
+    def loss(w):
+        return 0.5 * np.einsum("...i,ij,...j->...", w, products, w) - w @ errors
+
+    assert loss(best) <= loss(others).min() + 1e-9
+
+
+def test_nothing_to_compare_keeps_the_network():
+    np.testing.assert_array_equal(best_weights(np.zeros((3, 2, 2)), np.zeros((3, 2))), 0.0)
+
+
+@settings(max_examples=10, deadline=None)
+@given(SEEDS, st.floats(0.0, 1.0), st.floats(0.0, 0.1))
+def test_weights_are_shares_whatever_happens(seed, wrong_m, noise_m):
+    rng = np.random.default_rng(seed)
+    person, time_s, detection, seen, _, forecasts = stream(rng, 40, 5, wrong_m, noise_m, rng.uniform(0, 1))
+    seen &= rng.random(len(seen)) < 0.9
+    trust = Trust.unlearned(STEPS)
+    for now_s in np.unique(time_s):
+        rows = time_s == now_s
+        trust, _ = trust.after(now_s, person[rows], detection[rows], seen[rows], forecasts.select(rows))
+        assert (trust.weights >= 0).all()
+        assert (trust.weights.sum(axis=-1) <= 1 + 1e-12).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_that_are_always_right_are_approached(seed):
+    person, time_s, detection, seen, truth, forecasts = stream(np.random.default_rng(seed), 150)
+    after = learned(person, time_s, detection, seen, forecasts)
+    late = time_s > 35.0
+    assert errors_m(after, truth, late) < 0.25 * errors_m(forecasts, truth, late)
+
+
+@pytest.mark.parametrize("turn_radps", [0.3, 1.0])
+def test_a_network_that_is_always_right_is_kept(turn_radps):
+    rng = np.random.default_rng(3)
+    person, time_s, detection, seen, truth, forecasts = stream(rng, 100, wrong_m=0.0, turn_radps=turn_radps)
+    after = learned(person, time_s, detection, seen, forecasts)
+    assert errors_m(after, truth, time_s > 0) < 0.002
+
+
+def test_a_noisy_line_is_not_preferred():
+    """Lines through 5 cm of noise are 0.1 m wrong; the network is right, and detections err at both ends."""
+    person, time_s, detection, seen, truth, forecasts = stream(
+        np.random.default_rng(4), 150, wrong_m=0.0, noise_m=0.05
+    )
+    after = learned(person, time_s, detection, seen, forecasts)
+    assert errors_m(after, truth, time_s > 35.0) < 0.005
+
+
+@settings(max_examples=10, deadline=None)
+@given(SEEDS)
+def test_equal_paths_change_nothing(seed):
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 40, wrong_m=0.0)
+    after = learned(person, time_s, detection, seen, forecasts)
+    np.testing.assert_allclose(after.point, forecasts.point, atol=1e-5)
+
+
+def test_modes_move_with_the_point_forecast_and_the_rest_stays():
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(5), 60)
+    after = learned(person, time_s, detection, seen, forecasts)
+    shift = after.point - forecasts.point
+    assert np.abs(shift).max() > 0.1
+    np.testing.assert_allclose(after.path - forecasts.path, np.stack([shift, shift], axis=1), atol=1e-12)
+    np.testing.assert_array_equal(after.weight, forecasts.weight)
+    np.testing.assert_array_equal(after.covariance, forecasts.covariance)
+
+
+@settings(max_examples=5, deadline=None)
+@given(seed=SEEDS, cut=st.integers(5, 45))
+def test_nothing_is_learned_from_the_future(seed, cut):
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 50, noise_m=0.02)
+    first = np.arange(cut * 8)
+    part = learned(person[first], time_s[first], detection[first], seen[first], forecasts.select(first))
+    whole = learned(person, time_s, detection, seen, forecasts)
+    np.testing.assert_array_equal(part.point, whole.point[first])
+    np.testing.assert_array_equal(part.path, whole.path[first])
+
+
+@settings(max_examples=5, deadline=None)
+@given(seed=SEEDS, size=st.integers(1, 12))
+def test_parts_of_a_stream_give_what_the_whole_gives(seed, size):
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 40, noise_m=0.02)
+    whole = learned(person, time_s, detection, seen, forecasts)
+    cuts = np.split(np.arange(len(person)), np.arange(8 * size, len(person), 8 * size))
+    parts = [
+        (forecasts.select(rows), person[rows], time_s[rows], detection[rows], seen[rows]) for rows in cuts
+    ]
+    joined = Predictions.join([part[0] for part in learn_trust(parts)])
+    np.testing.assert_array_equal(joined.point, whole.point)
+
+
+@settings(max_examples=5, deadline=None)
+@given(seed=SEEDS, turn=st.floats(-np.pi, np.pi))
+def test_forecasts_turn_with_the_world(seed, turn):
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 40, noise_m=0.02)
+    turned = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    there = replace(forecasts, point=forecasts.point @ turned, path=forecasts.path @ turned)
+    after = learned(person, time_s, detection, seen, forecasts)
+    other = learned(person, time_s, detection @ turned, seen, there)
+    np.testing.assert_allclose(other.point, after.point @ turned, atol=1e-6)
+
+
+def test_people_who_are_not_detected_teach_nothing():
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(6), 60)
+    after = learned(person, time_s, detection, ~seen, forecasts)
+    np.testing.assert_array_equal(after.point, forecasts.point)
+
+
+def test_people_who_leave_before_the_last_step_teach_nothing():
+    """Everybody has been followed for 2.4 s at 2.4 s, and is gone after 5.1 s."""
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(7), 30)
+    trust = Trust.unlearned(STEPS)
+    for now_s in np.unique(time_s):
+        rows = (time_s == now_s) & (time_s < 5.2)
+        trust, _ = trust.after(now_s, person[rows], detection[rows], seen[rows], forecasts.select(rows))
+    np.testing.assert_array_equal(trust.compared, 0.0)
+    np.testing.assert_array_equal(trust.weights, 0.0)
+
+
+def test_what_is_kept_does_not_grow():
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(8), 300, 20)
+    trust, sizes = Trust.unlearned(STEPS), []
+    for frame in range(300):
+        rows = np.arange(frame * 20, (frame + 1) * 20)
+        names = person[rows] + 20 * (frame // 50)
+        trust, _ = trust.after(time_s[rows[0]], names, detection[rows], seen[rows], forecasts.select(rows))
+        kept = sum(len(past.person) for past in trust.waiting)
+        sizes.append((len(trust.waiting), kept, len(trust.detections.time_s)))
+    assert (np.max(sizes, axis=0) == np.max(sizes[:50], axis=0)).all()
+    assert trust.compared.max() <= 10000
+
+
+def test_with_nobody_known_it_keeps_what_it_learned():
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(9), 60)
+    trust = Trust.unlearned(STEPS)
+    for now_s in np.unique(time_s):
+        rows = time_s == now_s
+        trust, _ = trust.after(now_s, person[rows], detection[rows], seen[rows], forecasts.select(rows))
+    alone = trust.without_people()
+    assert alone.waiting == ()
+    assert not len(alone.detections.time_s)
+    assert trust.weights[WALK].sum() > 0.1
+    np.testing.assert_array_equal(alone.weights, trust.weights)
+
+
+def test_velocities_on_a_robot_lead_to_the_point_forecast(mixture):
+    """They follow paths that were moved."""
+    scene = walled_scene(np.random.default_rng(10), 0.1, detections=120, tracks=5)
+    predictor = OnlinePredictor.load(mixture[0], OnlineSettings(0.05))
+    moved = False
+    for forecast in replay_scene(scene, predictor):
+        steps = np.diff(forecast.position, axis=1)
+        np.testing.assert_allclose(forecast.velocity[:, 1:] * forecast.dt_s, steps, atol=1e-4)
+        moved = moved or bool(predictor._place.trust.weights.any())
+    assert moved
