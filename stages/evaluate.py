@@ -24,7 +24,7 @@ def main(cfg: DictConfig) -> None:
     if fold != cfg.networks:
         folds = [cfg.folds.real[fold]]
     chain, models = metric_settings(cfg), Path(cfg.networks, name)
-    choices = {"together": chain.together, "learning": chain.learning}
+    choices = {link: getattr(chain, link) for link in ("together", "learning", "trust")}
     network = forecaster(Path("models", models), Path("models/autoencoder"), **choices)
     memory = bool(network.network.state_shapes)
     grids = network.features if isinstance(network.features, LstmFeatures) else None

@@ -25,7 +25,7 @@ def evaluate_recording(cfg: DictConfig, scene: str, name: str, out: Path) -> Non
         return
     measured = partial(measure, windows, samples=cfg.literature.samples, settings=settings)
     scores = {key: measured(forecaster=method()) for key, method in PRESENT_MOTION.items()}
-    choices = {"together": settings.together, "learning": False}  # nothing earlier than a window is known
+    choices = {"together": settings.together, "learning": False, "trust": False}  # nothing earlier is known
     for network in networks_of(cfg):
         folders = {s: Path("models/literature", cfg.fold, network, str(s)) for s in cfg.literature.seeds}
         trained = {s: forecaster(f, Path("models/autoencoder"), **choices) for s, f in folders.items()}

@@ -30,7 +30,8 @@ class MetricSettings:
 
     Attributes:
         together: networks choose the modes of people who are present together.
-        learning: networks without memory learn from earlier forecasts at the same place.
+        learning: regions of networks without memory learn from earlier forecasts at the same place.
+        trust: trust in them beside straight lines is learned likewise, see `pedpred.forecasting.trust`.
         moving_mps: slower people count as standing.
         collision_m: people forecast nearer than this at the same step collide.
         miss_m: a forecast whose last position is farther off than this is a miss.
@@ -38,6 +39,7 @@ class MetricSettings:
 
     together: bool = True
     learning: bool = True
+    trust: bool = False
     moving_mps: float = 0.3
     collision_m: float = 0.2
     miss_m: float = 2.0

@@ -36,30 +36,37 @@ class Chain:
 
     Attributes:
         together: people choose their modes together.
-        learning: trust in the network and regions learn from earlier forecasts.
+        learning: regions learn from earlier forecasts.
         noise_m: standard deviation of a detection's coordinate, see `Regions`.
+        trust: trust in the network beside straight lines is learned from earlier forecasts.
     """
 
     together: bool = True
     learning: bool = True
     noise_m: float = 0.0
+    trust: bool = True
 
 
 @dataclass(frozen=True)
 class Place:
-    """What was learned at a place from earlier forecasts: how far to trust the network, and its regions."""
+    """What was learned at a place from earlier forecasts.
 
-    trust: Trust
+    Attributes:
+        trust: in the network beside straight lines; None: it is trusted alone.
+        regions: how large they are.
+    """
+
+    trust: Trust | None
     regions: Regions
 
     @classmethod
-    def unlearned(cls, steps: int, noise_m: float = 0.0) -> Place:
-        """Before the first instant; see `Regions` for the noise."""
-        return cls(Trust.unlearned(steps), Regions.unlearned(steps, noise_m))
+    def unlearned(cls, steps: int, noise_m: float = 0.0, trust: bool = True) -> Place:
+        """Before the first instant; see `Chain` for the arguments."""
+        return cls(Trust.unlearned(steps) if trust else None, Regions.unlearned(steps, noise_m))
 
     def without_people(self) -> Place:
         """What was learned, with nobody to learn from."""
-        return Place(self.trust.without_people(), self.regions.without_people())
+        return Place(self.trust and self.trust.without_people(), self.regions.without_people())
 
 
 def forecast_instant(
@@ -85,8 +92,10 @@ def forecast_instant(
     Returns:
         What is learned afterwards, and the forecasts.
     """
-    trust, moved = place.trust.after(time_s, person, detection, seen, alone)
-    chosen = choose_modes(moved, position, np.full(len(alone), time_s))
+    trust = place.trust
+    if trust is not None:
+        trust, alone = trust.after(time_s, person, detection, seen, alone)
+    chosen = choose_modes(alone, position, np.full(len(alone), time_s))
     regions, scaled = place.regions.after(time_s, person, detection, seen, chosen)
     return Place(trust, regions), scaled
 
@@ -118,7 +127,7 @@ def forecast_blocks(
     blocks = instant_blocks(time_s)
     parts = _alone(request, features, infer, row, time_s, progress(blocks))
     lost_after_s = request.sizes.lost_after_s
-    if chain.learning:
+    if chain.trust:
         parts = learn_trust(parts, lost_after_s)
     if chain.together:
         parts = _together(request, parts, row)

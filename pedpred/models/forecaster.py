@@ -35,7 +35,8 @@ class NetworkForecaster:
         features: what it reads.
         encoder: the frozen convolutions; None for a network that does not read the grid.
         together: people choose their modes together, see `pedpred.forecasting.selection`.
-        learning: trust and regions learn from earlier forecasts, see `pedpred.forecasting.chain`.
+        learning: regions learn from earlier forecasts, see `pedpred.forecasting.regions`.
+        trust: trust beside straight lines is learned likewise, see `pedpred.forecasting.trust`.
     """
 
     network: RecurrentNetwork
@@ -43,6 +44,7 @@ class NetworkForecaster:
     encoder: GridEncoder | None
     together: bool = True
     learning: bool = True
+    trust: bool = True
 
     def __call__(self, request: ForecastRequest) -> Predictions:
         """World-frame predictions of the request's rows.
@@ -67,7 +69,7 @@ class NetworkForecaster:
                 outputs, _ = self.network({n: torch.from_numpy(v)[:, None] for n, v in channels.items()}, {})
             return self._answer({name: values[:, 0] for name, values in outputs.items()}, request.sizes.dt_s)
 
-        chain = Chain(self.together, self.learning, request.detection_noise_m)
+        chain = Chain(self.together, self.learning, request.detection_noise_m, self.trust)
         which, parts = zip(*forecast_blocks(request, self.features, infer, chain), strict=True)
         return Predictions.join(parts).select(np.argsort(np.concatenate(which)))
 
@@ -110,7 +112,7 @@ def forecaster(network_folder: Path, autoencoder_folder: Path, **choices: bool) 
     Args:
         network_folder: the checkpoint.
         autoencoder_folder: the checkpoint of the encoder.
-        choices: `together` and `learning` of `NetworkForecaster`.
+        choices: `together`, `learning` and `trust` of `NetworkForecaster`.
 
     Raises:
         StorageError: a checkpoint is missing or damaged.

@@ -48,7 +48,7 @@ def predictions_in_blocks(
         return answer.predictions
 
     progress = partial(tqdm, desc=title, unit="block")
-    chain = Chain(noise_m=settings.detection_noise_m)
+    chain = Chain(noise_m=settings.detection_noise_m, trust=settings.learn_trust)
     for which, block in forecast_blocks(request, about.features, infer, chain, progress):
         row = request.rows[which]
         here = tracks.position_at(row, request.table.time_s[row])

@@ -91,7 +91,8 @@ class OnlinePredictor:
     def reset(self) -> None:
         """Delete all tracks and what was learned at the place; the map stays."""
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
-        self._place = Place.unlearned(self.protocol.horizon_steps, self._settings.detection_noise_m)
+        how = self._settings
+        self._place = Place.unlearned(self.protocol.horizon_steps, how.detection_noise_m, how.learn_trust)
         none, answer = np.zeros(0, int), self._network.nobody()
         nobody = self._people.at(none, 0.0), answer.predictions, answer.velocities
         self._last = self._forecast(self._people, self._place, none, *nobody, 0.0)[1]
