@@ -25,7 +25,7 @@ class OnlineSettings:
             if there is a `tracker`, otherwise what the model folder says.
         detection_noise_m: standard deviation of a detection's coordinate, m. Regions of probability learn
             from detections, and without it they become large enough to hold the detector's noise, too.
-        learn_trust: learn how far to trust the network beside straight lines, see `pedpred.forecasting.trust`.
+        learn_trust: learn how far to trust the network beside lines, see `pedpred.forecasting.trust`.
         most_people: people to follow; of more, those who came first. An update for 1000 takes about 0.3 s.
     """
 
