@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from benchmarks.rates import STREAMS, WARM_S, errors_m, queue
 from pedpred.metrics.calibration import share_inside
 from pedpred.online import OnlinePredictor
+from pedpred.online.settings import OnlineSettings
 from pedpred.scenes.occupancy import FARTHEST_M
 from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
 
@@ -73,15 +74,10 @@ def test_no_jump_and_no_gap_spoils_a_forecast(folder, seed, jumps, gaps):
 
     Trust in the network, which is learned from everybody, is left out.
     """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pedpred.forecasting.trust._USED_S", np.inf)
-        _jump_among_others(folder, seed, jumps, gaps)
-
-
-def _jump_among_others(folder, seed, jumps, gaps):
     rng = np.random.default_rng(seed)
     start, velocity = walkers(rng)
-    robot, other, now = OnlinePredictor.load(folder), OnlinePredictor.load(folder), 0.0
+    how, now = OnlineSettings(learn_trust=False), 0.0
+    robot, other = OnlinePredictor.load(folder, how), OnlinePredictor.load(folder, how)
     others = np.delete(np.arange(len(start)), JUMPER)
     for k in range(30):
         now += 10.0 ** gaps[k % len(gaps)] if k >= 10 else 0.1
@@ -146,7 +142,7 @@ def test_a_clock_that_changes_while_nobody_is_there_costs_nothing(odd_s):
         position = np.array([[0.12 * k, 0.0], [5.0 - 0.12 * k, 1.0]]) + rng.normal(0, 0.03, (2, 2))
         found, expected = (p.update(0.1 * k, [1, 2], position) for p in (robot, other))
         np.testing.assert_array_equal(found.predictions.covariance, expected.predictions.covariance)
-    for regions in (robot._place.regions, other._place.regions):
+    for regions in (robot._regions, other._regions):
         assert regions.learned.any()
         assert len(regions.detections) <= 4
 

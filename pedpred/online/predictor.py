@@ -92,10 +92,11 @@ class OnlinePredictor:
         """Delete all tracks and what was learned at the place; the map stays."""
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
         how = self._settings
-        self._place = Place.unlearned(self.protocol.horizon_steps, how.detection_noise_m, how.learn_trust)
+        place = Place.unlearned(self.protocol.horizon_steps, how.detection_noise_m, how.learn_trust)
+        self._trust, self._regions = place.trust, place.regions
         none, answer = np.zeros(0, int), self._network.nobody()
         nobody = self._people.at(none, 0.0), answer.predictions, answer.velocities
-        self._last = self._forecast(self._people, self._place, none, *nobody, 0.0)[1]
+        self._last = self._forecast(self._people, place, none, *nobody, 0.0)[1]
 
     def _nobody(self) -> People:
         past_s = self._about.features.past_s(self.protocol.dt_s)
@@ -140,7 +141,7 @@ class OnlinePredictor:
         if abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S:
             _LOG.warning("frame at %s s dropped: the last one was at %s s", now, self._now)
             return self._last
-        people, place, jumps = self._people, self._place, self._jumps
+        people, place, jumps = self._people, Place(self._trust, self._regions), self._jumps
         if abs(now - self._now) > longest_s:
             if len(people) and (now < self._now or not jumps):  # of long gaps the first one
                 _LOG.warning("time jumps from %s s to %s s (seconds?): all are forgotten", self._now, now)
@@ -153,7 +154,8 @@ class OnlinePredictor:
         people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
         people, rows, observers, predictions, velocities = self._predicted(people, now)
         place, forecast = self._forecast(people, place, rows, observers, predictions, velocities, now)
-        self._place, self._lives = place, self._lives + len(frame.track_id)
+        self._trust, self._regions = place.trust, place.regions
+        self._lives += len(frame.track_id)
         self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
         return forecast
 
