@@ -59,9 +59,9 @@ def walkers(turn_radps: float, people: int) -> Scene:
     return replace(scene, trajectories=replace(scene.trajectories, velocity=None))
 
 
-def network_m(scene: Scene, sensor: SensorSettings, model: Path | None) -> float:
+def network_m(scene: Scene, sensor: SensorSettings, model: Path | None, trust: bool) -> float:
     """Error of the network with the robot's tracker, m."""
-    predictor = OnlinePredictor.load(model, OnlineSettings(1.25 / sensor.rate_hz))
+    predictor = OnlinePredictor.load(model, OnlineSettings(1.25 / sensor.rate_hz, learn_trust=trust))
     scores = assess(scene, predictor, EvaluationSettings(), sensor, metrics={"ade_m": METRICS["ade_m"]})
     return float(np.nanmean(scores["network"].values["ade_m"]))
 
@@ -83,6 +83,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
     parser.add_argument("--people", type=int, default=60)
+    parser.add_argument(
+        "--trust", action="store_true", help="learn how far to trust the network, as robots do"
+    )
     parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
     rows = []
@@ -90,7 +93,8 @@ def main() -> None:
         scene = walkers(turn_radps, options.people)
         for rate_hz, noise_m in product(RATES_HZ, NOISES_M):
             sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
-            network, best = network_m(scene, sensor, options.model), filter_m(scene, sensor)
+            network = network_m(scene, sensor, options.model, options.trust)
+            best = filter_m(scene, sensor)
             row = {"turn rate, rad/s": turn_radps, "rate, Hz": rate_hz, "noise, m": noise_m}
             ratio = network / best if best > _LEVEL_M else float("nan")
             rows.append(row | {"network": network, "best filter": best, "network / filter": ratio})

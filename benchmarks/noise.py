@@ -38,15 +38,15 @@ METRIC = "ade_m"
 _FITTED_AHEAD_S = 3.2
 
 
-def errors(scene: Scene, sensor: SensorSettings, model: Path | None) -> dict[str, float]:
+def errors(scene: Scene, sensor: SensorSettings, model: Path | None, trust: bool) -> dict[str, float]:
     """ADE of the network with a tracker that learns or does not, and of simple methods, m."""
     seen = sensed(scene, sensor)
     age_s = 1.25 * seen.detection_dt_s
     fitted = tune_kalman(seen.trajectories, max(1, round(_FITTED_AHEAD_S / seen.detection_dt_s)))
     trackers = {
-        "learns": OnlineSettings(age_s),
-        "fixed": OnlineSettings(age_s, learn_noise=False),
-        "fitted": OnlineSettings(age_s, tracker=fitted),
+        "learns": OnlineSettings(age_s, learn_trust=trust),
+        "fixed": OnlineSettings(age_s, learn_noise=False, learn_trust=trust),
+        "fitted": OnlineSettings(age_s, tracker=fitted, learn_trust=trust),
     }
     scored = {}
     for name, settings in trackers.items():
@@ -82,6 +82,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=300.0, help="of each recording (%(default)s)")
     parser.add_argument("--alone", action="store_true", help="everybody alone")
     parser.add_argument("--no-map", action="store_true", help="without obstacles")
+    parser.add_argument(
+        "--trust", action="store_true", help="learn how far to trust the network, as robots do"
+    )
     parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
     places = options.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest"))
@@ -99,7 +102,8 @@ def main() -> None:
         for noise_m in NOISES_M:
             rate_hz = options.detections if faster else 0.0
             sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
-            rows.append({"place": scene.name, "noise, m": noise_m} | errors(scene, sensor, options.model))
+            measured = errors(scene, sensor, options.model, options.trust)
+            rows.append({"place": scene.name, "noise, m": noise_m} | measured)
     tell("ADE, m", rows)
     if options.write:
         pages.put("alone" if options.alone else "noise", by_place(rows))

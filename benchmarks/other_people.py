@@ -85,10 +85,14 @@ def simulate(
 
 
 def errors_m(path: Path, model: Path | None) -> dict[str, float]:
-    """Errors of the network and of simple methods in a file of JuPedSim, m."""
-    predictor = OnlinePredictor.load(model, OnlineSettings(0.125))
-    scores = assess(read_any(path), predictor, EvaluationSettings(), metrics={METRIC: METRICS[METRIC]})
-    return {method: float(np.nanmean(one.values[METRIC])) for method, one in scores.items()}
+    """Errors of the network, alone and with trust, and of simple methods in a file of JuPedSim, m."""
+    errors = {}
+    for title, trust in (("with trust", True), ("network", False)):
+        predictor = OnlinePredictor.load(model, OnlineSettings(0.125, learn_trust=trust))
+        scores = assess(read_any(path), predictor, EvaluationSettings(), metrics={METRIC: METRICS[METRIC]})
+        errors |= {method: float(np.nanmean(one.values[METRIC])) for method, one in scores.items()}
+        errors[title] = errors["network"]
+    return errors
 
 
 def rows_of(model: Path | None) -> list[dict[str, str | float]]:
@@ -108,6 +112,8 @@ def rows_of(model: Path | None) -> list[dict[str, str | float]]:
                     "Kalman CV": error["kalman_cv"],
                     "network": error["network"],
                     "network / the better": error["network"] / best,
+                    "with trust": error["with trust"],
+                    "with trust / the better": error["with trust"] / best,
                 }
             )
     return rows

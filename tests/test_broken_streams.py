@@ -121,10 +121,10 @@ def usual_m():
 
 @pytest.mark.parametrize("stream", [name for name in STREAMS if name not in ("10 Hz", *SPARSE)])
 def test_fast_frames_are_no_noisier(stream, usual_m):
-    """At 1000 Hz, where each second takes long, in one second instead of four."""
+    """Half as many detections are sqrt(2) noisier. At 1000 Hz, in one second instead of four."""
     now = STREAMS[stream]()
     seen = now[now <= WARM_S + 1.0] if stream == "1000 Hz" else now
-    assert errors_m(lambda: seen)[0] < 1.3 * usual_m
+    assert errors_m(lambda: seen)[0] < (np.sqrt(2) if stream == "5 Hz" else 1.3) * usual_m
 
 
 def test_a_queue_that_catches_up_is_no_noisier_than_one_frame_of_each_second():
