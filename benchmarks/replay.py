@@ -8,6 +8,7 @@ with true velocities. The inputs are equal bit by bit; exported weights are roun
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ def differences(model: Path) -> Iterator[dict[str, Any]]:
         scene = read_scene(Path("data/scenes", row["scene"]))
         features, _ = read_manifest(Path("data/features", kind, data))
         settings = OnlineSettings.as_offline(features, scene.detection_dt_s)
-        robot = OnlinePredictor.load(model, settings)
+        robot = OnlinePredictor.load(model, replace(settings, learn_trust=params["evaluation"]["trust"]))
         frames = len(np.unique(scene.trajectories.time_s))
         forecasts = tqdm(
             replay_scene(scene, robot, kind == "simulated"), total=frames, desc=name, unit="frame"
