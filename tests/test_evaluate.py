@@ -127,9 +127,7 @@ def test_the_table_is_the_same_with_and_without_a_file_of_all_figures(hall, tmp_
     assert capsys.readouterr().out == brief
 
 
-def test_alone_means_each_person_by_itself(hall, mixture, monkeypatch):
-    """But for the trust in the network, which learns from people who came before."""
-    monkeypatch.setattr("pedpred.forecasting.trust._USED_S", np.inf)
+def test_alone_means_each_person_by_itself(hall, mixture):
     scene, settings = read_scene(hall), EvaluationSettings(bootstrap=1)
     own = Apart.of(scene.trajectories).moved(scene.trajectories)
     alone = dataclasses.replace(scene, trajectories=own)

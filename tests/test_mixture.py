@@ -12,7 +12,7 @@ from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.models.mixture.network import SURROUNDINGS
 from pedpred.models.registry import parse_settings
-from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online import OnlinePredictor
 from tests.exported import MIXTURE_ROWS, TRACKER, forecaster_of, widths_of
 from tests.worlds import walled_scene
 
@@ -21,8 +21,8 @@ WIDTHS = widths_of(MIXTURE_ROWS.features)
 
 @pytest.mark.parametrize("age", [4, 40, 400])
 def test_an_old_track_is_forecast_as_a_young_one(mixture, age):
-    """Somebody who walks straight, first seen some time ago; trust would learn to go straight, too."""
-    robot = OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False))
+    """Somebody who walks straight, first seen some time ago."""
+    robot = OnlinePredictor.load(mixture[0])
     for k in range(age + 20):
         forecast = robot.update(0.4 * k, np.array([7]), np.array([[0.5 * k, 0.0]]))
         if k == 23:

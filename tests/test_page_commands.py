@@ -50,19 +50,14 @@ NOT_RUN = {
     "python -m stages.simulate +name=sim_test": "needs the layout on its page; test_layouts.py simulates it",
     "pedpred info build/rooms": "likewise",
     "torchrun": "needs the features of a run; test_processes.py trains with two processes",
-    "pedpred warm-up": "compiles for long; test_package.py runs it, and test_warm_up.py what it leaves",
     "pedpred drive": "drives for minutes; test_driving_command.py drives a few episodes",
     "python -m benchmarks": "measures for minutes, and for nothing beside other tests",
 }
 """Commands that are only checked: the beginning of a command -> why."""
 
 IN_A_COPY = (
-    "make params",
-    "make compare",
-    "dvc metrics diff",
-    "dvc exp show",
-    "dvc remote",
-    "dvc repro --dry",
+    *("make params", "make compare", "dvc metrics diff", "dvc exp show", "dvc remote"),
+    *("dvc exp run --queue", "dvc repro --dry"),
 )
 """Commands that are run in a copy of the project with two commits."""
 
@@ -88,12 +83,6 @@ def commands():
 
 
 COMMANDS = list(commands())
-
-
-def one_point(override):
-    """The first point of a queued sweep `key=value,value`; other overrides stay, such as lists."""
-    key, _, values = override.partition("=")
-    return f"{key}={values.split(',')[0]}" if values[:1].isalnum() else override
 
 
 def begins(words, starts):
@@ -186,7 +175,7 @@ def test_a_command_that_is_not_run_asks_for_what_exists(words, request):
         given = parse_args(words[1:])
         assert {*(getattr(given, "targets", None) or ())} <= request.getfixturevalue("stages")
         if words[:3] == ["dvc", "exp", "run"]:
-            composed(ROOT / "conf", [one_point(override) for override in given.set_param])
+            composed(ROOT / "conf", given.set_param)
     elif words[0] == "pedpred":
         assert parser().parse_args(words[1:]).action
     elif "-m" in words and words[0] != "python3":

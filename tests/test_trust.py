@@ -210,7 +210,7 @@ def test_with_nobody_known_it_keeps_what_it_learned():
 def test_velocities_on_a_robot_lead_to_the_point_forecast(mixture):
     """They follow paths that were moved."""
     scene = walled_scene(np.random.default_rng(10), 0.1, detections=120, tracks=5)
-    predictor = OnlinePredictor.load(mixture[0], OnlineSettings(0.05))
+    predictor = OnlinePredictor.load(mixture[0], OnlineSettings(0.05, learn_trust=True))
     moved = False
     for forecast in replay_scene(scene, predictor):
         steps = np.diff(forecast.position, axis=1)

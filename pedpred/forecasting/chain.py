@@ -44,7 +44,7 @@ class Chain:
     together: bool = True
     learning: bool = True
     noise_m: float = 0.0
-    trust: bool = True
+    trust: bool = False
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Place:
     regions: Regions
 
     @classmethod
-    def unlearned(cls, steps: int, noise_m: float = 0.0, trust: bool = True) -> Place:
+    def unlearned(cls, steps: int, noise_m: float = 0.0, trust: bool = False) -> Place:
         """Before the first instant; see `Chain` for the arguments."""
         return cls(Trust.unlearned(steps) if trust else None, Regions.unlearned(steps, noise_m))
 

@@ -44,7 +44,7 @@ class NetworkForecaster:
     encoder: GridEncoder | None
     together: bool = True
     learning: bool = True
-    trust: bool = True
+    trust: bool = False
 
     def __call__(self, request: ForecastRequest) -> Predictions:
         """World-frame predictions of the request's rows.
