@@ -89,7 +89,7 @@ def law(*models):
     known = specialisations()
     once = [(module, name) for module, name, _ in known if name != "_walk"]  # constants of its calls make two
     assert len(once) == len(set(once)) > 15
-    stream(None, OnlineSettings(detection_noise_m=0.05))
+    stream(None, OnlineSettings(detection_noise_m=0.05, learn_trust=True))
     for model in (None, *models):
         stream(model)
         predictor = OnlinePredictor.load(model)
@@ -113,6 +113,7 @@ def law_of_updates(model):
     pedpred.warm_up(model)
     known = specialisations()
     stream(model)
+    stream(model, OnlineSettings(learn_trust=True))
     tracks = NearestTracks()
     for k in range(3):
         tracks.assign(0.1 * k, np.array([[0.1 * k, 0.0], [2.0, 1.0]])[: k + 1])
