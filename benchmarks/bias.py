@@ -37,7 +37,7 @@ FEWEST = 30
 def ahead_m(scene: Scene, model: Path | None) -> dict[str, np.ndarray]:
     """Displacement of each window along the heading, m, and the present speed, m/s. [W] each."""
     age_s = robot_for(scene, None).settings.max_age_s
-    predictor = OnlinePredictor.load(model, OnlineSettings(age_s))
+    predictor = OnlinePredictor.load(model, OnlineSettings(age_s, learn_trust=False))
     about, sizes = predictor.description, predictor.protocol
     how = Perception(predictor.filters, about.standstill_mps)
     request = replace(ask_about_windows(scene, how, sizes, memory=False), tracker=None)

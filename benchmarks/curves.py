@@ -83,7 +83,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
     parser.add_argument("--people", type=int, default=60)
-    parser.add_argument("--trust", action="store_true", help="learn how far to trust the network")
+    parser.add_argument(
+        "--trust", action="store_true", help="learn how far to trust the network, as robots do"
+    )
     parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
     rows = []

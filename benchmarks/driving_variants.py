@@ -162,7 +162,7 @@ def drive_episode(trial: Trial, number: int) -> tuple[list[Row], list[dict[str, 
     rows, causes = [], []
     for name, risk in product(trial.variants, trial.risks):
         variant = VARIANTS[name]
-        online = OnlineSettings(detection_noise_m=usual.sensor.noise_m)
+        online = OnlineSettings(detection_noise_m=usual.sensor.noise_m, learn_trust=False)
         if variant.kept_s is not None:
             online = replace(online, max_age_s=variant.kept_s)
         predictor = _predictor(trial.model, online)

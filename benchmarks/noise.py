@@ -82,7 +82,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=300.0, help="of each recording (%(default)s)")
     parser.add_argument("--alone", action="store_true", help="everybody alone")
     parser.add_argument("--no-map", action="store_true", help="without obstacles")
-    parser.add_argument("--trust", action="store_true", help="learn how far to trust the network")
+    parser.add_argument(
+        "--trust", action="store_true", help="learn how far to trust the network, as robots do"
+    )
     parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
     places = options.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest"))

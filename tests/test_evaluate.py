@@ -131,7 +131,8 @@ def test_alone_means_each_person_by_itself(hall, mixture):
     scene, settings = read_scene(hall), EvaluationSettings(bootstrap=1)
     own = Apart.of(scene.trajectories).moved(scene.trajectories)
     alone = dataclasses.replace(scene, trajectories=own)
-    together = assess(alone, robot_for(scene, mixture[0]), settings)["network"]
+    robot = robot_for(scene, mixture[0], learn_trust=False)  # as `--alone` has it
+    together = assess(alone, robot, settings)["network"]
     people = scene.trajectories.track_id
     for track in np.unique(people):
         one = dataclasses.replace(scene, trajectories=scene.trajectories.select(people == track))

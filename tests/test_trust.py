@@ -1,6 +1,6 @@
 """Trust in a network beside straight lines: what is learned, from what, and what stays."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -18,8 +18,10 @@ WALK = 1
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def stream(rng, frames=60, people=8, wrong_m=0.3, noise_m=0.0, turn_radps=0.0):
+def stream(rng, frames=80, people=8, wrong_m=0.3, noise_m=0.0, turn_radps=0.0, stay_s=8.0):
     """People who walk straight or in circles, and forecasts that are wrong by a vector per person and step.
+
+    Everybody leaves after some time, and somebody else goes on in the same way.
 
     Returns:
         Person, time, detection and seen of each row, its true path, and its forecasts.
@@ -39,12 +41,21 @@ def stream(rng, frames=60, people=8, wrong_m=0.3, noise_m=0.0, turn_radps=0.0):
     covariance = np.broadcast_to(0.1 * np.eye(2), (len(here), 2, STEPS, 2, 2)).copy()
     weight = np.tile([0.7, 0.3], (len(here), 1))
     detection = here + noise_m * rng.normal(size=here.shape)
-    seen = np.ones(len(here), bool)
-    return person, time_s, detection, seen, truth, Predictions(point, path, weight, DT_S, covariance)
+    seen, who = np.ones(len(here), bool), person + people * np.floor(time_s / stay_s).astype(int)
+    return who, time_s, detection, seen, truth, Predictions(point, path, weight, DT_S, covariance)
 
 
 def learned(person, time_s, detection, seen, forecasts):
     return next(learn_trust([(forecasts, person, time_s, detection, seen)]))[0]
+
+
+def along(person, time_s, detection, seen, forecasts):
+    """Trust after each instant."""
+    trust = Trust.unlearned(STEPS)
+    for now_s in np.unique(time_s):
+        rows = time_s == now_s
+        trust, _ = trust.after(now_s, person[rows], detection[rows], seen[rows], forecasts.select(rows))
+        yield trust
 
 
 def errors_m(forecasts, truth, rows):
@@ -76,28 +87,25 @@ def test_nothing_to_compare_keeps_the_network():
 @given(SEEDS, st.floats(0.0, 1.0), st.floats(0.0, 0.1))
 def test_weights_are_shares_whatever_happens(seed, wrong_m, noise_m):
     rng = np.random.default_rng(seed)
-    person, time_s, detection, seen, _, forecasts = stream(rng, 40, 5, wrong_m, noise_m, rng.uniform(0, 1))
+    person, time_s, detection, seen, _, forecasts = stream(rng, 60, 5, wrong_m, noise_m, rng.uniform(0, 1))
     seen &= rng.random(len(seen)) < 0.9
-    trust = Trust.unlearned(STEPS)
-    for now_s in np.unique(time_s):
-        rows = time_s == now_s
-        trust, _ = trust.after(now_s, person[rows], detection[rows], seen[rows], forecasts.select(rows))
+    for trust in along(person, time_s, detection, seen, forecasts):
         assert (trust.weights >= 0).all()
         assert (trust.weights.sum(axis=-1) <= 1 + 1e-12).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_lines_that_are_always_right_are_approached(seed):
-    person, time_s, detection, seen, truth, forecasts = stream(np.random.default_rng(seed), 150)
+    person, time_s, detection, seen, truth, forecasts = stream(np.random.default_rng(seed), 500)
     after = learned(person, time_s, detection, seen, forecasts)
-    late = time_s > 35.0
+    late = (time_s > 130.0) & (time_s % 8.0 > 1.5)
     assert errors_m(after, truth, late) < 0.25 * errors_m(forecasts, truth, late)
 
 
 @pytest.mark.parametrize("turn_radps", [0.3, 1.0])
 def test_a_network_that_is_always_right_is_kept(turn_radps):
     rng = np.random.default_rng(3)
-    person, time_s, detection, seen, truth, forecasts = stream(rng, 100, wrong_m=0.0, turn_radps=turn_radps)
+    person, time_s, detection, seen, truth, forecasts = stream(rng, 150, wrong_m=0.0, turn_radps=turn_radps)
     after = learned(person, time_s, detection, seen, forecasts)
     assert errors_m(after, truth, time_s > 0) < 0.002
 
@@ -105,7 +113,7 @@ def test_a_network_that_is_always_right_is_kept(turn_radps):
 def test_a_noisy_line_is_not_preferred():
     """Lines through 5 cm of noise are 0.1 m wrong; the network is right, and detections err at both ends."""
     person, time_s, detection, seen, truth, forecasts = stream(
-        np.random.default_rng(4), 150, wrong_m=0.0, noise_m=0.05
+        np.random.default_rng(4), 250, wrong_m=0.0, noise_m=0.05
     )
     after = learned(person, time_s, detection, seen, forecasts)
     assert errors_m(after, truth, time_s > 35.0) < 0.005
@@ -114,13 +122,13 @@ def test_a_noisy_line_is_not_preferred():
 @settings(max_examples=10, deadline=None)
 @given(SEEDS)
 def test_equal_paths_change_nothing(seed):
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 40, wrong_m=0.0)
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 60, wrong_m=0.0)
     after = learned(person, time_s, detection, seen, forecasts)
     np.testing.assert_allclose(after.point, forecasts.point, atol=1e-5)
 
 
 def test_modes_move_with_the_point_forecast_and_the_rest_stays():
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(5), 60)
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(5))
     after = learned(person, time_s, detection, seen, forecasts)
     shift = after.point - forecasts.point
     assert np.abs(shift).max() > 0.1
@@ -130,20 +138,48 @@ def test_modes_move_with_the_point_forecast_and_the_rest_stays():
 
 
 @settings(max_examples=5, deadline=None)
-@given(seed=SEEDS, cut=st.integers(5, 45))
+@given(seed=SEEDS)
+def test_what_somebody_does_changes_no_forecast_of_who_is_there(seed):
+    """Nor of who came up to 4 s after somebody had left; who comes later starts with something else."""
+    rng = np.random.default_rng(seed)
+    person, time_s, detection, seen, _, forecasts = stream(rng, 100, noise_m=0.02, stay_s=10.0)
+    other, odd = detection.copy(), person == 0
+    other[odd] += rng.normal(0, 3.0, (odd.sum(), 2))
+    after = learned(person, time_s, detection, seen, forecasts)
+    changed = learned(person, time_s, other, seen, forecasts)
+    there = (time_s < 20.0) & ~odd
+    np.testing.assert_array_equal(changed.point[there], after.point[there])
+    assert (changed.point != after.point)[time_s > 24.0].any()
+
+
+@settings(max_examples=5, deadline=None)
+@given(seed=SEEDS)
+def test_others_are_forecast_as_if_somebody_were_not_there(seed):
+    """To the last bit, while those who had left before are the same."""
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), noise_m=0.02)
+    rows = np.flatnonzero(person != 16)  # who comes at 16 s, when others have left at 8 s
+    after = learned(person, time_s, detection, seen, forecasts)
+    without = learned(person[rows], time_s[rows], detection[rows], seen[rows], forecasts.select(rows))
+    np.testing.assert_array_equal(without.point, after.point[rows])
+    assert (after.point != forecasts.point)[time_s > 18.0].any()
+
+
+@settings(max_examples=5, deadline=None)
+@given(seed=SEEDS, cut=st.integers(40, 75))
 def test_nothing_is_learned_from_the_future(seed, cut):
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 50, noise_m=0.02)
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), noise_m=0.02)
     first = np.arange(cut * 8)
     part = learned(person[first], time_s[first], detection[first], seen[first], forecasts.select(first))
     whole = learned(person, time_s, detection, seen, forecasts)
     np.testing.assert_array_equal(part.point, whole.point[first])
     np.testing.assert_array_equal(part.path, whole.path[first])
+    assert (whole.point != forecasts.point).any()
 
 
 @settings(max_examples=5, deadline=None)
 @given(seed=SEEDS, size=st.integers(1, 12))
 def test_parts_of_a_stream_give_what_the_whole_gives(seed, size):
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 40, noise_m=0.02)
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 60, noise_m=0.02)
     whole = learned(person, time_s, detection, seen, forecasts)
     cuts = np.split(np.arange(len(person)), np.arange(8 * size, len(person), 8 * size))
     parts = [
@@ -156,7 +192,7 @@ def test_parts_of_a_stream_give_what_the_whole_gives(seed, size):
 @settings(max_examples=5, deadline=None)
 @given(seed=SEEDS, turn=st.floats(-np.pi, np.pi))
 def test_forecasts_turn_with_the_world(seed, turn):
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 40, noise_m=0.02)
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 60, noise_m=0.02)
     turned = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     there = replace(forecasts, point=forecasts.point @ turned, path=forecasts.path @ turned)
     after = learned(person, time_s, detection, seen, forecasts)
@@ -165,54 +201,57 @@ def test_forecasts_turn_with_the_world(seed, turn):
 
 
 def test_people_who_are_not_detected_teach_nothing():
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(6), 60)
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(6))
     after = learned(person, time_s, detection, ~seen, forecasts)
     np.testing.assert_array_equal(after.point, forecasts.point)
 
 
 def test_people_who_leave_before_the_last_step_teach_nothing():
     """Everybody has been followed for 2.4 s at 2.4 s, and is gone after 5.1 s."""
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(7), 30)
-    trust = Trust.unlearned(STEPS)
-    for now_s in np.unique(time_s):
-        rows = (time_s == now_s) & (time_s < 5.2)
-        trust, _ = trust.after(now_s, person[rows], detection[rows], seen[rows], forecasts.select(rows))
-    np.testing.assert_array_equal(trust.compared, 0.0)
-    np.testing.assert_array_equal(trust.weights, 0.0)
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(7), stay_s=5.2)
+    after = learned(person, time_s, detection, seen, forecasts)
+    np.testing.assert_array_equal(after.point, forecasts.point)
 
 
 def test_what_is_kept_does_not_grow():
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(8), 300, 20)
-    trust, sizes = Trust.unlearned(STEPS), []
-    for frame in range(300):
-        rows = np.arange(frame * 20, (frame + 1) * 20)
-        names = person[rows] + 20 * (frame // 50)
-        trust, _ = trust.after(time_s[rows[0]], names, detection[rows], seen[rows], forecasts.select(rows))
-        kept = sum(len(past.person) for past in trust.waiting)
-        sizes.append((len(trust.waiting), kept, len(trust.detections.time_s)))
-    assert (np.max(sizes, axis=0) == np.max(sizes[:50], axis=0)).all()
-    assert trust.compared.max() <= 10000
+    sizes = []
+    for trust in along(*_without_truth(stream(np.random.default_rng(8), 300, 20, stay_s=15.0))):
+        waiting = sum(len(past.person) for past in trust.waiting)
+        sizes.append((len(trust.waiting), waiting, len(trust.detections.time_s), len(trust.person)))
+        assert trust.place.compared.max() <= 10000
+    assert (np.max(sizes, axis=0) == np.max(sizes[:75], axis=0)).all()
+    assert trust.place.compared.max() > 1000
 
 
 def test_with_nobody_known_it_keeps_what_it_learned():
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(9), 60)
-    trust = Trust.unlearned(STEPS)
-    for now_s in np.unique(time_s):
-        rows = time_s == now_s
-        trust, _ = trust.after(now_s, person[rows], detection[rows], seen[rows], forecasts.select(rows))
+    """Who is there when time jumps has left; whoever comes then starts with what they taught."""
+    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(9), 40, stay_s=1000.0)
+    *_, trust = along(person, time_s, detection, seen, forecasts)
+    np.testing.assert_array_equal(trust.weights, 0.0)
     alone = trust.without_people()
-    assert alone.waiting == ()
-    assert not len(alone.detections.time_s)
-    assert trust.weights[WALK].sum() > 0.1
-    np.testing.assert_array_equal(alone.weights, trust.weights)
+    assert (alone.waiting, len(alone.person), len(alone.detections.time_s)) == ((), 0, 0)
+    np.testing.assert_array_equal(alone.place.compared, trust.taught.compared.sum(axis=0))
+    assert alone.place.best_weights()[WALK].sum() > 0.1
+
+
+def _without_truth(rows):
+    person, time_s, detection, seen, _, forecasts = rows
+    return person, time_s, detection, seen, forecasts
 
 
 def test_velocities_on_a_robot_lead_to_the_point_forecast(mixture):
-    """They follow paths that were moved."""
+    """They follow paths that were moved, of people who come after others have left."""
     scene = walled_scene(np.random.default_rng(10), 0.1, detections=120, tracks=5)
-    predictor = OnlinePredictor.load(mixture[0], OnlineSettings(0.05, learn_trust=True))
+    people = scene.trajectories
+    later = replace(people, time_s=people.time_s + 60.0, track_id=people.track_id + 100)
+    both = {
+        each.name: np.concatenate([getattr(people, each.name), getattr(later, each.name)])
+        for each in fields(people)
+        if getattr(people, each.name) is not None
+    }
+    predictor = OnlinePredictor.load(mixture[0], OnlineSettings(0.05))
     moved = False
-    for forecast in replay_scene(scene, predictor):
+    for forecast in replay_scene(replace(scene, trajectories=replace(people, **both)), predictor):
         steps = np.diff(forecast.position, axis=1)
         np.testing.assert_allclose(forecast.velocity[:, 1:] * forecast.dt_s, steps, atol=1e-4)
         moved = moved or bool(predictor._trust.weights.any())

@@ -61,6 +61,7 @@ def robot_for(
     model: Path | None,
     tracker: KalmanSettings | None = None,
     detection_noise_m: float = 0.0,
+    learn_trust: bool = True,
 ) -> OnlinePredictor:
     """Load a predictor whose `max_age_s` covers the time between two detections of this scene; for any crowd.
 
@@ -69,10 +70,15 @@ def robot_for(
         model: a model folder; None: the default one.
         tracker: in place of the model's.
         detection_noise_m: see `OnlineSettings`.
+        learn_trust: see there.
     """
     max_age_s = max(0.5, 1.25 * scene.detection_dt_s)
     settings = OnlineSettings(
-        max_age_s, tracker=tracker, detection_noise_m=detection_noise_m, most_people=MOST_PEOPLE
+        max_age_s,
+        tracker=tracker,
+        detection_noise_m=detection_noise_m,
+        learn_trust=learn_trust,
+        most_people=MOST_PEOPLE,
     )
     return OnlinePredictor.load(model, settings)
 

@@ -1,4 +1,4 @@
-"""How far to trust a network beside straight lines, learned from how people walk at a place.
+"""How far to trust a network beside straight lines, learned from how people walk.
 
 A network has seen many places, not this one. Where people walk straighter or detections are better than it
 expects, a line through a person's last detections is the better forecast. So everybody's forecast is kept now
@@ -7,10 +7,13 @@ the network's point forecast at a step, d_l = line l - n, and e = position - n. 
     n + sum_l w_l d_l,    w_l >= 0,    sum_l w_l <= 1
 with the w that minimise
     sum |e - sum_l w_l d_l|^2 / (c + |e - sum_l v_l d_l|) + (M / N) sum_l w_l^2 sum |d_l|^2 / (c + |...|)
-over the N forecasts that were compared, where v was w at the comparison: distances count, not their squares
-(iteratively reweighted least squares). The second term draws w to 0, all trust in the network, as M forecasts
-would that were right. When N is larger than some thousands, the sums fade. Each step of the horizon has a w,
-and people who are forecast to stand and to walk have their own. All modes move with the point forecast.
+over the N forecasts of people who had left the place when this person came, where v was their w: distances
+count, not their squares (iteratively reweighted least squares). The second term draws w to 0, all trust in
+the network, as M forecasts would that were right. When N is larger than some thousands, the sums fade. Each
+step of the horizon has a w, and people who are forecast to stand and to walk have their own. All modes move
+with the point forecast.
+
+What somebody does thus changes no forecast of anybody who is there at the same time.
 
 Noise of the detection that ends a comparison is independent of d and changes no w in the mean. Forecasts of
 people who are not seen up to the last step do not count, as in the evaluation.
@@ -26,7 +29,7 @@ import numpy as np
 
 from pedpred.forecasting.comparisons import GROUPS, groups_of
 from pedpred.forecasting.detections import NEAR_S, Detections
-from pedpred.forecasting.instants import EVERY_S, KNOWN, LATELY_S, Instants, learn_along
+from pedpred.forecasting.instants import EVERY_S, KNOWN, Instants, learn_along
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S
 
@@ -34,10 +37,46 @@ _SPANS_S = np.array([2.4, 0.6])
 """Lines are fitted to so many seconds of detections, s: a steady one, and one that follows turns."""
 _USED_S, _COMPARED_S = 1.2, 2.4
 """Lines are used, and compared, of people who have been followed for so long, s."""
-_PRIOR, _MOST = 200.0, 10000.0
-"""M, and the most forecasts that N counts: those of 100 people in half a minute, of one in 50 minutes."""
+_AFTER_S = 1.0
+"""Who is not detected for longer than the horizon and this, s, has left."""
+_PRIOR, _MOST = 100.0, 10000.0
+"""M, and the most forecasts that N counts: those of 100 people in half a minute."""
 _NEAR_M = 0.02
 """c: errors below this, m, count as squares."""
+
+
+class Sums(NamedTuple):
+    """What comparisons add up to; for each of some people, or for none.
+
+    Attributes:
+        products: of d_l . d_m, weighted. [..., G, P, L, L]
+        errors: of d_l . e, weighted. [..., G, P, L]
+        compared: number of forecasts. [..., G]
+    """
+
+    products: np.ndarray
+    errors: np.ndarray
+    compared: np.ndarray
+
+    @classmethod
+    def nothing(cls, steps: int, *people: int) -> Sums:
+        """Before the first comparison, for so many people."""
+        lines, each = len(_SPANS_S), (*people, GROUPS)
+        return cls(np.zeros((*each, steps, lines, lines)), np.zeros((*each, steps, lines)), np.zeros(each))
+
+    def faded(self) -> Sums:
+        """The same mean with no more than the most forecasts."""
+        fades = np.minimum(1.0, _MOST / np.maximum(self.compared, 1.0))
+        return Sums(
+            self.products * fades[..., None, None, None],
+            self.errors * fades[..., None, None],
+            self.compared * fades,
+        )
+
+    def best_weights(self) -> np.ndarray:
+        """The shares w that minimise the sum. [..., G, P, L]."""
+        prior = (_PRIOR / np.maximum(self.compared, 1.0))[..., None, None, None] * np.eye(len(_SPANS_S))
+        return best_weights(self.products * (1.0 + prior), self.errors)
 
 
 class Kept(NamedTuple):
@@ -65,19 +104,19 @@ class Trust:
     """What was learned at a place, the forecasts to learn from, and the detections of their time.
 
     Attributes:
-        weights: w of each group, step and line. [G, P, L]
-        products: sums of d_l . d_m, weighted. [G, P, L, L]
-        errors: sums of d_l . e, weighted. [G, P, L]
-        compared: number of forecasts in the sums. [G]
+        place: what those have taught who have left.
+        person: who is there, rising. [K]
+        taught: what each has taught so far. [K]
+        weights: w for each, from when the person came. [K, G, P, L]
         looked_s: when forecasts were last compared and kept, s.
         waiting: for their time.
         detections: of the last seconds.
     """
 
+    place: Sums
+    person: np.ndarray
+    taught: Sums
     weights: np.ndarray
-    products: np.ndarray
-    errors: np.ndarray
-    compared: np.ndarray
     looked_s: float = -np.inf
     waiting: tuple[Kept, ...] = ()
     detections: Detections = field(default_factory=Detections.none)
@@ -85,13 +124,17 @@ class Trust:
     @classmethod
     def unlearned(cls, steps: int) -> Trust:
         """Before the first instant: forecasts are the network's."""
-        lines = len(_SPANS_S)
-        each = np.zeros((GROUPS, steps, lines))
-        return cls(each, np.zeros((GROUPS, steps, lines, lines)), each, np.zeros(GROUPS))
+        return cls._of_place(Sums.nothing(steps))
+
+    @classmethod
+    def _of_place(cls, place: Sums) -> Trust:
+        """With nobody there."""
+        nobody = Sums.nothing(place.errors.shape[-2], 0)
+        return cls(place, np.zeros(0, np.int64), nobody, nobody.errors)
 
     def without_people(self) -> Trust:
         """What was learned, with nobody to learn from."""
-        return replace(self, looked_s=-np.inf, waiting=(), detections=Detections.none())
+        return self._of_place(self._place_without(np.ones(len(self.person), bool)))
 
     def after(
         self,
@@ -117,17 +160,16 @@ class Trust:
         known = Detections.join((self.detections, new)) if seen.any() else self.detections
         here = replace(self, detections=known)
         looks = time_s >= self.looked_s + EVERY_S - TIME_TOLERANCE_S
-        if looks:
-            here = here._compared(time_s)
         if not looks and not here.weights.any():
             return here, forecasts
+        lines = known.lines(person, time_s, _SPANS_S)
         ahead_s = forecasts.dt_s * np.arange(1, forecasts.steps + 1)
-        lines, group = known.lines(person, time_s, _SPANS_S), groups_of(forecasts)
+        if looks:
+            late = known.since(time_s - ahead_s[-1] - _AFTER_S)
+            used = lines.followed_s >= _USED_S - TIME_TOLERANCE_S
+            here = replace(here._compared(time_s)._with_people(late, person[used]), detections=late)
         paths = lines.position[:, :, None] + lines.velocity[:, :, None] * ahead_s[:, None]
-        apart = np.nan_to_num(paths - forecasts.point[:, None])
-        used = lines.followed_s >= _USED_S - TIME_TOLERANCE_S
-        share = here.weights[group] * used[:, None, None]
-        blended = _moved(forecasts, np.einsum("npl,nlpx->npx", share, apart)) if share.any() else forecasts
+        apart, group = np.nan_to_num(paths - forecasts.point[:, None]), groups_of(forecasts)
         if looks:
             old = lines.followed_s >= _COMPARED_S - TIME_TOLERANCE_S
             rows = np.flatnonzero(seen & old & (lines.detections >= KNOWN))
@@ -135,8 +177,41 @@ class Trust:
             if len(rows):
                 point = forecasts.point[rows].astype(np.float64)
                 waiting += (Kept(step_s[-1] + NEAR_S, step_s, person[rows], group[rows], point, apart[rows]),)
-            here = replace(here, looked_s=time_s, waiting=waiting, detections=known.since(time_s - LATELY_S))
-        return here, blended
+            here = replace(here, looked_s=time_s, waiting=waiting)
+        shift = here._shift(person, group, apart)
+        return here, _moved(forecasts, shift) if shift.any() else forecasts
+
+    def _shift(self, person: np.ndarray, group: np.ndarray, apart: np.ndarray) -> np.ndarray:
+        """From the point forecasts of some people to what is given, m; 0 for who has just come. [N, P, 2]."""
+        there = np.flatnonzero(np.isin(person, self.person))
+        share = np.zeros((len(person), *self.weights.shape[2:]))
+        share[there] = self.weights[np.searchsorted(self.person, person[there]), group[there]]
+        return (np.swapaxes(share, 1, 2)[..., None] * apart).sum(axis=1)
+
+    def _with_people(self, known: Detections, person: np.ndarray) -> Trust:
+        """With some people [N], who may have come, and without those who are not detected any more."""
+        gone = ~np.isin(self.person, known.person)
+        stays, come = np.flatnonzero(~gone), np.setdiff1d(person, self.person)
+        if len(stays) == len(gone) and not len(come):
+            return self
+        place, everybody = self._place_without(gone), np.concatenate([self.person[stays], come])
+        order = np.argsort(everybody)
+
+        def joined(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+            return np.concatenate([old[stays], np.broadcast_to(new, (len(come), *new.shape))])[order]
+
+        return replace(
+            self,
+            place=place,
+            person=everybody[order],
+            taught=Sums(*map(joined, self.taught, Sums.nothing(self.weights.shape[-2]))),
+            weights=joined(self.weights, place.best_weights()),
+        )
+
+    def _place_without(self, gone: np.ndarray) -> Sums:
+        """What the place has taught once some people [K] bool have left."""
+        left = (values[gone].sum(axis=0) for values in self.taught)
+        return Sums(*(both[0] + both[1] for both in zip(self.place, left, strict=True))).faded()
 
     def _compared(self, time_s: float) -> Trust:
         """After the comparison of the forecasts whose time has come with the detections."""
@@ -144,30 +219,21 @@ class Trust:
         due = [past for past in self.waiting if past.due_s <= now_s]
         if not due:
             return self
-        products, errors, compared = self.products.copy(), self.errors.copy(), self.compared.copy()
+        products, errors, compared = (values.copy() for values in self.taught)
         for past in due:
             steps, people = len(past.time_s), len(past.person)
             asked = np.repeat(past.person, steps), np.tile(past.time_s, people)
             error = self.detections.at(*asked)[0].reshape(past.point.shape) - past.point
             rows = np.flatnonzero(~np.isnan(error).any(axis=(1, 2)))
-            group, apart, error = past.group[rows], past.apart[rows], error[rows]
-            left = error - np.einsum("npl,nlpx->npx", self.weights[group], apart)
+            person, group = np.searchsorted(self.person, past.person[rows]), past.group[rows]
+            apart, error = past.apart[rows], error[rows]
+            left = error - np.einsum("npl,nlpx->npx", self.weights[person, group], apart)
             weight = 1.0 / (_NEAR_M + np.linalg.norm(left, axis=-1))
-            np.add.at(products, group, np.einsum("np,nlpx,nmpx->nplm", weight, apart, apart))
-            np.add.at(errors, group, np.einsum("np,nlpx,npx->npl", weight, apart, error))
-            np.add.at(compared, group, 1.0)
-        fades = np.minimum(1.0, _MOST / np.maximum(compared, 1.0))
-        products, errors = products * fades[:, None, None, None], errors * fades[:, None, None]
-        compared = compared * fades
-        prior = (_PRIOR / np.maximum(compared, 1.0))[:, None, None, None] * np.eye(len(_SPANS_S))
-        return replace(
-            self,
-            weights=best_weights(products * (1.0 + prior), errors),
-            products=products,
-            errors=errors,
-            compared=compared,
-            waiting=tuple(past for past in self.waiting if past.due_s > now_s),
-        )
+            products[person, group] += np.einsum("np,nlpx,nmpx->nplm", weight, apart, apart)
+            errors[person, group] += np.einsum("np,nlpx,npx->npl", weight, apart, error)
+            compared[person, group] += 1.0
+        waiting = tuple(past for past in self.waiting if past.due_s > now_s)
+        return replace(self, taught=Sums(products, errors, compared).faded(), waiting=waiting)
 
 
 def best_weights(products: np.ndarray, errors: np.ndarray) -> np.ndarray:
@@ -193,8 +259,8 @@ def best_weights(products: np.ndarray, errors: np.ndarray) -> np.ndarray:
     share = np.clip(_ratio(b - c + second - both, first + second - 2.0 * both), 0.0, 1.0)
     edges = (np.stack(w, axis=-1) for w in ((none, none), (one, none), (none, two), (share, 1.0 - share)))
     places = np.stack([inside, *edges])
-    loss = 0.5 * np.einsum("k...i,...ij,k...j->k...", places, products, places)
-    loss -= (places * errors).sum(axis=-1)
+    w_1, w_2 = places[..., 0], places[..., 1]
+    loss = 0.5 * (first * w_1**2 + second * w_2**2) + both * w_1 * w_2 - b * w_1 - c * w_2
     least = loss.argmin(axis=0)[None, ..., None]
     return np.asarray(np.take_along_axis(places, least, axis=0)[0])
 

@@ -62,6 +62,9 @@ class NodeSettings:
         True,
     )
     detection_noise_m: float = _told(0.0, "standard deviation of a detection's coordinate, m")
+    learn_trust: bool = _told(
+        True, "learn from people who have left how far to trust the network beside straight lines"
+    )
     max_age_s: float = _told(0.5, "a person is forecast while the last detection is at most this old, s")
     most_people: int = _told(1000, "of more people, those who came first are forecast, within about 0.5 s")
     occupancy_cell_m: float = _told(
@@ -80,7 +83,10 @@ class NodeSettings:
     def online(self) -> OnlineSettings:
         """How the predictor treats detections."""
         return OnlineSettings(
-            max_age_s=self.max_age_s, detection_noise_m=self.detection_noise_m, most_people=self.most_people
+            max_age_s=self.max_age_s,
+            detection_noise_m=self.detection_noise_m,
+            learn_trust=self.learn_trust,
+            most_people=self.most_people,
         )
 
 
