@@ -39,7 +39,7 @@ _USED_S, _COMPARED_S = 1.2, 2.4
 """Lines are used, and compared, of people who have been followed for so long, s."""
 _AFTER_S = 1.0
 """Who is not detected for longer than the horizon and this, s, has left."""
-_PRIOR, _MOST = 100.0, 10000.0
+_PRIOR, _MOST = 200.0, 10000.0
 """M, and the most forecasts that N counts: those of 100 people in half a minute."""
 _NEAR_M = 0.02
 """c: errors below this, m, count as squares."""
