@@ -19,7 +19,7 @@ from pedpred.online.assessment import assess
 from pedpred.online.replay import replay_scene
 from pedpred.scenes import OccupancyMap
 from pedpred.storage.scenes import read_scene, write_scene
-from tests.worlds import walled_scene
+from tests.worlds import come_again, walled_scene
 
 FAST = ("--samples", "20")
 
@@ -80,6 +80,17 @@ def test_a_tracker_can_be_fitted_to_the_recording(hall, tmp_path, mixture, caplo
     usual = measured(hall, "--model", mixture[0], out=tmp_path / "a.json")["hall"]
     assert "acceleration_noise" in caplog.text
     assert tuned["kalman_cv"]["ade_m"] < usual["kalman_cv"]["ade_m"]
+
+
+def test_the_network_alone_can_be_measured(hall, tmp_path, mixture):
+    scene = come_again(read_scene(hall), 60.0)
+    write_scene(dataclasses.replace(scene, name="again"), tmp_path / "again")
+    given = (tmp_path / "again", "--model", mixture[0])
+    usual = measured(*given, out=tmp_path / "a.json")["again"]["network"]
+    alone = measured(*given, "--no-trust", out=tmp_path / "b.json")["again"]["network"]
+    once = measured(hall, "--model", mixture[0], out=tmp_path / "c.json")["hall"]["network"]
+    assert alone["ade_m"] == pytest.approx(once["ade_m"], abs=1e-6)
+    assert usual["ade_m"] != pytest.approx(once["ade_m"], abs=1e-3)
 
 
 def test_without_map_nothing_of_it_is_seen_or_measured(hall, tmp_path, mixture):

@@ -1,6 +1,6 @@
 """Trust in a network beside straight lines: what is learned, from what, and what stays."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from pedpred.forecasting.trust import Trust, best_weights, learn_trust
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replay_scene
 from pedpred.scenes import Predictions
-from tests.worlds import walled_scene
+from tests.worlds import come_again, walled_scene
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
 WALK = 1
@@ -242,16 +242,9 @@ def _without_truth(rows):
 def test_velocities_on_a_robot_lead_to_the_point_forecast(mixture):
     """They follow paths that were moved, of people who come after others have left."""
     scene = walled_scene(np.random.default_rng(10), 0.1, detections=120, tracks=5)
-    people = scene.trajectories
-    later = replace(people, time_s=people.time_s + 60.0, track_id=people.track_id + 100)
-    both = {
-        each.name: np.concatenate([getattr(people, each.name), getattr(later, each.name)])
-        for each in fields(people)
-        if getattr(people, each.name) is not None
-    }
     predictor = OnlinePredictor.load(mixture[0], OnlineSettings(0.05))
     moved = False
-    for forecast in replay_scene(replace(scene, trajectories=replace(people, **both)), predictor):
+    for forecast in replay_scene(come_again(scene, 60.0), predictor):
         steps = np.diff(forecast.position, axis=1)
         np.testing.assert_allclose(forecast.velocity[:, 1:] * forecast.dt_s, steps, atol=1e-4)
         moved = moved or bool(predictor._trust.weights.any())

@@ -81,3 +81,15 @@ def walled_scene(rng, dt_s=0.4, truth=False, **options):
         occupied[x : x + 12, y : y + 5] = True
     trajectories = wandering(rng, dt_s=dt_s, truth=truth, **options)
     return Scene("walled", trajectories, OccupancyMap(occupied, room.origin, room.resolution_m), dt_s)
+
+
+def come_again(scene, after_s):
+    """A scene in which everybody comes again some time later, as somebody else."""
+    people = scene.trajectories
+    later = replace(people, time_s=people.time_s + after_s, track_id=people.track_id + 1000)
+    both = {
+        name: np.concatenate([values, getattr(later, name)])
+        for name, values in vars(people).items()
+        if values is not None
+    }
+    return replace(scene, trajectories=replace(people, **both))

@@ -200,6 +200,8 @@ def _model(command: argparse.ArgumentParser, tracker: str) -> None:
     command.add_argument(
         "--tracker", type=lambda text: text if text == "tune" else named_path(text), help=tracker
     )
+    lines = "forecasts of the network alone: learn nothing from people who have left"
+    command.add_argument("--no-trust", dest="trust", action="store_false", help=lines)
 
 
 def _conditions(command: argparse.ArgumentParser) -> None:

@@ -43,7 +43,7 @@ def predict(arguments: argparse.Namespace) -> None:
     tracker = None if arguments.tracker is None else read_tracker(Path(arguments.tracker))
     names = TrackNames()
     scene = read_given(arguments, names)
-    predictor = robot_for(scene, arguments.model, tracker, arguments.detection_noise_m)
+    predictor = robot_for(scene, arguments.model, tracker, arguments.detection_noise_m, arguments.trust)
     if not is_table:
         check_recordable(scene, predictor.protocol.horizon_steps, arguments.grid)
     windows = as_windows(scene, _with_progress(scene, predictor), _METHOD, predictor.protocol)
