@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pedpred.forecasting.detections import Detections
 from pedpred.forecasting.trust import Trust, best_weights, learn_trust
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replay_scene
@@ -198,6 +199,24 @@ def test_forecasts_turn_with_the_world(seed, turn):
     after = learned(person, time_s, detection, seen, forecasts)
     other = learned(person, time_s, detection @ turned, seen, there)
     np.testing.assert_allclose(other.point, after.point @ turned, atol=1e-6)
+
+
+@given(st.lists(st.lists(st.integers(0, 9), unique=True), max_size=8))
+def test_detections_of_instants_are_joined_one_by_one_as_all_at_once(people):
+    parts = [
+        Detections(
+            np.full(len(ids), 1.0 * k),
+            np.array(ids, np.int64),
+            np.random.default_rng(k).normal(size=(len(ids), 2)),
+        )
+        for k, ids in enumerate(people)
+    ]
+    known = Detections.none()
+    for part in parts:
+        known = known.with_later(part)
+    expected = Detections.join(tuple(parts))
+    for name in ("time_s", "person", "position"):
+        np.testing.assert_array_equal(getattr(known, name), getattr(expected, name))
 
 
 def test_people_who_are_not_detected_teach_nothing():

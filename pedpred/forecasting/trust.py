@@ -157,7 +157,7 @@ class Trust:
             Everything afterwards, and the forecasts with other paths.
         """
         new = Detections(np.full(int(seen.sum()), time_s), person[seen], detection[seen])
-        known = Detections.join((self.detections, new)) if seen.any() else self.detections
+        known = self.detections.with_later(new)
         here = replace(self, detections=known)
         looks = time_s >= self.looked_s + EVERY_S - TIME_TOLERANCE_S
         if not looks and not here.weights.any():
