@@ -482,3 +482,34 @@ def test_after_an_error_everything_goes_on():
     np.testing.assert_array_equal(
         rows_of(answered(follower, last)["predictions"]), rows_of(answered(plain, last)["predictions"])
     )
+
+
+# What was learned at the place
+
+
+def test_what_was_learned_is_kept_in_a_file_and_a_damaged_one_is_said_and_replaced(tmp_path, caplog):
+    path = tmp_path / "hall.json"
+    first = follower_of(place_file=str(path))
+    first.load_place()
+    first.save_place()
+    written = path.read_bytes()
+    for raw, said in (
+        (written, "going on with what was learned"),
+        (written[:-20], "learned before is not used"),
+    ):
+        path.write_bytes(raw)
+        caplog.clear()
+        again = follower_of(place_file=str(path))
+        with caplog.at_level("INFO"):
+            again.load_place()
+        assert said in caplog.text
+        again.save_place()
+        assert path.read_bytes() == written
+
+
+def test_without_a_name_nothing_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    follower = follower_of()
+    follower.load_place()
+    follower.save_place()
+    assert not list(tmp_path.iterdir())

@@ -469,3 +469,13 @@ def test_a_start_that_cannot_succeed_says_why(place, arguments, problem):
     )
     assert done.returncode == 1
     assert problem in done.stdout + done.stderr
+
+
+def test_what_was_learned_at_a_place_is_kept_for_the_next_start(place):
+    path = place.folder / "hall.json"
+    with place.node("-p", f"place_file:={path}") as told:
+        assert "going on" not in told.read_text()
+    written = path.read_bytes()
+    with place.node("-p", f"place_file:={path}") as told:
+        assert "going on with what was learned" in told.read_text()
+    assert path.read_bytes() == written

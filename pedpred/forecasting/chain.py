@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -67,6 +68,21 @@ class Place:
     def without_people(self) -> Place:
         """What was learned, with nobody to learn from."""
         return Place(self.trust and self.trust.without_people(), self.regions.without_people())
+
+    def plain(self) -> dict[str, Any]:
+        """What was learned, as lists of numbers."""
+        return {"trust": self.trust and self.trust.plain(), "regions": self.regions.plain()}
+
+    def relearned(self, plain: Mapping[str, Any]) -> Place:
+        """Of an unlearned one: with what another one had learned; trust stays None where it is.
+
+        Raises:
+            ValueRuleError: a value breaks its rule.
+        """
+        trust, regions = self.trust, self.regions.relearned(plain["regions"])
+        if trust is not None and plain["trust"] is not None:
+            trust = trust.relearned(plain["trust"])
+        return Place(trust, regions)
 
 
 def forecast_instant(

@@ -22,12 +22,15 @@ follow the last kept one within `pedpred.tracking.kalman.SPACING_S`, are left ou
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
+from pedpred.errors import ValueRuleError
+from pedpred.fields import finite
 from pedpred.forecasting.comparisons import (
     GROUPS,
     Taught,
@@ -83,6 +86,23 @@ class Regions:
     def without_people(self) -> Regions:
         """What was learned, with nobody to learn from."""
         return replace(self, looked_s=-np.inf, waiting=(), taught=Taught.nothing(), detections=())
+
+    def plain(self) -> dict[str, Any]:
+        """What was learned, as lists of numbers."""
+        return {"learned": self.learned.tolist()}
+
+    def relearned(self, plain: Mapping[str, Any]) -> Regions:
+        """Of an unlearned one: with what another one had learned.
+
+        Raises:
+            ValueRuleError: a value breaks its rule.
+        """
+        learned, (low, high) = finite("regions.learned", plain["learned"], self.learned.shape), _LIMITS
+        if not ((learned >= low) & (learned <= high)).all():
+            bounds = zip("ab", low.ravel(), high.ravel(), strict=True)
+            rule = ", ".join(f"{name} must be in [{least:g}, {most:g}]" for name, least, most in bounds)
+            raise ValueRuleError("regions.learned", None, rule)
+        return replace(self, learned=learned)
 
     def after(
         self,

@@ -21,12 +21,14 @@ people who are not seen up to the last step do not count, as in the evaluation.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from pedpred.errors import ValueRuleError
+from pedpred.fields import finite
 from pedpred.forecasting.comparisons import GROUPS, groups_of
 from pedpred.forecasting.detections import NEAR_S, Detections
 from pedpred.forecasting.instants import EVERY_S, KNOWN, Instants, learn_along
@@ -41,6 +43,7 @@ _AFTER_S = 1.0
 """Who is not detected for longer than the horizon and this, s, has left."""
 _PRIOR, _MOST = 200.0, 10000.0
 """M, and the most forecasts that N counts: those of 100 people in half a minute."""
+_ROUNDING = 1e-9
 _NEAR_M = 0.02
 """c: errors below this, m, count as squares."""
 
@@ -77,6 +80,21 @@ class Sums(NamedTuple):
         """The shares w that minimise the sum. [..., G, P, L]."""
         prior = (_PRIOR / np.maximum(self.compared, 1.0))[..., None, None, None] * np.eye(len(_SPANS_S))
         return best_weights(self.products * (1.0 + prior), self.errors)
+
+
+def check_sums(sums: Sums) -> None:
+    """Check that sums may be those of some forecasts.
+
+    Raises:
+        ValueRuleError: they are not.
+    """
+    squares = np.diagonal(sums.products, axis1=-2, axis2=-1)
+    both, other = sums.products[..., 0, 1], sums.products[..., 1, 0]
+    equal, most = _ROUNDING * squares.sum(axis=-1), squares.prod(axis=-1) * (1.0 + _ROUNDING)
+    if not ((squares >= 0).all() and (np.abs(both - other) <= equal).all() and (both**2 <= most).all()):
+        raise ValueRuleError("trust.products", None, "they must be symmetric, without negative eigenvalues")
+    if not ((sums.compared >= 0).all() and (sums.compared <= _MOST * (1.0 + _ROUNDING)).all()):
+        raise ValueRuleError("trust.compared", sums.compared.tolist(), f"it must be in [0, {_MOST:g}]")
 
 
 class Kept(NamedTuple):
@@ -135,6 +153,22 @@ class Trust:
     def without_people(self) -> Trust:
         """What was learned, with nobody to learn from."""
         return self._of_place(self._place_without(np.ones(len(self.person), bool)))
+
+    def plain(self) -> dict[str, Any]:
+        """What those have taught who are there or have left, as lists of numbers."""
+        return {name: values.tolist() for name, values in self.without_people().place._asdict().items()}
+
+    def relearned(self, plain: Mapping[str, Any]) -> Trust:
+        """Of an unlearned one: with what another one had learned.
+
+        Raises:
+            ValueRuleError: a value breaks its rule.
+        """
+        place = Sums(
+            *(finite(f"trust.{name}", plain[name], old.shape) for name, old in self.place._asdict().items())
+        )
+        check_sums(place)
+        return self._of_place(place)
 
     def after(
         self,

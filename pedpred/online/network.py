@@ -119,7 +119,7 @@ def write_description(folder: Path, description: ModelDescription, origin: Mappi
         **_plain(description),
         "origin": dict(origin),
     }
-    write_json(folder / ABOUT, about | {_CHECKSUM: _digest_of(about)})
+    write_json(folder / ABOUT, about | {_CHECKSUM: digest_of(about)})
 
 
 def _plain(description: ModelDescription) -> dict[str, Any]:
@@ -149,6 +149,15 @@ def read_description(folder: Path) -> ModelDescription:
         )
 
 
+def network_checksum(folder: Path) -> str:
+    """SHA-256 of a model folder's network.
+
+    Raises:
+        StorageError: model.json is missing or altered.
+    """
+    return str(_read_about(folder)["network_sha256"])
+
+
 def read_origin(folder: Path) -> dict[str, Any]:
     """Where a model folder's network comes from, as the stage `export` notes it.
 
@@ -166,13 +175,13 @@ def _read_about(folder: Path) -> dict[str, Any]:
     with translate_errors(wording):
         if about["schema"] != MODEL_SCHEMA:
             raise StorageError(path, "schema", f"{brief(about['schema'])}, expected {MODEL_SCHEMA}", _REMEDY)
-        if about.pop(_CHECKSUM) != _digest_of(about):
+        if about.pop(_CHECKSUM) != digest_of(about):
             raise StorageError(path, "checksum", "its values are not those that were written", _REMEDY)
     return about
 
 
-def _digest_of(about: Mapping[str, Any]) -> str:
-    """The checksum of the values in model.json, whatever their order and layout."""
+def digest_of(about: Mapping[str, Any]) -> str:
+    """The checksum of the values in a JSON file, whatever their order and layout."""
     return _digest(json.dumps(about, sort_keys=True).encode())
 
 

@@ -15,9 +15,10 @@ from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
 from pedpred.online.frame import Frame
 from pedpred.online.limit import keep_to_limit
-from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
+from pedpred.online.network import ExportedNetwork, ModelDescription, network_checksum, read_description
 from pedpred.online.past import earliest, kept_before, past_of, slots_for
 from pedpred.online.people import People, next_ticks_s, register_detections
+from pedpred.online.places import read_place, write_place
 from pedpred.online.settings import OnlineSettings
 from pedpred.online.shipped import default_model
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
@@ -41,7 +42,7 @@ class OnlinePredictor:
     """
 
     def __init__(self, folder: Path, settings: OnlineSettings | None = None):
-        self._about = read_description(folder)
+        self._about, self._checksum = read_description(folder), network_checksum(folder)
         self._network = ExportedNetwork(folder, self._about)
         self._settings = settings or OnlineSettings()
         self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
@@ -90,9 +91,27 @@ class OnlinePredictor:
 
     def reset(self) -> None:
         """Delete all tracks and what was learned at the place; the map stays."""
-        self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
+        self._begin(self._unlearned())
+
+    def save_place(self, path: Path | str) -> None:
+        """Write what was learned at the place to a JSON file, for `load_place`."""
+        write_place(Path(path), Place(self._trust, self._regions), self._checksum)
+
+    def load_place(self, path: Path | str) -> None:
+        """Delete all tracks, and go on with what the same network had learned; the map stays.
+
+        Raises:
+            StorageError: the file is missing, damaged or about another network; all is as it was.
+        """
+        self._begin(read_place(Path(path), self._unlearned(), self._checksum))
+
+    def _unlearned(self) -> Place:
         how = self._settings
-        place = Place.unlearned(self.protocol.horizon_steps, how.detection_noise_m, how.learn_trust)
+        return Place.unlearned(self.protocol.horizon_steps, how.detection_noise_m, how.learn_trust)
+
+    def _begin(self, place: Place) -> None:
+        """Start with nobody, and with what was learned."""
+        self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
         self._trust, self._regions = place.trust, place.regions
         none, answer = np.zeros(0, int), self._network.nobody()
         nobody = self._people.at(none, 0.0), answer.predictions, answer.velocities

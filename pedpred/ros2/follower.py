@@ -9,11 +9,12 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
+from pedpred.errors import PedpredError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.online import OnlinePredictor
 from pedpred.ros.decoding import Connection, Decoder
@@ -152,6 +153,27 @@ class Follower:
         """Size of the map in words."""
         return self._map.told
 
+    def load_place(self) -> None:
+        """Go on with what the file of the place says, if there is one; it is not used if it is damaged."""
+        path = Path(self.settings.place_file)
+        if not self.settings.place_file or not path.exists():
+            return
+        try:
+            self._predictor.load_place(path)
+        except PedpredError as problem:
+            _log.warning("what was learned before is not used: %s", problem)
+        else:
+            _log.info("going on with what was learned in %s", path)
+
+    def save_place(self) -> None:
+        """Write the file of the place.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        if self.settings.place_file:
+            self._predictor.save_place(self.settings.place_file)
+
     def map_came(self, raw: bytes) -> None:
         """Use a nav_msgs/OccupancyGrid from now on; the same one again is ignored."""
         if raw == self._map.raw:
@@ -161,6 +183,7 @@ class Follower:
         if frame != self._map.frame:
             _log.warning("the map is in %r, forecasts were in %r: all are forgotten", frame, self._map.frame)
             self._predictor.reset()
+            self.load_place()
         self._predictor.set_map(occupancy)
         self._map = _Map(frame, occupancy, raw, message, told_map(occupancy))
         _log.info("map of %.1f x %.1f m in %r: %s", *occupancy.extent_m, frame, self._map.told)

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -17,6 +18,7 @@ from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, TransitionCallbac
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from pedpred.errors import ConfigError, PedpredError
+from pedpred.files import check_output
 from pedpred.online import OnlinePredictor
 from pedpred.online.warming import warm_up
 from pedpred.ros.message_types import TRANSFORMS, serialize
@@ -31,7 +33,7 @@ from pedpred.ros2.settings import LIVE, NodeSettings, fields_of
 
 _NO_MAP = re.compile(r"costmap|predicted_occupancy/")
 _PEOPLE_DEPTH, _TF_DEPTH, _UPDATES_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 50, 10
-_RETRY_S, _DIAGNOSTICS_S = 0.02, 1.0
+_RETRY_S, _DIAGNOSTICS_S, _PLACE_S = 0.02, 1.0, 60.0
 _log = logging.getLogger("pedpred.ros2")
 _Done = TransitionCallbackReturn
 
@@ -70,7 +72,8 @@ class PedpredNode(LifecycleNode):
         return self.trigger_configure() == _Done.SUCCESS and self.trigger_activate() == _Done.SUCCESS
 
     def destroy_node(self) -> None:
-        """Stop handing log records to ROS, then destroy the node."""
+        """Keep what was learned, stop handing log records to ROS, then destroy the node."""
+        self._forget_people()
         logging.getLogger("pedpred").removeHandler(self._handler)
         super().destroy_node()
 
@@ -118,8 +121,11 @@ class PedpredNode(LifecycleNode):
         warm_up(settings.model or None)
         warm_up_turning()
         predictor = OnlinePredictor.load(settings.model or None, settings.online())
+        if settings.place_file:
+            check_output(Path(settings.place_file))
         self._steps = predictor.protocol.horizon_steps
         self._follower = Follower(predictor, settings, self._is_heard)
+        self._follower.load_place()
         self._latencies, self._diagnosed = Latencies(), Counts()
         self._add_publishers()
         if settings.use_map:
@@ -145,7 +151,9 @@ class PedpredNode(LifecycleNode):
         )
         self._retry.cancel()  # each wake-up takes about a millisecond, so only while people wait
         told = self._guarded("/diagnostics", self._diagnose)
+        kept = self._guarded("place_file", self._follower.save_place)
         self._own += [self._retry, self.create_timer(_DIAGNOSTICS_S, told, clock=steady)]
+        self._own.append(self.create_timer(_PLACE_S, kept, clock=steady))
 
     def _add_publishers(self) -> None:
         assert self._follower is not None
@@ -199,6 +207,8 @@ class PedpredNode(LifecycleNode):
         if self._people is not None:
             self.destroy_subscription(self._people)
             self._people, self._arrivals = None, Arrivals()
+            if self._follower is not None:
+                self._guarded("place_file", self._follower.save_place)()
 
     def _clean_up(self) -> None:
         self._forget_people()

@@ -65,6 +65,11 @@ class NodeSettings:
     learn_trust: bool = _told(
         True, "learn from people who have left how far to trust the network beside straight lines"
     )
+    place_file: str = _told(
+        "",
+        "a JSON file that keeps what was learned at the place, read at the start, written every minute and "
+        "at the end; empty: it is learned again after each start",
+    )
     max_age_s: float = _told(0.5, "a person is forecast while the last detection is at most this old, s")
     most_people: int = _told(1000, "of more people, those who came first are forecast, within about 0.5 s")
     occupancy_cell_m: float = _told(

@@ -20,11 +20,13 @@ from pedpred.command.forecast_tables import COLUMNS
 from pedpred.command.foreign import read_forecasts
 from pedpred.evaluation.forecasts import write_windows
 from pedpred.features import FeatureTable, ForecastProtocol
+from pedpred.forecasting.chain import Place
 from pedpred.geometry import Homography
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.online.network import ExportedNetwork, read_description
+from pedpred.online.places import read_place, write_place
 from pedpred.report import measures
 from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
@@ -353,3 +355,13 @@ def read_project(folder: Path) -> None:
     """What a stage does before it begins."""
     for address in ("plain", "listed@eth", "crossed@a-eth"):
         OmegaConf.to_container(config.declared(folder, address, []), resolve=True)
+
+
+def make_learned_place(path: Path) -> None:
+    untaught = Place.unlearned(STEPS, trust=True).plain()
+    untaught["trust"]["compared"] = [3.0, 40.0]
+    write_place(path, Place.unlearned(STEPS, trust=True).relearned(untaught), "network")
+
+
+def read_learned_place(path: Path) -> dict[str, Any]:
+    return read_place(path, Place.unlearned(STEPS, trust=True), "network").plain()

@@ -100,6 +100,11 @@ READERS = {
         ("tracker.yaml",),
         at("tracker.yaml", read_tracker),
     ),
+    "learned place": Reader(
+        at("hall.json", examples.make_learned_place),
+        ("hall.json",),
+        at("hall.json", examples.read_learned_place),
+    ),
     "metrics": Reader(
         at("sim.json", lambda path: path.write_text(json.dumps(examples.METRICS))),
         ("sim.json",),

@@ -1,0 +1,121 @@
+"""What was learned at a place, kept in a file: a robot that starts again forecasts as if it had gone on."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pedpred.errors import StorageError
+from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.network import digest_of
+from tests.worlds import walled_scene
+
+STEPS = 10
+
+
+@pytest.fixture(scope="module")
+def people():
+    """Of a place with walls, for 12 s: times [T], ids, positions of each frame."""
+    scene = walled_scene(np.random.default_rng(10), 0.1, detections=120, tracks=5)
+    tracks = scene.trajectories
+    instants = np.unique(tracks.time_s)
+    return [
+        (now, tracks.track_id[tracks.time_s == now], tracks.position[tracks.time_s == now])
+        for now in instants
+    ]
+
+
+def stream(robot, people, since_s=0.0):
+    """The forecasts of a visit."""
+    return [robot.update(since_s + now, ids, position) for now, ids, position in people]
+
+
+@pytest.fixture
+def visited(mixture, people):
+    """A robot that has seen people, who have left."""
+    robot = OnlinePredictor.load(mixture[0])
+    stream(robot, people)
+    return robot
+
+
+def test_a_robot_that_starts_again_goes_on(mixture, people, visited, tmp_path):
+    visited.save_place(tmp_path / "hall.json")
+    new, untaught = OnlinePredictor.load(mixture[0]), OnlinePredictor.load(mixture[0])
+    new.load_place(tmp_path / "hall.json")
+    visits = [stream(robot, people, 100.0) for robot in (visited, new, untaught)]
+    for expected, found in zip(*visits[:2], strict=True):
+        np.testing.assert_array_equal(found.predictions.path, expected.predictions.path)
+        np.testing.assert_array_equal(found.covariance, expected.covariance)
+    apart = [np.abs(a.predictions.path - b.predictions.path).max() for a, b in zip(*visits[1:], strict=True)]
+    assert max(apart) > 0.01
+
+
+def test_loading_forgets_the_people_and_keeps_the_map(mixture, visited, tmp_path):
+    visited.save_place(tmp_path / "hall.json")
+    visited.load_place(tmp_path / "hall.json")
+    assert len(visited.update(0.0, [], np.zeros((0, 2)))) == 0
+    visited.save_place(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "hall.json").read_bytes()
+
+
+def test_a_robot_that_trusts_the_network_alone_takes_regions_only(mixture, visited, tmp_path):
+    visited.save_place(tmp_path / "hall.json")
+    alone = OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False))
+    alone.load_place(tmp_path / "hall.json")
+    assert alone._trust is None
+    np.testing.assert_array_equal(alone._regions.learned, visited._regions.learned)
+    alone.save_place(tmp_path / "alone.json")
+    visited.load_place(tmp_path / "alone.json")
+    np.testing.assert_array_equal(visited._trust.place.compared, 0.0)
+
+
+def damaged(about, *where, value):
+    """With another value, and the checksum of it."""
+    about = json.loads(json.dumps(about))
+    *way, last = where
+    part = about
+    for key in way:
+        part = part[key]
+    part[last] = value
+    about.pop("sha256")
+    return about | {"sha256": digest_of(about)}
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "problem"),
+    [
+        (("schema",), 2, "schema"),
+        (("network_sha256",), "0" * 64, "another network"),
+        (("regions", "learned", 0, 0, 0), 1.5, r"a must be in \[-3, 1\], b must be in \[-0.3, 2\]"),
+        (("regions", "learned", 0, 0), [0.0], "regions.learned"),
+        (("trust", "compared", 0), -1.0, r"trust.compared .*\[0, 10000\]"),
+        (("trust", "products", 0, 0, 0, 0), -1.0, "negative eigenvalues"),
+        (("trust", "products", 0, 0, 0, 1), 1e6, "symmetric"),
+        (("trust", "errors", 0, 0, 0), "much", "trust.errors"),
+        (("trust", "errors"), None, "trust.errors"),
+    ],
+)
+def test_a_file_that_is_not_one_of_this_network_is_refused_and_nothing_changes(
+    where, value, problem, people, visited, tmp_path
+):
+    path = tmp_path / "hall.json"
+    visited.save_place(path)
+    about = json.loads(path.read_text())
+    path.write_text(json.dumps(damaged(about, *where, value=value)))
+    with pytest.raises(StorageError, match=rf"hall.json.*{problem}"):
+        visited.load_place(path)
+    visited.save_place(path)
+    assert json.loads(path.read_text()) == about
+    last_s, ids, position = people[-1]
+    assert len(visited.update(last_s + 0.1, ids, position)) > len(ids)  # somebody else is still known
+
+
+def test_an_edited_file_is_refused(visited, tmp_path):
+    path = tmp_path / "hall.json"
+    visited.save_place(path)
+    about = json.loads(path.read_text())
+    path.write_text(json.dumps(about | {"network_sha256": "other"}))
+    with pytest.raises(StorageError, match="not those that were written"):
+        visited.load_place(path)
+    with pytest.raises(StorageError, match=r"nowhere\.json"):
+        visited.load_place(tmp_path / "nowhere.json")
