@@ -18,7 +18,7 @@ import numpy as np
 
 from pedpred.features import ModelFeatures
 from pedpred.forecasting.instants import Instants
-from pedpred.forecasting.regions import Regions, learn_regions
+from pedpred.forecasting.regions import TAILS, TAILS_ON_LINES, Regions, learn_regions
 from pedpred.forecasting.request import ForecastRequest
 from pedpred.forecasting.selection import choose_modes
 from pedpred.forecasting.trust import Trust, learn_trust
@@ -63,7 +63,8 @@ class Place:
     @classmethod
     def unlearned(cls, steps: int, noise_m: float = 0.0, trust: bool = False) -> Place:
         """Before the first instant; see `Chain` for the arguments."""
-        return cls(Trust.unlearned(steps) if trust else None, Regions.unlearned(steps, noise_m))
+        regions = Regions.unlearned(steps, noise_m, TAILS_ON_LINES if trust else TAILS)
+        return cls(Trust.unlearned(steps) if trust else None, regions)
 
     def without_people(self) -> Place:
         """What was learned, with nobody to learn from."""
@@ -148,7 +149,8 @@ def forecast_blocks(
     if chain.together:
         parts = _together(request, parts, row)
     if chain.learning:
-        parts = learn_regions(parts, chain.noise_m, lost_after_s)
+        tails = TAILS_ON_LINES if chain.trust else TAILS
+        parts = learn_regions(parts, chain.noise_m, lost_after_s, tails)
     for (at, end), (everybody, *_) in zip(blocks, parts, strict=True):
         which = order[slice(*np.searchsorted(asked, [at, end], sorter=order))]
         if len(which):

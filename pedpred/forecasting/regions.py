@@ -48,9 +48,13 @@ _LONG_S = 1.0
 """The longest time that an instant whose forecasts are kept stands for, s."""
 _COMPARED = 4
 """Steps of the horizon at which forecasts are compared, from the first to the last one."""
-_LIMITS = np.array([[-3.0, -0.3], [1.0, 2.0]])[..., None, None]
-"""Least and largest a and b. A lower b would make sharp modes inside wide ones, which b is then lowered to
-mend. Where positions are exact, people who stand stray by less than 1 mm in the first step: a is -2.9."""
+TAILS, TAILS_ON_LINES = -0.3, -0.45
+"""Least b. A lower one would make sharp modes inside wide ones, which b is then lowered to mend. Modes that
+were moved to lines (`pedpred.forecasting.trust`) are nearer to each other, and the lines' noise is that of
+the sharp modes, too."""
+_LEAST, _LARGEST = -3.0, np.array([1.0, 2.0])[:, None, None]
+"""Least a, and largest a and b. Where positions are exact, people who stand stray by less than 1 mm in the
+first step: a is -2.9."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,7 @@ class Regions:
         steps: those at which forecasts are compared, rising. [A]
         learned: a and b, of each group (`groups_of`) and step. [2, G, A]
         noise_m: standard deviation of a detection's coordinate, m; 0: detections are where people are.
+        tails: least b.
         looked_s: when forecasts were last compared and kept, s.
         made: number of forecasts kept so far.
         waiting: for their time.
@@ -71,6 +76,7 @@ class Regions:
     steps: np.ndarray
     learned: np.ndarray
     noise_m: float = 0.0
+    tails: float = TAILS
     looked_s: float = -np.inf
     made: int = 0
     waiting: tuple[Waiting, ...] = ()
@@ -78,10 +84,15 @@ class Regions:
     detections: tuple[Detections, ...] = ()
 
     @classmethod
-    def unlearned(cls, steps: int, noise_m: float = 0.0) -> Regions:
+    def unlearned(cls, steps: int, noise_m: float = 0.0, tails: float = TAILS) -> Regions:
         """Before the first instant: regions as the network gives them."""
         compared = np.unique(np.geomspace(1, steps, _COMPARED).round().astype(int)) - 1
-        return cls(compared, np.zeros((2, GROUPS, len(compared))), noise_m)
+        return cls(compared, np.zeros((2, GROUPS, len(compared))), noise_m, tails)
+
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest a and b."""
+        return np.array([_LEAST, self.tails])[:, None, None], _LARGEST
 
     def without_people(self) -> Regions:
         """What was learned, with nobody to learn from."""
@@ -92,17 +103,18 @@ class Regions:
         return {"learned": self.learned.tolist()}
 
     def relearned(self, plain: Mapping[str, Any]) -> Regions:
-        """Of an unlearned one: with what another one had learned.
+        """Of an unlearned one: with what another one had learned, whatever its least b.
 
         Raises:
             ValueRuleError: a value breaks its rule.
         """
-        learned, (low, high) = finite("regions.learned", plain["learned"], self.learned.shape), _LIMITS
+        learned = finite("regions.learned", plain["learned"], self.learned.shape)
+        low, high = replace(self, tails=min(TAILS, TAILS_ON_LINES)).limits
         if not ((learned >= low) & (learned <= high)).all():
             bounds = zip("ab", low.ravel(), high.ravel(), strict=True)
             rule = ", ".join(f"{name} must be in [{least:g}, {most:g}]" for name, least, most in bounds)
             raise ValueRuleError("regions.learned", None, rule)
-        return replace(self, learned=learned)
+        return replace(self, learned=np.clip(learned, *self.limits))
 
     def after(
         self,
@@ -188,14 +200,17 @@ class Regions:
             taught = taught.select(~gone)
         return replace(
             self,
-            learned=np.clip(self.learned + moved, *_LIMITS),
+            learned=np.clip(self.learned + moved, *self.limits),
             waiting=tuple(past for past in self.waiting if past.due_s > now_s),
             taught=taught.select(taught.until_s > now_s),
         )
 
 
 def learn_regions(
-    parts: Iterable[Instants], noise_m: float = 0.0, lost_after_s: float = LOST_AFTER_S
+    parts: Iterable[Instants],
+    noise_m: float = 0.0,
+    lost_after_s: float = LOST_AFTER_S,
+    tails: float = TAILS,
 ) -> Iterator[Instants]:
     """Yield the same instants with regions that learn from one to the next; see `learn_along`.
 
@@ -203,5 +218,6 @@ def learn_regions(
         parts: see there.
         noise_m: see `Regions`.
         lost_after_s: see there, s.
+        tails: see `Regions`.
     """
-    return learn_along(partial(Regions.unlearned, noise_m=noise_m), parts, lost_after_s)
+    return learn_along(partial(Regions.unlearned, noise_m=noise_m, tails=tails), parts, lost_after_s)

@@ -10,8 +10,8 @@ with the w that minimise
 over the N forecasts of people who had left the place when this person came, where v was their w: distances
 count, not their squares (iteratively reweighted least squares). The second term draws w to 0, all trust in
 the network, as M forecasts would that were right. When N is larger than some thousands, the sums fade. Each
-step of the horizon has a w, and people who are forecast to stand and to walk have their own. All modes move
-with the point forecast.
+step of the horizon has a w, and people who are forecast to stand and to walk have their own. Every mode goes
+to the lines by the same w, so that the point forecast stays the mean of the modes.
 
 What somebody does thus changes no forecast of anybody who is there at the same time.
 
@@ -212,15 +212,15 @@ class Trust:
                 point = forecasts.point[rows].astype(np.float64)
                 waiting += (Kept(step_s[-1] + NEAR_S, step_s, person[rows], group[rows], point, apart[rows]),)
             here = replace(here, looked_s=time_s, waiting=waiting)
-        shift = here._shift(person, group, apart)
-        return here, _moved(forecasts, shift) if shift.any() else forecasts
+        shares = here._shares(person, group)
+        return here, _moved(forecasts, shares, apart) if shares.any() else forecasts
 
-    def _shift(self, person: np.ndarray, group: np.ndarray, apart: np.ndarray) -> np.ndarray:
-        """From the point forecasts of some people to what is given, m; 0 for who has just come. [N, P, 2]."""
+    def _shares(self, person: np.ndarray, group: np.ndarray) -> np.ndarray:
+        """The w of some people; 0 for who has just come. [N, P, L]."""
         there = np.flatnonzero(np.isin(person, self.person))
-        share = np.zeros((len(person), *self.weights.shape[2:]))
-        share[there] = self.weights[np.searchsorted(self.person, person[there]), group[there]]
-        return (np.swapaxes(share, 1, 2)[..., None] * apart).sum(axis=1)
+        shares = np.zeros((len(person), *self.weights.shape[2:]))
+        shares[there] = self.weights[np.searchsorted(self.person, person[there]), group[there]]
+        return shares
 
     def _with_people(self, known: Detections, person: np.ndarray) -> Trust:
         """With some people [N], who may have come, and without those who are not detected any more."""
@@ -305,10 +305,18 @@ def _ratio(above: np.ndarray, below: np.ndarray) -> np.ndarray:
     return np.where(positive, above / np.where(positive, below, 1.0), 0.0)
 
 
-def _moved(predictions: Predictions, shift: np.ndarray) -> Predictions:
-    """Predictions whose point and modes are moved, m. [N, P, 2]."""
-    point, path = predictions.point + shift, predictions.path + shift[:, None]
-    return replace(predictions, point=point, path=path)
+def _moved(predictions: Predictions, shares: np.ndarray, apart: np.ndarray) -> Predictions:
+    """Predictions whose point and modes all go to the lines, by the same shares.
+
+    Args:
+        predictions: of the network.
+        shares: w of each. [N, P, L]
+        apart: from the point forecast to the lines, m. [N, L, P, 2]
+    """
+    shift = (np.swapaxes(shares, 1, 2)[..., None] * apart).sum(axis=1)
+    nearer = shares.sum(axis=-1)[:, None, :, None] * (predictions.point[:, None] - predictions.path)
+    path = predictions.path + shift[:, None] + nearer
+    return replace(predictions, point=predictions.point + shift, path=path)
 
 
 def learn_trust(parts: Iterable[Instants], lost_after_s: float = LOST_AFTER_S) -> Iterator[Instants]:
