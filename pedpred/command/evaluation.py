@@ -92,9 +92,9 @@ def _assessed(
     assert not isinstance(tracker, str)
     if arguments.no_map:
         meaningless += ["obstacle_share"]
-    predictor = robot_for(
-        scene, arguments.model, tracker, learn_trust=arguments.trust and not arguments.alone
-    )
+    by_itself = arguments.alone or arguments.protocol is not None  # then nothing is known of others
+    trust = arguments.trust and not by_itself
+    predictor = robot_for(scene, arguments.model, tracker, learn_trust=trust)
     if arguments.transform is not None:  # the people of the scene were moved when it was read
         moved = Transform(*arguments.transform)
         foreign = {name: forecasts.moved(moved) for name, forecasts in foreign.items()}
