@@ -217,15 +217,15 @@ class Trust:
 
     def _shares(self, person: np.ndarray, group: np.ndarray) -> np.ndarray:
         """The w of some people; 0 for who has just come. [N, P, L]."""
-        there = np.flatnonzero(np.isin(person, self.person))
+        there = np.flatnonzero(_among(self.person, person))
         shares = np.zeros((len(person), *self.weights.shape[2:]))
         shares[there] = self.weights[np.searchsorted(self.person, person[there]), group[there]]
         return shares
 
     def _with_people(self, known: Detections, person: np.ndarray) -> Trust:
         """With some people [N], who may have come, and without those who are not detected any more."""
-        gone = ~np.isin(self.person, known.person)
-        stays, come = np.flatnonzero(~gone), np.setdiff1d(person, self.person)
+        gone = ~_among(known.person, self.person)
+        stays, come = np.flatnonzero(~gone), person[~_among(self.person, person)]
         if len(stays) == len(gone) and not len(come):
             return self
         place, everybody = self._place_without(gone), np.concatenate([self.person[stays], come])
@@ -297,6 +297,11 @@ def best_weights(products: np.ndarray, errors: np.ndarray) -> np.ndarray:
     loss = 0.5 * (first * w_1**2 + second * w_2**2) + both * w_1 * w_2 - b * w_1 - c * w_2
     least = loss.argmin(axis=0)[None, ..., None]
     return np.asarray(np.take_along_axis(places, least, axis=0)[0])
+
+
+def _among(rising: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Which values are some of rising ones; `np.isin` takes ten times as long for few."""
+    return np.searchsorted(rising, values, "left") < np.searchsorted(rising, values, "right")
 
 
 def _ratio(above: np.ndarray, below: np.ndarray) -> np.ndarray:
