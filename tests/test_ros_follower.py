@@ -505,6 +505,8 @@ def test_what_was_learned_is_kept_in_a_file_and_a_damaged_one_is_said_and_replac
         assert said in caplog.text
         again.save_place()
         assert path.read_bytes() == written
+    assert (tmp_path / "hall.json.unused").read_bytes() == written[:-20]
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_without_a_name_nothing_is_written(tmp_path, monkeypatch):

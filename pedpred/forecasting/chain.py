@@ -18,7 +18,7 @@ import numpy as np
 
 from pedpred.features import ModelFeatures
 from pedpred.forecasting.instants import Instants
-from pedpred.forecasting.regions import TAILS, TAILS_ON_LINES, Regions, learn_regions
+from pedpred.forecasting.regions import Regions, learn_regions
 from pedpred.forecasting.request import ForecastRequest
 from pedpred.forecasting.selection import choose_modes
 from pedpred.forecasting.trust import Trust, learn_trust
@@ -63,8 +63,7 @@ class Place:
     @classmethod
     def unlearned(cls, steps: int, noise_m: float = 0.0, trust: bool = False) -> Place:
         """Before the first instant; see `Chain` for the arguments."""
-        regions = Regions.unlearned(steps, noise_m, TAILS_ON_LINES if trust else TAILS)
-        return cls(Trust.unlearned(steps) if trust else None, regions)
+        return cls(Trust.unlearned(steps) if trust else None, Regions.unlearned(steps, noise_m, trust))
 
     def without_people(self) -> Place:
         """What was learned, with nobody to learn from."""
@@ -149,8 +148,7 @@ def forecast_blocks(
     if chain.together:
         parts = _together(request, parts, row)
     if chain.learning:
-        tails = TAILS_ON_LINES if chain.trust else TAILS
-        parts = learn_regions(parts, chain.noise_m, lost_after_s, tails)
+        parts = learn_regions(parts, chain.noise_m, lost_after_s, chain.trust)
     for (at, end), (everybody, *_) in zip(blocks, parts, strict=True):
         which = order[slice(*np.searchsorted(asked, [at, end], sorter=order))]
         if len(which):

@@ -48,7 +48,7 @@ _LONG_S = 1.0
 """The longest time that an instant whose forecasts are kept stands for, s."""
 _COMPARED = 4
 """Steps of the horizon at which forecasts are compared, from the first to the last one."""
-TAILS, TAILS_ON_LINES = -0.3, -0.45
+_TAILS, _TAILS_ON_LINES = -0.3, -0.45
 """Least b. A lower one would make sharp modes inside wide ones, which b is then lowered to mend. Modes that
 were moved to lines (`pedpred.forecasting.trust`) are nearer to each other, and the lines' noise is that of
 the sharp modes, too."""
@@ -65,7 +65,7 @@ class Regions:
         steps: those at which forecasts are compared, rising. [A]
         learned: a and b, of each group (`groups_of`) and step. [2, G, A]
         noise_m: standard deviation of a detection's coordinate, m; 0: detections are where people are.
-        tails: least b.
+        on_lines: modes were moved to lines before.
         looked_s: when forecasts were last compared and kept, s.
         made: number of forecasts kept so far.
         waiting: for their time.
@@ -76,7 +76,7 @@ class Regions:
     steps: np.ndarray
     learned: np.ndarray
     noise_m: float = 0.0
-    tails: float = TAILS
+    on_lines: bool = False
     looked_s: float = -np.inf
     made: int = 0
     waiting: tuple[Waiting, ...] = ()
@@ -84,15 +84,16 @@ class Regions:
     detections: tuple[Detections, ...] = ()
 
     @classmethod
-    def unlearned(cls, steps: int, noise_m: float = 0.0, tails: float = TAILS) -> Regions:
+    def unlearned(cls, steps: int, noise_m: float = 0.0, on_lines: bool = False) -> Regions:
         """Before the first instant: regions as the network gives them."""
         compared = np.unique(np.geomspace(1, steps, _COMPARED).round().astype(int)) - 1
-        return cls(compared, np.zeros((2, GROUPS, len(compared))), noise_m, tails)
+        return cls(compared, np.zeros((2, GROUPS, len(compared))), noise_m, on_lines)
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Least and largest a and b."""
-        return np.array([_LEAST, self.tails])[:, None, None], _LARGEST
+        tails = _TAILS_ON_LINES if self.on_lines else _TAILS
+        return np.array([_LEAST, tails])[:, None, None], _LARGEST
 
     def without_people(self) -> Regions:
         """What was learned, with nobody to learn from."""
@@ -109,7 +110,7 @@ class Regions:
             ValueRuleError: a value breaks its rule.
         """
         learned = finite("regions.learned", plain["learned"], self.learned.shape)
-        low, high = replace(self, tails=min(TAILS, TAILS_ON_LINES)).limits
+        low, high = replace(self, on_lines=True).limits  # the wider ones
         if not ((learned >= low) & (learned <= high)).all():
             bounds = zip("ab", low.ravel(), high.ravel(), strict=True)
             rule = ", ".join(f"{name} must be in [{least:g}, {most:g}]" for name, least, most in bounds)
@@ -210,7 +211,7 @@ def learn_regions(
     parts: Iterable[Instants],
     noise_m: float = 0.0,
     lost_after_s: float = LOST_AFTER_S,
-    tails: float = TAILS,
+    on_lines: bool = False,
 ) -> Iterator[Instants]:
     """Yield the same instants with regions that learn from one to the next; see `learn_along`.
 
@@ -218,6 +219,6 @@ def learn_regions(
         parts: see there.
         noise_m: see `Regions`.
         lost_after_s: see there, s.
-        tails: see `Regions`.
+        on_lines: see `Regions`.
     """
-    return learn_along(partial(Regions.unlearned, noise_m=noise_m, tails=tails), parts, lost_after_s)
+    return learn_along(partial(Regions.unlearned, noise_m=noise_m, on_lines=on_lines), parts, lost_after_s)

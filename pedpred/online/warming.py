@@ -10,7 +10,6 @@ import numpy as np
 
 from pedpred.compiled import cache_folder
 from pedpred.online.predictor import OnlinePredictor
-from pedpred.online.settings import OnlineSettings
 from pedpred.scenes import OccupancyMap, Trajectories, predicted_occupancy
 from pedpred.tracking.matching import cheapest_pairs
 
@@ -35,8 +34,7 @@ def warm_up(model: Path | str | None = None) -> None:
         StorageError: a file of the model is missing, altered or of another version.
     """
     begun_s = time.monotonic()
-    predictor = OnlinePredictor.load(model, OnlineSettings(learn_trust=True))
-    people, occupancy = meeting()
+    predictor, (people, occupancy) = OnlinePredictor.load(model), meeting()
     predictor.set_map(occupancy)
     for now in np.unique(people.time_s):
         rows = people.time_s == now

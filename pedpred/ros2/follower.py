@@ -154,14 +154,16 @@ class Follower:
         return self._map.told
 
     def load_place(self) -> None:
-        """Go on with what the file of the place says, if there is one; it is not used if it is damaged."""
+        """Go on with what the file of the place says, if there is one; what cannot be used is put aside."""
         path = Path(self.settings.place_file)
         if not self.settings.place_file or not path.exists():
             return
         try:
             self._predictor.load_place(path)
         except PedpredError as problem:
-            _log.warning("what was learned before is not used: %s", problem)
+            aside = path.with_name(f"{path.name}.unused")
+            path.replace(aside)  # it may be somebody's, and is written soon
+            _log.warning("what was learned before is not used, and now %s: %s", aside, problem)
         else:
             _log.info("going on with what was learned in %s", path)
 
