@@ -366,6 +366,16 @@ def test_people_who_are_lost_before_they_are_read_are_counted(place):
     assert any("messages of people" in one.status[0].message for one in heard["/diagnostics"])
 
 
+def test_the_node_ends_well_in_the_middle_of_its_work(place):
+    """Many times, since what it does when the signal comes is left to chance."""
+    crowd = people(100.0, **{str(k): (k % 20, k // 20) for k in range(200)})
+    never = {name: str(place.folder / "never") for name in ("ready", "done")}
+    place.peer(publish=[("/people", PEOPLE_TYPE, "rv")], probe=[], beat=(0, crowd), send=[], **never)
+    for k in range(6):
+        with place.node("-p", "use_map:=false", number=(signal.SIGTERM, signal.SIGINT)[k % 2]):
+            time.sleep(1.0 + k / 60)
+
+
 def test_people_without_ids_are_told_apart(place):
     def poses(k, places):
         listed = [{"position": {"x": x, "y": y}, "orientation": {"w": 1.0}} for x, y in places]

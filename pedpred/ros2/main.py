@@ -5,7 +5,11 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
+import threading
+from typing import Any
 
+_SIGNALS = signal.SIGINT, signal.SIGTERM
+_LOOK_S = 0.25
 _MISSING = (
     "rclpy is not installed here: source the setup file of a ROS 2 installation whose Python has pedpred, "
     "or pip install 'pedpred[ros2]'"
@@ -14,19 +18,25 @@ _MISSING = (
 
 def main() -> None:
     """Run the node; SIGINT and SIGTERM end it with exit code 0."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    _handle_signals(signal.default_int_handler)
     try:
         try:
             import rclpy
+            from rclpy.signals import SignalHandlerOptions
         except ImportError as cause:
             raise SystemExit(f"{_MISSING} ({cause})") from cause
-        rclpy.init(args=sys.argv)
+        # its own handlers shut the middleware down from another thread, whatever this one is doing there
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         _run(rclpy.utilities.remove_ros_args(sys.argv)[1:])
     except KeyboardInterrupt:
         return
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)  # a second one must not spoil the end
+        _handle_signals(signal.SIG_IGN)  # a second one must not spoil the end
+
+
+def _handle_signals(handler: Any) -> None:
+    for number in _SIGNALS:
+        signal.signal(number, handler)
 
 
 def _run(arguments: list[str]) -> None:
@@ -47,12 +57,25 @@ def _run(arguments: list[str]) -> None:
     try:
         if not node.start():
             raise SystemExit(1)
-        executor.spin()
+        _spin(executor, node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
+        _handle_signals(signal.SIG_IGN)
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _spin(executor: Any, node: Any) -> None:
+    """Call back until a signal ends that, never in the middle of a callback.
+
+    The middleware waits in C, where Python hears of no signal, so a timer wakes it now and then.
+    """
+    from rclpy.clock import Clock, ClockType
+
+    ended = threading.Event()
+    node.create_timer(_LOOK_S, lambda: None, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    _handle_signals(lambda *_: ended.set())
+    while not ended.is_set():
+        executor.spin_once()
