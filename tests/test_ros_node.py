@@ -376,6 +376,13 @@ def test_the_node_ends_well_in_the_middle_of_its_work(place):
             time.sleep(1.0 + k / 60)
 
 
+def test_the_node_ends_well_while_it_starts(place):
+    for k in range(6):
+        number = (signal.SIGTERM, signal.SIGINT)[k % 2]
+        with place.node("-p", "use_map:=false", ready="compiling what", number=number):
+            time.sleep(0.3 * k)
+
+
 def test_people_without_ids_are_told_apart(place):
     def poses(k, places):
         listed = [{"position": {"x": x, "y": y}, "orientation": {"w": 1.0}} for x, y in places]

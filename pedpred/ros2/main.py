@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import threading
@@ -17,21 +18,20 @@ _MISSING = (
 
 
 def main() -> None:
-    """Run the node; SIGINT and SIGTERM end it with exit code 0."""
-    _handle_signals(signal.default_int_handler)
+    """Run the node; SIGINT and SIGTERM end it with exit code 0.
+
+    No signal raises an exception: one in a callback from C, of the compiler or of the middleware, is lost or
+    leaves objects behind with which the process crashes.
+    """
+    _handle_signals(lambda *_: os._exit(0))  # until people are heard, nothing is lost
     try:
-        try:
-            import rclpy
-            from rclpy.signals import SignalHandlerOptions
-        except ImportError as cause:
-            raise SystemExit(f"{_MISSING} ({cause})") from cause
-        # its own handlers shut the middleware down from another thread, whatever this one is doing there
-        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-        _run(rclpy.utilities.remove_ros_args(sys.argv)[1:])
-    except KeyboardInterrupt:
-        return
-    finally:
-        _handle_signals(signal.SIG_IGN)  # a second one must not spoil the end
+        import rclpy
+        from rclpy.signals import SignalHandlerOptions
+    except ImportError as cause:
+        raise SystemExit(f"{_MISSING} ({cause})") from cause
+    # its own handlers shut the middleware down from another thread, whatever this one is doing there
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    _run(rclpy.utilities.remove_ros_args(sys.argv)[1:])
 
 
 def _handle_signals(handler: Any) -> None:
@@ -58,10 +58,10 @@ def _run(arguments: list[str]) -> None:
         if not node.start():
             raise SystemExit(1)
         _spin(executor, node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     finally:
-        _handle_signals(signal.SIG_IGN)
+        _handle_signals(signal.SIG_IGN)  # a second one must not spoil the end
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
