@@ -37,6 +37,10 @@ WRITTEN = (("data",), ("models",), ("reports",))
 OUTPUTS = ("out", "metrics", "curve")
 """Arguments of stages that name a file or folder to write."""
 
+SHARED = Path("data/config")
+"""Parts of params.yaml that many stages read, a file each: the stage `config` writes them, others depend on it.
+dvc.lock, which DVC reads and writes after every stage, would repeat their values in every entry."""
+
 LOCK, KEPT = Path("dvc.lock"), Path("build/dvc.lock")
 """Checksums of all results: the file that DVC rewrites in place, and the copy that each stage makes first."""
 
@@ -174,7 +178,7 @@ def keep_lock(root: Path) -> None:
 
 
 def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
-    """Return what a stage may see of params.yaml: its declared keys and its command's `key=value` pairs.
+    """Return what a stage may see of params.yaml, with the `key=value` pairs of its command.
 
     Args:
         root: the project's folder.
@@ -191,13 +195,18 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
         with repo.Repo(str(root), uninitialized=True) as project:
             file = dvcfile.load_file(project, str(root / "dvc.yaml"))
             file.lockfile_contents = {}  # dvc.lock is not needed, and another `dvc repro` may be writing it
-            needs = file.stages[address.rpartition(":")[2]].deps
-            for params in (d for d in needs if isinstance(d, dependency.ParamsDependency)):
-                values = params.read_params()
-                for key in params.params:
-                    if key not in values:
-                        raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
-                    OmegaConf.update(seen, key, values[key], force_add=True)
+            for need in file.stages[address.rpartition(":")[2]].deps:
+                if isinstance(need, dependency.ParamsDependency):
+                    values = need.read_params()
+                    for key in need.params:
+                        if key not in values:
+                            raise ConfigError(
+                                key, None, "dvc.yaml declares it, but params.yaml does not have it"
+                            )
+                        OmegaConf.update(seen, key, values[key], force_add=True)
+                elif (shared := Path(need.def_path)).parent == SHARED:
+                    part_of = read_yaml(root / shared, partial(ConfigError, shared.stem, str(root / shared)))
+                    OmegaConf.update(seen, shared.stem, part_of, force_add=True)
     except ConfigError:
         raise
     except Exception as error:  # DVC documents no complete list of what it raises on damaged files

@@ -1,4 +1,7 @@
-"""config: params.yaml is what conf/ composes to, and all of it is understood and within its ranges."""
+"""config: params.yaml is what conf/ composes to, and all of it is understood and within its ranges.
+
+Parts that many stages read are written as files, see `pedpred.config.SHARED`.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
 
 from pedpred import config
 from pedpred.baselines.registry import baseline
@@ -15,6 +20,7 @@ from pedpred.errors import ConfigError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
 from pedpred.fields import check_names, parsed, parsed_each, parsed_together
+from pedpred.files import write_text
 from pedpred.forecasting import MethodRow
 from pedpred.literature.settings import ComparisonSettings
 from pedpred.models.features import FEATURES
@@ -299,12 +305,24 @@ def check_parts(cfg: Params) -> None:
         check(cfg)
 
 
+SHARED_PARTS = ("places", "sensing", "sensors", "trackers", "worlds")
+"""Keys of params.yaml whose values other stages read from files."""
+
+
+def write_shared(params: DictConfig, root: Path) -> None:
+    """Write the parts of a project that other stages read from files."""
+    for name in SHARED_PARTS:
+        write_text(root / config.SHARED / f"{name}.yaml", OmegaConf.to_yaml(params[name], resolve=True))
+
+
 def main() -> None:
-    """Check params.yaml and the drawn rooms, and write data/config.checked."""
+    """Check params.yaml and the drawn rooms, and write data/config.checked and data/config."""
     with config_errors():
-        check_parts(plain(read_params(Path())))
+        params = read_params(Path())
+        check_parts(plain(params))
         check_layouts(read_layouts(layout_names()))
     config.main(["--check", "--stamp", "data/config.checked"])
+    write_shared(params, Path())
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from pedpred import config
 from pedpred.evaluation.forecasts import read_windows
 from pedpred.storage.checkpoints import read_checkpoint
 from pedpred.storage.scenes import read_scene
+from stages.config import write_shared
 from tests.conftest import ROOT
 from tests.exported import write_autoencoder
 from tests.toys import architecture, metric, source
@@ -168,6 +169,7 @@ def project(tmp_path_factory):
         touched[kind] = set(run(folder, "git", "diff", "--staged", "--name-only").split())
         run(folder, "git", "commit", "--quiet", "--message", f"added: {kind}")
     run(folder, sys.executable, "-m", "pedpred.config")
+    write_shared(config.read_params(folder), folder)
     return folder, touched
 
 

@@ -1,6 +1,7 @@
 """A stage sees the keys that it declares, and params.yaml is what conf/ composes to."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from omegaconf import OmegaConf
 
 from pedpred import config
 from pedpred.errors import ConfigError, ValueRuleError
+from stages.config import SHARED_PARTS, write_shared
 from tests.conftest import ROOT
 
 DVC_YAML = """
@@ -34,6 +36,7 @@ stages:
   referring:
     foreach: ${scenes}
     do: {cmd: x, params: ["scenes.${key}", "trackers.${item.tracker}"]}
+  sharing: {cmd: x, deps: [conf, data/config/trackers.yaml], params: [seed]}
   missing: {cmd: x, params: [scenes.zara]}
   wrong:
     foreach: [eth]
@@ -105,6 +108,21 @@ def python(project, *arguments, **environment):
 )
 def test_a_stage_sees_the_declared_keys_of_every_kind_of_stage_and_nothing_else(project, address, expected):
     assert config.declared(project, address, []) == expected
+
+
+def test_a_stage_sees_the_parts_whose_files_it_depends_on_as_they_were_checked(project):
+    with pytest.raises(ConfigError, match=r"'trackers'.*trackers\.yaml"):
+        config.declared(project, "sharing", [])
+    params = OmegaConf.create({name: {"slow": {"q": 1e-7}} for name in SHARED_PARTS})
+    write_shared(params, project)
+    assert config.declared(project, "sharing", []) == {"seed": None, "trackers": {"slow": {"q": 1e-7}}}
+
+
+def test_every_part_that_is_written_is_read_by_some_stage_and_declared_by_none():
+    lines = (ROOT / "dvc.yaml").read_text()
+    assert set(re.findall(rf"{config.SHARED}/(\w+)\.yaml", lines)) == set(SHARED_PARTS)
+    for block in re.findall(r"params:\s*\[([^\]]*)\]", lines):
+        assert not {key.strip(' "') for key in block.split(",")} & set(SHARED_PARTS)
 
 
 def test_a_stage_does_not_read_the_lock_that_another_command_may_be_writing(project):

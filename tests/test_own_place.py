@@ -17,6 +17,7 @@ from pedpred.files import write_json
 from pedpred.models.registry import parse_settings
 from pedpred.ros import read_recording
 from pedpred.storage.scenes import read_scene
+from stages.config import write_shared
 from tests.conftest import ROOT
 from tests.exported import MIXTURE_ROWS, WIDTHS, widths_of, write_autoencoder, write_network
 
@@ -81,6 +82,7 @@ def project(tmp_path, monkeypatch):
     monkeypatch.setenv("PEDPRED_JOBS", "1")
     text = config.composed(Path("conf"), [*SMALL, ADDED])
     Path("params.yaml").write_text(text)
+    write_shared(config.read_params(Path()), Path())
     params = yaml.safe_load(text)
     own = {"crossing", "trained"}  # the raw data of other places are not part of this
     params["folds"]["real"] = {k: fold for k, fold in params["folds"]["real"].items() if k in own}

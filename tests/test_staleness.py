@@ -65,6 +65,14 @@ def test_the_inputs_of_the_mixture_are_its_own(graph, change):
     assert families(graph, f"features.mixture.{change}") == MIXTURE | LITERATURE | PAGES | ROBOTS
 
 
+def test_a_range_of_the_worlds_changes_who_is_simulated_there(graph):
+    """Stages read it from the file of the part that it is in."""
+    worlds = {"sequences", "situations_simulated", "far_worlds", "far_steps"}
+    stale = families(graph, "worlds.people.usual_mps")
+    assert worlds | {"train_main", "train_situations", "train_far", "train_far_steps"} <= stale
+    assert not stale & {"simulate", "ingest", "features_real", "evaluate_baseline", "pretrain_autoencoder"}
+
+
 @pytest.mark.parametrize("change", ["label", "colour"])
 def test_a_look_changes_what_people_look_at(graph, change):
     assert families(graph, f"report.methods.lstm.{change}") == {"record", "report"}

@@ -21,7 +21,7 @@ from dvc.stage import Stage
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 
-from pedpred.config import read_params
+from pedpred.config import SHARED, read_params
 from pedpred.errors import FileError, ValueRuleError, user_errors
 from pedpred.files import atomic_write
 from pedpred.report.canvas import FAINT, INK, blank, styled, write_png
@@ -66,12 +66,13 @@ def family(name: str) -> str:
 
 
 def reads(stage: Stage, change: str) -> bool:
-    """Whether a stage depends on a key of params.yaml, or on a file."""
+    """Whether a stage depends on a key of params.yaml, itself or its part in a file, or on a file."""
+    shared = str(SHARED / f"{change.partition('.')[0]}.yaml")
     for dependency in stage.deps:
         if isinstance(dependency, ParamsDependency):
             if any(f"{change}.".startswith(f"{key}.") for key in dependency.params):
                 return True
-        elif f"{change}/".startswith(f"{dependency.def_path}/"):
+        elif f"{change}/".startswith(f"{dependency.def_path}/") or dependency.def_path == shared:
             return True
     return False
 

@@ -39,8 +39,9 @@ class GaussianHead(nn.Module):
 
 def initial_spread(horizon_steps: int) -> Tensor:
     """What `spread_of` turns into a spread that grows with the horizon. [P, 3]."""
-    guess = _INITIAL_M * torch.arange(1.0, horizon_steps + 1)[:, None]
-    return guess.expm1().log() * torch.tensor([1.0, 1.0, 0.0])  # softplus(ln(e^s - 1)) = s
+    cpu = torch.device("cpu")  # on "meta", where networks are built before they are read, it takes seconds
+    guess = _INITIAL_M * torch.arange(1.0, horizon_steps + 1, device=cpu)[:, None]
+    return guess.expm1().log() * torch.tensor([1.0, 1.0, 0.0], device=cpu)  # softplus(ln(e^s - 1)) = s
 
 
 def spread_of(raw: Tensor) -> Tensor:
