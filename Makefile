@@ -5,6 +5,8 @@ VENV := .venv
 SHELL := /bin/bash
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
+# Modules are compiled once, at their first import; else each of some hundred processes would compile torch again.
+unexport PYTHONDONTWRITEBYTECODE
 # Threads that wait for work sleep; results do not depend on it.
 export OMP_WAIT_POLICY := PASSIVE
 
@@ -21,6 +23,7 @@ setup: $(VENV)/.installed ## create .venv and install everything (once, and agai
 $(VENV)/.installed: pyproject.toml $(CONSTRAINTS)
 	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet --no-compile --constraint $(CONSTRAINTS) --editable '.[train,dev,docs]'
+	$(VENV)/bin/python -c 'import dvc.cli, stages.config'
 	@touch $@
 
 params: setup ## write params.yaml from conf/

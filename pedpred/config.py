@@ -38,7 +38,7 @@ OUTPUTS = ("out", "metrics", "curve")
 """Arguments of stages that name a file or folder to write."""
 
 SHARED = Path("data/config")
-"""Parts of params.yaml that many stages read, a file each: the stage `config` writes them, others depend on it.
+"""Parts of params.yaml that many stages read, a file each: the stage `config` writes them, others need them.
 dvc.lock, which DVC reads and writes after every stage, would repeat their values in every entry."""
 
 LOCK, KEPT = Path("dvc.lock"), Path("build/dvc.lock")
