@@ -188,7 +188,7 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
     Raises:
         ConfigError: dvc.yaml has no such stage, one of the files is damaged, or a declared key is missing.
     """
-    from dvc import dependency, dvcfile, repo  # takes 0.3 s to import; a stage by hand does without
+    from dvc import dvcfile, repo  # takes 0.3 s to import; a stage by hand does without
 
     seen = OmegaConf.create()
     try:
@@ -196,23 +196,32 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
             file = dvcfile.load_file(project, str(root / "dvc.yaml"))
             file.lockfile_contents = {}  # dvc.lock is not needed, and another `dvc repro` may be writing it
             for need in file.stages[address.rpartition(":")[2]].deps:
-                if isinstance(need, dependency.ParamsDependency):
-                    values = need.read_params()
-                    for key in need.params:
-                        if key not in values:
-                            raise ConfigError(
-                                key, None, "dvc.yaml declares it, but params.yaml does not have it"
-                            )
-                        OmegaConf.update(seen, key, values[key], force_add=True)
-                elif (shared := Path(need.def_path)).parent == SHARED:
-                    part_of = read_yaml(root / shared, partial(ConfigError, shared.stem, str(root / shared)))
-                    OmegaConf.update(seen, shared.stem, part_of, force_add=True)
+                for key, value in _told(need, root).items():
+                    OmegaConf.update(seen, key, value, force_add=True)
     except ConfigError:
         raise
     except Exception as error:  # DVC documents no complete list of what it raises on damaged files
         raise ConfigError("DVC_STAGE", address, f"DVC cannot load this stage from {root}: {error}") from error
     seen.merge_with_dotlist([a.lstrip("+") for a in arguments if "=" in a and not a.startswith("-")])
     return seen
+
+
+def _told(need: Any, root: Path) -> dict[str, Any]:
+    """What a dependency of a stage tells it: keys of params.yaml, a part of it, or nothing."""
+    from dvc.dependency import ParamsDependency
+
+    if isinstance(need, ParamsDependency):
+        values = need.read_params()
+        for key in need.params:
+            if key not in values:
+                raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
+        return {key: values[key] for key in need.params}
+    shared = Path(need.def_path)
+    if shared.parent != SHARED:
+        return {}
+    if not (root / shared).exists():
+        raise ConfigError(shared.stem, str(shared), "there is no such file; `dvc repro config` writes it")
+    return {shared.stem: read_yaml(root / shared, partial(ConfigError, shared.stem, str(shared)))}
 
 
 def composed(conf: Path, overrides: list[str]) -> str:

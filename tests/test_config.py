@@ -111,7 +111,7 @@ def test_a_stage_sees_the_declared_keys_of_every_kind_of_stage_and_nothing_else(
 
 
 def test_a_stage_sees_the_parts_whose_files_it_depends_on_as_they_were_checked(project):
-    with pytest.raises(ConfigError, match=r"'trackers'.*trackers\.yaml"):
+    with pytest.raises(ConfigError, match=r"trackers\.yaml': there is no.*`dvc repro config`"):
         config.declared(project, "sharing", [])
     params = OmegaConf.create({name: {"slow": {"q": 1e-7}} for name in SHARED_PARTS})
     write_shared(params, project)
