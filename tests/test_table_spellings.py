@@ -321,6 +321,9 @@ def test_missing_positions_are_left_out_and_copies_too(tmp_path, caplog, suffix,
         ("t,id,x,y\n0,1,1,2\n0,1,1,3\n", "line 3: .* again, first in line 2, at another place.*each"),
         (f"t,id,x,y\n0,{'a' * 300},1,2\n", "line 2: id has 300 characters, expected at most 200"),
         ("# lengths in cm\nt,id,x [m],y [m]\n0,1,1,2\n", "lengths are said to be cm and m.*comments"),
+        ("t,x_1,y_1,x_2,y_2\n0,1,2,3,4\n", "x_1, y_1 and x_2, y_2 are those of several.*a line per person"),
+        ("t;p1.x [cm];p1.y [cm];p2.x [cm];p2.y [cm]\n0;1;2;3;4\n", r"p1\.x \[cm\], p1\.y \[cm\] and p2\.x"),
+        ("frame,id,x1,y1,x2,y2\n0,1,2,3,4,5\n", "x1, y1 and x2, y2 are .* corners of boxes"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_with_a_remedy_for_an_own_file(tmp_path, content, named):

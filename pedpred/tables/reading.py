@@ -42,12 +42,14 @@ from pedpred.tables.titles import (
     columns_of_heights,
     columns_of_recordings,
     meaning_of,
+    numbered_pairs,
     titles_of_tracks,
 )
 from pedpred.tables.units import PIXELS, UNITS
 
 _HEIGHT = "Name the columns in order, such as --columns time,id,x,height,y"
 _NAME = "Name all columns in order, such as --columns time,id,x,y"
+_LONG = "Write a line per person and instant, with columns such as time,id,x,y"
 _PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
 _LONGEST_TITLES, _SHOWN_NAMES, _MOST_RECORDINGS = 200, 3, 500
 _log = logging.getLogger(__name__)
@@ -186,7 +188,12 @@ def _wanted(path: Path, titles: Sequence[str]) -> dict[str, str]:
     try:
         return titles_of_tracks(titles)
     except ValueRuleError as cause:
-        raise SourceError(path, None, cause.rule, f"Rename columns in the file. Or: {_NAME}") from cause
+        pairs = numbered_pairs(titles)
+        if len(pairs) < 2:
+            raise SourceError(path, None, cause.rule, f"Rename columns in the file. Or: {_NAME}") from cause
+        shown = " and ".join(", ".join(pair) for pair in pairs[:2])
+        problem = f"columns {shown} are those of several people, or corners of boxes"
+        raise SourceError(path, None, problem, _LONG) from cause
 
 
 def numbered(ids: Ids, column: np.ndarray, options: TableOptions) -> np.ndarray:

@@ -162,6 +162,18 @@ def _words(title: str) -> list[str]:
     return words
 
 
+def numbered_pairs(titles: Sequence[str]) -> list[tuple[str, str]]:
+    """Columns of x and y that are called alike but for a number: of several people, or corners of boxes."""
+    axes: dict[tuple[str, ...], dict[str, str]] = {}
+    for title in titles:
+        words = _words(title)
+        axis = {"x", "y"} & set(words)
+        if len(axis) == 1 and any(word.isdigit() for word in words):
+            others = tuple(word for word in words if word not in axis)
+            axes.setdefault(others, {}).setdefault(axis.pop(), title)
+    return [(pair["x"], pair["y"]) for pair in axes.values() if len(pair) == 2]
+
+
 def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
     """Title -> name of the columns that hold tracks.
 
