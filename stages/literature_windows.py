@@ -31,22 +31,22 @@ def protocol_settings(cfg: Mapping[str, Any]) -> WindowSettings:
     return settings
 
 
-def windows_of(cfg: DictConfig, recording: str) -> WindowSet | None:
-    """Read a recording and find its windows; None where it is not available."""
+def windows_of(cfg: DictConfig, recording: str, memory: bool = True) -> WindowSet | None:
+    """Read a recording and find its windows, see `find_windows`; None where it is not available."""
     scene, tracker = (
         read_scene(RECORDINGS / recording),
         KalmanBank.around(kalman_of(cfg, cfg.literature.tracker)),
     )
     if scene.unavailable is not None:
         return None
-    return find_windows(scene, protocol_settings(cfg), tracker, cfg.protocol.standstill_mps)
+    return find_windows(scene, protocol_settings(cfg), tracker, cfg.protocol.standstill_mps, memory)
 
 
 def windows_into(out: Path, cfg: DictConfig, name: str) -> None:
     """Write the rows of one recording. A job of one worker."""
     made_with = RowFormat(protocol_of(protocol_settings(cfg)), _MODEL, features_of(cfg, _MODEL))
     names = []
-    if windows := windows_of(cfg, name):
+    if windows := windows_of(cfg, name, memory=False):
         for number, rows in enumerate(training_rows(windows, made_with.features, _PARTS)):
             names.append(f"{name}_{number}")
             write_situations(rows, out / name, names[-1], situation_columns(made_with))

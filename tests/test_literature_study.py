@@ -162,7 +162,11 @@ def test_constant_velocity_has_the_errors_of_the_field_and_of_a_few_lines(scene,
                     going = path[7] + np.outer(np.arange(1, 13), path[7] - path[6])
                     errors.append(np.hypot(*(going - path[8:]).T))
         own = find_windows(
-            read_text(folder, name, {**COMPARISON.reader, "recording": name}), PROTOCOL, BANK, 0.2
+            read_text(folder, name, {**COMPARISON.reader, "recording": name}),
+            PROTOCOL,
+            BANK,
+            0.2,
+            memory=False,
         )
         ours.append(np.linalg.norm(PRESENT_MOTION["cv"]()(own.request).point - own.truth, axis=-1))
     ours, errors = np.concatenate(ours), np.array(errors)

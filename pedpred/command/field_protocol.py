@@ -57,7 +57,7 @@ def assess_windows(
         rule = f"this protocol needs annotations every {WINDOWS.step_s:g} s"
         raise ValueRuleError("--protocol", f"{scene.name}, every {scene.detection_dt_s:g} s", rule)
     about = predictor.description
-    windows = find_windows(scene, WINDOWS, predictor.filters, about.standstill_mps)
+    windows = find_windows(scene, WINDOWS, predictor.filters, about.standstill_mps, memory=False)
     named = _as_recorded(windows)
     for one in foreign.values():
         kept = one.answered(named)

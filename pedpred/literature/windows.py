@@ -47,7 +47,7 @@ def protocol_of(settings: WindowSettings) -> ForecastProtocol:
 
 
 def find_windows(
-    scene: Scene, settings: WindowSettings, tracker: KalmanBank, standstill_mps: float
+    scene: Scene, settings: WindowSettings, tracker: KalmanBank, standstill_mps: float, memory: bool = True
 ) -> WindowSet:
     """Find all full windows of a recording, as `find_stretches` does, and ask about them.
 
@@ -56,6 +56,7 @@ def find_windows(
         settings: of the windows.
         tracker: of the observed positions.
         standstill_mps: below this speed the heading is held, m/s.
+        memory: compute the steps of networks with a memory, which takes half of the time.
 
     Raises:
         ValueRuleError: there are no windows.
@@ -80,8 +81,9 @@ def find_windows(
     stays = np.isin(track, parts[0][1])
     seen = replace(scene, trajectories=Trajectories(now_s[stays], track[stays], position[stays]))
     asked = instant * len(people) + np.searchsorted(people, stretches.track)
+    protocol = protocol_of(settings)
     return WindowSet(
-        _ask(seen, stretches, asked, instant * _APART_S, tracker, standstill_mps, protocol_of(settings)),
+        _ask(seen, stretches, asked, instant * _APART_S, tracker, standstill_mps, protocol, memory),
         stretches.truth,
         stretches.track,
         stretches.end_s,
@@ -96,6 +98,7 @@ def _ask(
     tracker: KalmanBank,
     standstill_mps: float,
     protocol: ForecastProtocol,
+    memory: bool,
 ) -> ForecastRequest:
     """Track the people of all instants and ask about those of the windows. [W] tracks at their instants."""
     tracks = follow(seen.trajectories, "kalman", tracker, standstill_mps)
@@ -104,7 +107,7 @@ def _ask(
     when_s = now_s[:, None] + stretches.step_s * np.arange(steps)
     truth = Trajectories(when_s.ravel(), np.repeat(asked, steps), path.reshape(-1, 2))
     table = extract_at_detections(seen, tracks, protocol, truth)
-    clock = extract(seen, tracks, protocol)
+    clock = extract(seen, tracks, protocol) if memory else None
     rows = last_rows(tracks.track_id, tracks.time_s, asked, now_s)
     noise = tracker.filters[0]
     return ForecastRequest(seen, table, protocol, rows, noise, stretches.step_s, clock=clock, tracks=tracks)

@@ -35,7 +35,9 @@ def test_real_errors_are_the_published_ones(scene):
     tuned = PARAMS["trackers"][comparison.tracker]
     tracker = KalmanSettings(**{name: value for name, value in tuned.items() if name != "kind"})
     still_mps = PARAMS["protocol"]["standstill_mps"]
-    windows = find_windows(recording, comparison.protocol, KalmanBank.around(tracker), still_mps)
+    windows = find_windows(
+        recording, comparison.protocol, KalmanBank.around(tracker), still_mps, memory=False
+    )
     scores = {m: measure(windows, make(), 1, how) for m, make in PRESENT_MOTION.items()}
     figures = summarise_methods(scores, STRONGEST, how)
     for method, own in figures.items():
