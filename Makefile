@@ -5,7 +5,7 @@ VENV := .venv
 SHELL := /bin/bash
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
-# Modules are compiled once, at their first import; else each of some hundred processes would compile torch again.
+# `setup` imports what the pipeline does, which compiles it; else each of some hundred processes would compile torch again.
 unexport PYTHONDONTWRITEBYTECODE
 # Threads that wait for work sleep; results do not depend on it.
 export OMP_WAIT_POLICY := PASSIVE

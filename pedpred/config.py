@@ -38,7 +38,7 @@ OUTPUTS = ("out", "metrics", "curve")
 """Arguments of stages that name a file or folder to write."""
 
 SHARED = Path("data/config")
-"""Parts of params.yaml that many stages read, a file each: the stage `config` writes them, others need them.
+"""Parts of params.yaml that many stages read, a file each, which the stage `config` writes.
 dvc.lock, which DVC reads and writes after every stage, would repeat their values in every entry."""
 
 LOCK, KEPT = Path("dvc.lock"), Path("build/dvc.lock")
@@ -196,7 +196,7 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
             file = dvcfile.load_file(project, str(root / "dvc.yaml"))
             file.lockfile_contents = {}  # dvc.lock is not needed, and another `dvc repro` may be writing it
             for need in file.stages[address.rpartition(":")[2]].deps:
-                for key, value in _told(need, root).items():
+                for key, value in _parameters_from(need, root).items():
                     OmegaConf.update(seen, key, value, force_add=True)
     except ConfigError:
         raise
@@ -206,8 +206,8 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
     return seen
 
 
-def _told(need: Any, root: Path) -> dict[str, Any]:
-    """What a dependency of a stage tells it: keys of params.yaml, a part of it, or nothing."""
+def _parameters_from(need: Any, root: Path) -> dict[str, Any]:
+    """Return what a stage may read through a dependency: keys of params.yaml, a part of it, or nothing."""
     from dvc.dependency import ParamsDependency
 
     if isinstance(need, ParamsDependency):

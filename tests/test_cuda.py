@@ -24,20 +24,19 @@ CUDA = DistributedContext(torch.device("cuda", 0))
 folders = instants.folders
 
 
-def of_sequences(here, steps=6):
+def of_sequences(here):
     """A learner of tracks whose network drops no units: random numbers of two devices differ."""
     torch.manual_seed(0)
     data = sequences.toy_data(np.random.default_rng(2)).to(here.device)
     network = lstm(16, 16, {"state": (8, 8), "angular": (8, 8)}).build(sequences.WIDTHS, 4).to(here.device)
     rows = data.spans.rows
-    return SequenceLearner(network, data, rows[:4], rows[4:], dataclasses.replace(VARIED, steps=steps), here)
+    return SequenceLearner(network, data, rows[:4], rows[4:], VARIED, here)
 
 
-def of_instants(here, folders, steps=6):
+def of_instants(here, folders):
     torch.manual_seed(0)
     network = instants.NETWORK.build(widths_of(instants.SIZES), instants.STEPS).to(here.device)
-    how = dataclasses.replace(instants.QUICK, steps=steps)
-    return InstantLearner(network, load_instants(folders).to(here.device), how, here)
+    return InstantLearner(network, load_instants(folders).to(here.device), instants.QUICK, here)
 
 
 @pytest.fixture(params=["sequences", "instants"])
@@ -64,7 +63,7 @@ def test_loss_gradients_and_curve_are_those_of_the_cpu(learner):
 
 
 @pytest.mark.parametrize(("first", "then"), [(CUDA, CUDA), (ALONE, CUDA), (CUDA, ALONE)])
-def test_an_interrupted_training_goes_on_on_either_device(learner, tmp_path, first, then):
+def test_an_interrupted_training_continues_on_either_device(learner, tmp_path, first, then):
     whole, interrupted, resumed = learner(ALONE), learner(first), learner(then)
     curve = train(whole, None, "")
     batches = interrupted.batches

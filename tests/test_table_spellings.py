@@ -324,6 +324,7 @@ def test_missing_positions_are_left_out_and_copies_too(tmp_path, caplog, suffix,
         ("t,x_1,y_1,x_2,y_2\n0,1,2,3,4\n", "x_1, y_1 and x_2, y_2 are those of several.*a line per person"),
         ("t;p1.x [cm];p1.y [cm];p2.x [cm];p2.y [cm]\n0;1;2;3;4\n", r"p1\.x \[cm\], p1\.y \[cm\] and p2\.x"),
         ("frame,id,x1,y1,x2,y2\n0,1,2,3,4,5\n", "x1, y1 and x2, y2 are .* corners of boxes"),
+        ("id,x,y,x1,y1,x2,y2\n1,0,0,2,3,4,5\n", "no column for time_s.*Rename columns"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_with_a_remedy_for_an_own_file(tmp_path, content, named):

@@ -189,7 +189,7 @@ def _wanted(path: Path, titles: Sequence[str]) -> dict[str, str]:
         return titles_of_tracks(titles)
     except ValueRuleError as cause:
         pairs = numbered_pairs(titles)
-        if len(pairs) < 2:
+        if len(pairs) < 2 or any((said := meaning_of(title)) and said.name in LENGTHS for title in titles):
             raise SourceError(path, None, cause.rule, f"Rename columns in the file. Or: {_NAME}") from cause
         shown = " and ".join(", ".join(pair) for pair in pairs[:2])
         problem = f"columns {shown} are those of several people, or corners of boxes"
