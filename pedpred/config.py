@@ -247,7 +247,7 @@ def difference(params: Path, text: str) -> str:
     """
     with translate_errors(partial(ConfigError, "params", str(params))):
         written = params.read_text() if params.exists() else ""
-        same = parse_yaml(written) == parse_yaml(text)
+        same = written == text or parse_yaml(written) == parse_yaml(text)
     both = written.splitlines(True), text.splitlines(True)
     return "" if same else "".join(difflib.unified_diff(*both, "params.yaml", "conf/ composed"))
 

@@ -19,11 +19,8 @@ from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.features.surroundings import present_rows
 from pedpred.forecasting.chain import instant_blocks
-from pedpred.forecasting.regions import learn_regions
 from pedpred.online.assessment import assess
-from pedpred.scenes import Predictions
 from tests.exported import TRACKER
-from tests.forecasts import learned
 from tests.worlds import walled_scene
 
 SETTINGS = EvaluationSettings(bootstrap=10)
@@ -80,21 +77,6 @@ def test_blocks_hold_whole_instants(times, rows):
     assert all(time_s[begin] > time_s[begin - 1] for begin, _ in blocks[1:])
     largest = np.unique(time_s, return_counts=True)[1].max()
     assert all(end - begin < rows + largest for begin, end in blocks)
-
-
-@given(st.integers(1, 6), st.integers(0, 2**32 - 1))
-def test_regions_learn_alike_from_parts(size, seed):
-    rng = np.random.default_rng(seed)
-    time_s, who = np.repeat(0.3 * np.arange(30), 3), np.tile(np.arange(3), 30)
-    here, path = rng.normal(0, 1, (90, 2)), rng.normal(0, 1, (90, 2, 10, 2))
-    weight, covariance = np.tile([0.6, 0.4], (90, 1)), np.tile(0.2 * np.eye(2), (90, 2, 10, 1, 1))
-    given_ = Predictions(path[:, 0], path, weight, 0.3, covariance)
-    whole = learned(given_, who, time_s, here, np.ones(90, bool))
-    cuts = range(0, 90, 3 * size)
-    rows = [np.arange(cut, min(cut + 3 * size, 90)) for cut in cuts]
-    parts = [(given_.select(r), who[r], time_s[r], here[r], np.ones(len(r), bool)) for r in rows]
-    joined = Predictions.join([part[0] for part in learn_regions(parts)])
-    np.testing.assert_array_equal(joined.covariance, whole.covariance)
 
 
 @given(st.integers(1, 50), st.integers(0, 99), st.floats(0.05, 3.0))

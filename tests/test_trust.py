@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.forecasting.detections import Detections
-from pedpred.forecasting.trust import Trust, best_weights, learn_trust
+from pedpred.forecasting.trust import Trust, best_weights
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replay_scene
 from pedpred.scenes import Predictions
+from tests.forecasts import along
 from tests.worlds import come_again, walled_scene
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
@@ -46,17 +47,9 @@ def stream(rng, frames=80, people=8, wrong_m=0.3, noise_m=0.0, turn_radps=0.0, s
     return who, time_s, detection, seen, truth, Predictions(point, path, weight, DT_S, covariance)
 
 
-def learned(person, time_s, detection, seen, forecasts):
-    return next(learn_trust([(forecasts, person, time_s, detection, seen)]))[0]
-
-
-def along(person, time_s, detection, seen, forecasts):
-    """Trust after each instant."""
-    trust = Trust.unlearned(STEPS)
-    for now_s in np.unique(time_s):
-        rows = time_s == now_s
-        trust, _ = trust.after(now_s, person[rows], detection[rows], seen[rows], forecasts.select(rows))
-        yield trust
+def learned(*rows):
+    """The forecasts of all instants with trust that learns."""
+    return Predictions.join([changed for _, changed in along(Trust.unlearned(STEPS), *rows)])
 
 
 def errors_m(forecasts, truth, rows):
@@ -90,7 +83,7 @@ def test_weights_are_shares_whatever_happens(seed, wrong_m, noise_m):
     rng = np.random.default_rng(seed)
     person, time_s, detection, seen, _, forecasts = stream(rng, 60, 5, wrong_m, noise_m, rng.uniform(0, 1))
     seen &= rng.random(len(seen)) < 0.9
-    for trust in along(person, time_s, detection, seen, forecasts):
+    for trust, _ in along(Trust.unlearned(STEPS), person, time_s, detection, seen, forecasts):
         assert (trust.weights >= 0).all()
         assert (trust.weights.sum(axis=-1) <= 1 + 1e-12).all()
 
@@ -182,19 +175,6 @@ def test_nothing_is_learned_from_the_future(seed, cut):
 
 
 @settings(max_examples=5, deadline=None)
-@given(seed=SEEDS, size=st.integers(1, 12))
-def test_parts_of_a_stream_give_what_the_whole_gives(seed, size):
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 60, noise_m=0.02)
-    whole = learned(person, time_s, detection, seen, forecasts)
-    cuts = np.split(np.arange(len(person)), np.arange(8 * size, len(person), 8 * size))
-    parts = [
-        (forecasts.select(rows), person[rows], time_s[rows], detection[rows], seen[rows]) for rows in cuts
-    ]
-    joined = Predictions.join([part[0] for part in learn_trust(parts)])
-    np.testing.assert_array_equal(joined.point, whole.point)
-
-
-@settings(max_examples=5, deadline=None)
 @given(seed=SEEDS, turn=st.floats(-np.pi, np.pi))
 def test_forecasts_turn_with_the_world(seed, turn):
     person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 60, noise_m=0.02)
@@ -238,7 +218,8 @@ def test_people_who_leave_before_the_last_step_teach_nothing():
 
 def test_what_is_kept_does_not_grow():
     sizes = []
-    for trust in along(*_without_truth(stream(np.random.default_rng(8), 300, 20, stay_s=15.0))):
+    rows = _without_truth(stream(np.random.default_rng(8), 300, 20, stay_s=15.0))
+    for trust, _ in along(Trust.unlearned(STEPS), *rows):
         waiting = sum(len(past.person) for past in trust.waiting)
         sizes.append((len(trust.waiting), waiting, len(trust.detections.time_s), len(trust.person)))
         assert trust.place.compared.max() <= 10000
@@ -249,7 +230,7 @@ def test_what_is_kept_does_not_grow():
 def test_with_nobody_known_it_keeps_what_it_learned():
     """Who is there when time jumps has left; whoever comes then starts with what they taught."""
     person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(9), 40, stay_s=1000.0)
-    *_, trust = along(person, time_s, detection, seen, forecasts)
+    *_, (trust, _) = along(Trust.unlearned(STEPS), person, time_s, detection, seen, forecasts)
     np.testing.assert_array_equal(trust.weights, 0.0)
     alone = trust.without_people()
     assert (alone.waiting, len(alone.person), len(alone.detections.time_s)) == ((), 0, 0)

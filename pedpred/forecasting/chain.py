@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 
 from pedpred.features import ModelFeatures
-from pedpred.forecasting.instants import Instants
-from pedpred.forecasting.regions import Regions, learn_regions
+from pedpred.forecasting.regions import Regions
 from pedpred.forecasting.request import ForecastRequest
 from pedpred.forecasting.selection import choose_modes
-from pedpred.forecasting.trust import Trust, learn_trust
+from pedpred.forecasting.trust import Trust
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
@@ -29,6 +28,41 @@ _ROWS_AT_ONCE = 2048
 
 Infer = Callable[[np.ndarray, Mapping[str, np.ndarray]], Predictions]
 """Agent-frame predictions of some people, from the rows of their last detections and a model's inputs."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """What was learned at a place from earlier forecasts.
+
+    Attributes:
+        trust: in the network beside straight lines; None: it is trusted alone.
+        regions: how large they are; None: as the network gives them.
+    """
+
+    trust: Trust | None
+    regions: Regions | None
+
+    def without_people(self) -> Place:
+        """What was learned, with nobody to learn from."""
+        trust, regions = self.trust, self.regions
+        return Place(trust and trust.without_people(), regions and regions.without_people())
+
+    def plain(self) -> dict[str, Any]:
+        """What was learned, as lists of numbers."""
+        return {"trust": self.trust and self.trust.plain(), "regions": self.regions and self.regions.plain()}
+
+    def relearned(self, plain: Mapping[str, Any]) -> Place:
+        """Of an unlearned one: with what another one had learned; what is None stays None.
+
+        Raises:
+            ValueRuleError: a value breaks its rule.
+        """
+        trust, regions = self.trust, self.regions
+        if regions is not None:
+            regions = regions.relearned(plain["regions"])
+        if trust is not None and plain["trust"] is not None:
+            trust = trust.relearned(plain["trust"])
+        return Place(trust, regions)
 
 
 @dataclass(frozen=True)
@@ -47,73 +81,43 @@ class Chain:
     noise_m: float = 0.0
     trust: bool = False
 
+    def unlearned(self, steps: int) -> Place:
+        """What is known before the first instant, for so many steps of the horizon."""
+        regions = Regions.unlearned(steps, self.noise_m, self.trust) if self.learning else None
+        return Place(Trust.unlearned(steps) if self.trust else None, regions)
 
-@dataclass(frozen=True)
-class Place:
-    """What was learned at a place from earlier forecasts.
+    def apply(
+        self,
+        place: Place,
+        alone: Predictions,
+        position: np.ndarray,
+        time_s: float,
+        person: np.ndarray,
+        detection: np.ndarray,
+        seen: np.ndarray,
+    ) -> tuple[Place, Predictions]:
+        """Apply all links to the people of one instant.
 
-    Attributes:
-        trust: in the network beside straight lines; None: it is trusted alone.
-        regions: how large they are.
-    """
+        Args:
+            place: what was learned before.
+            alone: world frame. [N]
+            position: where people are, world frame, m. [N, 2]
+            time_s: the instant, s.
+            person: see `Regions.after`. [N]
+            detection: see there. [N, 2]
+            seen: see there. [N]
 
-    trust: Trust | None
-    regions: Regions
-
-    @classmethod
-    def unlearned(cls, steps: int, noise_m: float = 0.0, trust: bool = False) -> Place:
-        """Before the first instant; see `Chain` for the arguments."""
-        return cls(Trust.unlearned(steps) if trust else None, Regions.unlearned(steps, noise_m, trust))
-
-    def without_people(self) -> Place:
-        """What was learned, with nobody to learn from."""
-        return Place(self.trust and self.trust.without_people(), self.regions.without_people())
-
-    def plain(self) -> dict[str, Any]:
-        """What was learned, as lists of numbers."""
-        return {"trust": self.trust and self.trust.plain(), "regions": self.regions.plain()}
-
-    def relearned(self, plain: Mapping[str, Any]) -> Place:
-        """Of an unlearned one: with what another one had learned; trust stays None where it is.
-
-        Raises:
-            ValueRuleError: a value breaks its rule.
+        Returns:
+            What is learned afterwards, and the forecasts.
         """
-        trust, regions = self.trust, self.regions.relearned(plain["regions"])
-        if trust is not None and plain["trust"] is not None:
-            trust = trust.relearned(plain["trust"])
-        return Place(trust, regions)
-
-
-def forecast_instant(
-    place: Place,
-    alone: Predictions,
-    position: np.ndarray,
-    time_s: float,
-    person: np.ndarray,
-    detection: np.ndarray,
-    seen: np.ndarray,
-) -> tuple[Place, Predictions]:
-    """Apply all links to the people of one instant.
-
-    Args:
-        place: what was learned before.
-        alone: world frame. [N]
-        position: where people are, world frame, m. [N, 2]
-        time_s: the instant, s.
-        person: see `Regions.after`. [N]
-        detection: see there. [N, 2]
-        seen: see there. [N]
-
-    Returns:
-        What is learned afterwards, and the forecasts.
-    """
-    trust = place.trust
-    if trust is not None:
-        trust, alone = trust.after(time_s, person, detection, seen, alone)
-    chosen = choose_modes(alone, position, np.full(len(alone), time_s))
-    regions, scaled = place.regions.after(time_s, person, detection, seen, chosen)
-    return Place(trust, regions), scaled
+        (trust, regions), forecasts = (place.trust, place.regions), alone
+        if trust is not None:
+            trust, forecasts = trust.after(time_s, person, detection, seen, forecasts)
+        if self.together:
+            forecasts = choose_modes(forecasts, position, np.full(len(forecasts), time_s))
+        if regions is not None:
+            regions, forecasts = regions.after(time_s, person, detection, seen, forecasts)
+        return Place(trust, regions), forecasts
 
 
 def forecast_blocks(
@@ -140,19 +144,26 @@ def forecast_blocks(
     """
     row, time_s, asked = request.present()
     order = np.argsort(asked, kind="stable")
-    blocks = instant_blocks(time_s)
-    parts = _alone(request, features, infer, row, time_s, progress(blocks))
-    lost_after_s = request.sizes.lost_after_s
-    if chain.trust:
-        parts = learn_trust(parts, lost_after_s)
-    if chain.together:
-        parts = _together(request, parts, row)
-    if chain.learning:
-        parts = learn_regions(parts, chain.noise_m, lost_after_s, chain.trust)
-    for (at, end), (everybody, *_) in zip(blocks, parts, strict=True):
+    tracks, lost_s = request.past, request.sizes.lost_after_s + TIME_TOLERANCE_S
+    position, kept = tracks.position_at(row, time_s), tracks.kept()
+    place, before_s = chain.unlearned(request.sizes.horizon_steps), np.inf
+    for at, end in progress(instant_blocks(time_s)):
+        block, now_s = row[at:end], time_s[at:end]
+        alone = infer(block, request.inputs(features, block, now_s)).in_world(
+            position[at:end], tracks.heading_rad[block]
+        )
+        seen = (tracks.time_s[block] > now_s - TIME_TOLERANCE_S) & kept[block]
+        parts = []
+        for rows in _instants(now_s):
+            if now_s[rows[0]] - before_s > lost_s:
+                place = place.without_people()
+            own, before_s = block[rows], now_s[rows[-1]]
+            known = float(now_s[rows[0]]), tracks.life[own], tracks.detection[own], seen[rows]
+            place, forecasts = chain.apply(place, alone.select(rows), position[at:end][rows], *known)
+            parts.append(forecasts)
         which = order[slice(*np.searchsorted(asked, [at, end], sorter=order))]
         if len(which):
-            yield which, everybody.select(asked[which] - at)
+            yield which, Predictions.join(parts).select(asked[which] - at)
 
 
 def instant_blocks(time_s: np.ndarray) -> list[tuple[int, int]]:
@@ -162,31 +173,7 @@ def instant_blocks(time_s: np.ndarray) -> list[tuple[int, int]]:
     return list(pairwise([*edges, len(time_s)]))
 
 
-def _alone(
-    request: ForecastRequest,
-    features: ModelFeatures,
-    infer: Infer,
-    row: np.ndarray,
-    time_s: np.ndarray,
-    blocks: Iterable[tuple[int, int]],
-) -> Iterator[Instants]:
-    """Forecast everybody present, each alone; rows [C] of tracks at their instants [C]."""
-    tracks = request.past
-    kept = tracks.kept()
-    for at, end in blocks:
-        instant, now_s = row[at:end], time_s[at:end]
-        here = tracks.position_at(instant, now_s)
-        alone = infer(instant, request.inputs(features, instant, now_s)).in_world(
-            here, tracks.heading_rad[instant]
-        )
-        seen = (tracks.time_s[instant] > now_s - TIME_TOLERANCE_S) & kept[instant]
-        yield alone, tracks.life[instant], now_s, tracks.detection[instant], seen
-
-
-def _together(request: ForecastRequest, parts: Iterable[Instants], row: np.ndarray) -> Iterator[Instants]:
-    """Let people choose their modes together; rows [C] of tracks in the order of the parts."""
-    at = 0
-    for alone, person, now_s, detection, seen in parts:
-        here = request.past.position_at(row[at : at + len(alone)], now_s)
-        at += len(alone)
-        yield choose_modes(alone, here, now_s), person, now_s, detection, seen
+def _instants(time_s: np.ndarray) -> list[np.ndarray]:
+    """Rows of each instant; times never fall. [C]."""
+    later = np.flatnonzero(np.diff(time_s) > TIME_TOLERANCE_S) + 1
+    return np.split(np.arange(len(time_s)), later)

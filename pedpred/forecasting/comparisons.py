@@ -14,6 +14,10 @@ from pedpred.forecasting.detections import NEAR_S, Detections
 from pedpred.metrics.calibration import COARSE, REGIONS, describe, share_reached
 from pedpred.scenes import Predictions
 
+EVERY_S = 0.3
+"""Least time between instants whose forecasts are kept, s."""
+KNOWN, LATELY_S = 4, 4.0
+"""Forecasts are kept of people who were detected so often, as in the evaluation, in so many seconds."""
 _GAIN, _STEP = 0.075, 0.75
 """Per second: g of a person, and the most that the g of all sum to."""
 _LATE = 0.8

@@ -22,9 +22,8 @@ follow the last kept one within `pedpred.tracking.kalman.SPACING_S`, are left ou
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,10 @@ import numpy as np
 from pedpred.errors import ValueRuleError
 from pedpred.fields import finite
 from pedpred.forecasting.comparisons import (
+    EVERY_S,
     GROUPS,
+    KNOWN,
+    LATELY_S,
     Taught,
     Waiting,
     compare_with_detections,
@@ -40,9 +42,8 @@ from pedpred.forecasting.comparisons import (
     widen_covariances,
 )
 from pedpred.forecasting.detections import NEAR_S, Detections
-from pedpred.forecasting.instants import EVERY_S, KNOWN, LATELY_S, Instants, learn_along
 from pedpred.scenes import Predictions
-from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LONG_S = 1.0
 """The longest time that an instant whose forecasts are kept stands for, s."""
@@ -205,20 +206,3 @@ class Regions:
             waiting=tuple(past for past in self.waiting if past.due_s > now_s),
             taught=taught.select(taught.until_s > now_s),
         )
-
-
-def learn_regions(
-    parts: Iterable[Instants],
-    noise_m: float = 0.0,
-    lost_after_s: float = LOST_AFTER_S,
-    on_lines: bool = False,
-) -> Iterator[Instants]:
-    """Yield the same instants with regions that learn from one to the next; see `learn_along`.
-
-    Args:
-        parts: see there.
-        noise_m: see `Regions`.
-        lost_after_s: see there, s.
-        on_lines: see `Regions`.
-    """
-    return learn_along(partial(Regions.unlearned, noise_m=noise_m, on_lines=on_lines), parts, lost_after_s)

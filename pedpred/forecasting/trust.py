@@ -21,7 +21,7 @@ people who are not seen up to the last step do not count, as in the evaluation.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -29,11 +29,10 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.fields import finite
-from pedpred.forecasting.comparisons import GROUPS, groups_of
+from pedpred.forecasting.comparisons import EVERY_S, GROUPS, KNOWN, groups_of
 from pedpred.forecasting.detections import NEAR_S, Detections
-from pedpred.forecasting.instants import EVERY_S, KNOWN, Instants, learn_along
 from pedpred.scenes import Predictions
-from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _SPANS_S = np.array([2.4, 0.6])
 """Lines are fitted to so many seconds of detections, s: a steady one, and one that follows turns."""
@@ -322,8 +321,3 @@ def _moved(predictions: Predictions, shares: np.ndarray, apart: np.ndarray) -> P
     nearer = shares.sum(axis=-1)[:, None, :, None] * (predictions.point[:, None] - predictions.path)
     path = predictions.path + shift[:, None] + nearer
     return replace(predictions, point=predictions.point + shift, path=path)
-
-
-def learn_trust(parts: Iterable[Instants], lost_after_s: float = LOST_AFTER_S) -> Iterator[Instants]:
-    """Yield the same instants with the trust learned from one to the next; see `learn_along`."""
-    return learn_along(Trust.unlearned, parts, lost_after_s)

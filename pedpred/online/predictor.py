@@ -10,7 +10,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError, brief
 from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surroundings
-from pedpred.forecasting.chain import Place, forecast_instant
+from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
 from pedpred.online.frame import Frame
@@ -50,6 +50,7 @@ class OnlinePredictor:
         if learns is None:
             learns = self._about.learn_noise and self._settings.tracker is None
         self._bank = KalmanBank.around(self._about.tracker, learns)
+        self._chain = Chain(noise_m=self._settings.detection_noise_m, trust=self._settings.learn_trust)
         self._map = _NO_MAP
         self.reset()
 
@@ -106,8 +107,7 @@ class OnlinePredictor:
         self._begin(read_place(Path(path), self._unlearned(), self._checksum))
 
     def _unlearned(self) -> Place:
-        how = self._settings
-        return Place.unlearned(self.protocol.horizon_steps, how.detection_noise_m, how.learn_trust)
+        return self._chain.unlearned(self.protocol.horizon_steps)
 
     def _begin(self, place: Place) -> None:
         """Start with nobody, and with what was learned."""
@@ -294,7 +294,7 @@ class OnlinePredictor:
             seen = (people.seen_s[rows] == time_s) & people.past["kept"][rows]
             lives, detection = people.life[rows], people.detection[rows]
             alone = there.point
-            place, there = forecast_instant(place, there, position, time_s, lives, detection, seen)
+            place, there = self._chain.apply(place, there, position, time_s, lives, detection, seen)
             world = world + np.diff(there.point - alone, axis=1, prepend=0.0) / there.dt_s
         share = self._moving_shares(people, rows)
         if not (share == 1.0).all():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -49,55 +50,63 @@ styled = matplotlib.rc_context(_STYLE)
 """Decorator of functions that draw: texts take their size from the style when they are made."""
 
 
+class _Canvas(FigureCanvasAgg):
+    """Draws a figure once, for all files that it is written to."""
+
+    @cached_property
+    def image(self) -> Image.Image:
+        """The figure as it is now."""
+        if self.figure.get_layout_engine() is not None:
+            self._lay_out()
+        self.draw()
+        return Image.fromarray(np.asarray(self.buffer_rgba()))
+
+    def _lay_out(self) -> None:
+        """Place the axes, and round where they are.
+
+        The solver of layouts orders its unknowns by their addresses in memory: the last digits differ from
+        run to run, and lines with them.
+        """
+        self.figure.draw_without_rendering()
+        self.figure.set_layout_engine("none")
+        for axes in self.figure.axes:
+            bounds = np.round(axes.get_position(original=True).bounds, _PLACE_DIGITS)
+            axes.set_position(Bbox.from_bounds(*bounds.tolist()), which="original")
+
+
 def blank(width_in: float, height_in: float) -> Figure:
     """An empty figure that belongs to no window system and no global state."""
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
+    _Canvas(figure)
     return figure
 
 
-def _lay_out(figure: Figure) -> None:
-    """Place the axes, and round where they are.
-
-    The solver of layouts orders its unknowns by their addresses in memory: the last digits differ from run to
-    run, and lines with them.
-    """
-    if figure.get_layout_engine() is None:
-        return
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    for axes in figure.axes:
-        bounds = np.round(axes.get_position(original=True).bounds, _PLACE_DIGITS)
-        axes.set_position(Bbox.from_bounds(*bounds.tolist()), which="original")
-
-
 @styled
+def _image(figure: Figure) -> Image.Image:
+    assert isinstance(figure.canvas, _Canvas), "it must be made by `blank`"
+    return figure.canvas.image
+
+
 def png_bytes(figure: Figure) -> bytes:
-    """The figure as PNG, without dates or versions in it."""
-    _lay_out(figure)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    """A figure of `blank` as PNG, without dates or versions in it."""
+    image, buffer = _image(figure), io.BytesIO()
+    image.save(buffer, "png", dpi=(DPI, DPI))
     if buffer.getbuffer().nbytes <= LARGEST_BYTES:
         return buffer.getvalue()
     reduced = io.BytesIO()
-    with Image.open(buffer) as image:
-        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(reduced, "png", optimize=True)
+    image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(reduced, "png", optimize=True)
     return reduced.getvalue()
 
 
-@styled
 def avif_bytes(figure: Figure, speed: int) -> bytes:
-    """The figure as AVIF, some five times smaller than the PNG: for pages that hold all their pictures.
+    """A figure of `blank` as AVIF, five times smaller than the PNG: for pages that hold their pictures.
 
     Args:
         figure: to encode.
         speed: of the encoder, from 0, smallest files, to 10, fastest.
     """
-    _lay_out(figure)
-    buffer, packed = io.BytesIO(), io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI)
-    with Image.open(buffer) as image:
-        image.convert("RGB").save(packed, "avif", quality=AVIF_QUALITY, speed=speed, max_threads=1)
+    packed = io.BytesIO()
+    _image(figure).convert("RGB").save(packed, "avif", quality=AVIF_QUALITY, speed=speed, max_threads=1)
     return packed.getvalue()
 
 

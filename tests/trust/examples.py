@@ -20,7 +20,7 @@ from pedpred.command.forecast_tables import COLUMNS
 from pedpred.command.foreign import read_forecasts
 from pedpred.evaluation.forecasts import write_windows
 from pedpred.features import FeatureTable, ForecastProtocol
-from pedpred.forecasting.chain import Place
+from pedpred.forecasting.chain import Chain
 from pedpred.geometry import Homography
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.features import LstmFeatures
@@ -358,10 +358,10 @@ def read_project(folder: Path) -> None:
 
 
 def make_learned_place(path: Path) -> None:
-    untaught = Place.unlearned(STEPS, trust=True).plain()
+    untaught = Chain(trust=True).unlearned(STEPS).plain()
     untaught["trust"]["compared"] = [3.0, 40.0]
-    write_place(path, Place.unlearned(STEPS, trust=True).relearned(untaught), "network")
+    write_place(path, Chain(trust=True).unlearned(STEPS).relearned(untaught), "network")
 
 
 def read_learned_place(path: Path) -> dict[str, Any]:
-    return read_place(path, Place.unlearned(STEPS, trust=True), "network").plain()
+    return read_place(path, Chain(trust=True).unlearned(STEPS), "network").plain()

@@ -24,7 +24,7 @@ from tests.trust.mutations import BYTES, STRUCTURED, mutate
 from tests.trust.readers import READERS, Reader
 from tests.trust.trial import LOST, READ, REFUSED, Bench, judged
 
-USUAL, FEW = 25, {"conf": 6, "archive": 12}  # trials: the readers of `FEW` take long
+USUAL, FEW = 25, {"conf": 6, "archive": 12, "data archive": 6}  # trials: the readers of `FEW` take long
 
 
 CUTS = {
