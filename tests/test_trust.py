@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.forecasting.detections import Detections
-from pedpred.forecasting.trust import Trust, best_weights
+from pedpred.forecasting.shares import best_weights
+from pedpred.forecasting.trust import Trust
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replay_scene
 from pedpred.scenes import Predictions

@@ -37,6 +37,7 @@ from pedpred.forecasting.comparisons import (
     LATELY_S,
     Taught,
     Waiting,
+    among,
     compare_with_detections,
     groups_of,
     widen_covariances,
@@ -197,7 +198,7 @@ class Regions:
         new, lost = compare_with_detections(due, known, self.learned, self.noise_m, span_s)
         moved, taught = new.sums(len(self.steps)), self.taught.joined(new)
         if len(lost):
-            gone = np.isin(taught.forecast, lost)
+            gone = among(np.sort(lost), taught.forecast)
             moved -= taught.select(gone).sums(len(self.steps))
             taught = taught.select(~gone)
         return replace(

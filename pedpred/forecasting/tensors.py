@@ -13,6 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pedpred.compiled import compiled
 from pedpred.forecasting.reduction import merge_modes
 from pedpred.scenes import Predictions
 
@@ -23,15 +24,32 @@ _LEAST = 1e-5  # weight
 def sound_rows(tensors: Mapping[str, np.ndarray]) -> np.ndarray:
     """For whom tensors are a forecast: finite, with weights, and with covariances that are some. [W] bool."""
     sound = np.ones(len(tensors["velocities"]), bool)
+    if not len(sound):
+        return sound
     for values in tensors.values():
-        sound &= np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+        _keep_finite(values.reshape(len(sound), -1), sound)
     if "weight" in tensors:
         sound &= (tensors["weight"] >= 0).all(axis=1) & (tensors["weight"].sum(axis=1) > 0)
     if "covariance" in tensors:
-        (xx, xy), (_, yy) = np.moveaxis(tensors["covariance"].astype(np.float64), (-2, -1), (0, 1))
-        definite = (xx > 0) & (xx * yy > xy * xy)
-        sound &= definite.all(axis=(1, 2))
+        _keep_definite(tensors["covariance"].reshape(len(sound), -1, 4), sound)
     return sound
+
+
+@compiled
+def _keep_finite(values, sound):  # pragma: no cover (compiled)
+    """Rows with a number that is not finite are not sound. [W, N], [W]."""
+    for row in range(len(values)):
+        for k in range(values.shape[1]):
+            sound[row] &= np.isfinite(values[row, k])
+
+
+@compiled
+def _keep_definite(covariance, sound):  # pragma: no cover (compiled)
+    """Rows with a covariance that is not positive definite are not sound. [W, N, 4], [W]."""
+    for row in range(len(covariance)):
+        for k in range(covariance.shape[1]):
+            xx, xy = np.float64(covariance[row, k, 0]), np.float64(covariance[row, k, 1])
+            sound[row] &= xx > 0.0 and xx * covariance[row, k, 3] > xy * xy
 
 
 def predictions_of(tensors: Mapping[str, np.ndarray], dt_s: float) -> Predictions:

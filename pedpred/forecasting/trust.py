@@ -27,10 +27,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
 from pedpred.fields import finite
-from pedpred.forecasting.comparisons import EVERY_S, GROUPS, KNOWN, groups_of
+from pedpred.forecasting.comparisons import EVERY_S, KNOWN, among, groups_of
 from pedpred.forecasting.detections import NEAR_S, Detections
+from pedpred.forecasting.shares import Sums, check_sums
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
@@ -40,60 +40,6 @@ _USED_S, _COMPARED_S = 1.2, 2.4
 """Lines are used, and compared, of people who have been followed for so long, s."""
 _AFTER_S = 1.0
 """Who is not detected for longer than the horizon and this, s, has left."""
-_PRIOR, _MOST = 200.0, 10000.0
-"""M, and the most forecasts that N counts: those of 100 people in half a minute."""
-_ROUNDING = 1e-9
-_NEAR_M = 0.02
-"""c: errors below this, m, count as squares."""
-
-
-class Sums(NamedTuple):
-    """What comparisons add up to; for each of some people, or for none.
-
-    Attributes:
-        products: of d_l . d_m, weighted. [..., G, P, L, L]
-        errors: of d_l . e, weighted. [..., G, P, L]
-        compared: number of forecasts. [..., G]
-    """
-
-    products: np.ndarray
-    errors: np.ndarray
-    compared: np.ndarray
-
-    @classmethod
-    def nothing(cls, steps: int, *people: int) -> Sums:
-        """Before the first comparison, for so many people."""
-        lines, each = len(_SPANS_S), (*people, GROUPS)
-        return cls(np.zeros((*each, steps, lines, lines)), np.zeros((*each, steps, lines)), np.zeros(each))
-
-    def faded(self) -> Sums:
-        """The same mean with no more than the most forecasts."""
-        fades = np.minimum(1.0, _MOST / np.maximum(self.compared, 1.0))
-        return Sums(
-            self.products * fades[..., None, None, None],
-            self.errors * fades[..., None, None],
-            self.compared * fades,
-        )
-
-    def best_weights(self) -> np.ndarray:
-        """The shares w that minimise the sum. [..., G, P, L]."""
-        prior = (_PRIOR / np.maximum(self.compared, 1.0))[..., None, None, None] * np.eye(len(_SPANS_S))
-        return best_weights(self.products * (1.0 + prior), self.errors)
-
-
-def check_sums(sums: Sums) -> None:
-    """Check that sums may be those of some forecasts.
-
-    Raises:
-        ValueRuleError: they are not.
-    """
-    squares = np.diagonal(sums.products, axis1=-2, axis2=-1)
-    both, other = sums.products[..., 0, 1], sums.products[..., 1, 0]
-    equal, most = _ROUNDING * squares.sum(axis=-1), squares.prod(axis=-1) * (1.0 + _ROUNDING)
-    if not ((squares >= 0).all() and (np.abs(both - other) <= equal).all() and (both**2 <= most).all()):
-        raise ValueRuleError("trust.products", None, "they must be symmetric, without negative eigenvalues")
-    if not ((sums.compared >= 0).all() and (sums.compared <= _MOST * (1.0 + _ROUNDING)).all()):
-        raise ValueRuleError("trust.compared", sums.compared.tolist(), f"it must be in [0, {_MOST:g}]")
 
 
 class Kept(NamedTuple):
@@ -216,18 +162,19 @@ class Trust:
 
     def _shares(self, person: np.ndarray, group: np.ndarray) -> np.ndarray:
         """The w of some people; 0 for who has just come. [N, P, L]."""
-        there = np.flatnonzero(_among(self.person, person))
+        there = np.flatnonzero(among(self.person, person))
         shares = np.zeros((len(person), *self.weights.shape[2:]))
         shares[there] = self.weights[np.searchsorted(self.person, person[there]), group[there]]
         return shares
 
     def _with_people(self, known: Detections, person: np.ndarray) -> Trust:
         """With some people [N], who may have come, and without those who are not detected any more."""
-        gone = ~_among(known.person, self.person)
-        stays, come = np.flatnonzero(~gone), person[~_among(self.person, person)]
+        gone = ~among(known.person, self.person)
+        stays, come = np.flatnonzero(~gone), person[~among(self.person, person)]
         if len(stays) == len(gone) and not len(come):
             return self
-        place, everybody = self._place_without(gone), np.concatenate([self.person[stays], come])
+        place = self._place_without(gone) if gone.any() else self.place
+        everybody = np.concatenate([self.person[stays], come])
         order = np.argsort(everybody)
 
         def joined(old: np.ndarray, new: np.ndarray) -> np.ndarray:
@@ -252,61 +199,15 @@ class Trust:
         due = [past for past in self.waiting if past.due_s <= now_s]
         if not due:
             return self
-        products, errors, compared = (values.copy() for values in self.taught)
+        taught = self.taught
         for past in due:
             steps, people = len(past.time_s), len(past.person)
             asked = np.repeat(past.person, steps), np.tile(past.time_s, people)
             error = self.detections.at(*asked)[0].reshape(past.point.shape) - past.point
-            rows = np.flatnonzero(~np.isnan(error).any(axis=(1, 2)))
-            person, group = np.searchsorted(self.person, past.person[rows]), past.group[rows]
-            apart, error = past.apart[rows], error[rows]
-            left = error - np.einsum("npl,nlpx->npx", self.weights[person, group], apart)
-            weight = 1.0 / (_NEAR_M + np.linalg.norm(left, axis=-1))
-            products[person, group] += np.einsum("np,nlpx,nmpx->nplm", weight, apart, apart)
-            errors[person, group] += np.einsum("np,nlpx,npx->npl", weight, apart, error)
-            compared[person, group] += 1.0
+            row = np.searchsorted(self.person, past.person)
+            taught = taught.with_comparisons(self.weights, row, past.group, past.apart, error)
         waiting = tuple(past for past in self.waiting if past.due_s > now_s)
-        return replace(self, taught=Sums(products, errors, compared).faded(), waiting=waiting)
-
-
-def best_weights(products: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Minimise w A w / 2 - b w over w_1, w_2 >= 0 with w_1 + w_2 <= 1.
-
-    The minimum lies in the triangle, or on one of its edges.
-
-    Args:
-        products: A, symmetric and without negative eigenvalues. [..., 2, 2]
-        errors: b. [..., 2]
-
-    Returns:
-        w; 0 where A is 0. [..., 2]
-    """
-    first, second, both = products[..., 0, 0], products[..., 1, 1], products[..., 0, 1]
-    b, c = errors[..., 0], errors[..., 1]
-    inside = np.stack([second * b - both * c, first * c - both * b], axis=-1)
-    inside = _ratio(inside, (first * second - both**2)[..., None])
-    valid = (inside >= 0).all(axis=-1) & (inside.sum(axis=-1) <= 1)
-    inside = np.where(valid[..., None], inside, 0.0)
-    none = np.zeros_like(b)
-    one, two = (np.clip(_ratio(*edge), 0.0, 1.0) for edge in ((b, first), (c, second)))
-    share = np.clip(_ratio(b - c + second - both, first + second - 2.0 * both), 0.0, 1.0)
-    edges = (np.stack(w, axis=-1) for w in ((none, none), (one, none), (none, two), (share, 1.0 - share)))
-    places = np.stack([inside, *edges])
-    w_1, w_2 = places[..., 0], places[..., 1]
-    loss = 0.5 * (first * w_1**2 + second * w_2**2) + both * w_1 * w_2 - b * w_1 - c * w_2
-    least = loss.argmin(axis=0)[None, ..., None]
-    return np.asarray(np.take_along_axis(places, least, axis=0)[0])
-
-
-def _among(rising: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Which values are some of rising ones; `np.isin` takes ten times as long for few."""
-    return np.searchsorted(rising, values, "left") < np.searchsorted(rising, values, "right")
-
-
-def _ratio(above: np.ndarray, below: np.ndarray) -> np.ndarray:
-    """Quotient; 0 where the divisor is not positive."""
-    positive = below > 0
-    return np.where(positive, above / np.where(positive, below, 1.0), 0.0)
+        return replace(self, taught=taught, waiting=waiting)
 
 
 def _moved(predictions: Predictions, shares: np.ndarray, apart: np.ndarray) -> Predictions:
