@@ -122,6 +122,17 @@ def test_people_wait_for_the_transform_of_their_time():
     )
 
 
+def test_the_wait_for_a_transform_is_part_of_the_latency():
+    """As is the time in the queue before."""
+    follower = follower_of(transform_timeout_s=1.0)
+    follower.people_came(people(100.0, "odom", eve=(0.0, 0.0)), 10**9, 5.0, 0.25)
+    assert list(follower.answers(5.0)) == []
+    fixed = Rotation.identity(), (0.0, 0.0, 0.0)
+    follower.transforms_came(transforms(transform("map", "odom", *fixed, 100.0)), 100.0, False)
+    assert next(follower.answers(5.5)).topic == "predictions"
+    assert (follower.came_s, follower.forecast_s) == (4.75, 5.0)
+
+
 def test_who_waits_in_vain_is_left_out_and_the_log_says_what_is_missing(caplog):
     follower = follower_of(transform_timeout_s=0.2)
     for at_s in (100.0, 100.1):

@@ -79,6 +79,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class _Waiting:
+    came_s: float
     arrived_s: float
     time_ns: int
     instant: Instant
@@ -106,6 +107,12 @@ class Follower:
         is_heard: whether somebody listens to a topic; all but the table of forecasts, which planners read,
             and the names is left out where nobody does.
         clock: gives such times.
+
+    Attributes:
+        counts: what happened.
+        heard_s: when the last people were read.
+        forecast_s: when those of the last forecast were.
+        came_s: when those of the last forecast came, into the queue from which they were read.
     """
 
     def __init__(
@@ -125,6 +132,7 @@ class Follower:
         self._latest: Forecast | None = None
         self._views = Views(is_heard, clock)
         self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
+        self.came_s = -np.inf
         self._heard: Instant | None = None
 
     @property
@@ -252,7 +260,7 @@ class Follower:
             self._waiting.popleft()
             self.counts.lost += 1
             _log.warning("people left out: %d messages wait for transforms", _MOST_WAITING)
-        self._waiting.append(_Waiting(now_s, time_ns, instant))
+        self._waiting.append(_Waiting(now_s - waited_s, now_s, time_ns, instant))
 
     def _decoded(self, raw: bytes, kind: str) -> Any:
         """A message.
@@ -300,7 +308,8 @@ class Follower:
         self._latest = forecast
         self.counts.without_forecast += int((~np.isin(track_id[kept], forecast.track_id)).sum())
         self.counts.forecasts += 1
-        self.counts.people, self.forecast_s = len(forecast), waiting.arrived_s
+        self.counts.people = len(forecast)
+        self.came_s, self.forecast_s = waiting.came_s, waiting.arrived_s
         if self._map.occupancy is None and self.settings.use_map and len(forecast):
             _log.warning(
                 "no map has come: forecasts go through walls. Publish `map`, or set use_map to false"

@@ -235,11 +235,10 @@ class PedpredNode(LifecycleNode):
 
     def _people_came(self, raw: bytes, received_ns: int) -> None:
         if self._follower is not None:
-            begun_s = time.monotonic()
             waited_s = max(time.time_ns() - received_ns, 0) / 1e9 if received_ns else 0.0
-            self._follower.people_came(raw, self.get_clock().now().nanoseconds, begun_s, waited_s)
+            clock_ns = self.get_clock().now().nanoseconds
+            self._follower.people_came(raw, clock_ns, time.monotonic(), waited_s)
             self._publish_answers()
-            self._latencies.add(waited_s + time.monotonic() - begun_s)
 
     def _moving_came(self, raw: bytes) -> None:
         self._transforms_came(raw, fixed=False)
@@ -261,6 +260,8 @@ class PedpredNode(LifecycleNode):
                 if answer.topic in self._sinks:
                     message = serialize(answer.kind, answer.content)  # rclpy takes bytes
                     self._sinks[answer.topic].publish(message)
+                if answer.topic == PREDICTIONS:
+                    self._latencies.add(time.monotonic() - self._follower.came_s)
         finally:
             (self._retry.reset if self._follower.is_waiting else self._retry.cancel)()
 
