@@ -204,6 +204,9 @@ def test_a_map_in_another_frame_begins_anew_and_the_same_map_changes_nothing(cap
     assert answers["predictions"]["header"]["frame_id"] == "world"
     assert diagnose(follower, 0.0, 1, Counts()) == (0, "forecasts with map")
     assert diagnose(follower, 9.0, 1, Counts()) == (1, "no people heard")
+    assert diagnose(follower, 9.0, 1, Counts(), [PEOPLE]) == (1, "no people heard")
+    _, text = diagnose(follower, 9.0, 2, Counts(), [PEOPLE, BOXES])
+    assert text == f"no people heard: {BOXES} is published, people_type is {PEOPLE}"
     values = told_values(follower, Latencies())
     told = serialize(DIAGNOSTICS_TYPE, diagnostics_content("pedpred", 1, "x", values, 5))
     (status,) = known_types().deserialize_cdr(told, DIAGNOSTICS_TYPE).status

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -33,7 +33,9 @@ class Latencies:
         return 1000 * float(np.median(self._taken_s)) if self._taken_s else float("nan")
 
 
-def diagnose(follower: Follower, now_s: float, publishers: int, before: Counts) -> tuple[int, str]:
+def diagnose(
+    follower: Follower, now_s: float, publishers: int, before: Counts, kinds: Collection[str] = ()
+) -> tuple[int, str]:
     """Level and summary: OK, or what is wrong.
 
     Args:
@@ -41,6 +43,7 @@ def diagnose(follower: Follower, now_s: float, publishers: int, before: Counts) 
         now_s: by the clock of `Follower.people_came`.
         publishers: how many there are of the people's topic.
         before: what had happened at the last diagnosis.
+        kinds: the types that they publish.
     """
     problems = []
     if follower.occupancy is None and follower.settings.use_map:
@@ -53,7 +56,9 @@ def diagnose(follower: Follower, now_s: float, publishers: int, before: Counts) 
     if publishers == 0:
         problems.append("nobody publishes people")
     elif now_s - follower.heard_s > _SILENT_S:
-        problems.append("no people heard")
+        others = sorted(set(kinds) - {follower.settings.people_type})
+        published = f": {', '.join(others)} is published, people_type is {follower.settings.people_type}"
+        problems.append("no people heard" + (published if others else ""))
     elif now_s - follower.forecast_s > _SILENT_S:
         problems.append("people are heard, but there is no forecast: see what is left out, and the log")
     messages = follower.counts.messages - before.messages

@@ -271,8 +271,10 @@ class PedpredNode(LifecycleNode):
     def _diagnose(self) -> None:
         if self._follower is None:
             return
-        publishers = self.count_publishers(self.resolve_topic_name("people"))
-        level, summary = diagnose(self._follower, time.monotonic(), publishers, self._diagnosed)
+        kinds = [
+            one.topic_type for one in self.get_publishers_info_by_topic(self.resolve_topic_name("people"))
+        ]
+        level, summary = diagnose(self._follower, time.monotonic(), len(kinds), self._diagnosed, kinds)
         self._diagnosed = replace(self._follower.counts)
         level, summary = (level, summary) if self._people is not None else (0, "not active")
         values = told_values(self._follower, self._latencies)
