@@ -471,6 +471,7 @@ def test_a_node_that_still_compiles_ends_when_it_is_told_to(place):
             "spencer_tracking_msgs is not installed",
         ),
         (("-p", "identities:=guessed"), "identities = 'guessed', but it must be one of"),
+        (("-p", "use_map:=maybe"), "use_map = 'maybe', but it must be true or false"),
     ],
 )
 def test_a_start_that_cannot_succeed_says_why(place, arguments, problem):
@@ -493,6 +494,6 @@ def test_what_was_learned_at_a_place_is_kept_for_the_next_start(place):
     with place.node("-p", f"place_file:={path}") as told:
         assert "going on" not in told.read_text()
     written = path.read_bytes()
-    with place.node("-p", f"place_file:={path}") as told:
+    with place.node("-p", f"place_file:={path}", "-p", "transform_timeout_s:=1") as told:  # a whole number
         assert "going on with what was learned" in told.read_text()
     assert path.read_bytes() == written

@@ -48,7 +48,7 @@ class PedpredNode(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("pedpred")
         for name, default, text in fields_of(NodeSettings):
-            about = ParameterDescriptor(description=text)
+            about = ParameterDescriptor(description=text, dynamic_typing=True)  # NodeSettings checks kinds
             self.declare_parameter(name, list(default) if isinstance(default, tuple) else default, about)
         self.add_on_set_parameters_callback(self._changed)
         self._follower: Follower | None = None
@@ -67,7 +67,7 @@ class PedpredNode(LifecycleNode):
         Returns:
             Whether that worked; the log says why not.
         """
-        if not self.get_parameter("autostart").value:
+        if self.get_parameter("autostart").value is False:
             return True
         return self.trigger_configure() == _Done.SUCCESS and self.trigger_activate() == _Done.SUCCESS
 
