@@ -411,6 +411,33 @@ def test_what_nobody_listens_to_is_not_made():
     assert answered(follower, people(5.1, **{"7": (2.0, 1.1)})).keys() == {"predictions"} | heard
 
 
+def test_who_is_not_heard_of_any_more_stays_in_no_costmap():
+    """A tracker may say nothing when nobody is there, or end; a simulation that pauses changes nothing."""
+    follower = follower_of(occupancy_cell_m=0.5)
+    assert list(follower.farewell(10**12)) == []
+    for k in range(5):
+        follower.people_came(people(5.0 + k / 10, **{"7": (2.0, 1.0)}), 10**11 + k * 10**8, k / 10)
+        assert list(follower.answers(k / 10))
+        assert list(follower.farewell(10**11 + k * 10**8 + 19 * 10**8)) == []
+    told = {answer.topic: answer.content for answer in follower.farewell(10**11 + 24 * 10**8)}
+    assert told.keys() == output_types(follower.settings, 10).keys() - {"predictions/names"}
+    assert not told["predicted_occupancy/horizon"]["data"].any()
+    assert len(told["predictions/markers"]["markers"]) == 1  # delete all
+    assert (told["predictions"]["width"], follower.counts.people) == (0, 0)
+    assert told["predictions"]["header"]["stamp"] == {"sec": 7, "nanosec": 400_000_000}
+    assert list(follower.farewell(10**12)) == []  # once
+    (person,) = answered(follower, people(6.0, **{"7": (2.0, 1.0)}))["predictions/people"]["people"]
+    assert person["name"] == "7"
+    assert {answer.topic for answer in follower.farewell(10**9, 0.0)} == told.keys()  # the node ends
+
+
+def test_that_all_have_gone_is_shown_at_once():
+    follower, here = follower_of(occupancy_cell_m=0.5, max_age_s=0.0), {"7": (2.0, 1.0)}
+    for at_s, places, shown in ((7.0, here, True), (7.02, {}, True), (7.04, {}, False), (7.06, here, False)):
+        answers = answered(follower, people(at_s, **places))
+        assert (MARKERS in answers, "predicted_occupancy/horizon" in answers) == (shown, shown)
+
+
 def test_markers_and_grids_are_made_no_more_often_than_viewers_need():
     """At 50 Hz, about every tenth of a second; at 10 Hz with shaking stamps, each time."""
     follower = follower_of(occupancy_cell_m=0.5)

@@ -38,7 +38,7 @@ from pedpred.ros2.outputs import (
 from pedpred.ros2.settings import NodeSettings
 from pedpred.ros2.views import Views
 from pedpred.scenes import Forecast, OccupancyMap
-from pedpred.tracking.tracks import TIME_TOLERANCE_S
+from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S
 
 _MOST_WAITING = 100
 _CAUGHT_UP = 0.1
@@ -81,6 +81,7 @@ class Counts:
 class _Waiting:
     came_s: float
     arrived_s: float
+    clock_ns: int
     time_ns: int
     instant: Instant
 
@@ -130,6 +131,7 @@ class Follower:
         self._named: dict[int, str] = {}
         self._is_behind = False
         self._latest: Forecast | None = None
+        self._shown: tuple[Forecast, _Waiting] | None = None
         self._views = Views(is_heard, clock)
         self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
         self.came_s = -np.inf
@@ -260,7 +262,7 @@ class Follower:
             self._waiting.popleft()
             self.counts.lost += 1
             _log.warning("people left out: %d messages wait for transforms", _MOST_WAITING)
-        self._waiting.append(_Waiting(now_s - waited_s, now_s, time_ns, instant))
+        self._waiting.append(_Waiting(now_s - waited_s, now_s, clock_ns, time_ns, instant))
 
     def _decoded(self, raw: bytes, kind: str) -> Any:
         """A message.
@@ -292,6 +294,29 @@ class Follower:
                 continue
             yield from self._answered(first, target)
 
+    def farewell(self, clock_ns: int, after_s: float = LOST_AFTER_S) -> Iterator[Answer]:
+        """Once there was no forecast for some time, publish one of nobody: costmaps keep the last grid.
+
+        Args:
+            clock_ns: as that of `people_came`; it stands while a simulation pauses.
+            after_s: for how long, s.
+        """
+        if self._shown is None:
+            return
+        forecast, of = self._shown
+        gone_ns = abs(clock_ns - of.clock_ns)
+        if gone_ns < after_s * 1e9:
+            return
+        none = np.zeros(0, np.int64)
+        nobody = Forecast(
+            forecast.time_s + gone_ns / 1e9,
+            forecast.track_id[none],
+            forecast.velocity[none],
+            forecast.predictions.select(none),
+        )
+        self._shown, self.counts.people = None, 0
+        yield from self._contents(nobody, of.time_ns + gone_ns, self._map.frame)
+
     def _answered(self, waiting: _Waiting, frame: str) -> Iterator[Answer]:
         one = waiting.instant
         with self.counts.refusing():
@@ -305,7 +330,7 @@ class Follower:
             self.counts.late += 1
             return
         self.counts.jumps += self._jumped(one.stamp_s)
-        self._latest = forecast
+        self._latest, self._shown = forecast, (forecast, waiting)
         self.counts.without_forecast += int((~np.isin(track_id[kept], forecast.track_id)).sum())
         self.counts.forecasts += 1
         self.counts.people = len(forecast)

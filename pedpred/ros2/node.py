@@ -28,8 +28,9 @@ from pedpred.ros2.arrivals import Arrivals
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
 from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
 from pedpred.ros2.log import RosHandler
-from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, output_types
+from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, Answer, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, fields_of
+from pedpred.tracking.tracks import LOST_AFTER_S
 
 _NO_MAP = re.compile(r"costmap|predicted_occupancy/")
 _PEOPLE_DEPTH, _TF_DEPTH, _UPDATES_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 50, 10
@@ -152,7 +153,11 @@ class PedpredNode(LifecycleNode):
         self._retry.cancel()  # each wake-up takes about a millisecond, so only while people wait
         told = self._guarded("/diagnostics", self._diagnose)
         kept = self._guarded("place_file", self._follower.save_place)
-        self._own += [self._retry, self.create_timer(_DIAGNOSTICS_S, told, clock=steady)]
+        gone = self._guarded("farewell", self._say_farewell)
+        self._own += [
+            self._retry,
+            *(self.create_timer(_DIAGNOSTICS_S, each, clock=steady) for each in (gone, told)),
+        ]
         self._own.append(self.create_timer(_PLACE_S, kept, clock=steady))
 
     def _add_publishers(self) -> None:
@@ -205,6 +210,7 @@ class PedpredNode(LifecycleNode):
         if self._retry is not None:
             self._retry.cancel()
         if self._people is not None:
+            self._guarded("farewell", self._say_farewell)(0.0)
             self.destroy_subscription(self._people)
             self._people, self._arrivals = None, Arrivals()
             if self._follower is not None:
@@ -257,13 +263,21 @@ class PedpredNode(LifecycleNode):
             return
         try:
             for answer in self._follower.answers(time.monotonic()):
-                if answer.topic in self._sinks:
-                    message = serialize(answer.kind, answer.content)  # rclpy takes bytes
-                    self._sinks[answer.topic].publish(message)
+                self._publish(answer)
                 if answer.topic == PREDICTIONS:
                     self._latencies.add(time.monotonic() - self._follower.came_s)
         finally:
             (self._retry.reset if self._follower.is_waiting else self._retry.cancel)()
+
+    def _say_farewell(self, after_s: float = LOST_AFTER_S) -> None:
+        if self._follower is not None and self._people is not None:
+            for answer in self._follower.farewell(self.get_clock().now().nanoseconds, after_s):
+                self._publish(answer)
+
+    def _publish(self, answer: Answer) -> None:
+        if answer.topic in self._sinks:
+            message = serialize(answer.kind, answer.content)  # rclpy takes bytes
+            self._sinks[answer.topic].publish(message)
 
     def _is_heard(self, topic: str) -> bool:
         return topic in self._sinks and self._sinks[topic].get_subscription_count() > 0

@@ -32,7 +32,7 @@ class Views:
 
     def __init__(self, is_heard: Callable[[str], bool], clock: Callable[[], float]):
         self._is_heard, self._clock = is_heard, clock
-        self._shown_s, self._next_s = -np.inf, -np.inf
+        self._shown_s, self._next_s, self._shows_people = -np.inf, -np.inf, False
 
     def answers(
         self,
@@ -54,9 +54,10 @@ class Views:
             settings: of the node.
         """
         begun_s = self._clock()
-        if abs(forecast.time_s - self._shown_s) < _EVERY_S or begun_s < self._next_s:
+        is_early = abs(forecast.time_s - self._shown_s) < _EVERY_S or begun_s < self._next_s
+        if is_early and not (self._shows_people and not len(forecast)):  # that all have gone is told at once
             return
-        self._shown_s = forecast.time_s
+        self._shown_s, self._shows_people = forecast.time_s, len(forecast) > 0
         try:
             if settings.publish_markers and self._is_heard(MARKERS):
                 content = forecast_message(forecast, _COLOUR, time_ns, frame)
