@@ -23,8 +23,9 @@ from pedpred.ros2.arrivals import Arrivals
 from pedpred.ros2.diagnostics import Latencies, diagnose, told_values
 from pedpred.ros2.follower import UPDATE_TYPE, Counts
 from pedpred.ros2.log import RosHandler
+from pedpred.ros2.outputs import MARKERS
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
-from tests.test_ros_follower import GRID, PEOPLE, TF, answered, follower_of, rows_of
+from tests.test_ros_follower import GRID, PEOPLE, TF, answered, follower_of, people, rows_of
 
 SEEDS = st.integers(0, 2**32 - 1)
 ODD = st.sampled_from([0.0, -0.0, 1.0, -3.0, 1e-300, 1e8, 1e9, 1e300, np.inf, -np.inf, np.nan])
@@ -317,6 +318,16 @@ def test_who_has_no_id_among_others_is_forecast_under_a_number_that_stays(caplog
     assert len(found[0]) == 3
     assert all(one == found[0] for one in found)
     assert "have no id" in caplog.text
+
+
+@pytest.mark.parametrize("other", ["", str(2**32 + 1)])
+def test_viewers_keep_everybody_whatever_the_ids(other):
+    """They keep one marker of each namespace and number, and numbers of markers have 32 bits."""
+    follower = follower_of()
+    answered(follower, people(5.0, **{"1": (0.0, 0.0), other: (3.0, 1.0)}))
+    markers = answered(follower, people(5.1, **{"1": (0.0, 0.0), other: (3.0, 1.0)}))[MARKERS]["markers"][1:]
+    assert len({(one["ns"], one["id"]) for one in markers}) == len(markers) > 0
+    assert sum(one["ns"] == "names" for one in markers) == 2
 
 
 def test_names_do_not_pile_up_and_numbers_are_given_once():

@@ -69,11 +69,14 @@ def markers_message(
 
 
 def forecast_message(forecast: Forecast, colour: Colour, time_ns: int, frame: str) -> Content:
-    """visualization_msgs/MarkerArray: all paths of a forecast; it replaces the picture before."""
+    """visualization_msgs/MarkerArray: all paths of a forecast; it replaces the picture before.
+
+    Numbers of markers are rows: they have 32 bits, in which tracks of 64 bits may be the same.
+    """
     markers: list[Content] = [{"action": _DELETE_ALL, "pose": _UNTURNED}]
     start = forecast.position[:, 0] - forecast.dt_s * forecast.velocity[:, 0]
-    for row, track in enumerate(forecast.track_id):
-        markers += _forecast_markers("pedpred", forecast.predictions, row, track, start[row], colour)
+    for row in range(len(forecast)):
+        markers += _forecast_markers("pedpred", forecast.predictions, row, row, start[row], colour)
     return {"markers": [{"header": header(time_ns, frame)} | marker for marker in markers]}
 
 
@@ -83,9 +86,9 @@ def names_markers(forecast: Forecast, names: Sequence[str], time_ns: int, frame:
     here = {"header": header(time_ns, frame)}
     return [
         here
-        | _marker("names", track, _TEXT, {"z": _TEXT_M}, _INK, 1.0)
+        | _marker("names", row, _TEXT, {"z": _TEXT_M}, _INK, 1.0)
         | {"text": name, "pose": {"position": point(at, _PERSON_M["z"]), **_UNTURNED}}
-        for name, track, at in zip(names, forecast.track_id, start, strict=True)
+        for row, (name, at) in enumerate(zip(names, start, strict=True))
     ]
 
 
@@ -105,18 +108,17 @@ def _window_markers(
 
 
 def _forecast_markers(
-    method: str, forecasts: Predictions, row: int, track: int, start: np.ndarray, colour: Colour
+    method: str, forecasts: Predictions, row: int, number: int, start: np.ndarray, colour: Colour
 ) -> Iterator[Content]:
     """The point forecast as a line, its error ellipse, and several modes as lines, their weight as alpha."""
     _, ellipse, modes = namespaces(method)
-    yield _line(method, track, start, forecasts.point[row], colour, 1.0)
+    yield _line(method, number, start, forecasts.point[row], colour, 1.0)
     if forecasts.covariance is not None:
         centre, covariance = forecasts.most_likely[row, -1], forecasts.covariance[row, 0, -1]
-        yield _disc(ellipse, track, centre, covariance, colour)
+        yield _disc(ellipse, number, centre, covariance, colour)
     if forecasts.modes > 1:
         for mode, (path, weight) in enumerate(zip(forecasts.path[row], forecasts.weight[row], strict=True)):
-            number = row * forecasts.modes + mode
-            yield _line(modes, number, start, path, colour, float(weight))
+            yield _line(modes, row * forecasts.modes + mode, start, path, colour, float(weight))
 
 
 def _line(
