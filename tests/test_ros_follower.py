@@ -321,6 +321,23 @@ def test_a_frame_that_gets_another_parent_is_followed_there():
     np.testing.assert_allclose(xs[45:], 8.0, atol=1e-6)
 
 
+@pytest.mark.parametrize("fixed", [True, False])
+def test_a_frame_that_is_fixed_in_another_parent_is_there_at_once(fixed):
+    """As a camera that was moved, or a localisation that was replaced; whatever it was in before."""
+    follower, none = follower_of(), Rotation.identity()
+    follower.transforms_came(transforms(transform("map", "odom", none, (0.0, 0.0, 0.0))), 9.0, True)
+    for k in range(10):
+        at_s = 10.0 + k / 10
+        follower.transforms_came(
+            transforms(transform("odom", "camera", none, (5.0, 0, 0), at_s)), at_s, fixed
+        )
+    assert rows_of(answered(follower, people(10.9, "camera", anna=(0.0, 0.0)))["predictions"])["x"][0] == 5.0
+    nowhere = transforms(transform("elsewhere", "camera", none, (np.nan, 0.0, 0.0)))
+    for raw in (transforms(transform("map", "camera", none, (7.0, 0.0, 0.0))), nowhere):
+        follower.transforms_came(raw, 11.0, True)
+    assert rows_of(answered(follower, people(60.0, "camera", anna=(0.0, 0.0)))["predictions"])["x"][0] == 7.0
+
+
 @given(st.integers(0, 2**32), st.integers(1, 12))
 @settings(max_examples=40)
 def test_where_a_place_is_does_not_depend_on_those_asked_with_it(seed, count):

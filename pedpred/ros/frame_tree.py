@@ -45,7 +45,7 @@ class FrameTree:
         for one in message.transforms:
             self.hold(one, received_s, seconds(one.header.stamp), fixed)
 
-    def hold(self, one: Any, received_s: float, stamp_s: float, fixed: bool) -> None:
+    def hold(self, one: Any, received_s: float, stamp_s: float, fixed: bool) -> bool:
         """Take a geometry_msgs/TransformStamped, unless its pose is impossible.
 
         Args:
@@ -53,17 +53,21 @@ class FrameTree:
             received_s: when it came, s.
             stamp_s: the time that it is about, s.
             fixed: whether it holds always.
+
+        Returns:
+            Whether it was taken.
         """
         child, parent = frame_name(one.child_frame_id), frame_name(one.header.frame_id)
         at, turn = one.transform.translation, one.transform.rotation
         pose = np.array([at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w])
         sound = rule_of("position", pose)[1].all() and abs(np.linalg.norm(pose[3:]) - 1.0) < _NO_UNIT
         if child == parent or not sound:
-            return
+            return False
         if fixed:
             self._fixed.add((child, parent))
         samples = self._samples.setdefault(child, {}).setdefault(parent, array("d"))
         samples.extend((received_s, stamp_s, *pose))
+        return True
 
     def forget(self, child: str) -> None:
         """Drop the poses of a frame, but fixed ones."""
@@ -78,12 +82,15 @@ class FrameTree:
     def leave_others(self, child: str, parent: str, since_s: float) -> None:
         """Drop the poses of a frame in other parents that ended before a time by the clock of the stamps.
 
-        Fixed ones stay. Without this, the parent with the most poses counts.
+        Fixed ones stay, unless the frame is fixed in this parent now. Without this, the parent with the most
+        poses counts.
         """
         parents = self._samples.get(child, {})
-        for other in [name for name in parents if name != parent and (child, name) not in self._fixed]:
+        lasting = set() if (child, parent) in self._fixed else self._fixed
+        for other in [name for name in parents if name != parent and (child, name) not in lasting]:
             if parents[other][1 - _COLUMNS] < since_s:  # the stamp of the last one
                 del parents[other]
+                self._fixed.discard((child, other))
 
     def trim(self, kept_s: float, most_poses: int, most_frames: int) -> None:
         """Drop poses that are much older than the latest one of their edge, and frames that are too many.

@@ -21,7 +21,8 @@ _log = logging.getLogger(__name__)
 class LiveFrames:
     """A tree of frames that forgets what is older than `KEPT_S`, and a frame whose time goes back.
 
-    A frame that gets another parent is in that one once no pose in the former one is near any more.
+    A frame that gets another parent is in that one once no pose in the former one is near any more; at once,
+    if it is fixed there.
     Each frame has a clock of its own here: a publisher with false stamps spoils its own frame, no other one.
     """
 
@@ -38,11 +39,11 @@ class LiveFrames:
         """
         for one in message.transforms:
             stamp_s = seconds(one.header.stamp) or received_s
+            child, parent = frame_name(one.child_frame_id), frame_name(one.header.frame_id)
             if not fixed:
-                child = frame_name(one.child_frame_id)
                 self._notice_jumps(child, stamp_s)
-                self._tree.leave_others(child, frame_name(one.header.frame_id), stamp_s - LONGEST_GAP_S)
-            self._tree.hold(one, received_s, stamp_s, fixed)
+            if self._tree.hold(one, received_s, stamp_s, fixed):
+                self._tree.leave_others(child, parent, np.inf if fixed else stamp_s - LONGEST_GAP_S)
             self._count += 1
             if self._count % _BETWEEN == 0:
                 self._tree.trim(KEPT_S, MOST_POSES, MOST_FRAMES)
