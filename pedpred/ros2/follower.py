@@ -41,6 +41,8 @@ from pedpred.scenes import Forecast, OccupancyMap
 from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S
 
 _MOST_WAITING = 100
+_GONE_S = 1.5 * LOST_AFTER_S
+"""After so long without a forecast nobody is there: a little longer than tracks last between two messages."""
 _CAUGHT_UP = 0.1
 """Once people had to wait too long, all are left out until some wait less than this share of that time: when
 forecasts take longer than messages need to come, late ones would be late for ever."""
@@ -294,7 +296,7 @@ class Follower:
                 continue
             yield from self._answered(first, target)
 
-    def farewell(self, clock_ns: int, after_s: float = LOST_AFTER_S) -> Iterator[Answer]:
+    def farewell(self, clock_ns: int, after_s: float = _GONE_S) -> Iterator[Answer]:
         """Once there was no forecast for some time, publish one of nobody: costmaps keep the last grid.
 
         Args:

@@ -30,7 +30,6 @@ from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
 from pedpred.ros2.log import RosHandler
 from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, Answer, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, fields_of
-from pedpred.tracking.tracks import LOST_AFTER_S
 
 _NO_MAP = re.compile(r"costmap|predicted_occupancy/")
 _PEOPLE_DEPTH, _TF_DEPTH, _UPDATES_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 50, 10
@@ -269,9 +268,9 @@ class PedpredNode(LifecycleNode):
         finally:
             (self._retry.reset if self._follower.is_waiting else self._retry.cancel)()
 
-    def _say_farewell(self, after_s: float = LOST_AFTER_S) -> None:
+    def _say_farewell(self, *after_s: float) -> None:
         if self._follower is not None and self._people is not None:
-            for answer in self._follower.farewell(self.get_clock().now().nanoseconds, after_s):
+            for answer in self._follower.farewell(self.get_clock().now().nanoseconds, *after_s):
                 self._publish(answer)
 
     def _publish(self, answer: Answer) -> None:
