@@ -2,10 +2,12 @@
 
 import os
 import re
+import runpy
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
 import yaml
@@ -91,3 +93,20 @@ def test_both_packages_have_one_version():
     (version,) = re.findall(r'^version = "(.*)"$', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert ElementTree.parse(PACKAGE / "package.xml").findtext("version") == version  # noqa: S314 (our own file)
     assert f'version="{version}"' in (PACKAGE / "setup.py").read_text()
+
+
+def test_rviz_shows_the_topics_of_the_namespace_and_the_map_that_the_node_uses(monkeypatch):
+    """Without `launch`, which has no wheel: what the launch file asks of RViz."""
+    modules = ("launch", "launch.actions", "launch.conditions", "launch.substitutions", "launch_ros")
+    modules += ("launch_ros.actions", "launch_ros.parameter_descriptions", "ament_index_python.packages")
+    stand_ins = {name: MagicMock() for name in (*modules, "ament_index_python")}
+    stand_ins["launch.substitutions"].LaunchConfiguration = "<{}>".format
+    stand_ins["ament_index_python.packages"].get_package_share_directory = str
+    for name, module in stand_ins.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    runpy.run_path(str(PACKAGE / "launch/pedpred.launch.py"))["generate_launch_description"]()
+    asked = stand_ins["launch_ros.actions"].Node.call_args.kwargs
+    topics = re.findall(r"Value: (/\S+)", (PACKAGE / "rviz/pedpred.rviz").read_text())
+    assert len(topics) == 4
+    expected = {topic: "<map>" if topic == "/map" else topic[1:] for topic in topics}
+    assert (asked["namespace"], dict(asked["remappings"])) == ("<namespace>", expected)

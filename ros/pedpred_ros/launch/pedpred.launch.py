@@ -34,9 +34,16 @@ def generate_launch_description():
         remappings=[("people", chosen["people"]), ("map", chosen["map"])],
         output="screen",
     )
+    shown = (
+        "predictions",
+        "predictions/markers",
+        "predicted_occupancy/horizon",
+    )  # in the namespace of the node
     viewer = Node(
         package="rviz2",
         executable="rviz2",
+        namespace=chosen["namespace"],
+        remappings=[("/map", chosen["map"]), *((f"/{topic}", topic) for topic in shown)],
         arguments=["-d", str(share / "rviz" / "pedpred.rviz")],
         parameters=[{"use_sim_time": switches["use_sim_time"]}],
         condition=IfCondition(chosen["rviz"]),
