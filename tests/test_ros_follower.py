@@ -338,6 +338,21 @@ def test_a_frame_that_is_fixed_in_another_parent_is_there_at_once(fixed):
     assert rows_of(answered(follower, people(60.0, "camera", anna=(0.0, 0.0)))["predictions"])["x"][0] == 7.0
 
 
+@pytest.mark.parametrize(
+    ("frame", "told"), [("map", "not needed"), ("base", "0.25"), ("odom", "inf"), ("odom2", "not needed")]
+)
+def test_the_told_age_is_of_the_transforms_that_people_need(frame, told):
+    """Not of those above the map, and there is none where transforms are missing."""
+    follower, none = follower_of(), Rotation.identity()
+    follower.transforms_came(transforms(transform("earth", "map", none, (1.0, 0.0, 0.0), 7.0)), 7.0, False)
+    follower.transforms_came(transforms(transform("map", "base", none, (1.0, 0.0, 0.0), 9.75)), 10.0, False)
+    follower.transforms_came(transforms(transform("map", "odom2", none, (1.0, 0.0, 0.0))), 10.0, True)
+    follower.people_came(people(10.0, frame, anna=(0.0, 0.0)), 10**10, 0.0)
+    assert told_values(follower, Latencies())["age of /tf (s)"] == told
+    follower.people_came(people(10.1, "nowhere"), 10**10, 0.0)
+    assert told_values(follower, Latencies())["age of /tf (s)"] == "not needed"  # nobody is there
+
+
 @given(st.integers(0, 2**32), st.integers(1, 12))
 @settings(max_examples=40)
 def test_where_a_place_is_does_not_depend_on_those_asked_with_it(seed, count):

@@ -117,9 +117,12 @@ class FrameTree:
     def age_s(self, frame: str, target: str, time_s: float) -> float | None:
         """How much older than a time the latest pose is of the edge between two frames that lags most, s.
 
-        None where no frame between them moves.
+        None where no frame between them moves, infinite where no transforms connect them.
         """
-        edges = {*pairwise(self.chain(frame)), *pairwise(self.chain(target))} - self._fixed
+        up, down = self.chain(frame), self.chain(target)
+        if up[-1] != down[-1]:
+            return np.inf
+        edges = ({*pairwise(up)} ^ {*pairwise(down)}) - self._fixed
         return max((time_s - float(self._known(edge)[0][-1]) for edge in edges), default=None)
 
     def lack(self, frame: str, target: str, time_s: float) -> str:

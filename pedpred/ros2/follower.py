@@ -158,7 +158,9 @@ class Follower:
     def transform_age_s(self) -> float | None:
         """How much older than the latest people a transform is that they need, s; None if they need none."""
         heard = self._heard
-        return self._frames.age_s(heard.frame, self._map.frame, heard.stamp_s) if heard else None
+        if heard is None or not heard.ids:
+            return None
+        return self._frames.age_s(heard.frame, self._map.frame, heard.stamp_s)
 
     @property
     def map_told(self) -> str:
