@@ -208,6 +208,13 @@ def test_numbers_of_rows_before_a_text_without_titles_are_not_read(tmp_path, pla
         ("# sampled at 4 Hz", None),
         ("# frame rate is 4", None),
         ("# frame rate [1/s]: 4", None),
+        ("# frames per second: 4", None),
+        ("# framerate: 0,4e1", None),
+        ("# 4,00 fps", None),
+        ("# framerate: 40.0000e-01", None),
+        ("# fps .4e+1", None),
+        ("# r_frame_rate=4000/1000", None),
+        ("# framerate: 4 fps (1920x1080)", None),
         ("# video 25 fps, tracks 4 fps", 4.0),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,11 +21,14 @@ NO_RATE = (
 )
 """Problem and remedy where nobody says how many frames a second has."""
 
+_NUMBER = r"(?<![\d.,])(\d*[.,]?\d+(?:e[+-]?\d+)?)(?:/(\d+))?"
+_PER_SECOND = r"(?:fps|hz|frames per second)\b"
 _RATE = re.compile(
-    r"(?:frame[ _-]?rate|fps)\s*(?:[(\[][^)\]]*[)\]])?\W*(?:is\W+|of\W+)?(\d+(?:\.\d+)?)"
-    r"|(\d+(?:\.\d+)?)\s*(?:fps|hz|frames per second)\b",
+    r"(?:frame[ _-]?rate|fps|frames per second)\s*(?:[(\[][^)\]]*[)\]])?\W*?(?:is\W+|of\W+)?"
+    rf"{_NUMBER}(?:\s*{_PER_SECOND})?|{_NUMBER}\s*{_PER_SECOND}",
     re.IGNORECASE,
 )
+"""A rate, such as 16, 29,97, 1.6e+01 or 30000/1001, behind its name or before its unit."""
 _WHAT = (
     r"x|y|all|data|everything|values?|units?|lengths?|pos|positions?|coords?|coordinates?|distances?|points?"
     r"|tracks?|trajector(?:y|ies)|locations?"
@@ -47,7 +51,7 @@ def frame_rate_hz(path: Path, comments: Sequence[str], stated_hz: float | None) 
     Raises:
         SourceError: they differ, or it is out of range.
     """
-    rates = {float(match[1] or match[2]) for comment in comments for match in _RATE.finditer(comment)}
+    rates = {_rate_hz(match) for comment in comments for match in _RATE.finditer(comment)}
     if stated_hz:
         stated = {float(stated_hz)}
         rates = stated if len(rates) > 1 and stated <= rates else rates | stated
@@ -56,6 +60,12 @@ def frame_rate_hz(path: Path, comments: Sequence[str], stated_hz: float | None) 
         problem = f"frame rate {found_hz} Hz, expected one from 0.001 to 1000000 Hz"
         raise SourceError(path, None, problem, "Correct the comment, or say which: --rate")
     return rates.pop() if rates else None
+
+
+def _rate_hz(match: re.Match[str]) -> float:
+    """The rate that a comment says; infinite where it is divided by zero."""
+    number, parts = match[1] or match[3], float(match[2] or match[4] or 1)
+    return float(number.replace(",", ".")) / parts if parts else math.inf
 
 
 def unit_of_lengths(path: Path, comments: Sequence[str], options: TableOptions) -> str | None:
