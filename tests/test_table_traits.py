@@ -118,6 +118,17 @@ def test_boxes_without_titles_are_no_positions(tmp_path):
         tracks(write(tmp_path, boxes, None), pixel_m=0.025, rate_hz=4.0)
 
 
+@pytest.mark.parametrize("classes", [(0, 0), (3, 4)])
+def test_classes_without_titles_are_no_positions(tmp_path, plain, classes):
+    rows = [(round(t / STEP_S), who, classes[who - 1], x, y, 0.3) for t, who, x, y in WALK]
+    path = write(tmp_path, rows, None)
+    with pytest.raises(SourceError, match=r"column 3 should be x.*as a class does.*--columns time,id,x,y"):
+        tracks(path, rate_hz=1 / STEP_S)
+    assert_same(tracks(path, columns=("frame", "id", "kind", "x", "y", "width"), rate_hz=1 / STEP_S), plain)
+    lane = write(tmp_path, [(who, round(t / STEP_S), who, y) for t, who, x, y in WALK], None)
+    assert len(tracks(lane, rate_hz=1 / STEP_S)) == len(WALK)
+
+
 @given(st.floats(0.0, 0.15), st.sampled_from(["z", "Pos Z", "z [m]"]))
 @settings(deadline=None, suppress_health_check=FIXTURE)
 def test_heights_that_sway_are_no_positions(tmp_path, sway_m, title):

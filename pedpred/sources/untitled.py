@@ -37,6 +37,7 @@ COLUMNS = ("id", "frame", "x", "y")
 _NAMES = ("track_id", "frame", "x_m", "y_m")
 _Y = COLUMNS.index("y")
 _REMEDY = "Name the columns in order, such as --columns time,id,x,y"
+_REMEDY_IN_ORDER = f"{_REMEDY}, with any other word for columns that are not used"
 _WRONG = f"{OWN_FILE}. Or, if columns hold something else: {_REMEDY}"
 _BOXES = (
     "Write the middle of the lower edge of each box into a table with the columns frame,id,x_px,y_px, "
@@ -70,9 +71,8 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), _WRONG)
     if moves := still.moving_column():
         problem = f"without a header, column {_Y + 1} should be y, but it {moves[1]}"
-        raise SourceError(
-            path, None, problem, f"{_REMEDY}, with any other word for columns that are not used"
-        )
+        raise SourceError(path, None, problem, _REMEDY_IN_ORDER)
+    x = columns["x_m"].copy()
     unit = unit_of_lengths(path, lines.comments, options) or "m"
     if unit == PIXELS and len(titles) > len(COLUMNS):
         problem = f"without a header, {len(titles)} columns in pixels may be those of boxes"
@@ -92,6 +92,9 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         time_s = _frames(clock, columns[names[1]]) / rate_hz
     values = {"line": columns["line"], "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
     values |= {"track_id": numbered(who, columns[names[0]], options)}
+    if still.others_change() and _never_changes(values["track_id"], x):
+        problem = "without a header, column 3 should be x, but it is a whole number that stays with everybody"
+        raise SourceError(path, None, f"{problem}, as a class does", _REMEDY_IN_ORDER)
     doubt_restarts(path, values)
     values = without_copies(path, without_untracked(path, values))
     shown = ", ".join(order if ids_first else order[::-1])
@@ -170,6 +173,13 @@ def _ids_first(
         problem = "without a header, the first two columns could be id and frame, or frame and id"
         raise SourceError(path, None, problem, f"Say which: --columns {one}, or --columns {other}")
     return ids_first
+
+
+def _never_changes(track_id: np.ndarray, x: np.ndarray) -> bool:
+    """Whether somebody is seen twice, and everybody has one whole number in a column."""
+    order = np.argsort(track_id, kind="stable")
+    same = np.diff(track_id[order]) == 0
+    return bool(same.any() and not np.diff(x[order])[same].any() and (x == np.round(x)).all())
 
 
 def _frames(column: Ids, read: np.ndarray) -> np.ndarray:

@@ -41,6 +41,10 @@ class Still:
                     self._range[k] = min(least, value), max(most, value)
             yield line, fields
 
+    def others_change(self) -> bool:
+        """Whether any of the other columns changes."""
+        return any(self._changed[k] for k in self._others)
+
     def moving_column(self) -> tuple[int, str] | None:
         """The column that changes in place of the other one, and how that one does; None: all is well."""
         if not self._changed[self._at]:
