@@ -68,6 +68,15 @@ def test_commas_in_quotes_are_decimal_unless_they_may_separate_thousands(tmp_pat
         tracks(write(tmp_path, thousands, ("time_ms", "id", "x_mm", "y_mm")))
 
 
+@pytest.mark.parametrize("quote", ["", '"'])
+@pytest.mark.parametrize("separator", ["\t", ";", ",", "|"])
+def test_empty_fields_may_begin_and_end_lines(tmp_path, plain, separator, quote):
+    rows = [("", t, f"{quote}{who}{quote}", x, y, "", "") for t, who, x, y in WALK]
+    assert_same(tracks(write(tmp_path, rows, ("note", *TITLES, "a", "b"), separator)), plain)
+    numbered = [(3 * n, *row[1:]) for n, row in enumerate(rows)]
+    assert_same(tracks(write(tmp_path, numbered, ("", *TITLES, "a", "b"), separator)), plain)
+
+
 @pytest.mark.parametrize("grouped", ["1'234.5", "1.234,5", "1,234.5", "1 234,5"])
 def test_thousands_separators_are_named(tmp_path, grouped):
     rows = [(t, who, grouped, 0) for t, who, *_ in WALK]

@@ -24,6 +24,8 @@ from pedpred.tables.units import LENGTH_WORDS, TIME_WORDS
 
 _SEPARATORS = (";", "\t", "|", ",")
 _COMMENTS = ("#", "%", "//", "sep=")  # with the last, spreadsheets say the separator
+_BLANKS = " \r\n"
+"""Around the fields of a line; a tab may be the end of an empty one."""
 _UTF8 = "Save it as text in UTF-8"
 _MOST_ABOVE = 50
 """Lines above a header."""
@@ -196,7 +198,7 @@ def _rows(
 
 def _titles(text: str, separator: str | None) -> list[str]:
     """Titles in a line; between blanks, a unit in brackets belongs to the title before it."""
-    plain = text.lstrip().lstrip("#%/")
+    plain = text.lstrip(_BLANKS).lstrip("#%/")
     joined = plain if separator else re.sub(r"\s+(?=[\[(])", "", plain)
     return [title.strip() for title in _split(joined, separator)]
 
@@ -233,7 +235,8 @@ def _separator(text: str) -> str | None:
 def _split(text: str, separator: str | None) -> Sequence[str]:
     """Fields of a line; None: blanks separate them."""
     if '"' in text:
-        return next(csv.reader([text.strip()], delimiter=separator or " ", skipinitialspace=True))
+        plain = text.strip(_BLANKS if separator else None)
+        return next(csv.reader([plain], delimiter=separator or " ", skipinitialspace=True))
     return text.split(separator)
 
 
