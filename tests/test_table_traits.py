@@ -68,6 +68,21 @@ def test_commas_in_quotes_are_decimal_unless_they_may_separate_thousands(tmp_pat
         tracks(write(tmp_path, thousands, ("time_ms", "id", "x_mm", "y_mm")))
 
 
+@pytest.mark.parametrize("separator", [",", ";", " "])
+def test_rows_that_begin_like_comments_are_not_left_out_without_a_word(tmp_path, plain, separator, caplog):
+    rows = [("#" * (who == 2) + str(who), t, x, y) for t, who, x, y in WALK]
+    with caplog.at_level(logging.WARNING):
+        found = tracks(write(tmp_path, rows, ("id", "time", "x", "y"), separator))
+    assert set(found.track_id) == {1}
+    assert "24 rows, the first in line 3, begin with #, % or //, and are left out" in caplog.text
+    quoted = [(f'"{row[0]}"', *row[1:]) for row in rows]
+    assert len(tracks(write(tmp_path, quoted, ("id", "time", "x", "y"), separator))) == len(plain)
+    caplog.clear()
+    notes = ("# 3 people", "# time, id, x, y", "% 1 2", "// 4")
+    assert_same(tracks(write(tmp_path, [*WALK[:4], *((note,) for note in notes), *WALK[4:]])), plain)
+    assert "begin with" not in caplog.text
+
+
 @pytest.mark.parametrize("quote", ["", '"'])
 @pytest.mark.parametrize("separator", ["\t", ";", ",", "|"])
 def test_empty_fields_may_begin_and_end_lines(tmp_path, plain, separator, quote):

@@ -81,7 +81,7 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
             continue
         has_titles = header and (comment or not _holds_numbers(titles, columns))
         rest = lines if has_titles else chain([(line, text)], lines)
-        rows = _rows(rest, None if comment else separator, comment, comments)
+        rows = _rows(path, rest, None if comment else separator, comment, comments, len(titles))
         named = columns or (titles if has_titles else ())
         if has_titles and not columns:
             named, rows = _with_units(named, rows)
@@ -183,17 +183,32 @@ def _without_numbers(titles: Sequence[str], rows: Iterator[Row]) -> Iterator[Row
 
 
 def _rows(
-    lines: Iterable[tuple[int, str]], separator: str | None, titled: bool, comments: list[str]
+    path: Path,
+    lines: Iterable[tuple[int, str]],
+    separator: str | None,
+    titled: bool,
+    comments: list[str],
+    width: int,
 ) -> Iterator[Row]:
-    """Fields of the lines; `own`: the first row says how they are separated, and not the header."""
+    """Fields of the lines; `titled`: the first row says how they are separated, and not the header.
+
+    Comments that could be rows, as where ids begin with #, are warned about.
+    """
+    like_rows = []
     for line, text in lines:
         if _is_comment(text):
+            fields = _split(text, _separator(text))
+            if len(fields) == width and sum(map(_is_numeric, fields)) >= _FEWEST:
+                like_rows.append(line)
             if len(comments) < MOST_COMMENTS:
                 comments.append(text.strip())
             continue
         if titled:
             separator, titled = _separator(text), False
         yield line, _split(text, separator)
+    if like_rows:
+        text = "%s: %d rows, the first in line %d, begin with #, %% or //, and are left out as comments%s"
+        _log.warning(text, path, len(like_rows), like_rows[0], ": if it belongs to ids, quote these")
 
 
 def _titles(text: str, separator: str | None) -> list[str]:
