@@ -145,6 +145,32 @@ def test_dates_are_seconds(folder, plain, start, between, sign, split):
     np.testing.assert_array_equal(found.position, plain.position)
 
 
+@pytest.mark.parametrize(
+    "day", ["2024-03-{:02} 00:00:00", "202403{:02}", "{:02}.03.2024 00:00", "3/{}/2024 12:00:00 AM"]
+)
+def test_dates_beside_times_of_day_may_say_midnight_or_have_no_signs(tmp_path, plain, day):
+    rows = [(day.format(12 + who), f"14:02:{t:06.3f}", who, *row) for t, who, *row in WALK]
+    found = tracks(write(tmp_path, ["date,time,id,x,y"], rows))
+    for who in (1, 2):
+        mine, first = (one.select(one.track_id == who) for one in (found, plain))
+        np.testing.assert_allclose(np.diff(mine.time_s), np.diff(first.time_s), atol=1e-4)
+    days = [found.time_s[found.track_id == who].min() for who in (1, 2)]
+    assert days[1] - days[0] == pytest.approx(86_400, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("day", "clock"),
+    [("Tue {} March", "14:02:{:06.3f}"), ("2024-03-{:02}", "{:.3f}"), ("{}. Mai", "0:02:{:06.3f}")],
+)
+def test_dates_that_are_not_used_are_warned_about(tmp_path, plain, caplog, day, clock):
+    for days, warned in ((0, False), (1, True)):
+        caplog.clear()
+        rows = [(day.format(12 + days * who), clock.format(t), who, *row) for t, who, *row in WALK]
+        with caplog.at_level(logging.WARNING):
+            tracks(write(tmp_path, ["date,time,id,x,y"], rows))
+        assert ("are not used: all is read as of one day" in caplog.text) == warned
+
+
 @given(st.integers(0, 86_390))
 def test_times_of_day_are_seconds_until_midnight(folder, plain, start_s):
     def written(t):

@@ -8,6 +8,7 @@ Months may have their English names.
 
 from __future__ import annotations
 
+import logging
 import re
 from array import array
 from collections.abc import Iterator, Sequence
@@ -17,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.errors import SourceError
+from pedpred.tables.missing import MISSING
 from pedpred.tables.text import AS_TIMES, Row
 
 _CLOCK_SIGNS = r"(?:(\d{1,2}):)?([0-5]\d):([0-5]\d(?:[.,]\d+)?)(?: ?([AaPp])\.?[Mm]\.?)?"
@@ -31,6 +33,9 @@ _NAMED = (
 """Dates with the name of the month, and without signs between the parts."""
 _DATE, _CLOCK = re.compile(rf"{_DATE_SIGNS}$"), re.compile(rf"(?:(\d{{1,5}}) days?,? )?{_CLOCK_SIGNS}$")
 _STAMP = re.compile(rf"{_DATE_SIGNS}(?:T|,? +){_CLOCK_SIGNS} ?(Z|UTC|[+-]\d{{2}}(?::?\d{{2}})?)?$")
+_MIDNIGHT = re.compile(r"(?:T| +)(?:[0:.]{4,}|12:00(?::00)? ?[Aa]\.?[Mm]\.?)(?:Z|\+00(?::?00)?)?$")
+_DIGITS = re.compile(r"(\d{4})(\d\d)(\d\d)$")
+"""What follows a date in a column of dates, and a date without signs there."""
 _HALF_HOUR_S, _HALF_DAY_S, _DAY_S = 1800.0, 43200.0, 86400
 _HOURS, _HALF_DAY_HOURS = 24, 12
 _CENTURY, _SHORT, _LONG = 2000, 2, 4
@@ -38,8 +43,10 @@ _CENTURY, _SHORT, _LONG = 2000, 2, 4
 _EPOCH = date(1970, 1, 1).toordinal()
 _YEAR_FIRST, _DAY_FIRST, _MONTH_FIRST = (0, 1, 2), (2, 1, 0), (2, 0, 1)
 """Places of year, month and day in a date."""
+_FEW = 2
 _TITLES = ("date", "datum", "fecha", "data")
 _ISO = "Write dates as 2024-03-05"
+_log = logging.getLogger(__name__)
 
 
 class Dates:
@@ -61,6 +68,7 @@ class Dates:
         self._orders: tuple[tuple[int, ...], ...] | None = None
         self._open: dict[str, tuple[int, int]] = {}  # date that ends with the year -> first line, place
         self._day_of_row = array("i")
+        self._not_used: dict[str, None] = {}  # what stands in the column of dates, where it is not used
         self.read_dates = False
 
     def in_seconds(self, rows: Iterator[Row]) -> Iterator[Row]:
@@ -74,10 +82,27 @@ class Dates:
         for count, (line, fields) in enumerate(rows):
             if not count:
                 self.read_dates = is_date(fields[at]) or bool(_CLOCK.match(fields[at].strip()))
+            if self._days is not None and not self.read_dates:
+                day = _day_alone(fields[self._days])
+                self._pass_over(day if _DATE.match(day) else "")
             yield (
                 line,
                 [*fields[:at], self._seconds(line, fields), *fields[at + 1 :]] if self.read_dates else fields,
             )
+
+        if len(self._not_used) > 1:
+            shown = " and ".join(self._not_used)
+            text = (
+                "%s: times are in column %s, so that the dates %s beside it are not used: all is read as of"
+            )
+            _log.warning(
+                f"{text} one day; write times as 2024-03-05 14:02:07.5", self._path, self._title, shown
+            )
+
+    def _pass_over(self, day: str) -> None:
+        """Note a day that times do not contain, so that another one is noticed."""
+        if len(self._not_used) < _FEW and day.lower() not in MISSING:
+            self._not_used.setdefault(day)
 
     def with_days(self, time_s: np.ndarray) -> np.ndarray:
         """Times with the days of dates that end with the year.
@@ -114,7 +139,7 @@ class Dates:
 
     def _seconds(self, line: int, fields: Sequence[str]) -> str:
         text = _plain(fields[self._at])
-        day = "" if self._days is None else _plain(fields[self._days])
+        day = "" if self._days is None else _day_alone(fields[self._days])
         try:
             if stamp := _STAMP.match(f"{day} {text}" if _DATE.match(day) and _CLOCK.match(text) else text):
                 self._check_dated(True)
@@ -124,6 +149,7 @@ class Dates:
                 )
             if clock := _CLOCK.match(text):
                 self._check_dated(False)
+                self._pass_over(day)
                 days, *of_day = clock.groups()
                 half_s = _HALF_DAY_S if of_day[0] else _HALF_HOUR_S
                 return repr(self._rising(line, _DAY_S * int(days or 0) + _of_day(*of_day), text, half_s))
@@ -182,6 +208,12 @@ def _plain(field: str) -> str:
     month = _NAMES.index(part["month"].lower()) + 1 if part["month"].isalpha() else int(part["month"])
     clock = f" {part['h']}:{part['min']}:{part['s']}" if "h" in part else ""
     return f"{part['year']}-{month}-{part['day']}{clock}{text[named.end() :]}"
+
+
+def _day_alone(field: str) -> str:
+    """A date with signs between its parts, from a field that may say midnight, too."""
+    text = _MIDNIGHT.sub("", _plain(field))
+    return _DIGITS.sub(r"\1-\2-\3", text)
 
 
 def _orders(text: str) -> tuple[tuple[int, ...], ...]:
