@@ -325,6 +325,7 @@ def test_footsteps_are_sampled_as_often_as_asked(tmp_path):
         (b"PAR1\0\0", "Parquet"),
         (b"\x89HDF\r\n\x1a\n\0", "HDF5.*Pedestrian Dynamics Data Archive"),
         (b"\x80\x04\x95", "pickle"),
+        (b"\x80\x05\x95", "pickle"),
         ("time,id,x,y".encode("utf-16-le"), "UTF-16.*UTF-8"),
         (b"<geometry unit='m'><rooms/></geometry>", r"<geometry>.*--map"),
         (b"\0\1\2\3", "neither text nor a known recording.*00 01 02 03"),

@@ -147,6 +147,7 @@ def test_spans_of_time_go_on_beyond_a_day(tmp_path, text_of):
     ("titles", "meant"),
     [
         ("frame, timestamp, actor_id, x, y, z, yaw", "frame time_s track_id x_m y_m"),
+        ("frame_idx, person_idx, x, y", "frame track_id x_m y_m"),
         ("timestep, track_id, position_x, position_y", "frame track_id x_m y_m"),
         ("time_step, id, x_est, y_est, vx_est", "frame track_id x_m y_m"),
         ("timestep_time, ped_id, person_x, person_y", "time_s track_id x_m y_m"),

@@ -24,7 +24,10 @@ _OTHERS = {
     (b"\x28\xb5\x2f\xfd",): ("a Zstandard archive", "Unpack it"),
     (b"#ROSBAG V",): ("a bag of ROS 1", "Give it a name that ends in .bag"),
     (b"\x93NUMPY",): ("an array of NumPy", _TABLE),
-    (b"\x80\x03", b"\x80\x04"): ("a pickle of Python", f"{_TABLE}; pickles are not opened"),
+    (b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"): (
+        "a pickle of Python",
+        f"{_TABLE}; pickles are not opened",
+    ),
     (b"\xd0\xcf\x11\xe0",): ("a spreadsheet of Excel", "Save the table as CSV"),
     (b"version https://git-lfs",): ("a pointer of Git LFS in place of the file", "Fetch it: git lfs pull"),
     (b"<!doctype html", b"<!DOCTYPE html", b"<html"): ("a web page", "Download the file that it links"),

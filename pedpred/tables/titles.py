@@ -43,7 +43,7 @@ _SAY = {
 """Words of English, and of German, French, Spanish, Italian, Dutch and Portuguese, without accents."""
 _QUANTITY = {word: quantity for quantity, words in _SAY.items() for word in words.split()}
 _BESIDE = {
-    "number": "number no nr num index nummer numero",
+    "number": "number no nr num index idx nummer numero",
     "place": "pos position coord coords coordinate coordinates location loc center centre centroid point "
     "world map local global ground utm head pose est estimated filtered smoothed koordinate coordonnee "
     "coordenada coordinata posicion posizione posicao",
@@ -55,7 +55,8 @@ _CLASS, _APART = (
     for words in (
         "class classes category categories type types label labels kind classification klasse typ kategorie "
         "clase tipo categoria classe categorie",
-        "scene run trial recording video session experiment scenario floor storey",
+        "scene run trial recording video session experiment scenario floor storey camera cam dataset "
+        "sequence episode clip day",
     )
 )
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
