@@ -326,6 +326,10 @@ def test_units_below_a_header_count(tmp_path, plain):
     found = tracks(write(tmp_path, ["Export of 2024", "time,id,x,y", "ms,,cm,cm"], rows))
     np.testing.assert_allclose(found.position, plain.position, atol=1e-9)
     np.testing.assert_allclose(found.time_s, plain.time_s)
+    other = write(
+        tmp_path, ["time,id,x,y,heading,a", "ms,1,cm,cm,Degrees,m/s²"], [(*row, 90, 0.1) for row in rows]
+    )
+    assert_same(tracks(other), found)
 
 
 def test_heights_called_y_are_noticed(tmp_path, plain):

@@ -29,7 +29,7 @@ _BLANKS = " \r\n"
 _UTF8 = "Save it as text in UTF-8"
 _MOST_ABOVE = 50
 """Lines above a header."""
-_NO_UNIT = {"", "-", "--", "none", "n/a", "m/s", "m/s2", "deg", "rad", "°", "id"}
+_NO_UNIT = {"", "-", "--", "1", "none", "n/a", "m/s", "m/s2", "deg", "rad", "°", "id"}
 _FEWEST = 3
 """Numbers that a row has at least, and one with decimal commas and blanks between them."""
 _WIDTH = "Each line must have a value for each title, also where one is empty"
@@ -160,8 +160,12 @@ def _with_units(titles: Sequence[str], rows: Iterator[Row]) -> tuple[Sequence[st
         return titles, rows
     units = [field.strip().strip("[]()").lower() for field in first[1]]
     known = [unit in LENGTH_WORDS or unit in TIME_WORDS for unit in units]
-    others = all(unit in _NO_UNIT for unit, is_known in zip(units, known, strict=True) if not is_known)
-    if len(units) != len(titles) or not any(known) or not others:
+    used = titles_of_tracks(titles) if _names_tracks(titles) else titles
+    said = [
+        (unit, is_known) for title, unit, is_known in zip(titles, units, known, strict=False) if title in used
+    ]
+    others = all(is_known or unit in _NO_UNIT for unit, is_known in said)
+    if len(units) != len(titles) or not others or not any(is_known for _, is_known in said):
         return titles, chain([first], rows)
     named = [
         f"{title} [{unit}]" if unit_known else title
