@@ -44,6 +44,23 @@ def test_hidden_markers_of_qtm_may_be_written_otherwise(tmp_path, hidden):
     np.testing.assert_allclose(read_file(path).trajectories.position, PEOPLE.position, atol=1e-6)
 
 
+@pytest.mark.parametrize("columns_before", [0, 1, 2])
+@pytest.mark.parametrize("ends", ["", "\t"])
+def test_the_last_marker_of_qtm_may_be_hidden_where_columns_have_no_titles(tmp_path, columns_before, ends):
+    path = write_qtm(tmp_path)
+    *head, _ = [row for row in path.read_text().splitlines() if not row[0].isdecimal()]
+    data = [row.split("\t") for row in path.read_text().splitlines() if row[0].isdecimal()]
+    rows = ["\t".join([*row[2 - columns_before : -4], "", "", ""]) + ends for row in data]
+    people = read_file(lines(path, *head, *rows)).trajectories
+    np.testing.assert_allclose(people.position, PEOPLE.position, atol=1e-6)
+
+
+def test_a_drone_recording_with_another_name_is_told_what_it_lacks(tmp_path):
+    path = write_drone(tmp_path)
+    with pytest.raises(SourceError, match=r"walk\.csv.*name of this one.*NN_tracks\.csv"):
+        read_file(path.rename(path.with_name("walk.csv")))
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_format_is_read_to_the_value(tmp_path, name):
     people = read_file(WRITERS[name](tmp_path), OPTIONS.get(name)).trajectories

@@ -39,6 +39,9 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     Raises:
         SourceError: a file is missing or wrong, or nobody is a pedestrian.
     """
+    if "tracks" not in path.name:
+        problem = "two files beside it have to be found, by the name of this one, which is not NN_tracks.csv"
+        raise SourceError(path, None, problem, "Give the files their names, such as 00_tracks.csv")
     meta = path.with_name(path.name.replace("tracks", "tracksMeta"))
     titles, rows = _opened(meta, ("trackId", "class"))
     who, kind = (titles.index(title) for title in ("trackId", "class"))

@@ -113,7 +113,8 @@ def _without_titles(
     """Name the columns of an export of QTM after its markers; frame and time may come before them."""
     names = about.get("MARKER_NAMES", ())
     titles = [f"{name} {axis}" for name in names for axis in "XYZ"]
-    fields = first[1] if first[1][-1] else first[1][:-1]
+    blank = next((n for n, field in enumerate(reversed(first[1])) if field), 0)
+    fields = first[1][:-1] if blank % len("XYZ") == 1 else first[1]  # else the last marker is not seen
     before = {0: [], 1: ["Frame"], 2: ["Frame", "Time"]}.get(len(fields) - len(titles))
     if not names or before is None:
         problem = f"{len(fields)} columns, expected X, Y and Z of {len(names)} markers"
