@@ -153,6 +153,26 @@ def test_classes_without_titles_are_no_positions(tmp_path, plain, classes):
     assert len(tracks(lane, rate_hz=1 / STEP_S)) == len(WALK)
 
 
+@pytest.mark.parametrize(
+    ("order", "ids", "named"),
+    [
+        ("id frame time x y", (1, 2), r"column 3 should be x.*as a time is.*--columns"),
+        ("frame id time x y", (1, 2), r"column 3 should be x.*as a time is.*--columns"),
+        ("frame x y id", (5, 17), r"y holds few whole numbers.*--columns"),
+        ("frame x y id", (5, 17, 40), r"y holds few whole numbers.*--columns"),
+        ("id x y time", (5, 17, 40), r"y advances like a clock.*--columns"),
+    ],
+)
+def test_other_orders_without_titles_are_asked_about(tmp_path, order, ids, named):
+    rows = []
+    third = [(t, 3, 4 * t / 5, 9 + math.cos(t)) for t, who, *_ in WALK if who == 1]
+    for t, who, x, y in WALK + third * (len(ids) > 2):
+        row = {"frame": round(t / STEP_S), "time": t, "x": 0.4 * x, "y": 0.4 * y, "id": ids[who % len(ids)]}
+        rows.append([row[title] for title in order.split()])
+    with pytest.raises(SourceError, match=named):
+        tracks(write(tmp_path, rows, None), rate_hz=1 / STEP_S)
+
+
 @given(st.floats(0.0, 0.15), st.sampled_from(["z", "Pos Z", "z [m]"]))
 @settings(deadline=None, suppress_health_check=FIXTURE)
 def test_heights_that_sway_are_no_positions(tmp_path, sway_m, title):

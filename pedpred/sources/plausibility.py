@@ -37,6 +37,7 @@ _REGULAR, _IRREGULAR = 1e-3, 0.1
 _FEWEST_STEPS = 5
 _MOST_ROWS, _BLOCK_ROWS = 2**18, 2**16
 """How many rows are looked at for their titles, and how many at once for speeds, which bounds the memory."""
+_TITLES = "Correct the titles, or name all columns in order, such as --columns id,frame,x,y"
 _SPAN_S = 0.4
 """Speeds are measured over this time at least, so that noise and short steps do not count."""
 
@@ -165,18 +166,38 @@ def check_titles(path: Path, people: Trajectories) -> None:
     Raises:
         SourceError: nobody moves like this, but people would if two titles were exchanged.
     """
-    problem, some = None, slice(_MOST_ROWS)
-    people = Trajectories(people.time_s[some], people.track_id[some], people.position[some])
+    people = _begin_of(people)
     if _are_exchanged(people):
         problem = "tracks jump; people would walk if the columns of ids and of times or frames were exchanged"
+        raise SourceError(path, None, problem, _TITLES)
+    check_places(path, people, _TITLES)
+
+
+def check_places(path: Path, people: Trajectories, remedy: str) -> None:
+    """Check that x and y hold neither times nor ids.
+
+    Args:
+        path: the file, for errors.
+        people: what was read from it.
+        remedy: what to do otherwise.
+
+    Raises:
+        SourceError: one of them does.
+    """
+    people = _begin_of(people)
     for title, values in zip("xy", people.position.T, strict=True):
+        problem = None
         if _is_clock(people, values):
             problem = f"{title} advances like a clock, and the times do not: the columns look exchanged"
         elif _holds_ids(people, values):
-            problem = f"{title} holds few whole numbers, most ids are seen once: the columns look exchanged"
-    if problem:
-        remedy = "Correct the titles, or name all columns in order, such as --columns id,frame,x,y"
-        raise SourceError(path, None, problem, remedy)
+            problem = f"{title} holds few whole numbers, as ids do: the columns look exchanged"
+        if problem:
+            raise SourceError(path, None, problem, remedy)
+
+
+def _begin_of(people: Trajectories) -> Trajectories:
+    some = slice(_MOST_ROWS)
+    return Trajectories(people.time_s[some], people.track_id[some], people.position[some])
 
 
 def _are_exchanged(people: Trajectories) -> bool:
@@ -206,9 +227,9 @@ def _is_clock(people: Trajectories, values: np.ndarray) -> bool:
 
 
 def _holds_ids(people: Trajectories, values: np.ndarray) -> bool:
-    """Whether values are few whole numbers, each more often than an id, which is there once or twice.
+    """Whether values are few whole numbers, each more often than an id, none of them twice in one instant.
 
-    As ids, none may be twice in one instant.
+    An id is there once or twice, or with another value each time.
     """
     if not len(values) or (values != np.round(values)).any():
         return False
@@ -218,7 +239,9 @@ def _holds_ids(people: Trajectories, values: np.ndarray) -> bool:
     seen, often = (
         np.median(np.unique(column, return_counts=True)[1]) for column in (people.track_id, values)
     )
-    return bool(seen <= 2 and often >= 3 * seen and len(np.unique(values)) > 1)
+    order = np.lexsort((people.time_s, people.track_id))
+    stays = (np.diff(people.track_id[order]) == 0) & (np.diff(values[order]) == 0)
+    return bool((seen <= 2 or not stays.any()) and often >= 3 * seen and len(np.unique(values)) > 1)
 
 
 def _speeds_mps(people: Trajectories) -> np.ndarray:

@@ -19,7 +19,7 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
-from pedpred.sources.plausibility import ids_come_first
+from pedpred.sources.plausibility import check_places, ids_come_first
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import is_date
 from pedpred.tables.decimals import with_decimal_points
@@ -37,7 +37,7 @@ COLUMNS = ("id", "frame", "x", "y")
 _NAMES = ("track_id", "frame", "x_m", "y_m")
 _Y = COLUMNS.index("y")
 _REMEDY = "Name the columns in order, such as --columns time,id,x,y"
-_REMEDY_IN_ORDER = f"{_REMEDY}, with any other word for columns that are not used"
+_IN_ORDER = f"{_REMEDY}, with any other word for columns that are not used"
 _WRONG = f"{OWN_FILE}. Or, if columns hold something else: {_REMEDY}"
 _BOXES = (
     "Write the middle of the lower edge of each box into a table with the columns frame,id,x_px,y_px, "
@@ -71,7 +71,7 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), _WRONG)
     if moves := still.moving_column():
         problem = f"without a header, column {_Y + 1} should be y, but it {moves[1]}"
-        raise SourceError(path, None, problem, _REMEDY_IN_ORDER)
+        raise SourceError(path, None, problem, _IN_ORDER)
     x = columns["x_m"].copy()
     unit = unit_of_lengths(path, lines.comments, options) or "m"
     if unit == PIXELS and len(titles) > len(COLUMNS):
@@ -92,16 +92,17 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         time_s = _frames(clock, columns[names[1]]) / rate_hz
     values = {"line": columns["line"], "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
     values |= {"track_id": numbered(who, columns[names[0]], options)}
-    if still.others_change() and _never_changes(values["track_id"], x):
-        problem = "without a header, column 3 should be x, but it is a whole number that stays with everybody"
-        raise SourceError(path, None, f"{problem}, as a class does", _REMEDY_IN_ORDER)
+    if still.others_change() and (cause := _other_than_x(x, values["track_id"], values["time_s"])):
+        raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
     doubt_restarts(path, values)
     values = without_copies(path, without_untracked(path, values))
     shown = ", ".join(order if ids_first else order[::-1])
     _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit, clock_is)
     with translate_errors(partial(SourceError, path, None)):
         position = np.stack([values["x_m"], values["y_m"]], axis=-1)
-        return Trajectories(values["time_s"], values["track_id"], position)
+        people = Trajectories(values["time_s"], values["track_id"], position)
+    check_places(path, people, _REMEDY)
+    return people
 
 
 def _check_columns(path: Path, line: int, fields: Sequence[str]) -> None:
@@ -175,11 +176,20 @@ def _ids_first(
     return ids_first
 
 
-def _never_changes(track_id: np.ndarray, x: np.ndarray) -> bool:
-    """Whether somebody is seen twice, and everybody has one whole number in a column."""
-    order = np.argsort(track_id, kind="stable")
-    same = np.diff(track_id[order]) == 0
-    return bool(same.any() and not np.diff(x[order])[same].any() and (x == np.round(x)).all())
+def _other_than_x(x: np.ndarray, track_id: np.ndarray, time_s: np.ndarray) -> str | None:
+    """What speaks against a column being x; None: nothing."""
+    if _depends_on(track_id, x) and (x == np.round(x)).all():
+        return "is a whole number that stays with everybody, as a class does"
+    if _depends_on(time_s, x):
+        return "is the same for all people at once, as a time is"
+    return None
+
+
+def _depends_on(key: np.ndarray, values: np.ndarray) -> bool:
+    """Whether keys are there several times, always with the same value."""
+    order = np.argsort(key, kind="stable")
+    again = np.diff(key[order]) == 0
+    return bool(again.sum() >= _FEWEST_ROWS and not np.diff(values[order])[again].any())
 
 
 def _frames(column: Ids, read: np.ndarray) -> np.ndarray:
