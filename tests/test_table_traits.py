@@ -68,6 +68,13 @@ def test_commas_in_quotes_are_decimal_unless_they_may_separate_thousands(tmp_pat
         tracks(write(tmp_path, thousands, ("time_ms", "id", "x_mm", "y_mm")))
 
 
+@pytest.mark.parametrize("said", ["Unit,cm", "Length Units;Centimeters", "Lab 3\tunits\tcm", "# unit cm"])
+def test_lines_above_a_header_say_the_unit(tmp_path, plain, said):
+    rows = [(t, who, round(100 * x, 1), round(100 * y, 1)) for t, who, x, y in WALK]
+    found = tracks(write(tmp_path, [TITLES, *rows], [said]))
+    np.testing.assert_allclose(found.position, plain.position, atol=1e-9)
+
+
 @pytest.mark.parametrize("separator", [",", ";", " "])
 def test_rows_that_begin_like_comments_are_not_left_out_without_a_word(tmp_path, plain, separator, caplog):
     rows = [("#" * (who == 2) + str(who), t, x, y) for t, who, x, y in WALK]
@@ -268,6 +275,11 @@ def test_numbers_of_rows_before_a_text_without_titles_are_not_read(tmp_path, pla
         ("# 4,00 fps", None),
         ("# framerate: 40.0000e-01", None),
         ("# fps .4e+1", None),
+        ("# Frame rate,4", None),
+        ("# fps;4,0", None),
+        ("# frame rate ....... 4", None),
+        ("# frame rate.......4", None),
+        ("# cam0 fps4", None),
         ("# r_frame_rate=4000/1000", None),
         ("# framerate: 4 fps (1920x1080)", None),
         ("# video 25 fps, tracks 4 fps", 4.0),

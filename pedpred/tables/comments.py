@@ -21,11 +21,11 @@ NO_RATE = (
 )
 """Problem and remedy where nobody says how many frames a second has."""
 
-_NUMBER = r"(?<![\d.,])(\d*[.,]?\d+(?:e[+-]?\d+)?)(?:/(\d+))?"
+_NUMBER = r"((?:\d+[.,]\d+|(?<!\.)\.\d+|\d+)(?:e[+-]?\d+)?)(?:/(\d+))?"
 _PER_SECOND = r"(?:fps|hz|frames per second)\b"
 _RATE = re.compile(
     r"(?:frame[ _-]?rate|fps|frames per second)\s*(?:[(\[][^)\]]*[)\]])?\W*?(?:is\W+|of\W+)?"
-    rf"{_NUMBER}(?:\s*{_PER_SECOND})?|{_NUMBER}\s*{_PER_SECOND}",
+    rf"(?<!\d){_NUMBER}(?:\s*{_PER_SECOND})?|(?<!\w)(?<!\d[.,]){_NUMBER}\s*{_PER_SECOND}",
     re.IGNORECASE,
 )
 """A rate, such as 16, 29,97, 1.6e+01 or 30000/1001, behind its name or before its unit."""
@@ -38,6 +38,7 @@ _BEFORE = (
     rf"\b(?:{_WHAT})\b[^,;]*?\b(?:in|is|are)\s+",
     r"^\W*(?:\w+\W+)?in\s+(?=\w+\W*$)",
     r"\b(?:units?|lengths?|positions?|coordinates?|distances?)\s*[:=(\[/]\s*",
+    r"\bunits?\s*[,;|\s]\s*",
     r"^[#\s]*(?=\w+\s*$)",
 )
 _UNIT = re.compile(
