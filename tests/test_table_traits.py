@@ -12,6 +12,7 @@ from pedpred.errors import SourceError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.sources.single_file import read_file
 from pedpred.tables.missing import MISSING
+from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import PictureOptions
 from tests.scenes import assert_same
@@ -73,6 +74,13 @@ def test_lines_above_a_header_say_the_unit(tmp_path, plain, said):
     rows = [(t, who, round(100 * x, 1), round(100 * y, 1)) for t, who, x, y in WALK]
     found = tracks(write(tmp_path, [TITLES, *rows], [said]))
     np.testing.assert_allclose(found.position, plain.position, atol=1e-9)
+
+
+def test_ids_with_underscores_are_words(tmp_path, plain):
+    names = TrackNames()
+    path = write(tmp_path, [(t, f"1_{who}", x, y) for t, who, x, y in WALK])
+    assert_same(tracks(path, names=names), type(plain)(plain.time_s, plain.track_id - 1, plain.position))
+    assert names.of_number == {0: "1_1", 1: "1_2"}
 
 
 @pytest.mark.parametrize("separator", [",", ";", " "])

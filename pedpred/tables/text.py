@@ -57,9 +57,9 @@ def text_rows(path: Path) -> Iterator[Row]:
 
 
 def is_number(field: str) -> bool:
-    """Whether a field is a finite number."""
+    """Whether a field is a finite number, without the underscores that Python allows."""
     try:
-        return np.isfinite(float(field))
+        return "_" not in field and bool(np.isfinite(float(field)))
     except ValueError:
         return False
 

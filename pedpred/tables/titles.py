@@ -56,7 +56,7 @@ _CLASS, _APART = (
         "class classes category categories type types label labels kind classification klasse typ kategorie "
         "clase tipo categoria classe categorie",
         "scene run trial recording video session experiment scenario floor storey camera cam dataset "
-        "sequence episode clip day",
+        "sequence episode clip day hour",
     )
 )
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
