@@ -113,7 +113,9 @@ def test_the_same_people_are_taken_from_a_data_frame(model):
     )
 
 
-@pytest.mark.parametrize("title", ["scene", "run_id", "recordingId", "floor", "camera", "day", "hour"])
+@pytest.mark.parametrize(
+    "title", ["scene", "run_id", "recordingId", "floor", "camera", "day", "hour", "minute"]
+)
 def test_several_recordings_in_one_table_are_warned_about(title, tmp_path, caplog):
     rows = [(*row, row[1]) for row in WALK]
     with caplog.at_level(logging.WARNING):

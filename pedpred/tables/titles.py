@@ -62,6 +62,7 @@ _CLASS, _APART = (
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
 _STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
+_MINUTES = {"min", "mins", "minute", "minutes"}
 _LETTERS = {"m", "s"}  # no unit before another word without a sign between them
 _DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
 _KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *_STEPS, *LENGTH_WORDS, *TIME_WORDS, *_FILLERS}
@@ -117,8 +118,14 @@ def columns_of_classes(titles: Sequence[str]) -> list[str]:
 
 
 def columns_of_recordings(titles: Sequence[str]) -> list[str]:
-    """Titles of columns that may say in which recording, or on which floor, people are."""
-    return [title for title in titles if _is_called(title, _APART, _NUMBER | {"id", "name"})]
+    """Titles of columns that may say in which recording, on which floor, or in which minute, people are."""
+    clock = _clock({title: meaning for title in titles if (meaning := meaning_of(title))})
+    minutes = _MINUTES if clock == ("time_s", "s") else ()
+    return [
+        title
+        for title in titles
+        if _is_called(title, _APART, _NUMBER | {"id", "name"}) or title.strip().lower() in minutes
+    ]
 
 
 def columns_of_heights(titles: Sequence[str]) -> list[int]:
