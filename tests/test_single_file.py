@@ -57,6 +57,8 @@ def test_trajnet_may_miss_positions(tmp_path, nowhere, caplog):
         ('"x": 3.5', '"prediction_number": 0, "x": 3.5', "line 4: a forecast"),
         ('{"track": {"f": 6, "p": 3', '["track", {"f": 6, "p": 3', "line 4: JSONDecodeError"),
         ('"fps": 2.0', '"fps": 0', r"fps of the scenes: 0.*--rate"),
+        (json.dumps(SCENE), "[1, 2]", r"line 1: \[1, 2\] where an object is expected.*TrajNet"),
+        (json.dumps(SCENE), '{"scene": 3}', "line 1: 3 where an object is expected.*TrajNet"),
         (json.dumps(SCENE), "", r"fps of the scenes: none.*--rate"),
     ],
 )

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, brief
 from pedpred.files import translate_errors
 from pedpred.plain import parse_json
 from pedpred.scenes import Trajectories
@@ -24,6 +24,7 @@ from pedpred.tables.options import TableOptions
 from pedpred.tables.text import Row, check_unique, read_numbers, text_lines
 
 _FIELDS = {"f": "frame", "p": "track_id", "x": "x_m", "y": "y_m"}
+_LINE = '{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}'
 _WHO, _PLACE = 1, (2, 3)
 _MEASURE = "Measure forecasts with: pedpred evaluate RECORDING --forecasts FILE"
 
@@ -60,9 +61,7 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
     rows = with_positions(path, track_rows(path, _FIELDS, detected), _PLACE, _WHO)
     columns = read_numbers(path, rows, tuple(_FIELDS), _FIELDS)
     if not len(columns["line"]):
-        raise SourceError(
-            path, None, "no line with a track, such as " + '{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}'
-        )
+        raise SourceError(path, None, f"no line with a track, such as {_LINE}")
     check_unique(path, columns, "track_id", "frame")
     position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
     with translate_errors(partial(SourceError, path, None)):
@@ -98,10 +97,25 @@ def track_rows(
     """
     for line, text in text_lines(path):
         with translate_errors(partial(SourceError, path, line)):
-            track = wanted(parse_json(text, missing=True), line)
+            content = parse_json(text, missing=True)
+            _check_object(path, line, content)
+            track = wanted(content, line)
             fields = None if track is None else [_written(track[name]) for name in names]
         if fields is not None:
             yield line, fields
+
+
+def _check_object(path: Path, line: int, content: Any) -> None:
+    """Check that a line is an object, and what it says about a scene or a track, too.
+
+    Raises:
+        SourceError: it is not.
+    """
+    inner = [content.get(key, {}) for key in ("scene", "track")] if isinstance(content, dict) else [content]
+    for value in inner:
+        if not isinstance(value, dict | type(None)):
+            problem = f"{brief(value)} where an object is expected, as in {_LINE}"
+            raise SourceError(path, line, problem, "Is this a file of TrajNet++?")
 
 
 def _written(value: Any) -> str:
