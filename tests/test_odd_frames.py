@@ -40,6 +40,7 @@ def folder(request):
         ((2.0, [1, 2], [[0, 0], [1.7e308, 0]]), ValueRuleError, r"position\[1\].*at most 1e\+08"),
         ((2.0, [1, 2], [[0, 0], [1e9, 0]]), ValueRuleError, r"position\[1\].*at most 1e\+08"),
         ((2.0, [1], [[0, 0]], [[1e300, 0]]), ValueRuleError, r"velocity\[0\]"),
+        ((2.0, [1, 2], [[0, 0], [2, 0]], [[1, 0], [0, 1e4]]), ValueRuleError, r"velocity\[1\].*10 m/s"),
         ((2.0, [1, 2], [[0, 0], [1]]), ValueRuleError, "position.*numbers"),
         ((2.0, [1], [["a", "b"]]), ValueRuleError, "position.*numbers"),
         ((2.0, [1], [[10**400, 0]]), ValueRuleError, "position.*numbers"),

@@ -10,6 +10,7 @@ import numpy as np
 from pedpred.arrays import real_number, real_numbers
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.scenes import rule_of
+from pedpred.tracking.tracks import FASTEST_MPS
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class Frame:
 
     @classmethod
     def checked(cls, time_s: Any, track_id: Any, position: Any, velocity: Any = None) -> Frame:
-        """Convert and sort the arguments; the ranges are those of `Trajectories`.
+        """Convert and sort the arguments; the ranges are those of `Trajectories`, but nobody is too fast.
 
         Raises:
             ValueRuleError, ShapeError: something is not a number or out of range, or an id appears twice.
@@ -57,7 +58,7 @@ class Frame:
             now,
             names.astype(np.int64),
             _pairs("position", position, len(names))[order],
-            None if velocity is None else _pairs("velocity", velocity, len(names))[order],
+            None if velocity is None else _velocities(velocity, len(names))[order],
         )
 
 
@@ -69,6 +70,16 @@ def _pairs(name: str, value: Any, rows: int) -> np.ndarray:
         raise ShapeError(name, pairs.shape, f"({rows}, 2)")
     _check(name, pairs)
     return pairs
+
+
+def _velocities(value: Any, rows: int) -> np.ndarray:
+    """Velocities that somebody can have, [rows, 2]: others would spoil the forecasts of everybody near."""
+    velocity = _pairs("velocity", value, rows)
+    fast = np.flatnonzero(np.hypot(*velocity.T) > FASTEST_MPS)
+    if len(fast):
+        rule = f"nobody is faster than {FASTEST_MPS:g} m/s"
+        raise ValueRuleError(f"velocity[{fast[0]}]", velocity[fast[0]].tolist(), rule)
+    return velocity
 
 
 def _check(name: str, values: np.ndarray) -> None:
