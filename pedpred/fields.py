@@ -152,6 +152,7 @@ def _is_list_of_texts(value: Any) -> bool:
 
 _WORDS = {
     "bool": (lambda value: isinstance(value, bool), "true or false"),
+    "bool | None": (lambda value: value is None or isinstance(value, bool), "true, false or None"),
     "str": (lambda value: isinstance(value, str), "a text"),
     "tuple[str, ...]": (_is_list_of_texts, "a list of texts"),
 }

@@ -174,8 +174,16 @@ def test_no_more_people_are_followed_than_the_limit_says(frames, most):
         {"snap_s": np.inf},
         {"detection_noise_m": 1e300},
         {"most_people": 0},
+        {"tracker": {"acceleration_noise": 0.1, "position_noise_m": 0.05}},
+        {"learn_noise": "no"},
     ],
 )
 def test_settings_are_valid_from_birth(wrong):
     with pytest.raises(PedpredError, match=next(iter(wrong))):
         OnlineSettings(**wrong)
+
+
+@pytest.mark.parametrize("wrong", [OnlineSettings, {"max_age_s": 1.0}, 0.5])
+def test_settings_of_another_kind_are_refused_by_name(folder, wrong):
+    with pytest.raises(ValueRuleError, match=r"settings = .*it must be OnlineSettings"):
+        OnlinePredictor.load(folder, wrong)

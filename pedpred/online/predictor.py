@@ -42,9 +42,12 @@ class OnlinePredictor:
     """
 
     def __init__(self, folder: Path, settings: OnlineSettings | None = None):
+        checked: object = OnlineSettings() if settings is None else settings
+        if not isinstance(checked, OnlineSettings):
+            raise ValueRuleError("settings", checked, "it must be OnlineSettings or None")
         self._about, self._checksum = read_description(folder), network_checksum(folder)
         self._network = ExportedNetwork(folder, self._about)
-        self._settings = settings or OnlineSettings()
+        self._settings = checked
         self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
         learns = self._settings.learn_noise
         if learns is None:
@@ -62,6 +65,7 @@ class OnlinePredictor:
 
         Raises:
             StorageError: a file is missing, altered or of another version.
+            ValueRuleError: the settings are something else.
         """
         return cls(default_model() if folder is None else Path(folder), settings)
 

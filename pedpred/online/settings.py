@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol
 from pedpred.fields import check_ranges
 from pedpred.tracking import KalmanSettings
@@ -41,6 +42,8 @@ class OnlineSettings:
     def __post_init__(self) -> None:
         check_ranges(self, dict.fromkeys(("max_age_s", "snap_s"), "[0, inf)"))
         check_ranges(self, {"detection_noise_m": "[0, 100]", "most_people": f"[1, {MOST_PEOPLE}]"})
+        if self.tracker is not None and not isinstance(self.tracker, KalmanSettings):
+            raise ValueRuleError("tracker", self.tracker, "it must be KalmanSettings or None")
 
     @classmethod
     def as_offline(cls, protocol: ForecastProtocol, detection_dt_s: float) -> OnlineSettings:
