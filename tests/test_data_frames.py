@@ -149,3 +149,18 @@ def test_a_column_that_is_missing_in_parquet_is_named(tmp_path, forecasts):
     forecasts.drop(columns="x").to_parquet(tmp_path / "theirs.parquet")
     with pytest.raises(SourceError, match="no column x"):
         read_forecasts(tmp_path / "theirs.parquet", None)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"table": WALKS.to_dict("list")},
+        {"occupancy": np.zeros((3, 3))},
+        {"occupancy": 5},
+        {"rate_hz": "10"},
+        {"model": 5},
+    ],
+)
+def test_an_argument_of_another_kind_is_refused_by_name(wrong):
+    with pytest.raises(ValueRuleError, match=f"(?s){next(iter(wrong))} = .*it must be an? "):
+        pedpred.predict(**{"table": WALKS, **wrong})

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from numbers import Real
+from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -52,10 +55,14 @@ def predict(
         (from 1, 0.3 s apart for the default model), x, y (m, world frame).
 
     Raises:
-        ValueRuleError: a column is missing, or an id.
+        ValueRuleError: a column is missing, or an id; or an argument is something else.
         SourceError: a value is not a number, titles are exchanged, positions are degrees, or people
             would move at impossible speeds; the line is the row.
     """
+    _check_kind("table", table, pd.DataFrame, "a DataFrame of pandas")
+    _check_kind("occupancy", occupancy, OccupancyMap | str | Path | None, "an OccupancyMap, a path or None")
+    _check_kind("rate_hz", rate_hz, Real | None, "a number or None")
+    _check_kind("model", model, str | PathLike | None, "a path or None")
     titles = [str(title) for title in table.columns]
     named = titles_of_tracks(titles)
     table = _people_in(table, titles)
@@ -77,6 +84,11 @@ def predict(
     windows = as_windows(scene, replay_scene(scene, predictor), _METHOD, predictor.protocol)
     forecasts = forecast_table(windows, _METHOD)
     return forecasts.assign(track=names.take(forecasts["track"].to_numpy()))
+
+
+def _check_kind(field: str, value: object, kind: Any, called: str) -> None:
+    if not isinstance(value, kind):
+        raise ValueRuleError(field, value, f"it must be {called}")
 
 
 def _people_in(table: pd.DataFrame, titles: Sequence[str]) -> pd.DataFrame:
