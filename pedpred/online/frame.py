@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pedpred.arrays import real_number, real_numbers
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ShapeError, ValueRuleError, brief
 from pedpred.scenes import rule_of
 from pedpred.tracking.tracks import FASTEST_MPS
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,10 @@ class Frame:
 
     @classmethod
     def checked(cls, time_s: Any, track_id: Any, position: Any, velocity: Any = None) -> Frame:
-        """Convert and sort the arguments; the ranges are those of `Trajectories`, but nobody is too fast.
+        """Convert and sort the arguments; the ranges are those of `Trajectories`.
+
+        Velocities that nobody can have are shortened, with a warning: they would spoil the forecasts of
+        everybody near.
 
         Raises:
             ValueRuleError, ShapeError: something is not a number or out of range, or an id appears twice.
@@ -54,12 +60,11 @@ class Frame:
         again = names[1:] == names[:-1]
         if again.any():
             raise ValueRuleError("track_id", int(names[1:][again][0]), "it must appear once in a frame")
-        return cls(
-            now,
-            names.astype(np.int64),
-            _pairs("position", position, len(names))[order],
-            None if velocity is None else _velocities(velocity, len(names))[order],
-        )
+        names = names.astype(np.int64)
+        where = _pairs("position", position, len(names))[order]
+        if velocity is not None:
+            velocity = _shortened(_pairs("velocity", velocity, len(names))[order], names, now)
+        return cls(now, names, where, velocity)
 
 
 def _pairs(name: str, value: Any, rows: int) -> np.ndarray:
@@ -72,13 +77,14 @@ def _pairs(name: str, value: Any, rows: int) -> np.ndarray:
     return pairs
 
 
-def _velocities(value: Any, rows: int) -> np.ndarray:
-    """Velocities that somebody can have, [rows, 2]: others would spoil the forecasts of everybody near."""
-    velocity = _pairs("velocity", value, rows)
-    fast = np.flatnonzero(np.hypot(*velocity.T) > FASTEST_MPS)
-    if len(fast):
-        rule = f"nobody is faster than {FASTEST_MPS:g} m/s"
-        raise ValueRuleError(f"velocity[{fast[0]}]", velocity[fast[0]].tolist(), rule)
+def _shortened(velocity: np.ndarray, track_id: np.ndarray, time_s: float) -> np.ndarray:
+    """Velocities of which none is faster than somebody can be, m/s. [D, 2]."""
+    speed = np.hypot(*velocity.T)
+    fast = speed > FASTEST_MPS
+    if fast.any():
+        text = "velocities at %s s of more than %g m/s are shortened to it: tracks %s"
+        _LOG.warning(text, time_s, FASTEST_MPS, brief(track_id[fast].tolist()))
+        velocity = velocity * (FASTEST_MPS / np.maximum(speed, FASTEST_MPS))[:, None]
     return velocity
 
 

@@ -153,8 +153,8 @@ class OnlinePredictor:
             time_s: of the frame, s; any rate, also an irregular one.
             track_id: whole numbers of 64 bits, each at most once. [D]
             position: world frame, m; ranges are those of `Trajectories`. [D, 2]
-            velocity: true velocities, for sources that know them, at most `FASTEST_MPS`, m/s; otherwise
-                positions are filtered. [D, 2]
+            velocity: true velocities, for sources that know them, m/s; those above `FASTEST_MPS` are
+                shortened, with a warning. Without any, positions are filtered. [D, 2]
 
         Raises:
             ValueRuleError, ShapeError: something is not a number, out of range, or an id appears twice.
