@@ -20,6 +20,7 @@ from pedpred.report.ablation import (
 )
 from pedpred.report.canvas import png_bytes
 from tests.forecasts import METHODS
+from stages.config import check_parts
 from tools import ablate
 
 ROOT = Path(__file__).parents[1]
@@ -35,6 +36,8 @@ def test_every_point_composes_and_differs(path):
         for overrides in ablation.points.values()
     ]
     assert len(set(composed)) == len(ablation.points)
+    for text in composed:
+        check_parts(yaml.safe_load(text))  # else the stage `config` ends the experiment
     written = set()
     for name, _, key in (target.partition("@") for target in ablation.targets):
         written |= {next(iter(entry)).replace("${key}", key) for entry in PIPELINE[name]["do"]["outs"]}
