@@ -19,8 +19,8 @@ from pedpred.report.ablation import (
     steps_until,
 )
 from pedpred.report.canvas import png_bytes
-from tests.forecasts import METHODS
 from stages.config import check_parts
+from tests.forecasts import METHODS
 from tools import ablate
 
 ROOT = Path(__file__).parents[1]

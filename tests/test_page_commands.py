@@ -17,8 +17,10 @@ from pedpred.command.arguments import parser
 from pedpred.command.conversion import read_any
 from pedpred.config import composed
 from pedpred.online import shipped
+from pedpred.plain import parse_yaml
 from pedpred.report.ablation import read_ablation
 from pedpred.storage.scenes import write_scene
+from stages.config import check_parts
 from tests.conftest import ROOT
 from tests.trust.project import done
 from tools import prose, staleness
@@ -175,7 +177,7 @@ def test_a_command_that_is_not_run_asks_for_what_exists(words, request):
         given = parse_args(words[1:])
         assert {*(getattr(given, "targets", None) or ())} <= request.getfixturevalue("stages")
         if words[:3] == ["dvc", "exp", "run"]:
-            composed(ROOT / "conf", given.set_param)
+            check_parts(parse_yaml(composed(ROOT / "conf", given.set_param)))
     elif words[0] == "pedpred":
         assert parser().parse_args(words[1:]).action
     elif "-m" in words and words[0] != "python3":
@@ -184,5 +186,7 @@ def test_a_command_that_is_not_run_asks_for_what_exists(words, request):
         assert all(f'"{option}"' in source for option in given if option.startswith("--"))
         if module.startswith("stages."):
             composed(ROOT / "conf", given)
+            named = {word[1:].partition("=")[0] for word in given if word.startswith("+")} - {"name"}
+            assert all(f"cfg.{key}" in source or f'cfg.get("{key}"' in source for key in named)
         if module == "tools.ablate":
             assert read_ablation(ROOT / f"conf/ablations/{given[0]}.yaml").points
