@@ -148,12 +148,14 @@ def part(cfg: Mapping[str, Any], *keys: str) -> dict[str, Any]:
     return plain(node)
 
 
-def row(cfg: Mapping[str, Any], group: str, name: str) -> dict[str, Any]:
-    """Return a group's row, merged over the row that it names as its `base`."""
+def row(cfg: Mapping[str, Any], group: str, name: str, above: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return a group's row, merged over the row that it names as its `base`; `above` are rows based on it."""
     if not isinstance(name, str) or name not in cfg[group]:
         raise ConfigError(group, name, f"no such row; there are {', '.join(cfg[group])}")
+    if name in above:
+        raise ConfigError(f"{group}.{name}.base", cfg[group][name]["base"], "a row cannot be its own base")
     changes = part(cfg, group, name)
-    base = row(cfg, group, changes.pop("base")) if "base" in changes else {}
+    base = row(cfg, group, changes.pop("base"), (*above, name)) if "base" in changes else {}
     inside = [k for k, v in changes.items() if isinstance(v, dict) and isinstance(base.get(k), dict)]
     return base | changes | {k: base[k] | changes[k] for k in inside}
 

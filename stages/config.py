@@ -60,6 +60,10 @@ from stages.validate_simulation import flow_of
 
 SENSED = "simulated/worlds"
 """Set of step sequences of worlds that a sensor sees; there are no scenes of it."""
+STUDIES = {"sim": False, "transfer": False, "real": True}
+"""Groups of conf/folds, and whether their folds are trained."""
+METHODS = ("baselines", "networks", "memoryless")
+"""Groups of conf/methods."""
 Params = Mapping[str, Any]
 """A whole configuration."""
 Check = Callable[[Params], object]
@@ -115,21 +119,37 @@ def _place(cfg: Params, name: str) -> None:
 
 
 def _fold(cfg: Params, study: str) -> None:
+    one_of("folds", study, dict.fromkeys(STUDIES))
     tested = [f"{kind}/{name}" for kind, rows in SETS.items() for name in part(cfg, rows)]
-    for name, fold in parsed_each(FoldRow, part(cfg, "folds", study)).items():
-        _names(f"folds.{study}.{name}.test", fold.test, tested)
-        _names(f"folds.{study}.{name}.train", fold.train, [*tested, SENSED])
+    by_others: dict[str, str] = {}
+    for name, fold in parsed_each(FoldRow, folds := part(cfg, "folds", study)).items():
+        key = f"folds.{study}.{name}"
+        _names(f"{key}.test", fold.test, tested)
+        _names(f"{key}.train", fold.train, [*tested, SENSED])
+        if ("train" in folds[name]) != STUDIES[study]:
+            rule = "a fold of this study needs it" if STUDIES[study] else f"folds of {study} are not trained"
+            raise ConfigError(f"{key}.train", folds[name].get("train"), rule)
+        if both := sorted(set(fold.train) & set(fold.test)):
+            raise ConfigError(f"{key}.train", both, "the same fold tests it")
+        for at in fold.test:
+            if at in by_others:
+                raise ConfigError(f"{key}.test", at, f"fold {by_others[at]} tests it too; name it once")
+            by_others[at] = name
 
 
 def _methods(cfg: Params) -> None:
+    _names("methods", part(cfg, "methods"), METHODS)
     for group in part(cfg, "methods"):
         for key, method in parsed_each(MethodRow, part(cfg, "methods", group), f"methods.{group}").items():
             with configured(f"methods.{group}"):
-                if "architecture" in method.settings:
+                if group != "baselines":
                     with configured(f"methods.{group}.{key}.settings"):
                         parse_settings(method.settings)
                 else:
                     baseline(key, method.settings)
+    keys = _keys(cfg)
+    if twice := sorted({key for key in keys if keys.count(key) > 1}):
+        raise ConfigError("methods", twice, "a name must be that of one row")
 
 
 def _keys(cfg: Params) -> list[str]:
@@ -137,12 +157,17 @@ def _keys(cfg: Params) -> list[str]:
     return [key for rows in cfg["methods"].values() for key in rows]
 
 
+def _networks(cfg: Params) -> list[str]:
+    """Names of all networks."""
+    return [key for group, rows in cfg["methods"].items() if group != "baselines" for key in rows]
+
+
 def _online(cfg: Params) -> None:
     with configured("online"):
         _, rows = parsed_together([Following, OnlineRows], part(cfg, "online"))
     for name, export in rows.exports.items():
         kalman_of(cfg, export.tracker)
-        _names(f"online.exports.{name}.network", [export.network], _keys(cfg))
+        _names(f"online.exports.{name}.network", [export.network], _networks(cfg))
     for name, promise in rows.promises.items():
         _names(f"online.promises.{name}.method", [promise.method], _keys(cfg))
 
@@ -198,6 +223,9 @@ def _recording(cfg: Params) -> None:
         rows = parsed(RecordingRows, part(cfg, "recording"))
     _names("recording.methods", [*rows.methods, rows.animation.method], _keys(cfg))
     for name, scene in rows.scenes.items():
+        if scene.scene.rpartition("/")[2] != name:
+            rule = "the row must have the name of the scene, as its files have"
+            raise ConfigError(f"recording.scenes.{name}.scene", scene.scene, rule)
         networks = ["main", *(f"folds/{fold}" for fold in cfg["folds"]["real"])]
         _names(f"recording.scenes.{name}.networks", [scene.networks], networks)
 

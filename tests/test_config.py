@@ -141,6 +141,9 @@ def test_a_row_is_merged_over_its_base():
     assert config.row(cfg, "forces", "a") == {"x": {"p": 1, "q": 2}}
     with pytest.raises(ConfigError, match=r"'forces' = 'c': no such row; there are a, b"):
         config.row(cfg, "forces", "c")
+    cfg = OmegaConf.create({"forces": {"a": {"base": "b"}, "b": {"base": "a"}}})
+    with pytest.raises(ConfigError, match=r"'forces\.a\.base' = 'b': a row cannot be its own base"):
+        config.row(cfg, "forces", "a")
 
 
 @pytest.mark.parametrize(

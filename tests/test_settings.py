@@ -23,7 +23,7 @@ CHECKS = PARTS | {"layouts": lambda cfg: check_layouts(part(cfg, "layouts"))}
 ROWS = ("mirrors", "trackers", "sensors", "social_forces", "simulations", "places", "folds", "layouts")
 BASES = {base for name in ROWS for row in PARAMS[name].values() if (base := row.get("base"))}
 FREE = (  # names that are chosen freely, or that other parts of the configuration choose
-    *(f"{name}" for name in (*ROWS, "methods")),
+    *(name for name in ROWS if name != "folds"),
     *(f"folds.{study}" for study in PARAMS["folds"]),
     *(f"methods.{group}" for group in PARAMS["methods"]),
     "report.methods",
@@ -157,6 +157,44 @@ def test_an_unknown_part_is_refused():
     check_parts(params)
     with pytest.raises(PedpredError, match="magic"):
         check_parts(params | {"magic": 1})
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("folds.few", {}, "'folds' = 'few': choose one of sim, transfer, real"),
+        (
+            "folds.real.without_eth.train",
+            ["real/eth"],
+            "'folds.real.without_eth.train' = ['real/eth']: the same",
+        ),
+        (
+            "folds.real.a",
+            {"test": ["real/eth"], "train": []},
+            "'folds.real.a.test' = 'real/eth': fold without_eth",
+        ),
+        ("folds.real.a", {"test": []}, "'folds.real.a.train' = None: a fold of this study needs it"),
+        ("folds.sim.a", {"test": [], "train": []}, "'folds.sim.a.train' = []: folds of sim are not trained"),
+        ("methods.more", {}, "'methods' = 'more': choose one of baselines, networks, memoryless"),
+        (
+            "methods.memoryless.cv",
+            PARAMS["methods"]["memoryless"]["mixture"],
+            "'methods' = ['cv']: a name must be that of one row",
+        ),
+        ("methods.networks.a", {"where": []}, "'methods.networks.a.settings.architecture' = None"),
+        (
+            "recording.scenes.a",
+            {"scene": "real/eth", "networks": "main"},
+            "'recording.scenes.a.scene' = 'real/eth'",
+        ),
+        ("online.exports.small.network", "cv", "'online.exports.small.network' = 'cv': choose one of lstm"),
+    ],
+)
+def test_rows_that_contradict_each_other_are_refused_by_their_keys(path, value, message):
+    cfg = OmegaConf.create({name: PARAMS[name] for name in PARTS})
+    OmegaConf.update(cfg, path, value, force_add=True)
+    with pytest.raises(PedpredError, match=re.escape(f"configuration key {message}")):
+        check_parts(OmegaConf.to_container(cfg))
 
 
 STAGES = [
