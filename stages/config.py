@@ -5,6 +5,7 @@ Parts that many stages read are written as files, see `pedpred.config.SHARED`.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -331,7 +332,19 @@ def check_parts(cfg: Params) -> None:
         one_of("params", str(name), PARTS)
     for check in PARTS.values():
         check(cfg)
+    for key in NAMED:
+        for name in OmegaConf.select(OmegaConf.create(dict(cfg)), key):
+            if not re.fullmatch(r"[\w-]+", str(name)):
+                raise ConfigError(key, name, "names of rows may have letters, digits, _ and - only")
 
+
+NAMED = (
+    *("mirrors", "simulations", "places", "situations.simulated", "online.exports", "recording.scenes"),
+    *("driving.places", "literature.folds"),
+    *(f"methods.{group}" for group in METHODS),
+    *(f"folds.{study}" for study in STUDIES),
+)
+"""Rows whose names are part of stages, commands and folders."""
 
 SHARED_PARTS = ("places", "sensing", "sensors", "trackers", "worlds")
 """Keys of params.yaml whose values other stages read from files."""

@@ -197,6 +197,14 @@ def test_rows_that_contradict_each_other_are_refused_by_their_keys(path, value, 
         check_parts(OmegaConf.to_container(cfg))
 
 
+@pytest.mark.parametrize("name", ["my place", "my.place", "my@place"])
+def test_a_row_whose_name_no_stage_can_have_is_refused(name):
+    params = {part: PARAMS[part] for part in PARTS}
+    params["places"] = params["places"] | {name: params["places"]["eth"]}
+    with pytest.raises(PedpredError, match=f"configuration key 'places' = '{name}': names of rows may have"):
+        check_parts(params)
+
+
 STAGES = [
     (train, {"phase": "corridor", "name": "lstm"}, "training.corridor", "steps", -5),
     (train, {"phase": "situations", "name": "mixture"}, "training.situations", "seed", -1),
