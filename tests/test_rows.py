@@ -32,6 +32,13 @@ def test_a_row_is_replaced_with_its_comment_and_a_new_one_appended(tmp_path):
     assert text.splitlines()[0] == FILE.read_text().splitlines()[0]
 
 
+def test_a_row_without_a_blank_line_to_the_next_is_replaced_alone(tmp_path):
+    path = tmp_path / "rows.yaml"
+    path.write_text("# of all\n\n# of a\na:\n  x: 1\n\n  y: 1\nmine: {x: 2}\n# of b\nb:\n  x: 3\n")
+    write_row(path, "a", "# new\na:\n  x: 4\n\n")
+    assert path.read_text() == "# of all\n\n# new\na:\n  x: 4\nmine: {x: 2}\n# of b\nb:\n  x: 3\n"
+
+
 def tuned(place, sensor, path, scene=None):
     """The row that is fitted to a scene with detections at 2.5 Hz, as the sensor lets them through."""
     params = {"places": {place: {"sensor": sensor}}, "sensors": {"perfect": {}, "thinned": {"rate_hz": 1.25}}}

@@ -1,4 +1,4 @@
-"""Rows of conf/ that tools write: a comment, a key, its indented lines, and a blank line to the next row."""
+"""Rows of conf/ that tools write: a comment, a key and its indented lines."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ def write_row(path: Path, key: str, row: str) -> None:
         key: of the row.
         row: its comment, its key and its lines.
     """
-    blocks = path.read_text().rstrip("\n").split("\n\n")
-    numbers = [k for k, block in enumerate(blocks) if re.search(rf"^{re.escape(key)}:", block, re.MULTILINE)]
-    place = numbers[0] if numbers else len(blocks)
-    blocks[place : place + 1] = [row.rstrip("\n")]
-    write_text(path, "\n\n".join(blocks) + "\n")
+    row, text = row.rstrip("\n") + "\n", path.read_text().rstrip("\n") + "\n"
+    present = rf"(?m)^(?:#.*\n)*{re.escape(key)}:.*\n(?:[ \t]+.*\n|\n(?=[ \t]))*"
+    changed, found = re.subn(present, lambda _: row, text, count=1)
+    write_text(path, changed if found else f"{text}\n{row}")
