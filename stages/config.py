@@ -333,7 +333,7 @@ def check_parts(cfg: Params) -> None:
     for check in PARTS.values():
         check(cfg)
     for key in NAMED:
-        for name in OmegaConf.select(OmegaConf.create(dict(cfg)), key):
+        for name in OmegaConf.select(OmegaConf.create(dict(cfg)), key) or ():
             if not re.fullmatch(r"[\w-]+", str(name)):
                 raise ConfigError(key, name, "names of rows may have letters, digits, _ and - only")
 

@@ -205,6 +205,12 @@ def test_a_row_whose_name_no_stage_can_have_is_refused(name):
         check_parts(params)
 
 
+def test_a_study_may_be_left_out():
+    params = {part: PARAMS[part] for part in PARTS}
+    params["folds"] = {study: folds for study, folds in params["folds"].items() if study != "transfer"}
+    check_parts(params)
+
+
 STAGES = [
     (train, {"phase": "corridor", "name": "lstm"}, "training.corridor", "steps", -5),
     (train, {"phase": "situations", "name": "mixture"}, "training.situations", "seed", -1),
