@@ -85,6 +85,10 @@ def test_what_has_no_answer_is_refused():
         predicted_occupancy(people(0), huge)
     with pytest.raises(ValueRuleError, match="body_m"):
         predicted_occupancy(people(0), GRID, np.nan)
+    with pytest.raises(ValueRuleError, match="body_m"):
+        predicted_occupancy(people(0), GRID, "wide")
+    with pytest.raises(ValueRuleError, match=r"resolution_m.*at most 32 cells.*larger cells"):
+        predicted_occupancy(people(0), OccupancyMap(np.zeros((20, 20), bool), [0, 0], 1e-5))
     agent = Predictions.single(np.zeros((1, 1, 2)), 0.3, frame="agent")
     with pytest.raises(ValueRuleError, match="world"):
         predicted_occupancy(agent, GRID)

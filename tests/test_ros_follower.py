@@ -264,6 +264,20 @@ def test_people_without_ids_are_refused_where_ids_are_asked_for():
     assert answered(follower_of(), nameless)
 
 
+def test_people_who_get_ids_some_time_after_they_were_found_have_these():
+    """And a stream in which one message of ten has none keeps to the nearest, once most had none."""
+    follower = follower_of()
+    for k in range(3):
+        answered(follower, people(1.0 + 0.1 * k, **{"": (0.0, 0.1 * k)}))
+    for k in range(3, 14):
+        answered(follower, people(1.0 + 0.1 * k, anna=(0.0, 0.1 * k)))
+    assert list(follower._identities.names.values()) == ["anna"]
+    for k in range(14, 60):
+        named = {"" if k < 21 or k % 9 == 0 else "anna": (0.0, 0.1 * k)}
+        answered(follower, people(1.0 + 0.1 * k, **named))
+        assert bool(follower._identities.names) == (k < 19)
+
+
 def test_time_that_goes_back_forgets_what_moves_and_keeps_what_is_fixed():
     """And a publisher with false stamps spoils its own frame alone."""
     frames, still = LiveFrames(), (Rotation.identity(), np.ones(3))

@@ -57,7 +57,7 @@ class Identities:
         Raises:
             ValueRuleError: ids are asked for, and some have none or share one.
         """
-        if not self._assigns:
+        if self._how != "assigned":
             self._judge(one)
         if self._assigns:
             _log.warning(
@@ -68,7 +68,11 @@ class Identities:
         return self._named(one, place)
 
     def _judge(self, one: Instant) -> None:
-        """Assign from now on, or say so, where ids say nothing about who is who."""
+        """Decide whether ids say who is who; if not, and they are asked for, say so.
+
+        They do not while most of the last messages have none; then they do once none of these lacks them, as
+        where a tracker names people some time after it has found them.
+        """
         names = [name for name in one.ids if name]
         unnamed = not names or len(set(names)) < len(names)
         if self._how == "given" and one.ids and unnamed:
@@ -82,8 +86,12 @@ class Identities:
                 "ids do not stay with people: of the last %d detections, %d have an id of their own",
                 *(len(self._new), sum(self._new)),
             )
-        without = 2 * sum(self._unclear) > len(self._unclear) or self._kind in UNNAMED_TYPES
-        self._assigns = self._how == "auto" and (without or fleeting)
+        most = 0 if self._assigns else len(self._unclear)
+        without = 2 * sum(self._unclear) > most or self._kind in UNNAMED_TYPES
+        assigns = self._how == "auto" and (without or fleeting)
+        if self._assigns and not assigns:
+            _log.info("people have ids now, which are taken from here on")
+        self._assigns = assigns
 
     def _fleeting(self, names: list[str]) -> bool:
         """Whether hardly any id lasts from one message to the next."""

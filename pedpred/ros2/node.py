@@ -213,6 +213,7 @@ class PedpredNode(LifecycleNode):
             self.destroy_subscription(self._people)
             self._people, self._arrivals = None, Arrivals()
             if self._follower is not None:
+                self._follower.forget_waiting()
                 self._guarded("place_file", self._follower.save_place)()
 
     def _clean_up(self) -> None:

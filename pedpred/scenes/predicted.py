@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from pedpred.arrays import real_number
 from pedpred.compiled import compiled
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.scenes.occupancy import OccupancyMap
@@ -14,7 +15,8 @@ from pedpred.scenes.predictions import Predictions
 BODY_M = 0.3
 """Radius of a person, m."""
 
-_MOST_CELLS = 2**24
+_MOST_CELLS, _WIDEST_BODY = 2**24, 32
+"""Cells of all steps, and in the radius of a person: the time grows with the fourth power of the latter."""
 _BLUR = 0.6
 """Standard deviation added to every forecast, in cells, so that sums over cells are integrals."""
 _POINTS = 11
@@ -35,13 +37,17 @@ def predicted_occupancy(predictions: Predictions, grid: OccupancyMap, body_m: fl
         body_m: radius of a person, m.
 
     Raises:
-        ValueRuleError: the predictions are not in the world frame, or the radius is not positive.
+        ValueRuleError: the predictions are not in the world frame, the radius is not positive, or cells are
+            much smaller than it.
         ShapeError: there are too many cells.
     """
     if predictions.frame != "world":
         raise ValueRuleError("frame", predictions.frame, "it must be 'world'")
-    if not 0 < body_m < np.inf:
+    if not 0 < real_number("body_m", body_m) < np.inf:
         raise ValueRuleError("body_m", body_m, "it must be positive")
+    if body_m > _WIDEST_BODY * grid.resolution_m:
+        rule = f"{body_m} m, the radius of a person, must be at most {_WIDEST_BODY} cells: use larger cells"
+        raise ValueRuleError("grid.resolution_m", grid.resolution_m, rule)
     shape = (predictions.steps, *grid.occupied.shape)
     if math.prod(shape) > _MOST_CELLS:
         raise ShapeError("grid", shape, f"at most {_MOST_CELLS} cells of all steps: use larger cells")
