@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -197,17 +198,17 @@ def _check_numbers(name: str, value: Any, annotation: str, interval: str) -> Non
 
 def _are_numbers(values: Any, whole: bool, interval: str) -> bool:
     """Whether a value is a list of (whole) numbers, all of them in an interval."""
-    numbers = (int,) if whole else (int, float)
+    kind = Integral if whole else Real  # those of numpy, too
     return isinstance(values, (tuple, list)) and all(
-        isinstance(entry, numbers) and not isinstance(entry, bool) and _inside(entry, interval)
+        not isinstance(entry, bool) and isinstance(entry, kind) and _inside(entry, interval)
         for entry in values
     )
 
 
-def _inside(value: float, interval: str) -> bool:
+def _inside(value: Any, interval: str) -> bool:
     low, high = map(float, interval[1:-1].split(","))
     above = low <= value if interval[0] == "[" else low < value
-    return above and (value <= high if interval[-1] == "]" else value < high)
+    return bool(above and (value <= high if interval[-1] == "]" else value < high))
 
 
 _LARGEST = 1e9

@@ -63,6 +63,8 @@ SENSED = "simulated/worlds"
 """Set of step sequences of worlds that a sensor sees; there are no scenes of it."""
 STUDIES = {"sim": False, "transfer": False, "real": True}
 """Groups of conf/folds, and whether their folds are trained."""
+TRAINED = ("models/main", "models/robot", "models/far")
+"""Folders of networks that belong to no fold."""
 METHODS = ("baselines", "networks", "memoryless")
 """Groups of conf/methods."""
 Params = Mapping[str, Any]
@@ -169,6 +171,8 @@ def _online(cfg: Params) -> None:
     for name, export in rows.exports.items():
         kalman_of(cfg, export.tracker)
         _names(f"online.exports.{name}.network", [export.network], _networks(cfg))
+        folders = [*TRAINED, *(f"models/folds/{fold}" for fold in cfg["folds"]["real"])]
+        _names(f"online.exports.{name}.networks", [export.networks], folders)
     for name, promise in rows.promises.items():
         _names(f"online.promises.{name}.method", [promise.method], _keys(cfg))
 

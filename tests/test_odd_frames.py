@@ -182,6 +182,11 @@ def test_settings_are_valid_from_birth(wrong):
         OnlineSettings(**wrong)
 
 
+def test_numbers_of_numpy_are_settings():
+    settings = OnlineSettings(max_age_s=np.float32(0.5), most_people=np.int64(4))
+    assert (settings.max_age_s, settings.most_people) == (0.5, 4)
+
+
 def test_a_velocity_that_nobody_can_have_spoils_no_forecast_of_others(folder, caplog):
     """It counts as 10 m/s: one of 10 km/s moved the forecasts of others by hundreds of metres."""
     robots = [OnlinePredictor.load(folder) for _ in "ab"]

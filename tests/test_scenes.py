@@ -116,3 +116,9 @@ def test_scene_is_valid_from_birth():
         Scene("a", trajectories(), occupancy, 0.0)
     with pytest.raises(ShapeError, match="picture"):
         Camera(None, np.zeros((2, 2), dtype=np.uint8))
+
+
+def test_a_scene_of_nobody_has_no_usual_interval():
+    nobody = Trajectories(np.zeros(0), np.zeros(0, int), np.zeros((0, 2)))
+    with pytest.raises(ValueRuleError, match="there are no detections"):
+        nobody.usual_interval_s()

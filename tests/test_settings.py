@@ -187,6 +187,11 @@ def test_an_unknown_part_is_refused():
             {"scene": "real/eth", "networks": "main"},
             "'recording.scenes.a.scene' = 'real/eth'",
         ),
+        (
+            "online.exports.small.networks",
+            "models/folds/none",
+            "'online.exports.small.networks' = 'models/folds/none': choose one of models/main",
+        ),
         ("online.exports.small.network", "cv", "'online.exports.small.network' = 'cv': choose one of lstm"),
     ],
 )

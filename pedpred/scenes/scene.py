@@ -87,6 +87,7 @@ class Trajectories:
         if not same.any():
             counts = f"{len(self)} ids in {len(self)} detections"
             rule = "no pedestrian was detected twice; ids must stay with people"
+            rule = rule if len(self) else "there are no detections"
             raise ValueRuleError("track_id", counts, rule)
         return float(np.median(np.diff(self.time_s[order])[same]))
 
