@@ -298,6 +298,14 @@ def test_the_same_times_in_two_units_are_not_added(tmp_path, plain):
     )
 
 
+@pytest.mark.parametrize("of", [math.floor, round])
+def test_whole_times_beside_their_seconds_are_taken(tmp_path, plain, of):
+    start_s = 1_700_000_000
+    rows = [(start_s + of(t), round(1000 * (start_s + t)), *row) for t, *row in WALK]
+    found = tracks(write(tmp_path, ["time,timestamp_ms,id,x,y"], rows))
+    np.testing.assert_allclose(found.time_s, plain.time_s + start_s, atol=1e-6)
+
+
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("quote", ["", '"'])
 @pytest.mark.parametrize("sign", [" ", ";", "\t"])
