@@ -70,6 +70,13 @@ def test_a_map_changes_by_its_updates(ros2, tmp_path):
     assert np.argwhere(occupied).tolist() == [[1, 0], [2, 0], [2, 1]]
 
 
+def test_a_class_of_people_without_classes_is_refused(ros2, tmp_path):
+    path = bag(ros2, tmp_path / "hall", "/map")
+    check(read_bag(path))
+    with pytest.raises(SourceError, match=r"/people has no classes.*people_msgs.*Leave --class out"):
+        read_bag(path, classes=("dog",))
+
+
 def test_several_maps_are_asked_about(ros2, tmp_path):
     path = bag(ros2, tmp_path / "hall", "/lidar", "/plan")
     with pytest.raises(SourceError, match=r"'/lidar', '/plan'.*--map-topic"):

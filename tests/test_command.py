@@ -18,6 +18,7 @@ from pedpred.command.maps import map_at
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings, shipped
+from pedpred.ros import write_recording
 from pedpred.storage.scenes import read_scene, write_map, write_scene
 from pedpred.tables.options import TableOptions
 from tests.conftest import ROOT
@@ -263,6 +264,19 @@ def test_an_option_without_a_meaning_is_refused(tmp_path, name, option, given):
     (tmp_path / "scene").mkdir()
     with pytest.raises(ValueRuleError, match=rf"{option} = .*{name} says times and lengths itself"):
         read_any(tmp_path / name, options=TableOptions(**given))
+
+
+@pytest.mark.parametrize("name", ["walk.csv", "scene", "scene.mcap"])
+@pytest.mark.parametrize("option", ["--topic", "--map-topic", "--class"])
+def test_what_bags_alone_have_is_refused_elsewhere(tmp_path, name, option):
+    """A recording of the package is read as a bag where a topic is named."""
+    scene = walled_scene(np.random.default_rng(0))
+    write_scene(scene, tmp_path / "scene")
+    write_recording(scene, tmp_path / "scene.mcap")
+    rows = [f"{k},{who},{k},{who}" for k in range(3) for who in (1, 2)]
+    (tmp_path / "walk.csv").write_text("\n".join(["time,id,x,y", *rows]))
+    with pytest.raises(SystemExit, match=r"is no bag|no row is of class|all in it are people|topic"):
+        main(["info", str(tmp_path / name), option, "nothing"])
 
 
 def test_a_table_of_forecasts_has_no_occupancy(tmp_path):

@@ -225,7 +225,12 @@ def read_any(
         ValueRuleError: an option has no meaning for the format.
     """
     options = options or TableOptions()
-    if not path.is_dir() and not _is_named(path):
+    is_tracks = not path.is_dir() and not _is_named(path)
+    if is_tracks or (path.is_dir() and not is_bag(path)):
+        for name, value in {"--topic": topic, "--map-topic": map_topic}.items():
+            if value:
+                raise ValueRuleError(name, value, f"{path} is no bag: it has no topics")
+    if is_tracks:
         scene = read_file(path, options)
     elif surplus := [name for name, field in _FOR_FILES.items() if getattr(options, field, None) is not None]:
         value = getattr(options, _FOR_FILES[surplus[0]])
@@ -236,6 +241,8 @@ def read_any(
         return read_bag(path, topic, transform, map_topic, classes, options.names.of_number)
     else:
         _check_folder(path)
+        if options.classes:
+            raise ValueRuleError("--class", options.classes, f"{path} is a scene: all in it are people")
         scene = read_own(path, options) if path.is_dir() else read_recording(path, transform)
         check_speeds(path, scene.trajectories, by_format=True)
         transform = transform if path.is_dir() else None

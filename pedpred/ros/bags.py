@@ -17,7 +17,7 @@ from pedpred.ros.detections import Instant, People
 from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
-from pedpred.ros.people import ADAPTERS
+from pedpred.ros.people import ADAPTERS, LABELLED
 from pedpred.ros.scene_messages import map_of_grid, updated_grid
 from pedpred.ros.storages import opened
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
@@ -72,13 +72,17 @@ def read_bag(
 
     Raises:
         SourceError: the file is not a bag, no topic or several carry people, several carry a map, people
-            and map are in different frames, ids do not say who is who, or the messages make no scene.
+            and map are in different frames, ids do not say who is who, classes are named and the messages
+            have none, or they make no scene.
     """
     problem = partial(SourceError, path, None)
     with translate_errors(partial(problem, remedy=_REMEDY)), opened(path) as bag:
         connections = bag.connections
         topic, map_topic = (_as_in_bag(name, connections) for name in (topic, map_topic))
         sources = _people_topic(path, connections, topic)
+        if set(classes) != set(PERSON_CLASSES) and (kind := sources[0].msgtype) != LABELLED:
+            lack = f"{sources[0].topic} has no classes to choose from: it carries {kind}"
+            raise SourceError(path, None, lack, "Leave --class out")
         maps = _map_topic(path, connections, map_topic)
         ground, instants = _read(path, bag, [*sources, *maps, *_updates_of(maps, connections)], classes)
         with translate_errors(partial(problem, remedy="")):
