@@ -268,6 +268,20 @@ def test_the_geometry_inside_a_file_may_have_an_open_end(tmp_path, write):
     assert opened.is_occupied(np.array([[-0.5, 4.0]])).all()
 
 
+@pytest.mark.parametrize("write", [write_jupedsim, write_archive])
+def test_a_geometry_inside_a_file_that_is_replaced_is_not_read(tmp_path, write):
+    good = write(tmp_path)
+    (tmp_path / "broken").mkdir()
+    path = write(tmp_path / "broken", wkt=("nonsense",) if write is write_jupedsim else "nonsense")
+    walls = tmp_path / "walls.wkt"
+    walls.write_text("POLYGON ((0 0, 12 0, 12 8, 0 8, 0 0))")
+    with pytest.raises(SystemExit, match="NONSENSE"):
+        main(["info", str(path)])
+    for given in (["--no-map"], ["--map", str(walls)]):
+        for name in (good, path):
+            main(["info", str(name), *given])
+
+
 def test_pedpy_reads_the_archive_that_we_read(tmp_path):
     path = write_archive(tmp_path)
     theirs = pedpy.load_trajectory_from_ped_data_archive_hdf5(trajectory_file=path)

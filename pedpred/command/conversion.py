@@ -217,7 +217,7 @@ def read_any(
         topic: of a bag's people; a recording of this project is read as a bag if one is given.
         options: what a file of tracks does not say itself; takes the names of tracks.
         transform: of the people's frame, where it is not the map's.
-        map_topic: of a bag's map, see `read_bag`.
+        map_topic: of a bag's map, see `read_bag`; "" leaves out the geometry inside other files, too.
         classes: of people among a bag's detections, see `read_bag`.
 
     Raises:
@@ -231,7 +231,7 @@ def read_any(
             if value:
                 raise ValueRuleError(name, value, f"{path} is no bag: it has no topics")
     if is_tracks:
-        scene = read_file(path, options)
+        scene = read_file(path, options, with_walls=map_topic != "")
     elif surplus := [name for name, field in _FOR_FILES.items() if getattr(options, field, None) is not None]:
         value = getattr(options, _FOR_FILES[surplus[0]])
         raise ValueRuleError(

@@ -61,12 +61,13 @@ class Format:
     pixels: bool = False
 
 
-def read_file(path: Path, options: TableOptions | None = None) -> Scene:
+def read_file(path: Path, options: TableOptions | None = None, with_walls: bool = True) -> Scene:
     """Read the tracks in a file; the scene is named after the file, on free ground unless it has a geometry.
 
     Args:
         path: a file in one of `FORMATS`.
         options: what the file does not say itself.
+        with_walls: read the geometry inside it, too.
 
     Raises:
         SourceError: the file cannot be understood, nobody is detected twice, its times are not seconds,
@@ -88,7 +89,7 @@ def read_file(path: Path, options: TableOptions | None = None) -> Scene:
     trajectories = without_placeholders(path, kind.read(path, options))
     titled = kind is _TABLE and options.columns is None
     dt_s = checked_interval_s(path, trajectories, titled, sure=options.unit is not None)
-    walls = kind.walls(path)
+    walls = kind.walls(path) if with_walls else None
     if walls is None:
         return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
     with translate_errors(partial(SourceError, path, None)):
