@@ -1,5 +1,6 @@
 """Formats that the field has: written after their specifications and read to the value."""
 
+import re
 import sqlite3
 
 import h5py
@@ -239,6 +240,19 @@ def test_pixels_need_their_size_and_nothing_else_has_one(tmp_path):
         read_file(write_sumo(tmp_path), TableOptions(pixel_m=0.1))
     with pytest.raises(ValueRuleError, match=r"--unit = 'cm', but .*ATC.*whose unit is known"):
         read_file(write_atc(tmp_path), TableOptions(unit="cm"))
+
+
+@pytest.mark.parametrize(("factor", "named"), [(100.0, r"format has metres: .*cm"), (4.0, "running")])
+@pytest.mark.parametrize("write", [write_jupedsim, write_archive, write_sumo])
+def test_a_unit_that_cannot_be_given_is_no_remedy(tmp_path, caplog, write, factor, named):
+    path = write(tmp_path, [(k, who, factor * x, factor * y) for k, who, x, y in ROWS])
+    try:
+        read_file(path)
+        said = caplog.text
+    except SourceError as error:
+        said = str(error)
+    assert re.search(named, said)
+    assert "ay --unit" not in said
 
 
 def test_longitude_and_latitude_are_not_metres(tmp_path):

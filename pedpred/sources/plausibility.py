@@ -98,7 +98,13 @@ def _motion(track_id: np.ndarray, frame: np.ndarray, position: np.ndarray) -> _M
     return _Motion(usual, long, seen)
 
 
-def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False, by_format: bool = False) -> None:
+def check_speeds(
+    path: Path,
+    trajectories: Trajectories,
+    sure: bool = False,
+    by_format: bool = False,
+    any_unit: bool = True,
+) -> None:
     """Check that people move as fast as people do; otherwise lengths or times have another unit.
 
     Args:
@@ -106,6 +112,7 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False, by_
         trajectories: what was read from it, taken as metres and seconds.
         sure: the caller has said the unit, so that impossible speeds are only warned about.
         by_format: the format says the unit, which its writer may not have known; warned about, too.
+        any_unit: the caller may say the unit.
 
     Raises:
         SourceError: they are impossible; the likely unit is named.
@@ -119,20 +126,23 @@ def check_speeds(path: Path, trajectories: Trajectories, sure: bool = False, by_
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
     sure, doubt = sure or by_format, ""
     likely = next((unit for unit in _LIKELY if usual_mps * UNITS[unit] <= _USUAL_MPS), "mm")
-    if by_format:
+    if by_format or not any_unit:
         doubt = f": are lengths {likely} in place of metres?"
     if usual_mps > FASTEST_MPS:
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
         if not sure:
             remedy = f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, --scale if "
             remedy += "they are pixels, or correct these, --rate, the unit of times or the order of --columns"
+            if not any_unit:
+                remedy = f"The format has metres: if lengths are {likely}, write them in metres, or into a "
+                remedy += f"table (--unit {likely}). Or correct --scale, --rate or times"
             raise SourceError(path, None, problem, remedy)
         _log.warning("%s: %s%s", path, problem, doubt)
     elif usual_mps > _USUAL_MPS:
         speeds = (
             f"up to {usual_mps:.3g} m/s (1 % are faster), {np.median(speed_mps):.3g} m/s half of the time"
         )
-        ask = doubt if sure else f": say --unit {likely} if lengths are {likely}, or --unit m"
+        ask = doubt if sure or not any_unit else f": say --unit {likely} if lengths are {likely}, or --unit m"
         _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
     elif usual_mps < _SLOWEST_MPS:
         _log.warning(

@@ -88,7 +88,7 @@ def read_file(path: Path, options: TableOptions | None = None, with_walls: bool 
         )
     trajectories = without_placeholders(path, kind.read(path, options))
     titled = kind is _TABLE and options.columns is None
-    dt_s = checked_interval_s(path, trajectories, titled, sure=options.unit is not None)
+    dt_s = checked_interval_s(path, trajectories, titled, options.unit is not None, kind.any_unit)
     walls = kind.walls(path) if with_walls else None
     if walls is None:
         return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
@@ -118,7 +118,9 @@ def format_of(path: Path, options: TableOptions | None = None) -> Format:
     return _TABLE if has_header(path) else _TEXT
 
 
-def checked_interval_s(path: Path, people: Trajectories, titled: bool, sure: bool) -> float:
+def checked_interval_s(
+    path: Path, people: Trajectories, titled: bool, sure: bool, any_unit: bool = True
+) -> float:
     """Check that tracks can be those of people; return the usual time between two detections, s.
 
     Args:
@@ -126,6 +128,7 @@ def checked_interval_s(path: Path, people: Trajectories, titled: bool, sure: boo
         people: what was read from it.
         titled: its own titles say what its columns hold.
         sure: the caller has said the unit of lengths.
+        any_unit: the caller may say it.
 
     Raises:
         SourceError: nobody is detected twice, times are not seconds, positions are degrees, titles are
@@ -142,7 +145,7 @@ def checked_interval_s(path: Path, people: Trajectories, titled: bool, sure: boo
         check_titles(path, people)
     if not sure:
         check_brief(path, people)
-    check_speeds(path, people, sure)
+    check_speeds(path, people, sure, any_unit=any_unit)
     return dt_s
 
 
