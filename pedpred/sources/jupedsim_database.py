@@ -76,7 +76,8 @@ def read_walls(path: Path) -> Walls | None:
         rows = database.execute("SELECT wkt FROM geometry").fetchmany(_MOST_GEOMETRIES)
         if any(not isinstance(text, str) for (text,) in rows):
             raise SourceError(path, None, "a geometry that is not text")
-        return parse_wkt(path, "\n".join(text for (text,) in rows)) if rows else None
+        texts = [text for (text,) in rows if text.strip()]
+        return parse_wkt(path, "\n".join(texts)) if texts else None
 
 
 @contextmanager
@@ -143,5 +144,8 @@ def _rate_hz(path: Path, database: sqlite3.Connection, options: TableOptions) ->
         _check_columns(path, database, "metadata", ["key", "value"])
         row = database.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
         if row is not None:
-            said = float(row[0])
+            try:
+                said = float(row[0])
+            except (TypeError, ValueError) as cause:
+                raise SourceError(path, None, f"fps in the table metadata: {cause}") from cause
     return agreed_rate(path, said, options, "no fps in the table metadata")
