@@ -113,6 +113,8 @@ def test_a_transform_moves_all_vectors(tmp_path):
         np.testing.assert_allclose(getattr(turned, name), getattr(was, name) @ quarter + [1, 2], atol=1e-9)
     with pytest.raises(ValueRuleError, match="yaw_rad = nan"):
         Transform(0.0, 0.0, np.nan)
+    with pytest.raises(ValueRuleError, match=r"yaw_rad = 90\.0, .*in degrees"):
+        Transform(0.0, 0.0, 90.0)
 
 
 @pytest.mark.parametrize("kind", ["csv", "mcap", "folder", "bag"])

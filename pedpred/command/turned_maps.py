@@ -11,6 +11,7 @@ import numpy as np
 
 from pedpred.errors import StorageError
 from pedpred.files import open_picture, translate_errors
+from pedpred.ros.frames import TWO_TURNS_RAD
 from pedpred.ros.turned_maps import turned_map
 from pedpred.scenes import OccupancyMap
 
@@ -19,7 +20,6 @@ from pedpred.storage.maps import _field, _meaning, _number, picture_of
 from pedpred.storage.pixels import blocked_cells, blocked_greys
 
 _POSE = 3
-_TWO_TURNS_RAD = 4.0 * math.pi
 _ORIGIN = "Write x, y and yaw in metres and radians: origin: [0.0, 0.0, 0.0]"
 
 
@@ -39,7 +39,7 @@ def yaw_of(path: Path, content: dict[str, Any]) -> float:
     yaw_rad = _number(path, "origin", origin[2])
     if not math.isfinite(yaw_rad):
         raise StorageError(path, "origin", f"yaw = {yaw_rad}, but it must be finite", _ORIGIN)
-    if abs(yaw_rad) > _TWO_TURNS_RAD:
+    if abs(yaw_rad) > TWO_TURNS_RAD:
         problem = f"yaw = {yaw_rad:g} rad is more than two turns: is it in degrees?"
         raise StorageError(path, "origin", problem, _ORIGIN)
     return yaw_rad

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Set
 from dataclasses import dataclass, replace
 
@@ -11,6 +12,8 @@ from pedpred.arrays import real_number, real_numbers
 from pedpred.errors import ValueRuleError
 from pedpred.geometry import rotate
 from pedpred.scenes import Trajectories, rule_of
+
+TWO_TURNS_RAD = 4.0 * math.pi
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,8 @@ class Transform:
             rule, valid = rule_of("position", np.asarray(real_number(field, value)))
             if not valid:
                 raise ValueRuleError(field, value, rule)
+        if abs(self.yaw_rad) > TWO_TURNS_RAD:
+            raise ValueRuleError("yaw_rad", self.yaw_rad, "it must be at most two turns: is it in degrees?")
 
     def to_map(self, position: np.ndarray) -> np.ndarray:
         """Points of the people's frame in the map's frame, m. [..., 2]."""
