@@ -103,6 +103,18 @@ def test_ways_to_say_the_frame_rate(folder, header):
         ("positions in centimetres", 0.01),
         ("x in m, y in m, z in cm", 1.0),
         ("cells of 10 cm, cell size in cm", 1.0),
+        ("all heights in cm", 1.0),
+        ("z in cm", 1.0),
+        ("unit of heights: cm", 1.0),
+        ("positions in m; all heights in cm", 1.0),
+        ("camera position in mm: 0 0 3000", 1.0),
+        ("position of the camera in mm", 1.0),
+        ("all speeds in cm/s", 1.0),
+        ("heights and positions in cm", 0.01),
+        ("z/cm x/cm y/cm", 0.01),
+        ("x, y at head height in cm", 0.01),
+        ("camera coordinates in cm", 0.01),
+        ("radius in m, positions in cm", 0.01),
     ],
 )
 def test_ways_to_say_the_unit(folder, comment, unit_m):

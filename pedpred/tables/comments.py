@@ -46,6 +46,20 @@ _UNIT = re.compile(
 )
 
 
+_SENSOR = r"(?:camera|sensor|lidar)s?"
+_OF_SENSOR = r"(?:position|location|height|pose|offset|origin|distance)s?"
+_OTHERS = (
+    r"(?:(?:all|the|units?|lengths?|of)\s+)*"
+    r"(?:z|heights?|radi(?:us|i)|diameters?|widths?|sizes?|shoulders?|speeds?|velocit(?:y|ies))",
+    rf"(?:all\s+|the\s+)*{_SENSOR}\s+{_OF_SENSOR}",
+    rf"(?:all\s+|the\s+)*{_OF_SENSOR}\s+of\s+(?:(?:the|a|all|each)\s+)?{_SENSOR}",
+)
+_ASIDE = re.compile(
+    rf"(?:^|[,;:(])\W*(?:{'|'.join(_OTHERS)})\b(?!\s*(?:and\b|und\b|[&+/]))[^,;]*", re.IGNORECASE
+)
+"""What a comment says of something else than x and y, up to the next comma."""
+
+
 def frame_rate_hz(path: Path, comments: Sequence[str], stated_hz: float | None) -> float | None:
     """Frames per second from comments or the caller; None: unknown.
 
@@ -76,7 +90,8 @@ def unit_of_lengths(path: Path, comments: Sequence[str], options: TableOptions) 
         SourceError: they differ.
     """
     stated = PIXELS if is_of_pixels(options) else options.unit
-    units = {LENGTH_WORDS[match[1].lower()] for text in comments for match in _UNIT.finditer(text)}
+    texts = [_ASIDE.sub("", text) for text in comments]
+    units = {LENGTH_WORDS[match[1].lower()] for text in texts for match in _UNIT.finditer(text)}
     if stated is not None:
         units = units & {stated} if len(units) > 1 and stated in units else units | {stated}
     if len(units) > 1:
