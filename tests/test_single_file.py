@@ -104,6 +104,12 @@ def test_a_text_is_that_of_a_laboratory_or_a_table(tmp_path, header):
     assert_same(read_file(path).trajectories, TRACKS)
 
 
+def test_lines_of_json_that_are_no_tracks_are_told_what_to_be(tmp_path):
+    (tmp_path / "walk.ndjson").write_text('{"time": 0, "id": 1, "x": 1, "y": 2}\n' * 3)
+    with pytest.raises(SourceError, match=r"no line with a track.*Save others as CSV"):
+        read_file(tmp_path / "walk.ndjson")
+
+
 def test_nobody_twice_is_said(tmp_path):
     with pytest.raises(
         SourceError, match=r"walk\.csv: .*no pedestrian was detected twice.*several detections"

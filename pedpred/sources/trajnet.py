@@ -26,6 +26,7 @@ from pedpred.tables.text import Row, check_unique, read_numbers, text_lines
 _FIELDS = {"f": "frame", "p": "track_id", "x": "x_m", "y": "y_m"}
 _LINE = '{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}'
 _WHO, _PLACE = 1, (2, 3)
+_OTHERS = "Is this a file of TrajNet++? Save others as CSV with the columns time,id,x,y"
 _MEASURE = "Measure forecasts with: pedpred evaluate RECORDING --forecasts FILE"
 
 
@@ -61,7 +62,7 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
     rows = with_positions(path, track_rows(path, _FIELDS, detected), _PLACE, _WHO)
     columns = read_numbers(path, rows, tuple(_FIELDS), _FIELDS)
     if not len(columns["line"]):
-        raise SourceError(path, None, f"no line with a track, such as {_LINE}")
+        raise SourceError(path, None, f"no line with a track, such as {_LINE}", _OTHERS)
     check_unique(path, columns, "track_id", "frame")
     position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
     with translate_errors(partial(SourceError, path, None)):
