@@ -170,6 +170,18 @@ def check_degrees(path: Path, people: Trajectories, sure: bool = False) -> None:
         raise SourceError(path, None, problem, remedy)
 
 
+def doubt_fractions(path: Path, people: Trajectories) -> None:
+    """Warn about people who all are within one metre, as where positions are parts of a picture.
+
+    Args:
+        path: the file, for messages.
+        people: what was read from it, taken as metres and seconds.
+    """
+    if len(people) and people.position.min() >= 0.0 and people.position.max() <= 1.0:
+        text = "%s: all positions lie from 0 to 1: are they parts of a picture's width and height? %s"
+        _log.warning(text, path, "Then make pixels of them, and give --scale or --homography")
+
+
 def check_titles(path: Path, people: Trajectories) -> None:
     """Check that the titles of a table are not those of other columns.
 

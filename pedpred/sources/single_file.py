@@ -24,7 +24,7 @@ from pedpred.sources import (
     viswalk,
 )
 from pedpred.sources.beginnings import Beginning
-from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles
+from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles, doubt_fractions
 from pedpred.sources.times import check_brief, check_clock, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
@@ -141,6 +141,8 @@ def checked_interval_s(
     check_clock(path, dt_s)
     doubt_whole_seconds(path, people, dt_s)
     check_degrees(path, people, sure)
+    if not sure and any_unit:
+        doubt_fractions(path, people)
     if titled:
         check_titles(path, people)
     if not sure:
