@@ -70,6 +70,13 @@ def test_a_map_changes_by_its_updates(ros2, tmp_path):
     assert np.argwhere(occupied).tolist() == [[1, 0], [2, 0], [2, 1]]
 
 
+def test_a_topic_without_people_is_named(ros2, tmp_path):
+    path = bag(ros2, tmp_path / "hall", "/map")
+    for topic in ("/map", "/nothing"):
+        with pytest.raises(SourceError, match=rf"{topic} carries no people, among .*/people"):
+            read_bag(path, topic=topic)
+
+
 def test_a_class_of_people_without_classes_is_refused(ros2, tmp_path):
     path = bag(ros2, tmp_path / "hall", "/map")
     check(read_bag(path))

@@ -175,7 +175,9 @@ def _people_topic(path: Path, connections: Sequence[Connection], topic: str | No
     candidates = {
         c.topic: c.msgtype if c in read else f"{c.msgtype} in {c.encoding}" for c in carriers or connections
     }
-    lack = "several topics carry people: choose one (--topic)" if carriers else "no topic carries people"
+    lack = "no topic carries people" if topic is None else f"{topic} carries no people"
+    if carriers:
+        lack = "several topics carry people: choose one (--topic)"
     raise SourceError(path, None, f"{lack}, among {brief(candidates)}", _REMEDY)
 
 
