@@ -286,7 +286,9 @@ def test_frame_numbers_called_times_are_doubted(tmp_path, caplog):
 @pytest.mark.parametrize("titles", ["frame,id,x,y,w,h\n", ""])
 @pytest.mark.parametrize(("least", "warned"), [(0.3, True), (0.9, False), (-0.1, False)])
 def test_parts_of_a_picture_are_no_metres_without_a_word(tmp_path, caplog, titles, least, warned):
-    rows = [f"{k},{who},{least + k * 0.002 * who:.4f},{0.3 * who},0.03,0.1" for k in range(40) for who in (1, 2)]
+    rows = [
+        f"{k},{who},{least + k * 0.002 * who:.4f},{0.3 * who},0.03,0.1" for k in range(40) for who in (1, 2)
+    ]
     path = tmp_path / "boxes.csv"
     path.write_text(titles + "\n".join(rows))
     read_file(path, TableOptions(rate_hz=10.0))

@@ -121,6 +121,7 @@ def test_several_recordings_in_one_table_are_warned_about(title, tmp_path, caplo
     with caplog.at_level(logging.WARNING):
         tracks(write(tmp_path, [f"time,id,x,y,{title}"], rows))
     assert f"column {title} holds 1, 2: all are read as one recording" in caplog.text
+    assert ("one column of times" in caplog.text) is (title in ("day", "hour", "minute"))
 
 
 ZONES = st.sampled_from([None, UTC, timezone(timedelta(hours=-3, minutes=-30)), timezone(timedelta(hours=9))])

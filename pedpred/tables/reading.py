@@ -41,6 +41,7 @@ from pedpred.tables.titles import (
     columns_of_classes,
     columns_of_heights,
     columns_of_recordings,
+    is_part_of_time,
     meaning_of,
     numbered_pairs,
     titles_of_tracks,
@@ -93,6 +94,8 @@ def _classes(path: Path, titles: Sequence[str], options: TableOptions) -> tuple[
             text = (
                 "%s: column %s holds %s: all are read as one recording; divide the file if they are several"
             )
+            if is_part_of_time(title):
+                text += ", or write one column of times if they are parts of these"
             _log.warning(text, path, title, shown)
     if kinds or options.classes:
         return classes_of_people(path, {title: counts[title] for title in kinds}, options.classes)

@@ -128,6 +128,11 @@ def columns_of_recordings(titles: Sequence[str]) -> list[str]:
     ]
 
 
+def is_part_of_time(title: str) -> bool:
+    """Whether a column may count days, hours or minutes of times that another one goes on with."""
+    return bool({part.lower() for part in _WORD.findall(title)} & (_MINUTES | {"day", "hour"}))
+
+
 def columns_of_heights(titles: Sequence[str]) -> list[int]:
     """Columns that a title calls z, which may be the second axis of the ground instead of y."""
     return [at for at, title in enumerate(titles) if _is_called(title, {"z"}, {*_PLACE, *LENGTH_WORDS})]
