@@ -259,6 +259,25 @@ def test_a_unit_that_cannot_be_given_is_no_remedy(tmp_path, caplog, write, facto
     assert "ay --unit" not in said
 
 
+@pytest.mark.parametrize("title", ["LEVEL", "LEVEL\\NO", "SIMRUN"])
+def test_floors_and_runs_of_viswalk_are_warned_about(tmp_path, caplog, title):
+    path = write_viswalk(tmp_path)
+    text = path.read_text().replace("PEDTYPE\\NAME", title)
+    path.write_text(text.replace(";Man", ";1"))
+    read_file(path)
+    assert "one floor" not in caplog.text
+    path.write_text(text.replace(";Man", ";1", 5).replace(";Man", ";2"))
+    read_file(path)
+    assert f"{title} is 1, 2: all are read as one recording on one floor" in caplog.text
+
+
+def test_other_headers_of_viswalk_are_named(tmp_path):
+    path = write_viswalk(tmp_path)
+    path.write_text(path.read_text().replace("$PEDESTRIAN:", "$FUSSGAENGER:"))
+    with pytest.raises(SourceError, match=r"begins with \$PEDESTRIAN:, but with \$FUSSGAENGER:.*in English"):
+        read_file(path)
+
+
 def test_longitude_and_latitude_are_not_metres(tmp_path):
     degrees = [(k, who, 11.5 + x * 1e-5, 48.1 + y * 1e-5) for k, who, x, y in ROWS]
     path = write_sumo(tmp_path, degrees)
