@@ -88,6 +88,22 @@ def test_neighbours_may_have_no_position_and_others_must(nowhere, tmp_path):
         read_forecasts(path, None)
 
 
+@pytest.mark.parametrize("later", [0, 5, 1000])
+def test_scenes_may_lie_between_the_frames_of_others(later, tmp_path):
+    lines = [{"scene": {"id": number, "p": number, "fps": 2.5}} for number in (1, 2)]
+    lines += [
+        {"track": {"f": later * (who == 2) + 10 * k, "p": who, "x": 0.4 * k, "y": 0.0, **forecast}}
+        for who in (1, 2)
+        for forecast in ({"prediction_number": n, "scene_id": who} for n in (0, 1))
+        for k in (9, 10, 11)
+    ]
+    (tmp_path / "them.ndjson").write_text("\n".join(map(json.dumps, lines)))
+    found = read_forecasts(tmp_path / "them.ndjson", None)
+    np.testing.assert_allclose(found.time_s, [3.2, 3.2 + 0.04 * later])
+    assert found.path.shape == (2, 2, 3, 2)
+    assert found.step_s == 0.4
+
+
 def test_the_number_of_scenes_is_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(trajnet, "_MOST_SCENES", 3)
     assert len(read_forecasts(predicted(3, 2.5, tmp_path / "them.ndjson"), None).time_s) == 3

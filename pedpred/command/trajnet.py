@@ -75,8 +75,9 @@ def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
     kept = primary[scene] == columns["track_id"]
     scene, columns = scene[kept], {name: values[kept] for name, values in columns.items()}
     frame, step_s = columns.pop("frame"), 1.0 / rates.pop()
-    frames = np.unique(frame)
-    apart = float(np.median(np.diff(frames))) if len(frames) > 1 else 1.0
+    order = np.lexsort((frame, columns["mode"], scene))
+    steps = np.diff(frame[order])[(np.diff(scene[order]) == 0) & (np.diff(columns["mode"][order]) == 0)]
+    apart = float(np.median(steps)) if len(steps) else 1.0  # scenes may lie between each other's frames
     first = np.full(len(scenes), np.inf)
     np.minimum.at(first, scene, frame)
     columns["time"] = (first[scene] / apart - 1.0) * step_s
