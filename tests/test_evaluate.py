@@ -208,6 +208,16 @@ def walk(tmp_path):
     return tmp_path / "walk.csv"
 
 
+def test_the_largest_id_has_its_forecasts(walk, tmp_path, mixture):
+    largest = 2**63 - 1
+    walk.write_text(walk.read_text().replace(",1,", f",{largest},"))
+    theirs = straight_lines(12, 0.3).replace("\n1,", f"\n{largest},")
+    (tmp_path / "straight.csv").write_text(theirs)
+    given = ("--forecasts", tmp_path / "straight.csv", "--model", mixture[0])
+    figures = measured(walk, *given, out=tmp_path / "e.json")["walk"]
+    assert figures["straight"]["windows"] == 1
+
+
 @pytest.mark.parametrize("step_s", [0.3, 0.4, 0.5])
 def test_steps_of_another_length_are_interpolated(walk, step_s, tmp_path, mixture):
     (tmp_path / "straight.csv").write_text(straight_lines(12, step_s))

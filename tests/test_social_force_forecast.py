@@ -104,6 +104,14 @@ def test_the_plan_is_the_recorded_sequence_of_goals():
     assert (wanted.plan[1, 1:] == -1).all()
 
 
+def test_the_largest_id_has_its_intentions():
+    largest = 2**63 - 1
+    known = {"goal": np.array([[1.0, 0.0], [1.0, 0.0]]), "desired_speed_mps": np.full(2, 1.2)}
+    trajectories = Trajectories(0.3 * np.arange(2), np.full(2, largest), np.zeros((2, 2)), **known)
+    wanted = intentions(trajectories, np.array([largest]), np.array([0.3]), np.zeros((1, 2)))
+    assert wanted.desired_speed.tolist() == [1.2]
+
+
 def test_no_rows_give_no_paths_and_an_unknown_track_is_named():
     scene = pavement(np.ones((2, 2)))
     none = np.empty((0, 2))

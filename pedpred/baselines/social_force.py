@@ -146,7 +146,7 @@ def _latest_rows(
     """Index of each track's last detection up to an instant (its first one if there is none yet). [W]."""
     rows = np.empty(len(track_id), dtype=np.int64)
     for asked in np.unique(track_id):
-        first, last = np.searchsorted(track, [asked, asked + 1])
+        first, last = (np.searchsorted(track, asked, side) for side in ("left", "right"))
         if first == last:
             raise ValueRuleError("track_id", int(asked), "the recording has no such track")
         mask = track_id == asked

@@ -114,7 +114,7 @@ class ForeignForecasts:
         """Row of the forecast of each window, -1 where there is none. [W]."""
         rows = np.full(len(track_id), -1)
         for track in np.unique(track_id):
-            first, last = np.searchsorted(self.track_id, [track, track + 1])
+            first, last = (np.searchsorted(self.track_id, track, side) for side in ("left", "right"))
             if first < last:
                 asked = np.flatnonzero(track_id == track)
                 right = np.clip(np.searchsorted(self.time_s[first:last], time_s[asked]), 1, last - first)
