@@ -194,6 +194,17 @@ def test_methods_are_compared_where_a_table_has_forecasts(hall, tmp_path, mixtur
     assert "all methods are compared there" in caplog.text
 
 
+def test_windows_that_others_leave_out_do_not_lack_truth(walk, tmp_path, mixture):
+    kept = [line for line in walk.read_text().splitlines() if not line.startswith("8.0,")]
+    walk.write_text("\n".join(kept) + "\n")
+    (tmp_path / "straight.csv").write_text(straight_lines(12, 0.3))
+    usual = measured(walk, "--model", mixture[0], out=tmp_path / "u.json")["walk"]["cv"]
+    assert usual["eligible"] > usual["windows"]
+    given = ("--forecasts", tmp_path / "straight.csv", "--model", mixture[0])
+    one = measured(walk, *given, out=tmp_path / "e.json")["walk"]["cv"]
+    assert one["eligible"] == one["windows"] == 1
+
+
 def straight_lines(rows, step_s):
     """A table that forecasts track 1 of a straight walk at 1 m/s, made at 2.0 s."""
     lines = [f"1,2.0,0,1,{n},{2.0 + step_s * n},0" for n in range(1, rows + 1)]

@@ -50,7 +50,7 @@ def assess(
         settings: thresholds of the metrics.
         sensor: between the scene and the tracker; None for a perfect one.
         others: further methods by name, without memory; no name of `ALWAYS`.
-        answered: which windows count, [W] bool; None: all.
+        answered: which windows count, [W] bool; None: all, and then detections without truth are counted.
         metrics: which ones alone; None: all, and errors and calibration at each step.
 
     Raises:
@@ -67,8 +67,8 @@ def assess(
     without_truth = count_without_truth(request.table, sizes, scene.name)
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.
     request = replace(request, tracker=None)
-    if answered is not None:
-        request = replace(request, rows=request.rows[answered(request)])
+    if answered is not None:  # of detections without truth, nobody knows whether they would count
+        request, without_truth = replace(request, rows=request.rows[answered(request)]), 0
     if not about.memory:
         blocks = predictions_in_blocks(predictor, request, f"forecast {scene.name}")
     else:
