@@ -158,6 +158,13 @@ def test_the_last_line_compares_with_the_best_simple_method(hall, model, capsys)
     assert "95 % interval" in last
 
 
+def test_one_track_has_no_interval(walk, mixture, capsys):
+    main(["evaluate", str(walk), "--model", str(mixture[0]), *FAST])
+    _, titles, line, *_, last = capsys.readouterr().out.splitlines()
+    assert line[titles.index("95 % interval") :][: len("95 % interval")].split() == ["-"]
+    assert last.endswith("(one track alone says little of others, so there is no interval)")
+
+
 # Forecasts of others
 
 

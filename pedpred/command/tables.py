@@ -31,7 +31,7 @@ def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str,
     titles = [f"{METRICS[key].label} {METRICS[key].unit}" for key in SHOWN]
     cells: list[Sequence[str]] = [("method", titles[0], "95 % interval", *titles[1:])]
     for method, row in rows.items():
-        interval = " - ".join(_cell(first, end) for end in row[f"{first}_ci95"])
+        interval = " - ".join(_cell(first, end) for end in row[f"{first}_ci95"]) if _varied(row) else "-"
         cells.append((method, _cell(first, row[first]), interval, *(_cell(k, row.get(k)) for k in others)))
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
@@ -65,6 +65,11 @@ def remark(name: str, rows: Mapping[str, Mapping[str, Any]]) -> str:
     )
 
 
+def _varied(row: Mapping[str, Any]) -> bool:
+    """Whether there are several tracks: replicates of a single one are all the same."""
+    return bool(row["tracks"] > 1)
+
+
 def _cell(key: str, value: float | None) -> str:
     """Write a figure with the digits of its unit."""
     if value is None:
@@ -94,5 +99,7 @@ def _sentence(method: str, best: str, row: Mapping[str, Any], reference_m: float
     else:
         comparison = f"{'better' if difference < 0 else 'worse'} than {best}"
     relative = f", {100 * difference / reference_m:+.0f} %" if reference_m else ""
-    interval = f"95 % interval {_cell('ade_m', low)} to {_cell('ade_m', high)}"
+    interval = "one track alone says little of others, so there is no interval"
+    if _varied(row):
+        interval = f"95 % interval {_cell('ade_m', low)} to {_cell('ade_m', high)}"
     return f"{method}: {comparison}, the best simple method: ADE {difference:+.3f} m{relative} ({interval})\n"
