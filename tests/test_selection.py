@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.forecasting import selection
 from pedpred.forecasting.selection import NEAR_M, REACH_M, ROUNDS, choose_modes
 from pedpred.geometry import rotate
 from pedpred.metrics.paths import too_close
@@ -158,6 +159,22 @@ def test_equal_modes_stay_equally_likely():
     after = together(predictions, np.array([[0.0, 0.0], [4.0, 0.0]]))
     np.testing.assert_array_equal(after.weight, 0.5)
     np.testing.assert_array_equal(after.path, predictions.path)
+
+
+@pytest.mark.parametrize(("side_m", "meet"), [(2.0, True), (1.5, True), (0.0, False)])
+def test_in_a_crowd_of_whatever_density_modes_have_a_bounded_number_of_conflicts(side_m, meet, monkeypatch):
+    """Everybody still regards those near by, unless all are at one place; the order plays no part."""
+    monkeypatch.setattr(selection, "_MOST", 20)
+    rng = np.random.default_rng(4)
+    before, here = crowd(rng, 150, side_m)
+    first, second, closeness = selection._conflicts(before.path, here)
+    assert len(first) == len(second) == len(closeness) <= 20 * 150 * MODES
+    assert (len(first) > 0) == meet
+    away_m = np.linalg.norm(here[first // MODES] - here[second // MODES], axis=-1)
+    assert away_m.max(initial=0.0) < REACH_M / 4
+    order = rng.permutation(150)
+    one, other = together(before, here), together(before.select(order), here[order])
+    np.testing.assert_allclose(other.weight, one.weight[order], atol=1e-9)
 
 
 def test_what_does_not_belong_together_is_refused():

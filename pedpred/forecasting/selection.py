@@ -5,7 +5,8 @@ the others at every step, in a few rounds in which all people move at once (a da
 Friedman 2009, ch. 11.5):
     q_i(k) ~ exp(SHARP (ln w_i(k) - YIELD L_i(k))),    L_i(k) = sum_jl q_j(l) max(0, 1 - d_ik,jl / NEAR_M)
 with d the least distance of mode k of person i and mode l of person j at any step. The order of people plays
-no part, and nobody is influenced from farther away than `ROUNDS` times `REACH_M`.
+no part, and nobody is influenced from farther away than `ROUNDS` times `REACH_M`. In a crowd so dense that
+each mode meets hundreds of others, people regard those nearer by only: time and memory stay bounded.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ _SHARP = 4.0
 _LEAST = 1e-12  # weight
 _DIGITS = 4
 _ROOM = 8  # for so many conflicts of each mode at first
+_MOST = 256  # conflicts of each mode; people 0.2 m apart have a third of that
 
 
 def choose_modes(predictions: Predictions, position: np.ndarray, time_s: np.ndarray) -> Predictions:
@@ -139,30 +141,38 @@ def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.n
         position: where they are, m. [N, 2]
 
     Returns:
-        Indices of both modes among all N * K, and their closeness: 1 where they meet, 0 at `NEAR_M`. [C] each
+        Indices of both modes among all N * K, and their closeness: 1 where they meet, 0 at `NEAR_M`. At most
+        `_MOST` of each mode: of more, those of people nearer by, and none where even those are more. [C] each
     """
     people, modes = path.shape[:2]
     low, high, least = path.min(axis=1), path.max(axis=1), np.empty((modes, modes))
-    count = _ROOM * people * modes
-    while True:
+    most, count, reach_m = _MOST * people * modes, _ROOM * people * modes, REACH_M
+    while reach_m >= NEAR_M:
         pair, closeness = np.empty((2, count), np.int64), np.empty(count)
-        total = _meetings(path, low, high, position, least, pair, closeness)
+        total = _meetings(path, low, high, position, reach_m, most, least, pair, closeness)
         if total <= count:
             return pair[0, :total], pair[1, :total], closeness[:total]
-        count = total
+        count, reach_m = (total, reach_m) if total <= most else (count, 0.25 * reach_m)
+    none = np.zeros(0, np.int64)
+    return none, none, np.zeros(0)
 
 
 @compiled
-def _meetings(path, low, high, position, least, pair, closeness):  # pragma: no cover (compiled)
+def _meetings(
+    path, low, high, position, reach_m, most, least, pair, closeness
+):  # pragma: no cover (compiled)
     """Number of conflicts; those for which there is room are written into `pair` and `closeness`.
 
-    Steps at which all modes of two people keep apart are passed over, and so are single modes.
+    Steps at which all modes of two people keep apart are passed over, and so are single modes. Of more than
+    `most`, the others are not counted.
 
     Args:
         path: see `_conflicts`. [N, K, P, 2]
         low: least coordinates of all modes, m. [N, P, 2]
         high: largest coordinates, m. [N, P, 2]
         position: see `_conflicts`. [N, 2]
+        reach_m: people farther apart do not regard each other, m.
+        most: conflicts.
         least: room for the squared distances of two people's modes. [K, K]
         pair: indices of both modes. [2, C]
         closeness: of both. [C]
@@ -172,7 +182,7 @@ def _meetings(path, low, high, position, least, pair, closeness):  # pragma: no 
     for i in range(people):
         for j in range(i + 1, people):
             dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
-            regard = min((REACH_M - math.sqrt(dx * dx + dy * dy)) / _FADE_M, 1.0)
+            regard = min((reach_m - math.sqrt(dx * dx + dy * dy)) / _FADE_M, 1.0)
             if regard <= 0.0:
                 continue
             near = False
@@ -197,6 +207,8 @@ def _meetings(path, low, high, position, least, pair, closeness):  # pragma: no 
                             pair[0, total], pair[1, total] = i * modes + k, j * modes + m
                             closeness[total] = regard * (1.0 - math.sqrt(least[k, m]) / NEAR_M)
                         total += 1
+            if total > most:
+                return total
     return total
 
 
