@@ -38,9 +38,9 @@ def real_numbers(field: str, value: Any, kinds: str = _REAL) -> np.ndarray:
     """
     if type(value) is np.ndarray and value.dtype.kind in kinds:
         return value
-    if _hides(value):
-        raise ValueRuleError(field, value, _MASKED)
     try:
+        if _hides(value):
+            raise ValueRuleError(field, value, _MASKED)
         array = np.asarray(value)
     except (OverflowError, RuntimeError, TypeError, ValueError) as cause:
         raise ValueRuleError(field, value, _OTHERS) from cause

@@ -19,6 +19,14 @@ from pedpred.geometry import Homography
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import Camera, Forecast, OccupancyMap, Predictions, Scene, Trajectories
 
+
+def endless(_):
+    """A list that holds itself."""
+    entries = []
+    entries.append(entries)
+    return entries
+
+
 LOSING = {
     "masked": (lambda v: np.ma.masked_array(v, np.arange(v.size).reshape(v.shape) == 0), "masked"),
     "masked rows in a list": (
@@ -35,6 +43,7 @@ LOSING = {
     "dates": (lambda v: v.astype("datetime64[s]"), "seconds"),
     "durations": (lambda v: v.astype("timedelta64[ms]"), "seconds"),
     "truth values": (lambda v: v != 0, "true or false"),
+    "a list in itself": (endless, "numbers"),
     "a gradient": (lambda v: torch.tensor(v, dtype=torch.float64, requires_grad=True), "numbers"),
 }
 KEEPING = {
