@@ -27,7 +27,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pedpred.errors import NO_ROOM, ROOM_REMEDY, FileError, OutputError, PedpredError, ShapeError
+from pedpred.errors import (
+    NO_ROOM,
+    ROOM_REMEDY,
+    FileError,
+    OutputError,
+    PedpredError,
+    ShapeError,
+    ValueRuleError,
+)
 from pedpred.plain import parse_json, parse_yaml
 
 if TYPE_CHECKING:
@@ -45,6 +53,22 @@ _PICTURES = ("PNG", "PPM", "BMP", "JPEG", "TIFF")  # formats that are decoded he
 
 Wording = Callable[[str], PedpredError]
 """Makes the error for a problem, with the file and the remedy."""
+
+
+def given_path(field: str, value: Any) -> Path:
+    """Take an argument as a path.
+
+    Raises:
+        ValueRuleError: it is no path, or one that the system cannot have.
+    """
+    try:
+        path = Path(value)
+        os.fsencode(path)
+    except (TypeError, UnicodeError) as cause:
+        raise ValueRuleError(field, value, "it must be a path: text or pathlib.Path") from cause
+    if "\0" in str(path):
+        raise ValueRuleError(field, value, "no path has a character 0")
+    return path
 
 
 @contextmanager

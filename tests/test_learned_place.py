@@ -1,13 +1,15 @@
 """What was learned at a place, kept in a file: a robot that starts again forecasts as if it had gone on."""
 
 import json
+import os
 
 import numpy as np
 import pytest
 
-from pedpred.errors import StorageError
+from pedpred.errors import OutputError, StorageError, ValueRuleError
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import digest_of
+from pedpred.online.warming import warm_up
 from tests.worlds import walled_scene
 
 STEPS = 10
@@ -120,3 +122,32 @@ def test_an_edited_file_is_refused(visited, tmp_path):
         visited.load_place(path)
     with pytest.raises(StorageError, match=r"nowhere\.json"):
         visited.load_place(tmp_path / "nowhere.json")
+
+
+def test_where_no_file_can_be_the_error_names_it_and_nothing_is_left_behind(mixture, tmp_path):
+    """What is no file stays, such as a device: a root's robot replaced /dev/null."""
+    robot = OnlinePredictor.load(mixture[0])
+    (tmp_path / "file").touch()
+    os.mkfifo(tmp_path / "pipe")
+    for name, problem in {
+        "": "a folder is there",
+        "pipe": "a device is there",
+        "file/hall.json": "Not a directory",
+        "a" * 300: "too long",
+    }.items():
+        with pytest.raises(OutputError, match=f"cannot be written: .*{problem}.*Name another file"):
+            robot.save_place(tmp_path / name)
+    assert (tmp_path / "pipe").is_fifo()
+    assert {path.name for path in tmp_path.iterdir()} == {"file", "pipe"}
+
+
+@pytest.mark.parametrize("value", [5, b"hall.json", ["hall.json"], "hall\0.json", "\ud800"])
+def test_what_is_no_path_is_refused_by_name(value, mixture):
+    robot = OnlinePredictor.load(mixture[0])
+    for name, action in {
+        "path": [robot.save_place, robot.load_place],
+        "folder": [OnlinePredictor.load, OnlinePredictor, warm_up],
+    }.items():
+        for one in action:
+            with pytest.raises(ValueRuleError, match=f"^{name} = .*path"):
+                one(value)

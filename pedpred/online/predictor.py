@@ -10,6 +10,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError, brief
 from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surroundings
+from pedpred.files import check_output, given_path
 from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
@@ -41,10 +42,11 @@ class OnlinePredictor:
     thread-safe.
     """
 
-    def __init__(self, folder: Path, settings: OnlineSettings | None = None):
+    def __init__(self, folder: Path | str, settings: OnlineSettings | None = None):
         checked: object = OnlineSettings() if settings is None else settings
         if not isinstance(checked, OnlineSettings):
             raise ValueRuleError("settings", checked, "it must be OnlineSettings or None")
+        folder = given_path("folder", folder)
         self._about, self._checksum = read_description(folder), network_checksum(folder)
         self._network = ExportedNetwork(folder, self._about)
         self._settings = checked
@@ -65,9 +67,9 @@ class OnlinePredictor:
 
         Raises:
             StorageError: a file is missing, altered or of another version.
-            ValueRuleError: the settings are something else.
+            ValueRuleError: the folder is no path, or the settings are something else.
         """
-        return cls(default_model() if folder is None else Path(folder), settings)
+        return cls(default_model() if folder is None else folder, settings)
 
     @property
     def description(self) -> ModelDescription:
@@ -99,16 +101,24 @@ class OnlinePredictor:
         self._begin(self._unlearned())
 
     def save_place(self, path: Path | str) -> None:
-        """Write what was learned at the place to a JSON file, for `load_place`."""
-        write_place(Path(path), Place(self._trust, self._regions), self._checksum)
+        """Write what was learned at the place to a JSON file, for `load_place`.
+
+        Raises:
+            ValueRuleError: that is no path.
+            OutputError: it cannot be written there; the message says why.
+        """
+        output = given_path("path", path)
+        check_output(output)
+        write_place(output, Place(self._trust, self._regions), self._checksum)
 
     def load_place(self, path: Path | str) -> None:
         """Delete all tracks, and go on with what the same network had learned; the map stays.
 
         Raises:
+            ValueRuleError: that is no path.
             StorageError: the file is missing, damaged or about another network; all is as it was.
         """
-        self._begin(read_place(Path(path), self._unlearned(), self._checksum))
+        self._begin(read_place(given_path("path", path), self._unlearned(), self._checksum))
 
     def _unlearned(self) -> Place:
         return self._chain.unlearned(self.protocol.horizon_steps)
