@@ -70,6 +70,17 @@ def test_drives_of_other_settings_are_not_added(tmp_path):
         driven(tmp_path / "table.csv", *options)
 
 
+@pytest.mark.parametrize(
+    "content", [b"precious\n", b"\x89PNG\r\n", b"\xff" * 9, b"x" * 100_000, b"time,id,x,y\n"]
+)
+def test_what_is_no_table_of_drives_is_named_and_stays(content, tmp_path):
+    table = tmp_path / "table.csv"
+    table.write_bytes(content)
+    with pytest.raises(SystemExit, match=r"table\.csv, table: .* Name another table"):
+        driven(table, "--episodes", "1", "--method", "standing")
+    assert table.read_bytes() == content
+
+
 def test_an_episode_is_recorded_with_the_robot(tmp_path):
     recording = tmp_path / "episode.mcap"
     main(["drive", CORNER, "--record", str(recording)])

@@ -5,15 +5,16 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from pedpred.driving.forecasters import NAMES
 from pedpred.driving.measures import Measures
 from pedpred.errors import StorageError
-from pedpred.files import read_lines, write_text
+from pedpred.files import read_lines, translate_errors, write_text
 
 _DIGITS = 4
 MEASURES = [field.name for field in fields(Measures)]
@@ -74,24 +75,34 @@ def read_table(path: Path) -> list[Row]:
     """Read a table of `write_table`.
 
     Raises:
-        StorageError: a line is not a row of such a table.
+        StorageError: the file is no text, or a line is not a row of such a table.
     """
-    lines = csv.DictReader(line for _, line in read_lines(path))
+    wording = partial(StorageError, path, "table", remedy="Name another table, or remove this one")
     rows = []
-    for number, cells in enumerate(lines, 2):
-        try:
-            condition = Condition(cells["method"], float(cells["risk"]))
-            if not re.fullmatch(NETWORK, condition.method):
-                raise ValueError(condition.method)
-            figures: dict[str, Any] = {
-                name: (int if name in _WHOLE else float)(cells[name]) for name in MEASURES
-            }
-            keys = cells["place"], cells["robot"], condition, int(cells["episode"]), cells["settings"]
-            rows.append(Row(*keys, Measures(**figures)))
-        except (KeyError, ValueError, TypeError) as cause:
-            problem = f"line {number} is not a row of a table of drives ({cause})"
-            raise StorageError(path, "table", problem, "Name another table, or remove this one") from cause
+    with translate_errors(wording):
+        lines = csv.DictReader(line for _, line in read_lines(path))
+        for number, cells in enumerate(lines, 2):
+            try:
+                rows.append(_row(cells))
+            except (KeyError, ValueError, TypeError) as cause:
+                raise wording(f"line {number} is not a row of a table of drives ({cause})") from cause
+        if lines.fieldnames and not {*_KEYS, *MEASURES} <= {*lines.fieldnames}:
+            raise wording("line 1 is not the first line of a table of drives")
     return rows
+
+
+def _row(cells: Mapping[str, str]) -> Row:
+    """A row of the table.
+
+    Raises:
+        KeyError, ValueError, TypeError: it is none.
+    """
+    condition = Condition(cells["method"], float(cells["risk"]))
+    if not re.fullmatch(NETWORK, condition.method):
+        raise ValueError(condition.method)
+    figures: dict[str, Any] = {name: (int if name in _WHOLE else float)(cells[name]) for name in MEASURES}
+    keys = cells["place"], cells["robot"], condition, int(cells["episode"]), cells["settings"]
+    return Row(*keys, Measures(**figures))
 
 
 def write_table(path: Path, rows: Iterable[Row]) -> None:
