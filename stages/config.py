@@ -11,12 +11,16 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from pedpred import config
 from pedpred.baselines.registry import baseline
 from pedpred.config import SETS, config_errors, configured, one_of, part, plain, read_params, row
 from pedpred.datasets.crops import CropSplit
+from pedpred.datasets.rows import EMBEDDED
+from pedpred.driving.trials import NO_WORLD
+from pedpred.driving.worlds import KINDS
 from pedpred.errors import ConfigError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
@@ -59,6 +63,8 @@ from stages.train import PHASES, settings_of
 from stages.train_far import GROUPS, phase_of
 from stages.validate_simulation import flow_of
 
+WITHOUT_VELOCITIES = ("eth_ucy", "ewap", "jupedsim")
+"""Those of `SOURCES` whose recordings are positions alone."""
 SENSED = "simulated/worlds"
 """Set of step sequences of worlds that a sensor sees; there are no scenes of it."""
 STUDIES = {"sim": False, "transfer": False, "real": True}
@@ -67,6 +73,10 @@ TRAINED = ("models/main", "models/robot", "models/far")
 """Folders of networks that belong to no fold."""
 METHODS = ("baselines", "networks", "memoryless")
 """Groups of conf/methods."""
+READS = {"networks": "lstm", "memoryless": "mixture"}
+"""Groups of networks, and the row of conf/features whose inputs their training rows hold."""
+STAMP = "data/config.checked"
+"""What rows have as their input that need no scenes."""
 Params = Mapping[str, Any]
 """A whole configuration."""
 Check = Callable[[Params], object]
@@ -119,6 +129,9 @@ def _place(cfg: Params, name: str) -> None:
     if place.source in SETTINGS:
         parsed(SETTINGS[place.source], place.settings, "settings")
     _use(cfg, f"places.{name}", use)
+    if place.source in WITHOUT_VELOCITIES and row(cfg, "trackers", use.tracker).get("kind") == "truth":
+        rule = "true states need velocities, which these recordings do not have; choose a Kalman filter"
+        raise ConfigError(f"places.{name}.tracker", use.tracker, rule)
 
 
 def _fold(cfg: Params, study: str) -> None:
@@ -147,12 +160,26 @@ def _methods(cfg: Params) -> None:
             with configured(f"methods.{group}"):
                 if group != "baselines":
                     with configured(f"methods.{group}.{key}.settings"):
-                        parse_settings(method.settings)
+                        network = parse_settings(method.settings)
+                    _inputs(cfg, group, key, network.channels_read)
                 else:
                     baseline(key, method.settings)
     keys = _keys(cfg)
     if twice := sorted({key for key in keys if keys.count(key) > 1}):
         raise ConfigError("methods", twice, "a name must be that of one row")
+
+
+def _inputs(cfg: Params, group: str, key: str, read: Iterable[str]) -> None:
+    """Check that the training rows of a group hold what a network reads."""
+    features = features_of(cfg, READS[group])
+    columns = {name: np.zeros((0, *column.shape)) for name, column in features.columns().items()}
+    held = {*features.channels({"state": np.zeros((0, 2)), **columns})}
+    held |= {EMBEDDED} if group == "networks" else set()
+    if missing := sorted(set(read) - held):
+        architecture = cfg["methods"][group][key]["settings"]["architecture"]
+        trained = f"networks of {group} are trained on {', '.join(sorted(held))}"
+        rule = f"it reads {', '.join(missing)}, but {trained}"
+        raise ConfigError(f"methods.{group}.{key}.settings.architecture", architecture, rule)
 
 
 def _keys(cfg: Params) -> list[str]:
@@ -198,7 +225,10 @@ def _situations(cfg: Params) -> None:
     for name in part(cfg, "situations"):
         if name == "simulated":
             with configured("situations.simulated"):
-                parsed_each(SimulatedSet, part(cfg, "situations", name))
+                sets = parsed_each(SimulatedSet, part(cfg, "situations", name))
+            for key, chosen in sets.items():
+                if chosen.kind == "arrangement":
+                    _scenes(f"situations.simulated.{key}.input", chosen.input)
         else:
             with configured(f"situations.{name}"):
                 parsed(one_of("situations", name, kinds), part(cfg, "situations", name))
@@ -235,10 +265,22 @@ def _recording(cfg: Params) -> None:
         _names(f"recording.scenes.{name}.networks", [scene.networks], networks)
 
 
+def _scenes(key: str, folder: str) -> None:
+    """Check that an input can be a folder of scenes."""
+    if folder == STAMP:
+        raise ConfigError(key, folder, "it must be a folder of scenes, such as data/scenes/simulated/main")
+
+
 def _driving(cfg: Params) -> None:
+    rows = part(cfg, "driving").get("places")
+    for name, place in rows.items() if isinstance(rows, Mapping) else ():
+        if isinstance(place, Mapping) and "world" in place:
+            one_of(f"driving.places.{name}.world", place["world"], dict.fromkeys((NO_WORLD, *KINDS)))
     for name, place in trials_of(cfg).places.items():
         models = [folder.removeprefix("models/online/") for folder in (place.model, place.lstm)]
         _names(f"driving.places.{name}", models, [*cfg["online"]["exports"], "default"])
+        if place.world == NO_WORLD:
+            _scenes(f"driving.places.{name}.input", place.input)
 
 
 def _comparison(cfg: Params) -> None:

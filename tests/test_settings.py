@@ -192,6 +192,28 @@ def test_an_unknown_part_is_refused():
             "models/folds/none",
             "'online.exports.small.networks' = 'models/folds/none': choose one of models/main",
         ),
+        (
+            "methods.networks.a",
+            PARAMS["methods"]["memoryless"]["mixture"],
+            "'methods.networks.a.settings.architecture' = 'mixture': it reads beams, history",
+        ),
+        (
+            "methods.memoryless.a",
+            PARAMS["methods"]["networks"]["lstm"],
+            "'methods.memoryless.a.settings.architecture' = 'lstm': it reads angular, grid, but",
+        ),
+        ("places.eth.tracker", "truth", "'places.eth.tracker' = 'truth': true states need velocities"),
+        (
+            "situations.simulated.corridor.kind",
+            "arrangement",
+            "'situations.simulated.corridor.input' = 'data/config.checked': it must be a folder",
+        ),
+        ("driving.places.room.world", "rooms", "'driving.places.room.world' = 'rooms': choose one of none"),
+        (
+            "driving.places.room.world",
+            "none",
+            "'driving.places.room.input' = 'data/config.checked': it must be a folder",
+        ),
         ("online.exports.small.network", "cv", "'online.exports.small.network' = 'cv': choose one of lstm"),
     ],
 )
