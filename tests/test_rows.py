@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 import yaml
 
 from pedpred.scenes import Trajectories
@@ -80,3 +81,13 @@ def test_fitted_forces_become_a_row(tmp_path, monkeypatch):
     fit_social_force.main(["hall", "--trials", "2", "--out", str(path)])
     row = yaml.safe_load(path.read_text())["fitted_on_hall"]
     assert set(row["forces"]) == set(fit_social_force.FITTED)
+
+
+@pytest.mark.parametrize("tool", [fit_social_force, tune_tracker])
+def test_a_place_that_has_no_row_is_named(tool, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(ROOT / "params.yaml", tmp_path)
+    with pytest.raises(
+        SystemExit, match=r"'places\.hall' = None: there is no such key; there are eth, hotel"
+    ):
+        tool.main(["hall", "--out", "rows.yaml"])

@@ -131,8 +131,9 @@ def fit_place(place: str, model: SocialForceSettings, trials: int) -> Fit:
         trials: parameter sets to try at most.
     """
     params = read_params(Path())
+    how = perception_of(params, params.places[place])
     scene = recording(place)
-    request = ask_about_windows(scene, *perception_of(params, params.places[place]))
+    request = ask_about_windows(scene, *how)
     people, asked = present_at(request)
     start = initial_state(scene, *people, model.routing)
     dt_s = request.sizes.dt_s
