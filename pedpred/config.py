@@ -13,6 +13,7 @@ import functools
 import inspect
 import logging
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -36,6 +37,9 @@ WRITTEN = (("data",), ("models",), ("reports",))
 
 OUTPUTS = ("out", "metrics", "curve")
 """Arguments of stages that name a file or folder to write."""
+
+ARGUMENTS = ("name", "kind", "phase", "fold", "networks", "scene", *OUTPUTS)
+"""Arguments of stages: what they write, and of which rows."""
 
 SHARED = Path("data/config")
 """Parts of params.yaml that many stages read, a file each, which the stage `config` writes.
@@ -74,6 +78,8 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
                 addressed = declared(root, address, sys.argv[1:])
             run(addressed)
         else:
+            with config_errors():
+                check_arguments(root / "conf", sys.argv[1:])
             hydra.main(version_base="1.3", config_path=str(root / "conf"), config_name="config")(run)()
 
     return entry
@@ -90,6 +96,21 @@ def config_errors(address: str | None = None) -> Iterator[None]:
         except FileError as error:
             remedy = ". `dvc repro` writes it again" if error.path.parts[:1] in WRITTEN else ""
             raise SystemExit(f"{type(error).__name__}: {error}{remedy}") from error
+
+
+def check_arguments(conf: Path, overrides: list[str]) -> None:
+    """Refuse a misspelt `+argument=`, which Hydra adds to the configuration, where nobody reads it.
+
+    Args:
+        conf: folder of the configuration.
+        overrides: of the command line.
+
+    Raises:
+        ConfigError: it is no argument of a stage, and nothing in conf/.
+    """
+    for name, value in re.findall(r"^\+(\w+)=(.*)", "\n".join(overrides), re.MULTILINE):
+        if name not in ARGUMENTS and not (conf / name).exists():
+            raise ConfigError(name, value, f"no stage has this argument; there are {', '.join(ARGUMENTS)}")
 
 
 def _about_key(error: OmegaConfBaseException, address: str | None) -> ConfigError:

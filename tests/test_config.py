@@ -229,6 +229,18 @@ def test_by_hand_a_stage_composes_conf_with_its_overrides(project):
     assert (project / "mine.txt").read_text() == "eth 0.5 None"
 
 
+def test_a_misspelt_argument_of_a_stage_by_hand_is_refused(project):
+    run = python(project, "stages.look", "+name=eth", "+Out=mine.txt")
+    assert run.returncode == 1
+    assert run.stderr.startswith("ConfigError: configuration key 'Out' = 'mine.txt': no stage has this")
+    assert not (project / "seen.txt").exists()
+
+
+def test_arguments_of_stages_are_those_that_their_commands_have():
+    given = set(re.findall(r" \+(\w+)=", (ROOT / "dvc.yaml").read_text()))
+    assert given <= set(config.ARGUMENTS) <= given | set(config.OUTPUTS)
+
+
 @pytest.fixture
 def compose(project, monkeypatch):
     """Runs `python -m pedpred.config` in the tiny project; what it says where it fails."""
