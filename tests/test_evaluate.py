@@ -245,6 +245,16 @@ def test_steps_of_another_length_are_interpolated(walk, step_s, tmp_path, mixtur
     assert figures["straight"]["windows"] == 1
 
 
+@pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (100.0, True)])
+def test_forecasts_in_another_unit_are_warned_about(walk, factor, warned, tmp_path, mixture, caplog):
+    head, *rows = straight_lines(12, 0.3).splitlines()
+    rows = [row.split(",") for row in rows]
+    rows = [",".join([*row[:5], str(factor * float(row[5])), row[6]]) for row in rows]
+    (tmp_path / "theirs.csv").write_text("\n".join([head, *rows]))
+    measured(walk, "--forecasts", tmp_path / "theirs.csv", "--model", mixture[0], out=tmp_path / "e.json")
+    assert ("are x and y those of the recording, in metres?" in caplog.text) is warned
+
+
 def trajnet(predictions):
     lines = [{"scene": {"id": 7, "p": 1, "s": 0, "e": 200, "fps": 2.5}}]
     lines += [{"track": {"f": 10 * k, "p": 1, "x": 0.4 * k, "y": 0.0}} for k in range(6)]

@@ -17,6 +17,7 @@ from pedpred.forecasting import ForecastRequest
 from pedpred.ros import Transform
 from pedpred.scenes import Predictions
 from pedpred.tables.names import TrackNames
+from pedpred.tables.placeholders import FASTEST_MPS
 
 _SAME_S = 0.005
 _SAME = "Ids and times must be those of the recording"
@@ -78,11 +79,14 @@ class ForeignForecasts:
     def answered(self, request: ForecastRequest) -> np.ndarray:
         """Which windows have a forecast, made within 5 ms of them. [W] bool.
 
+        Forecasts that begin where nobody can be by then are warned about.
+
         Raises:
             SourceError: none has.
         """
         asked = request.asked
-        answered = self._rows(asked.track_id, asked.time_s) >= 0
+        rows = self._rows(asked.track_id, asked.time_s)
+        answered = rows >= 0
         if not answered.any():
             windows, forecasts = _span(asked.track_id, asked.time_s), _span(self.track_id, self.time_s)
             problem = (
@@ -92,6 +96,13 @@ class ForeignForecasts:
         if not answered.all():
             text = "%s has forecasts for %d of %d windows; all methods are compared there"
             _LOG.info(text, self.source, answered.sum(), len(answered))
+        way_m = np.linalg.norm(self.path[rows, 0, 0] - asked.last_position, axis=-1)[answered]
+        speed_mps = float(np.median(way_m)) / (self.step_s or request.sizes.dt_s)
+        if speed_mps > FASTEST_MPS:
+            text = "%s: forecasts usually begin %.3g m from where people were detected last: %s"
+            _LOG.warning(
+                text, self.source, np.median(way_m), "are x and y those of the recording, in metres?"
+            )
         return answered
 
     def __call__(self, request: ForecastRequest) -> Predictions:
