@@ -1,6 +1,7 @@
 """Bad arguments, outputs and interruptions of the command line: a sentence, before any work begins."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -141,3 +142,15 @@ def test_a_closed_pipe_ends_quietly():
 def started(*command):
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen([sys.executable, *command], cwd=ROOT, **pipes)
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ("info {} --no-map --map {}", "--map = .*--no-map leaves every map out"),
+        ("info {} --no-map --map-topic /map", "--map-topic = '/map', .*--no-map leaves every map out"),
+        ("evaluate {} --step-s 0.4", "--step-s = 0.4, .*it is about a table"),
+    ],
+)
+def test_options_that_would_change_nothing_are_refused(given, named, here, capsys):
+    assert re.search(named, said(capsys, *given.format(SCENE, SCENE).split()))

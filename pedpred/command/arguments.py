@@ -74,6 +74,12 @@ def check(arguments: argparse.Namespace) -> None:
     """
     scenes = arguments.scene if isinstance(arguments.scene, list) else [arguments.scene]
     theirs = getattr(arguments, "forecasts", [])
+    if getattr(arguments, "no_map", False):
+        for name, value in {"--map": arguments.map, "--map-topic": arguments.map_topic}.items():
+            if value:
+                raise ValueRuleError(name, str(value), "--no-map leaves every map out: omit one")
+    if (step_s := getattr(arguments, "step_s", None)) and all(path.suffix == ".ndjson" for path in theirs):
+        raise ValueRuleError("--step-s", step_s, "it is about a table: --forecasts FILE.csv")
     named = [getattr(arguments, name, None) for name in ("map", "model", "tracker", "homography")]
     inputs = [
         *(path for path in scenes if path),
