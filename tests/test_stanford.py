@@ -45,6 +45,14 @@ def test_a_matrix_may_be_written_in_every_usual_way(tmp_path_factory, form):
     np.testing.assert_array_equal(read_homography(path).matrix[:, [1, 0, 2]], INCLINED)
 
 
+def test_comments_of_a_matrix_are_passed_over_and_other_texts_are_told_what_it_is(tmp_path):
+    np.savetxt(tmp_path / "H.txt", INCLINED, fmt="%.17g", header="pixels to metres 1 2 3")
+    np.testing.assert_array_equal(read_homography(tmp_path / "H.txt").matrix[:, [1, 0, 2]], INCLINED)
+    (tmp_path / "H.txt").write_text("%YAML:1.0\nH: !!opencv-matrix\n")
+    with pytest.raises(SourceError, match=r"'%YAML:1\.0' is not a number\. A homography has 3 x 3 numbers"):
+        read_homography(tmp_path / "H.txt")
+
+
 @pytest.mark.parametrize("separator", ["\t", ",", ", "])
 def test_boxes_may_have_other_separators(tmp_path, separator):
     path = write_stanford(tmp_path)

@@ -47,15 +47,15 @@ def read_homography(path: Path) -> Homography:
     """Read a matrix that maps (x, y, 1) in pixels to the ground, m, up to scale, as OpenCV's findHomography.
 
     Args:
-        path: a text with nine numbers, row by row; blanks, commas or brackets separate them.
+        path: a text with nine numbers, row by row; blanks, commas or brackets separate them. Lines that
+            begin with `#`, as NumPy writes them, are comments.
 
     Raises:
         SourceError: it is not such text, or the matrix is not invertible.
     """
-    rows = [
-        (line, _SEPARATORS.sub(" ", text).split()) for line, text in islice(text_lines(path), _NUMBERS + 1)
-    ]
-    numbers = [number(path, line, "homography", field) for line, fields in rows for field in fields]
+    lines = ((line, text) for line, text in text_lines(path) if not text.startswith("#"))
+    rows = [(line, _SEPARATORS.sub(" ", text).split()) for line, text in islice(lines, _NUMBERS + 1)]
+    numbers = [number(path, line, "homography", field, _MATRIX) for line, fields in rows for field in fields]
     if len(numbers) != _NUMBERS:
         raise SourceError(path, None, f"{len(numbers)} numbers, expected {_NUMBERS}", _MATRIX)
     with translate_errors(partial(SourceError, path, None, remedy=_MATRIX)):

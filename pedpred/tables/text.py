@@ -28,6 +28,7 @@ AS_TIMES = "Write times as seconds, or as 2024-03-05 14:02:07.5"
 _FETCHED = "Correct the file or fetch it again"
 PLAIN_NUMBERS = "Write all numbers with decimal points and without thousands separators"
 _GROUPED = re.compile(r"[+-]?\d{1,3}([,.'\u2019 \u00a0\u202f]\d{3})+([.,]\d*)?")
+_CLOCK = re.compile(r"\d:\d")
 _WHOLE = ("id", "track_id", "frame", "group_id", "person_id")
 _EXACT = 2**53  # floats of larger whole numbers are rounded
 _BLOCK_ROWS = 2**14
@@ -73,7 +74,13 @@ def number(path: Path, line: int, column: str, field: str, remedy: str = _FETCHE
     try:
         value = float(field)
     except ValueError as cause:
-        what = AS_TIMES if ":" in field else PLAIN_NUMBERS if _GROUPED.fullmatch(field.strip()) else remedy
+        what = (
+            AS_TIMES
+            if _CLOCK.search(field)
+            else PLAIN_NUMBERS
+            if _GROUPED.fullmatch(field.strip())
+            else remedy
+        )
         raise SourceError(path, line, f"{column} = {brief(field.strip())} is not a number", what) from cause
     if not math.isfinite(value):
         raise SourceError(path, line, f"{column} = {brief(field.strip())}, but it must be finite", remedy)
