@@ -246,7 +246,7 @@ def test_pixels_need_their_size_and_nothing_else_has_one(tmp_path):
         read_file(write_atc(tmp_path), TableOptions(unit="cm"))
 
 
-@pytest.mark.parametrize(("factor", "named"), [(100.0, r"format has metres: .*cm"), (4.0, "running")])
+@pytest.mark.parametrize(("factor", "named"), [(100.0, r"metres here: .*cm"), (4.0, "running")])
 @pytest.mark.parametrize("write", [write_jupedsim, write_archive, write_sumo])
 def test_a_unit_that_cannot_be_given_is_no_remedy(tmp_path, caplog, write, factor, named):
     path = write(tmp_path, [(k, who, factor * x, factor * y) for k, who, x, y in ROWS])

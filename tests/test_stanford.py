@@ -102,3 +102,17 @@ def test_labels_need_no_quotes(tmp_path):
     path.write_text(path.read_text().replace('"', ""))
     found = read_file(path, PictureOptions(pixel_m=PIXEL_M)).trajectories
     np.testing.assert_allclose(found.position, PEOPLE.position, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["scale", "homography"])
+def test_pixels_that_are_too_large_are_not_told_to_have_a_unit(tmp_path, name):
+    path = tmp_path / "walk.csv"
+    rows = [f"{6 * k},{who},{100 * x},{100 * y}" for k, who, x, y in ROWS]
+    path.write_text("\n".join(["frame,id,x_px,y_px", *rows]))
+    np.savetxt(tmp_path / "H.txt", np.diag([10.0, 10.0, 1.0]))
+    given = PictureOptions(rate_hz=30.0, pixel_m=10.0)
+    if name == "homography":
+        given = PictureOptions(rate_hz=30.0, homography=read_homography(tmp_path / "H.txt"))
+    with pytest.raises(SourceError, match=r"metres here.*Or correct --scale, --homography") as error:
+        read_file(path, given)
+    assert "Say --unit" not in str(error.value)

@@ -134,8 +134,10 @@ def check_speeds(
             remedy = f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, --scale if "
             remedy += "they are pixels, or correct these, --rate, the unit of times or the order of --columns"
             if not any_unit:
-                remedy = f"The format has metres: if lengths are {likely}, write them in metres, or into a "
-                remedy += f"table (--unit {likely}). Or correct --scale, --rate or times"
+                remedy = (
+                    f"Lengths are metres here: if they are {likely}, write them in metres, or into a table "
+                )
+                remedy += f"(--unit {likely}). Or correct --scale, --homography, --rate or times"
             raise SourceError(path, None, problem, remedy)
         _log.warning("%s: %s%s", path, problem, doubt)
     elif usual_mps > _USUAL_MPS:

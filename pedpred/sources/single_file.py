@@ -31,6 +31,7 @@ from pedpred.sources.walls import Walls, occupancy_of
 from pedpred.tables.columnar import is_columnar
 from pedpred.tables.lines import has_header
 from pedpred.tables.options import TableOptions
+from pedpred.tables.pictures import is_of_pixels
 from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import read_table
 
@@ -88,7 +89,8 @@ def read_file(path: Path, options: TableOptions | None = None, with_walls: bool 
         )
     trajectories = without_placeholders(path, kind.read(path, options))
     titled = kind is _TABLE and options.columns is None
-    dt_s = checked_interval_s(path, trajectories, titled, options.unit is not None, kind.any_unit)
+    any_unit = kind.any_unit and not is_of_pixels(options)
+    dt_s = checked_interval_s(path, trajectories, titled, options.unit is not None, any_unit)
     walls = kind.walls(path) if with_walls else None
     if walls is None:
         return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
