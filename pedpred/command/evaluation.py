@@ -24,7 +24,9 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.files import write_json
 from pedpred.forecasting import ForecastRequest
+from pedpred.literature.stretches import TOLERANCE_S
 from pedpred.metrics import METRICS
+from pedpred.metrics.paths import SAME_INSTANT_S
 from pedpred.online.assessment import ALWAYS, assess
 from pedpred.ros import Transform
 from pedpred.scenes import Placement, Scene, Trajectories, placement
@@ -85,13 +87,13 @@ def _assessed(
     settings: EvaluationSettings,
     foreign: Mapping[str, ForeignForecasts],
 ) -> dict[str, Scores]:
-    """Score one scene under the given conditions, without the metrics that do not apply."""
-    meaningless = []
+    """Score one scene under the given conditions; metrics that do not apply are NaN."""
+    meaningless: set[str] = set()
     if tracker == "tune":
         tracker = _tuned(scene)
     assert not isinstance(tracker, str)
     if arguments.no_map:
-        meaningless += ["obstacle_share"]
+        meaningless.add("obstacle_share")
     by_itself = arguments.alone or arguments.protocol is not None  # then nothing is known of others
     trust = arguments.trust and not by_itself
     predictor = robot_for(scene, arguments.model, tracker, learn_trust=trust)
@@ -102,19 +104,19 @@ def _assessed(
         apart = Apart.of(scene.trajectories)
         scene = replace(scene, trajectories=apart.moved(scene.trajectories))
         foreign = {name: apart.moved(forecasts) for name, forecasts in foreign.items()}
-        meaningless += ["collision_share", "mode_collision_share"]
+    same_s = TOLERANCE_S if arguments.protocol else SAME_INSTANT_S
+    if (np.diff(np.sort(scene.trajectories.time_s)) > same_s).all():  # no two people at one instant
+        meaningless |= {"collision_share", "mode_collision_share"}
     if arguments.protocol:
         assessed = assess_windows(scene, predictor, arguments.model is not None, settings, foreign)
     else:
         answered = partial(_answered, foreign) if foreign else None
         metrics = None if arguments.json else {key: METRICS[key] for key in SHOWN}
         assessed = assess(scene, predictor, settings, None, foreign, answered, metrics)
-    return {
-        method: replace(
-            measured, values={key: v for key, v in measured.values.items() if key not in meaningless}
-        )
-        for method, measured in assessed.items()
-    }
+    for measured in assessed.values():
+        for key in measured.values.keys() & meaningless:
+            measured.values[key][:] = np.nan  # in this scene; another one of the pool may have it
+    return assessed
 
 
 def _answered(foreign: Mapping[str, ForeignForecasts], request: ForecastRequest) -> np.ndarray:
