@@ -67,6 +67,12 @@ def test_an_output_that_cannot_be_written_is_refused_before_work(command, output
     assert Path("file").read_text() == "precious"
 
 
+def test_a_pipe_is_not_read_as_an_empty_file(here, capsys):
+    os.mkfifo("walk.csv")
+    for command in (["info"], ["predict"], ["evaluate"], ["convert", "-o", "new"]):
+        assert "walk.csv: it is a pipe or device" in said(capsys, *command, "walk.csv")
+
+
 def test_an_input_is_never_the_output(here, capsys):
     Path("walk.csv").write_text("time,id,x,y\n")
     assert "input of this command" in said(capsys, "evaluate", "walk.csv", "--json", "walk.csv")

@@ -90,6 +90,8 @@ def check(arguments: argparse.Namespace) -> None:
     for path in inputs:
         if not path.exists():
             raise FileError(path, "", "there is no such file or folder", "Correct the name")
+        if not path.is_file() and not path.is_dir():
+            raise FileError(path, "", "it is a pipe or device", "Write it to a file, and name that")
     if arguments.action is predict and arguments.output is None:
         arguments.output = Path(f"{arguments.scene.stem}_forecasts.mcap")
     if output := getattr(arguments, "output", None):
