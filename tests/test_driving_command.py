@@ -100,6 +100,20 @@ def test_an_episode_is_recorded_with_the_robot(tmp_path):
         main(["drive"])
 
 
+def test_a_picture_of_curves_is_not_the_table_and_needs_one(tmp_path):
+    picture = str(tmp_path / "curves.png")
+    for other in (["--table", str(tmp_path / "." / "curves.png")], ["--record", str(tmp_path / "one.png")]):
+        with pytest.raises(SystemExit, match="--curves"):
+            main(["drive", CORNER, "--episodes", "1", "--curves", picture, *other])
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_that_drives_nothing_leaves_no_table(tmp_path):
+    with pytest.raises(SystemExit, match="no way of 5 to 10 m"):
+        driven(tmp_path / "table.csv", "--episodes", "1", "--method", "standing", "--radius-m", "5")
+    assert not list(tmp_path.iterdir())
+
+
 def test_pictures_are_the_same_bytes_each_time(tmp_path):
     methods = "--method", "kalman", "--method", "true_future", "--risk", "0.05", "0.3"
     for name in ("one", "two"):

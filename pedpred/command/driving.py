@@ -67,7 +67,8 @@ def drive(arguments: argparse.Namespace) -> None:
                 write_table(arguments.table, rows)
                 saved_s = time.monotonic()
     finally:
-        write_table(arguments.table, rows)
+        if rows:
+            write_table(arguments.table, rows)
     rows = [row for row in rows if row.condition in asked and row.episode < arguments.episodes]
     figures = figures_of(rows)
     sys.stdout.write(summary(figures))
@@ -128,7 +129,8 @@ def check_drive(arguments: argparse.Namespace) -> None:
 
     Raises:
         ValueRuleError: both a scene and a world are named, or neither; a recording has another suffix than
-            .mcap or .png, or is one of the true future; a picture is no .png.
+            .mcap or .png, or is one of the true future; a picture is no .png or has the name of the table; curves
+            are asked for beside a recording, which has none.
         OutputError: a picture is asked for, but matplotlib is not installed.
     """
     if (arguments.scene is None) == (arguments.world is None):
@@ -138,6 +140,10 @@ def check_drive(arguments: argparse.Namespace) -> None:
         arguments.table = Path(f"{name}_drives.csv")
     if arguments.curves is not None and arguments.curves.suffix != ".png":
         raise ValueRuleError("--curves", str(arguments.curves), "the name of a picture ends in .png")
+    if arguments.curves is not None and arguments.curves.resolve() == arguments.table.resolve():
+        raise ValueRuleError("--curves", str(arguments.curves), "it is the table of drives: name another")
+    if arguments.curves is not None and arguments.record is not None:
+        raise ValueRuleError("--curves", str(arguments.curves), "one episode (--record) has no curves")
     pictures = [
         path for path in (arguments.curves, arguments.record) if path is not None and path.suffix == ".png"
     ]
