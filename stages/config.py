@@ -408,8 +408,8 @@ def main() -> None:
         params = read_params(Path())
         check_parts(plain(params))
         check_layouts(read_layouts(layout_names()))
-    config.main(["--check", "--stamp", "data/config.checked"])
-    write_shared(params, Path())
+        config.main(["--check", "--stamp", STAMP])
+        write_shared(params, Path())
 
 
 if __name__ == "__main__":

@@ -1,7 +1,10 @@
 """dvc.lock after a kill in the middle of its writing."""
 
+import errno
 from pathlib import Path
+from unittest.mock import Mock
 
+import pytest
 import yaml
 
 from pedpred.config import KEPT, LOCK, keep_lock
@@ -104,3 +107,11 @@ def test_the_lock_holds_no_stage_that_the_pipeline_lacks(tmp_path, monkeypatch):
     LOCK.write_text(WHOLE)
     main()
     assert list(yaml.safe_load(LOCK.read_text())["stages"]) == ["features@eth"]
+
+
+def test_a_folder_that_is_read_only_is_named_without_a_traceback(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused = PermissionError(errno.EACCES, "Permission denied", "build/dvc.lock")
+    monkeypatch.setattr("tools.mend_lock.keep_lock", Mock(side_effect=refused))
+    with pytest.raises(SystemExit, match=r"'build/dvc\.lock'\. Nothing half-written was kept"):
+        main()

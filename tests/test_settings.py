@@ -1,10 +1,12 @@
 """Every value of the configuration has a type and a range, and every mapping its names."""
 
 import copy
+import errno
 import math
 import re
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import pytest
 import yaml
@@ -13,7 +15,7 @@ from omegaconf import OmegaConf
 from pedpred.config import part
 from pedpred.errors import PedpredError
 from stages import features, pretrain_autoencoder, train
-from stages.config import PARTS, check_layouts, check_parts, layout_names
+from stages.config import PARTS, check_layouts, check_parts, layout_names, main
 from stages.simulate import read_layouts
 from tests.conftest import ROOT
 
@@ -230,6 +232,14 @@ def test_a_row_whose_name_no_stage_can_have_is_refused(name):
     params["places"] = params["places"] | {name: params["places"]["eth"]}
     with pytest.raises(PedpredError, match=f"configuration key 'places' = '{name}': names of rows may have"):
         check_parts(params)
+
+
+def test_a_folder_that_is_read_only_is_named_without_a_traceback(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    refused = PermissionError(errno.EACCES, "Permission denied", "data/config.checked")
+    monkeypatch.setattr("pedpred.config.main", Mock(side_effect=refused))
+    with pytest.raises(SystemExit, match=r"'data/config\.checked'\. Nothing half-written was kept"):
+        main()
 
 
 def test_a_study_may_be_left_out():

@@ -24,6 +24,7 @@ from dvc.schema import COMPILED_LOCKFILE_SCHEMA
 from dvc.utils.strictyaml import YAMLValidationError, validate
 
 from pedpred.config import KEPT, LOCK, keep_lock
+from pedpred.errors import user_errors
 from pedpred.files import write_text
 
 RUNNING = Path(".dvc/tmp/rwlock")
@@ -67,6 +68,7 @@ def drop_removed_stages() -> None:
         write_text(LOCK, after)
 
 
+@user_errors()
 def main() -> None:
     """Repair and shorten the files if necessary and keep a copy of dvc.lock for the next time."""
     remove_damaged_rwlock()
