@@ -129,8 +129,8 @@ def check_drive(arguments: argparse.Namespace) -> None:
 
     Raises:
         ValueRuleError: both a scene and a world are named, or neither; a recording has another suffix than
-            .mcap or .png, or is one of the true future; a picture is no .png or has the name of the table; curves
-            are asked for beside a recording, which has none.
+            .mcap or .png, or is one of the true future; a picture is no .png or has the name of the table;
+            curves are asked for beside a recording, which has none.
         OutputError: a picture is asked for, but matplotlib is not installed.
     """
     if (arguments.scene is None) == (arguments.world is None):
