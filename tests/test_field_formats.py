@@ -384,6 +384,20 @@ def test_footsteps_are_sampled_as_often_as_asked(tmp_path):
     np.testing.assert_allclose(people.position[:, 0], 1.0 + people.time_s, atol=1e-9)
 
 
+def test_nobody_is_invented_between_footsteps_that_do_not_meet(tmp_path, caplog):
+    """Who stands is there all the time; who goes on elsewhere is not, and is warned about."""
+    head = "pedestrianId simTime endTime-PID1 startX-PID1 startY-PID1 endX-PID1 endY-PID1"
+    stands = ["1 0 1 0 0 1 0", "1 1 2 1 0 2 0", "1 9 10 2 0 3 0"]
+    goes_on = ["2 0 1 0 5 1 5", "2 1 2 1 5 2 5", "2 9 10 30 5 31 5"]
+    path = tmp_path / "postvis.traj"
+    path.write_text("\n".join([head, *stands, *goes_on]) + "\n")
+    people = read_file(path, TableOptions(rate_hz=4.0)).trajectories
+    times = [people.time_s[people.track_id == who] for who in (1, 2)]
+    np.testing.assert_allclose(times[0], np.arange(41) / 4)
+    np.testing.assert_allclose(times[1], np.concatenate([np.arange(9) / 4, 9 + np.arange(5) / 4]))
+    assert "27 detections between footsteps" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("raw", "named"),
     [

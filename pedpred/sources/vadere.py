@@ -2,11 +2,13 @@
 
     pedestrianId simTime endTime-PID1 startX-PID1 startY-PID1 endX-PID1 endY-PID1 targetId-PID2
 
-Within a footstep, people move in a straight line, as Vadere shows it. They are detected at equal intervals.
+Within a footstep, people move in a straight line, as Vadere shows it. They are detected at equal intervals,
+and stand between two footsteps; where the next one begins elsewhere, nobody knows where they are in between.
 """
 
 from __future__ import annotations
 
+import logging
 import re
 from functools import partial
 from pathlib import Path
@@ -30,6 +32,8 @@ _WANTED = {
 }
 _PROCESSOR = re.compile(r"-PID\d+$")
 _USUAL_HZ = 5.0
+_ELSEWHERE_M = 0.1
+_log = logging.getLogger(__name__)
 
 
 def fits(begins: Beginning) -> bool:
@@ -78,12 +82,34 @@ def _sampled(path: Path, columns: dict[str, np.ndarray], rate_hz: float) -> Traj
     low, high = np.ceil(when[first] * rate_hz - 1e-6), np.floor(when[last - 1] * rate_hz + 1e-6)
     if (high - low + 1).sum() > MOST_NUMBERS // 4:
         raise SourceError(path, None, f"{(high - low).sum():.3g} detections are too many", "Lower --rate")
-    parts = []
+    parts, left_out = [], 0
     for k, (begin, end) in enumerate(zip(first, last, strict=True)):
-        at = np.arange(low[k], high[k] + 1) / rate_hz
-        times = when[begin:end]
+        every, times = np.arange(low[k], high[k] + 1) / rate_hz, when[begin:end]
+        at = every[_is_known(every, times, x[begin:end], y[begin:end])]
+        left_out += len(every) - len(at)
         parts.append(
             (at, np.full(len(at), who[begin]), *(np.interp(at, times, v[begin:end]) for v in (x, y)))
         )
+    if left_out:
+        text = (
+            "%s: %d detections between footsteps that begin elsewhere than the ones before ended are left out"
+        )
+        _log.warning(text, path, left_out)
     time_s, track_id, x, y = (np.concatenate(part) for part in zip(*parts, strict=True))
     return Trajectories(time_s, track_id, np.stack([x, y], axis=-1))
+
+
+def _is_known(at: np.ndarray, when: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Whether a person is in a footstep at some times (s, [Q]), or stands between two. [Q] bool.
+
+    Args:
+        at: within the times of the footsteps.
+        when: begin and end of each footstep, in turn, s. [2 F]
+        x: where the person is then, m. [2 F]
+        y: likewise. [2 F]
+    """
+    leaps = np.hypot(np.diff(x), np.diff(y)) > _ELSEWHERE_M
+    leaps[::2] = False  # within a footstep
+    before = np.clip(np.searchsorted(when, at, "right") - 1, 0, len(leaps) - 1)
+    between = (at > when[before]) & (at < when[before + 1])
+    return ~(leaps[before] & between)
