@@ -460,21 +460,21 @@ def test_what_nobody_listens_to_is_not_made():
 def test_who_is_not_heard_of_any_more_stays_in_no_costmap():
     """A tracker may say nothing when nobody is there, or end; a simulation that pauses changes nothing."""
     follower = follower_of(occupancy_cell_m=0.5)
-    assert list(follower.farewell(10**12)) == []
+    assert list(follower.cleared(10**12)) == []
     for k in range(5):
         follower.people_came(people(5.0 + k / 10, **{"7": (2.0, 1.0)}), 10**11 + k * 10**8, k / 10)
         assert list(follower.answers(k / 10))
-        assert list(follower.farewell(10**11 + k * 10**8 + 29 * 10**8)) == []
-    told = {answer.topic: answer.content for answer in follower.farewell(10**11 + 34 * 10**8)}
+        assert list(follower.cleared(10**11 + k * 10**8 + 29 * 10**8)) == []
+    told = {answer.topic: answer.content for answer in follower.cleared(10**11 + 34 * 10**8)}
     assert told.keys() == output_types(follower.settings, 10).keys() - {"predictions/names"}
     assert not told["predicted_occupancy/horizon"]["data"].any()
     assert len(told["predictions/markers"]["markers"]) == 1  # delete all
     assert (told["predictions"]["width"], follower.counts.people) == (0, 0)
     assert told["predictions"]["header"]["stamp"] == {"sec": 8, "nanosec": 400_000_000}
-    assert list(follower.farewell(10**12)) == []  # once
+    assert list(follower.cleared(10**12)) == []  # once
     (person,) = answered(follower, people(6.0, **{"7": (2.0, 1.0)}))["predictions/people"]["people"]
     assert person["name"] == "7"
-    assert {answer.topic for answer in follower.farewell(10**9, 0.0)} == told.keys()  # the node ends
+    assert {answer.topic for answer in follower.cleared(10**9, 0.0)} == told.keys()  # the node ends
 
 
 def test_that_all_have_gone_is_shown_at_once():

@@ -11,7 +11,7 @@ over the N forecasts of people who had left the place when this person came, whe
 count, not their squares (iteratively reweighted least squares). The second term draws w to 0, all trust in
 the network, as M forecasts would that were right. When N is larger than some thousands, the sums fade. Each
 step of the horizon has a w, and people who are forecast to stand and to walk have their own. Every mode goes
-to the lines by the same w, so that the point forecast stays amid the modes.
+to the lines by the same w, so that the point forecast stays among the modes.
 
 What somebody does thus changes no forecast of anybody who is there at the same time.
 

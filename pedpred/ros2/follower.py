@@ -302,7 +302,7 @@ class Follower:
         """Leave out the people who wait for transforms, as when nobody is listened to any more."""
         self._waiting.clear()
 
-    def farewell(self, clock_ns: int, after_s: float = _GONE_S) -> Iterator[Answer]:
+    def cleared(self, clock_ns: int, after_s: float = _GONE_S) -> Iterator[Answer]:
         """Once there was no forecast for some time, publish one of nobody: costmaps keep the last grid.
 
         Args:

@@ -152,7 +152,7 @@ class PedpredNode(LifecycleNode):
         self._retry.cancel()  # each wake-up takes about a millisecond, so only while people wait
         told = self._guarded("/diagnostics", self._diagnose)
         kept = self._guarded("place_file", self._follower.save_place)
-        gone = self._guarded("farewell", self._say_farewell)
+        gone = self._guarded("cleared outputs", self._clear_outputs)
         self._own += [
             self._retry,
             *(self.create_timer(_DIAGNOSTICS_S, each, clock=steady) for each in (gone, told)),
@@ -209,7 +209,7 @@ class PedpredNode(LifecycleNode):
         if self._retry is not None:
             self._retry.cancel()
         if self._people is not None:
-            self._guarded("farewell", self._say_farewell)(0.0)
+            self._guarded("cleared outputs", self._clear_outputs)(0.0)
             self.destroy_subscription(self._people)
             self._people, self._arrivals = None, Arrivals()
             if self._follower is not None:
@@ -269,9 +269,9 @@ class PedpredNode(LifecycleNode):
         finally:
             (self._retry.reset if self._follower.is_waiting else self._retry.cancel)()
 
-    def _say_farewell(self, *after_s: float) -> None:
+    def _clear_outputs(self, *after_s: float) -> None:
         if self._follower is not None and self._people is not None:
-            for answer in self._follower.farewell(self.get_clock().now().nanoseconds, *after_s):
+            for answer in self._follower.cleared(self.get_clock().now().nanoseconds, *after_s):
                 self._publish(answer)
 
     def _publish(self, answer: Answer) -> None:
