@@ -5,6 +5,7 @@ Parts that many stages read are written as files, see `pedpred.config.SHARED`.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
@@ -379,7 +380,7 @@ def check_parts(cfg: Params) -> None:
     for check in PARTS.values():
         check(cfg)
     for key in NAMED:
-        for name in OmegaConf.select(OmegaConf.create(dict(cfg)), key) or ():
+        for name in functools.reduce(lambda rows, name: rows.get(name) or {}, key.split("."), cfg):
             if not re.fullmatch(r"[\w-]+", str(name)):
                 raise ConfigError(key, name, "names of rows may have letters, digits, _ and - only")
 
