@@ -1,4 +1,4 @@
-"""Copies the table of an archive (HDF5) to Parquet: `python -m pedpred.sources.archive_table IN OUT ROWS`.
+"""Copies the table of an archive (HDF5) to arrays (.npz): `python archive_table.py IN OUT ROWS`.
 
 A process of its own: the HDF5 library trusts what it reads, and damaged files make it hang or end the
 process. It ends with exit code 2 and one line on stderr if the file is not as it should be.
@@ -10,8 +10,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 COLUMNS = ("id", "frame", "x", "y")
 _MOST_BYTES = 8 * 2**30
@@ -22,7 +20,7 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
 
     Args:
         archive: of the Pedestrian Dynamics Data Archive.
-        out: a Parquet file with these columns; `fps` and `wkt`, empty if unknown, are its metadata.
+        out: an .npz file with these columns, and `fps` and `wkt` as texts, empty if unknown.
         most_rows: of the table.
 
     Raises:
@@ -53,8 +51,7 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
         fps = np.ravel(np.asarray(said, dtype=np.float64))[:1].tolist()
         geometry = file.attrs.get("wkt_geometry", "")
         wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)
-    about = {"fps": "".join(map(repr, fps)), "wkt": wkt}
-    pq.write_table(pa.table(columns).replace_schema_metadata(about), out, compression="none")
+    np.savez(out, **columns, fps="".join(map(repr, fps)), wkt=wkt)
 
 
 def main() -> None:

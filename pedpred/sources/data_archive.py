@@ -10,11 +10,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
+from pedpred.sources import archive_table
 from pedpred.sources.archive_table import COLUMNS
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometry_wkt import parse_wkt
@@ -79,16 +79,11 @@ def _content(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     # Filters of strangers are code: none is loaded.
     environment = os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "HDF5_USE_FILE_LOCKING": "FALSE"}
     with TemporaryDirectory() as folder:
-        out = Path(folder, "table.parquet")
+        out = Path(folder, "table.npz")
         rows = str(MOST_NUMBERS // len(COLUMNS))
-        command = [
-            sys.executable,
-            "-m",
-            "pedpred.sources.archive_table",
-            str(path.absolute()),
-            str(out),
-            rows,
-        ]
+        # Run as a file: as a module of this package, it would first import the whole package.
+        run = f"import runpy; runpy.run_path({archive_table.__file__!r}, run_name='__main__')"
+        command = [sys.executable, "-c", run, str(path.absolute()), str(out), rows]
         try:
             ended = subprocess.run(
                 command, cwd=folder, env=environment, capture_output=True, timeout=_LONGEST_S
@@ -104,6 +99,6 @@ def _content(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
             remedy = "Read are those of the Pedestrian Dynamics Data Archive; save other tables as CSV"
             raise SourceError(path, None, f"HDF5: {reason}", remedy)
         with translate_errors(partial(SourceError, path, None)):
-            table = pq.read_table(out)
-    about = {name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()}
-    return {name: table[name].to_numpy() for name in COLUMNS}, about
+            with np.load(out) as table:
+                about = {name: str(table[name]) for name in ("fps", "wkt")}
+                return {name: table[name] for name in COLUMNS}, about
