@@ -55,8 +55,8 @@ def crowd(seed=0, people=6, ticks=40):
     return Trajectories(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def found(trajectories):
-    return find_windows(Scene("square", trajectories, empty_map(), 0.4), PROTOCOL, BANK, 0.2)
+def found(trajectories, memory=False):
+    return find_windows(Scene("square", trajectories, empty_map(), 0.4), PROTOCOL, BANK, 0.2, memory)
 
 
 def read_inputs(windows):
@@ -100,7 +100,7 @@ def test_a_memory_begins_with_the_window_and_reads_all_8_annotations():
     network, encoder = NETWORK.build(WIDTHS, 12).eval(), GridAutoencoder(60, 64).encoder
     for weights in network.parameters():
         torch.nn.init.normal_(weights, std=0.3)
-    windows = found(crowd(2, people=8))
+    windows = found(crowd(2, people=8), memory=True)
     request, features = windows.request, LSTM_ROWS.features
     asked, clock = request.asked, request.steps
     forecasts = forecaster_of(network, encoder)(request)
