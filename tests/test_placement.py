@@ -17,7 +17,7 @@ def corner(people=40):
     """People walk along a corridor in the lower part of the map and up at its right end."""
     occupied = np.ones((60, 40), bool)
     occupied[:, 2:10] = occupied[50:58] = False
-    way = np.concatenate([[[0.1 * k, 0.6] for k in range(54)], [[5.4, 0.6 + 0.1 * k] for k in range(34)]])
+    way = np.concatenate([[[0.3 * k, 0.6] for k in range(18)], [[5.4, 0.6 + 0.3 * k] for k in range(12)]])
     rows = np.arange(people * len(way))
     trajectories = Trajectories(0.3 * (rows % len(way)), rows // len(way), np.tile(way, (people, 1)) - [2, 1])
     return Scene("corner", trajectories, OccupancyMap(occupied, np.array([-2.0, -1.0]), 0.1), 0.3)
@@ -80,7 +80,7 @@ def test_nobody_is_nowhere(caplog):
 
 @pytest.fixture
 def flipped(tmp_path):
-    write_scene(turned(corner(), "mirrored in y"), tmp_path / "corner")
+    write_scene(turned(corner(people=4), "mirrored in y"), tmp_path / "corner")
     return tmp_path / "corner"
 
 
