@@ -255,6 +255,14 @@ def visit_at(browser, file):
         visited.context.close()
 
 
+@pytest.fixture(scope="module")
+def visit(browser, file):
+    """A page that is only read."""
+    visited = Visit(browser, file, 1280, "light")
+    yield visited
+    visited.context.close()
+
+
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
 def test_the_page_loads_alone_and_fits(visit_at, width, scheme):
     visit = visit_at(width, scheme)
@@ -295,10 +303,9 @@ def decoded(visit, found, expression):
     return visit.page.evaluate(script.replace("EXPRESSION", expression), payload)
 
 
-def test_a_replay_keeps_its_stretch_and_the_seconds_that_its_forecasts_are_about(visit_at, hall):
+def test_a_replay_keeps_its_stretch_and_the_seconds_that_its_forecasts_are_about(visit, hall):
     scene, windows = hall
     found = replay(scene, windows, stretch(0.9), METHODS)
-    visit = visit_at()
     assert found.header["duration_s"] == 0.9
     assert decoded(visit, found, "replay.frames.map((frame) => frame.value)") == [0, 30, 60, 90]
     times = np.array(decoded(visit, found, "replay.seen.clock"))
@@ -307,9 +314,9 @@ def test_a_replay_keeps_its_stretch_and_the_seconds_that_its_forecasts_are_about
     np.testing.assert_array_equal(shown, scene.occupancy.occupied.T)
 
 
-def test_the_player_holds_the_forecasts_to_half_a_centimetre(visit_at, hall):
+def test_the_player_holds_the_forecasts_to_half_a_centimetre(visit, hall):
     _, windows = hall
-    visit, order = visit_at(), np.lexsort((windows.time_s, windows.track_id))
+    order = np.lexsort((windows.time_s, windows.track_id))
     assert decoded(visit, None, "replay.rows.track") == windows.track_id[order].tolist()
     for name, path in {
         "truth": windows.truth,
@@ -341,17 +348,16 @@ def test_the_player_draws_likely_modes_by_their_weight(visit_at, hall):
     assert [widths.count(round(1 + 7 * weight, 3)) for weight in (0.7, 0.3)] == [5, 5]
 
 
-def test_modes_that_are_left_out_take_no_space_and_are_not_drawn(visit_at, hall):
+def test_modes_that_are_left_out_take_no_space_and_are_not_drawn(visit, hall):
     scene, windows = hall
     all_modes = replay(scene, windows, KEPT, METHODS)
+    path = "replay.path('lstm', 3)"
     for given in ({"modes": 1}, {"least_weight": 0.5}):
         fewer = replay(scene, windows, dataclasses.replace(KEPT, **given), METHODS)
         assert len(fewer.data) < len(all_modes.data)
-        (one,) = decoded(visit_at(), fewer, "replay.modesOf('kalman_cv', 3)")
+        (one,) = decoded(visit, fewer, "replay.modesOf('kalman_cv', 3)")
         assert one["weight"] == pytest.approx(0.7)
-        assert decoded(visit_at(), fewer, "replay.path('lstm', 3)") == decoded(
-            visit_at(), None, "replay.path('lstm', 3)"
-        )
+        assert decoded(visit, fewer, path) == decoded(visit, None, path)
 
 
 def test_of_the_others_only_methods_that_are_kept_are_offered(hall):
@@ -359,9 +365,9 @@ def test_of_the_others_only_methods_that_are_kept_are_offered(hall):
     assert (header["methods"], header["modes"]) == (["lstm"], [])
 
 
-def test_the_player_shows_the_network_s_inputs_themselves(visit_at, hall):
+def test_the_player_shows_the_network_s_inputs_themselves(visit, hall):
     _, windows = hall
-    visit, order = visit_at(), np.lexsort((windows.time_s, windows.track_id))
+    order = np.lexsort((windows.time_s, windows.track_id))
     grids = np.array(decoded(visit, None, "replay.rows.track.map((_, row) => replay.grid(row))"))
     assert windows.packed_grid.any(axis=1).all()
     np.testing.assert_array_equal(grids, [windows.grid(row).ravel() for row in order])
@@ -372,8 +378,8 @@ def test_the_player_shows_the_network_s_inputs_themselves(visit_at, hall):
     np.testing.assert_array_equal(alpha > 0, grid_image(windows.grid(order[2])))
 
 
-def test_the_pose_that_is_kept_gives_nearly_all_of_the_grid(visit_at, hall):
-    changed = np.array(decoded(visit_at(), None, "[...replay.missed.keys()]"))
+def test_the_pose_that_is_kept_gives_nearly_all_of_the_grid(visit, hall):
+    changed = np.array(decoded(visit, None, "[...replay.missed.keys()]"))
     assert (changed % (3600 + 72) < 3600).sum() < 1e-3 * 3600 * len(hall[1])
 
 
