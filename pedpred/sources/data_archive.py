@@ -98,7 +98,6 @@ def _content(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
                 reason = said[-1]
             remedy = "Read are those of the Pedestrian Dynamics Data Archive; save other tables as CSV"
             raise SourceError(path, None, f"HDF5: {reason}", remedy)
-        with translate_errors(partial(SourceError, path, None)):
-            with np.load(out) as table:
-                about = {name: str(table[name]) for name in ("fps", "wkt")}
-                return {name: table[name] for name in COLUMNS}, about
+        with translate_errors(partial(SourceError, path, None)), np.load(out) as table:
+            about = {name: str(table[name]) for name in ("fps", "wkt")}
+            return {name: table[name] for name in COLUMNS}, about
