@@ -56,18 +56,18 @@ class _Canvas(FigureCanvasAgg):
     @cached_property
     def image(self) -> Image.Image:
         """The figure as it is now."""
-        if self.figure.get_layout_engine() is not None:
-            self._lay_out()
+        if (engine := self.figure.get_layout_engine()) is not None:
+            engine.execute(self.figure)
+            self._fix_layout()
         self.draw()
         return Image.fromarray(np.asarray(self.buffer_rgba()))
 
-    def _lay_out(self) -> None:
-        """Place the axes, and round where they are.
+    def _fix_layout(self) -> None:
+        """Keep the axes where they are, rounded.
 
         The solver of layouts orders its unknowns by their addresses in memory: the last digits differ from
         run to run, and lines with them.
         """
-        self.figure.draw_without_rendering()
         self.figure.set_layout_engine("none")
         for axes in self.figure.axes:
             bounds = np.round(axes.get_position(original=True).bounds, _PLACE_DIGITS)
