@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,8 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
         fps = np.ravel(np.asarray(said, dtype=np.float64))[:1].tolist()
         geometry = file.attrs.get("wkt_geometry", "")
         wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)
-    np.savez(out, **columns, fps="".join(map(repr, fps)), wkt=wkt)
+    with_texts: dict[str, Any] = {**columns, "fps": "".join(map(repr, fps)), "wkt": wkt}
+    np.savez(out, **with_texts)
 
 
 def main() -> None:
