@@ -1,22 +1,20 @@
 """Benchmarks: what they need and do not find, and how they compare times."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
+from benchmarks import online
 from benchmarks.beside import busy, slowdown
 from benchmarks.learners import cases
 from pedpred.training.distributed import ALONE
 from pedpred.training.loop import train_step
 
 
-def test_what_is_missing_is_named_with_the_command_that_makes_it(tmp_path):
-    command = [sys.executable, "-m", "benchmarks.online", "--model", str(tmp_path / "nowhere")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert done.stderr == f"{tmp_path}/nowhere is missing; make it: dvc repro export\n"
+def test_what_is_missing_is_named_with_the_command_that_makes_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["online", "--model", str(tmp_path / "nowhere")])
+    with pytest.raises(SystemExit) as ended:
+        online.main()
+    assert ended.value.code == f"{tmp_path}/nowhere is missing; make it: dvc repro export"
 
 
 def test_a_slowdown_is_that_of_the_medians():
