@@ -8,6 +8,7 @@ docs/pipeline.png, as `make readme` does. `config` only checks values, so nothin
 from __future__ import annotations
 
 import argparse
+import functools
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,7 +20,7 @@ from dvc.repo import Repo
 from dvc.scm import SCMError
 from dvc.stage import Stage
 from matplotlib.figure import Figure
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from pedpred.config import SHARED, read_params
 from pedpred.errors import FileError, ValueRuleError, user_errors
@@ -77,13 +78,19 @@ def reads(stage: Stage, change: str) -> bool:
     return False
 
 
+@functools.cache
+def _params(folder: Path) -> DictConfig:
+    """Read params.yaml once for all changes."""
+    return read_params(folder)
+
+
 def stale(graph: nx.DiGraph, change: str) -> set[str]:
     """Names of the stages that a change makes stale.
 
     Raises:
         ValueRuleError: no stage reads what is changed.
     """
-    if not Path(change).exists() and OmegaConf.select(read_params(Path()), change) is None:
+    if not Path(change).exists() and OmegaConf.select(_params(Path.cwd()), change) is None:
         raise ValueRuleError("change", change, "there is no such file or key of params.yaml")
     first = [stage for stage in graph if reads(stage, change) and stage.name != CHECK]
     if not first:
