@@ -6,6 +6,7 @@ Sizes are those of the packages installed here; `--write` puts the table into do
 from __future__ import annotations
 
 import argparse
+import functools
 import sys
 import tomllib
 from collections.abc import Iterable
@@ -59,8 +60,10 @@ def declared() -> dict[str, list[Requirement]]:
     return {group: [need for need in own if need.name != project["name"]] for group, own in needs.items()}
 
 
-def size_bytes(package: Distribution) -> int:
-    """Sum the sizes of the package's installed files."""
+@functools.cache
+def size_bytes(name: str) -> int:
+    """Sum the sizes of a package's installed files."""
+    package = distribution(name)
     paths = (Path(str(package.locate_file(file))) for file in package.files or [])
     return sum(path.stat().st_size for path in paths if path.is_file())
 
@@ -106,11 +109,8 @@ def table() -> str:
         for name in sorted((need.name for need in needs), key=str.lower):
             installs.setdefault(name, []).append(group)
     for name, own in installs.items():
-        package = distribution(name)
-        megabytes = size_bytes(package) / 1e6
-        lines.append(
-            f"| {name} | {', '.join(own)} | {REASONS[name]} | {licence(package)} | {megabytes:.1f} |"
-        )
+        megabytes, terms = size_bytes(name) / 1e6, licence(distribution(name))
+        lines.append(f"| {name} | {', '.join(own)} | {REASONS[name]} | {terms} | {megabytes:.1f} |")
     lines += ["", "| install | packages, all counted | MB |", "| --- | --: | --: |"]
     for title, parts in {
         "robot": ["robot"],
@@ -118,7 +118,7 @@ def table() -> str:
         "full": ["robot", "files", "train"],
         "full with docs": ["robot", "files", "train", "docs"],
     }.items():
-        packages = closure(need for part in parts for need in groups[part]).values()
+        packages = closure(need for part in parts for need in groups[part])
         total = sum(map(size_bytes, packages)) / 1e6
         lines.append(f"| {title} | {len(packages)} | {total:.0f} |")
     return "\n".join(lines)
