@@ -1,11 +1,17 @@
 """Ablations: what they ask for exists, and their points become a picture and a table."""
 
+import copy
 import dataclasses
+from itertools import combinations
 from pathlib import Path
 
+import hydra
 import pandas as pd
 import pytest
 import yaml
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import OmegaConf
 
 from pedpred import config
 from pedpred.errors import FileError, ValueRuleError
@@ -28,22 +34,35 @@ ABLATIONS = sorted((ROOT / "conf" / "ablations").glob("*.yaml"))
 PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
 
 
+def composed(ablation):
+    """The configurations of all points; hydra's own function changes what is composed of conf/ once."""
+    with hydra.initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        usual, parser = hydra.compose("config", overrides=[*ablation.always]), OverridesParser.create()
+    for overrides in ablation.points.values():
+        point = copy.deepcopy(usual)
+        ConfigLoaderImpl._apply_overrides_to_config(parser.parse_overrides([*overrides]), point)
+        yield OmegaConf.to_container(point, resolve=True)
+
+
+def test_points_are_what_conf_composes_to():
+    ablation = read_ablation(ROOT / "conf" / "ablations" / "pretraining.yaml")
+    _, second, *_ = composed(ablation)
+    overrides = [*ablation.always, *list(ablation.points.values())[1]]
+    assert second == yaml.safe_load(config.composed(ROOT / "conf", overrides))
+
+
 @pytest.mark.parametrize("path", ABLATIONS, ids=lambda path: path.stem)
 def test_every_point_composes_and_differs(path):
     ablation = read_ablation(path)
-    composed = [
-        config.composed(ROOT / "conf", [*ablation.always, *overrides])
-        for overrides in ablation.points.values()
-    ]
-    assert len(set(composed)) == len(ablation.points)
-    for text in composed:
-        check_parts(yaml.safe_load(text))  # else the stage `config` ends the experiment
+    points = list(composed(ablation))
+    assert all(one != other for one, other in combinations(points, 2))
+    for point in points:
+        check_parts(point)  # else the stage `config` ends the experiment
     written = set()
     for name, _, key in (target.partition("@") for target in ablation.targets):
         written |= {next(iter(entry)).replace("${key}", key) for entry in PIPELINE[name]["do"]["outs"]}
     assert {ablation.metrics, *(column.metrics for column in ablation.columns.values())} <= written
-    tested = yaml.safe_load(composed[0])["folds"]["sim"]["simulation"]["test"]
-    assert f"simulated/{ablation.entry}" in tested
+    assert f"simulated/{ablation.entry}" in points[0]["folds"]["sim"]["simulation"]["test"]
 
 
 def measured(ablation):
