@@ -4,6 +4,7 @@ import hashlib
 import json
 import shutil
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ SAME_S = 10.0
 """Processors round differently, and walking people amplify it; up to here positions agree to a millimetre."""
 
 
+@cache
 def composed(*overrides):
     return yaml.safe_load(config.composed(ROOT / "conf", list(overrides)))
 
