@@ -1,8 +1,10 @@
 """A recording of one's own, named in the configuration, flows through every stage; no code is needed."""
 
+import copy
 import importlib
 import json
 import shutil
+from functools import cache
 from pathlib import Path
 
 import pandas as pd
@@ -33,10 +35,19 @@ WALKING = json.loads((ROOT / "reports/metrics/walking.json").read_text())["corri
 ADDED = "+folds.real.trained={train: [real/crossing], test: []}"
 
 
+@cache
+def configured(text):
+    """A configuration as stages get it; to make it takes longer than many a stage."""
+    return OmegaConf.create(json.loads(text))
+
+
 def run(script, cfg, **given):
     """A stage's script in this process."""
-    stage = importlib.import_module(f"stages.{script}")
-    stage.main.__wrapped__(OmegaConf.create({**cfg, **given}))
+    stage, seen = importlib.import_module(f"stages.{script}"), configured(json.dumps(cfg))
+    seen.update(given)
+    stage.main.__wrapped__(seen)
+    for key in given:
+        del seen[key]
 
 
 def evaluate(project, networks):
@@ -69,34 +80,42 @@ def rows():
     return [part.partition("```")[0] for part in page.split("```yaml\n")[1:3]]
 
 
-@pytest.fixture
-def project(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
     """A folder with the configuration, the example as a place of one's own and untrained networks."""
+    folder = tmp_path_factory.mktemp("made")
     for name in ("conf", "examples"):
-        shutil.copytree(ROOT / name, tmp_path / name)
-    shutil.copy(ROOT / "dvc.yaml", tmp_path)
+        shutil.copytree(ROOT / name, folder / name)
+    shutil.copy(ROOT / "dvc.yaml", folder)
     for name, row in zip(("places/recorded.yaml", "folds/leave_one_out.yaml"), rows(), strict=True):
-        with (tmp_path / "conf" / name).open("a") as file:
+        with (folder / "conf" / name).open("a") as file:
             file.write(row)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PEDPRED_JOBS", "1")
-    text = config.composed(Path("conf"), [*SMALL, ADDED])
-    Path("params.yaml").write_text(text)
-    write_shared(config.read_params(Path()), Path())
+    text = config.composed(folder / "conf", [*SMALL, ADDED])
+    (folder / "params.yaml").write_text(text)
+    write_shared(config.read_params(folder), folder)
     params = yaml.safe_load(text)
     own = {"crossing", "trained"}  # the raw data of other places are not part of this
     params["folds"]["real"] = {k: fold for k, fold in params["folds"]["real"].items() if k in own}
     torch.manual_seed(0)
-    write_autoencoder(Path("models/autoencoder"))
+    write_autoencoder(folder / "models/autoencoder")
     for name, method in params["methods"]["networks"].items():
         network = parse_settings(method["settings"]).build(WIDTHS, params["protocol"]["horizon_steps"])
-        write_network(Path("models/main", name), network)
+        write_network(folder / "models/main" / name, network)
     widths = widths_of(MIXTURE_ROWS.features)
     for name, method in params["methods"]["memoryless"].items():
         network = parse_settings(method["settings"] | {"units": 8}).build(widths, 10)
-        for folder in ("main", "folds/crossing", "folds/fold"):
-            write_network(Path("models", folder, name), network, MIXTURE_ROWS)
-    return params
+        for trained in ("main", "folds/crossing", "folds/fold"):
+            write_network(folder / "models" / trained / name, network, MIXTURE_ROWS)
+    return folder, params
+
+
+@pytest.fixture
+def project(made, tmp_path, monkeypatch):
+    """A copy of that folder is the current one; its parameters, to be changed."""
+    shutil.copytree(made[0], tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PEDPRED_JOBS", "1")
+    return copy.deepcopy(made[1])
 
 
 @pytest.mark.usefixtures("project")
