@@ -60,7 +60,10 @@ from pedpred.config import composed
 overrides, runs = json.loads(sys.argv[1])
 common = OmegaConf.create(composed(Path("conf"), overrides))
 for stage, arguments in runs:
-    importlib.import_module(f"stages.{stage}").main.__wrapped__(OmegaConf.merge(common, arguments))
+    common.update(arguments)
+    importlib.import_module(f"stages.{stage}").main.__wrapped__(common)
+    for name in arguments:
+        del common[name]
 """
 ROBOT = """
 from pathlib import Path
