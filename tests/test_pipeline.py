@@ -15,9 +15,9 @@ from tests.trust.project import ROOT, SILENT, done, environment
 
 TARGET = "simulate@corridor"
 TRACKS = Path("data/scenes/simulated/corridor/corridor/tracks.parquet")
-ROWS = Path("conf/simulations/rooms.yaml")
-CORRIDOR = "simulations.corridor."
-SWEPT = f"{CORRIDOR}pedestrians"
+ROWS, MIRRORS = Path("conf/simulations/rooms.yaml"), Path("conf/mirrors/ewap.yaml")
+FAMILIES = ("config", "fetch", "ingest", "simulate")
+SWEPT = "simulations.corridor.pedestrians"
 
 pytestmark = [pytest.mark.pipeline, pytest.mark.usefixtures("sweep")]
 
@@ -30,9 +30,8 @@ def run(folder, *command, succeeds=True):
     return ended.stdout + ended.stderr
 
 
-def commit(folder, message):
-    run(folder, "git", "add", "--all")
-    run(folder, "git", "commit", "--quiet", "--message", message)
+def md5(file):
+    return hashlib.md5(file.read_bytes()).hexdigest()
 
 
 def finished_experiments(folder, count, patience_s=300):
@@ -58,17 +57,48 @@ def tracks_md5(folder, revision):
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory):
-    """A committed copy of the working tree in which the corridor lasts a second and is reproduced."""
+def mirror(tmp_path_factory):
+    """The folder in which the copy of the project looks for raw files of ewap; it is empty."""
+    return tmp_path_factory.mktemp("mirror")
+
+
+@pytest.fixture(scope="module")
+def reproduced(mirror, tmp_path_factory):
+    """A committed copy of the working tree in which the corridor lasts a second, and what its run says.
+
+    It has the families of stages that run here; DVC reads all stages several times in every command.
+    """
     folder = tmp_path_factory.mktemp("pipeline") / "project"
     run(ROOT, ".ci/copy", str(folder))
     (folder / "dvc.lock").unlink()
+    stages = yaml.safe_load((folder / "dvc.yaml").read_text())["stages"]
+    (folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": {name: stages[name] for name in FAMILIES}}))
     text = (folder / ROWS).read_text().replace("hours: 0.95", "hours: 0.0005")
     (folder / ROWS).write_text(text.replace("pedestrians: 10", "pedestrians: 3"))
+    about = yaml.safe_load((folder / MIRRORS).read_text()) | {"folders": [str(mirror)], "archives": []}
+    (folder / MIRRORS).write_text(yaml.safe_dump(about))
     run(folder, sys.executable, "-m", "pedpred.config")
-    run(folder, "dvc", "repro", TARGET)
-    commit(folder, "reproduced")
-    return folder
+    said = run(folder, "dvc", "repro", TARGET, "ingest@eth")
+    run(folder, "git", "add", "--all")
+    run(folder, "git", "commit", "--quiet", "--message", "reproduced")
+    return folder, said
+
+
+@pytest.fixture(scope="module")
+def project(reproduced):
+    """The copy alone."""
+    return reproduced[0]
+
+
+@pytest.fixture(scope="module")
+def by_hand(project, tmp_path_factory):
+    """Checksums of the tracks that a command without DVC simulates, by the number of people."""
+    out, written = tmp_path_factory.mktemp("by_hand"), {}
+    for people in (2, 4):
+        arguments = ["+name=corridor", f"{SWEPT}={people}", f"+out={out / str(people)}"]
+        run(project, sys.executable, "-m", "stages.simulate", *arguments)
+        written[people] = md5(out / str(people) / "corridor" / TRACKS.name)
+    return written
 
 
 @pytest.fixture(scope="module")
@@ -87,11 +117,34 @@ def test_reproducing_again_does_nothing_and_leaves_git_clean(project):
     assert run(project, "git", "status", "--short") == ""
 
 
-def test_a_stage_by_hand_writes_where_it_is_told_and_nowhere_else(project, tmp_path):
-    arguments = ["+name=corridor", f"{CORRIDOR}seed=7", f"+out={tmp_path}"]
-    run(project, sys.executable, "-m", "stages.simulate", *arguments)
-    assert (tmp_path / "corridor" / TRACKS.name).read_bytes() != (project / TRACKS).read_bytes()
+def test_a_stage_by_hand_writes_where_it_is_told_and_nowhere_else(project, by_hand):
+    assert md5(project / TRACKS) not in by_hand.values()
     assert run(project, "git", "status", "--short") == ""
+
+
+def test_a_second_clone_pulls_from_a_remote_and_recomputes_nothing(project, tmp_path):
+    remote, clone = tmp_path / "remote", tmp_path / "clone"
+    run(project, "dvc", "remote", "add", "--default", "--local", "shelf", str(remote))
+    run(project, "dvc", "push", TARGET)
+    run(tmp_path, "git", "clone", "--quiet", str(project), str(clone))
+    shutil.copy(project / ".dvc/config.local", clone / ".dvc")
+    run(clone, "dvc", "pull", TARGET)
+    assert (clone / TRACKS).read_bytes() == (project / TRACKS).read_bytes()
+    assert "Running stage 'simulate" not in run(clone, "dvc", "repro", TARGET)
+    assert run(clone, "git", "status", "--short") == ""
+
+
+def test_raw_files_that_are_nowhere_are_looked_for_again_and_not_taken_from_the_cache(reproduced, mirror):
+    """`make reproduce` removes the notes; the run cache would bring them back."""
+    project, said = reproduced
+    raw = project / "data/raw/ewap"
+    assert f"Tried were {mirror}: seq_eth/H.txt is missing" in said
+    assert "no raw data of ewap: put " in (project / "data/scenes/real/eth/scene.json").read_text()
+    shutil.rmtree(raw)
+    (mirror / "seq_eth").mkdir()
+    (mirror / "seq_eth/H.txt").write_text("altered")
+    assert "H.txt has SHA-256" in run(project, "dvc", "repro", "ingest@eth", succeeds=False)
+    assert not raw.exists()
 
 
 def test_an_edit_under_conf_without_make_params_is_not_ignored(project):
@@ -106,43 +159,10 @@ def test_an_edit_under_conf_without_make_params_is_not_ignored(project):
     assert "make params" in said
 
 
-def test_a_second_clone_pulls_from_a_remote_and_recomputes_nothing(project, tmp_path):
-    remote, clone = tmp_path / "remote", tmp_path / "clone"
-    run(project, "dvc", "remote", "add", "--default", "--local", "shelf", str(remote))
-    run(project, "dvc", "push", TARGET)
-    run(tmp_path, "git", "clone", "--quiet", str(project), str(clone))
-    run(clone, "dvc", "remote", "add", "--default", "--local", "shelf", str(remote))
-    run(clone, "dvc", "pull", TARGET)
-    assert (clone / TRACKS).read_bytes() == (project / TRACKS).read_bytes()
-    assert "Running stage 'simulate" not in run(clone, "dvc", "repro", TARGET)
-    assert run(clone, "git", "status", "--short") == ""
-
-
-def test_the_points_of_a_queued_sweep_differ_and_each_is_right(sweep, tmp_path):
+def test_the_points_of_a_queued_sweep_differ_and_each_is_right(sweep, by_hand):
     swept = {}
     for point in finished_experiments(sweep, 2):
         params = yaml.safe_load(run(sweep, "git", "show", f"{point}:params.yaml"))
         swept[params["simulations"]["corridor"]["pedestrians"]] = tracks_md5(sweep, point)
-    plain = {}
-    for pedestrians in (2, 4):
-        arguments = ["+name=corridor", f"{SWEPT}={pedestrians}", f"+out={tmp_path / str(pedestrians)}"]
-        run(sweep, sys.executable, "-m", "stages.simulate", *arguments)
-        written = (tmp_path / str(pedestrians) / "corridor" / TRACKS.name).read_bytes()
-        plain[pedestrians] = hashlib.md5(written).hexdigest()
-    assert swept == plain
+    assert swept == by_hand
     assert len(set(swept.values())) == 2
-
-
-def test_raw_files_that_are_nowhere_are_looked_for_again_and_not_taken_from_the_cache(project, tmp_path):
-    """`make reproduce` removes the notes; the run cache would bring them back."""
-    mirrors, raw = project / "conf/mirrors/ewap.yaml", project / "data/raw/ewap"
-    about = yaml.safe_load(mirrors.read_text()) | {"folders": [str(tmp_path)], "archives": []}
-    mirrors.write_text(yaml.safe_dump(about))
-    run(project, sys.executable, "-m", "pedpred.config")
-    assert f"Tried were {tmp_path}: seq_eth/H.txt is missing" in run(project, "dvc", "repro", "ingest@eth")
-    assert "no raw data of ewap: put " in (project / "data/scenes/real/eth/scene.json").read_text()
-    shutil.rmtree(raw)
-    (tmp_path / "seq_eth").mkdir()
-    (tmp_path / "seq_eth/H.txt").write_text("altered")
-    assert "H.txt has SHA-256" in run(project, "dvc", "repro", "ingest@eth", succeeds=False)
-    assert not raw.exists()
