@@ -1,11 +1,10 @@
 """Commands on the pages: cheap ones are run as written; of the others everything but the run is checked."""
 
 import importlib.util
-import os
 import re
+import runpy
 import shlex
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -121,9 +120,10 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A copy of the project with two commits, whose requirements are installed."""
+    """A copy of the project with two commits and without results, whose requirements are installed."""
     copy = tmp_path_factory.mktemp("copy") / "project"
     done(ROOT, ".ci/copy", str(copy)).check_returncode()
+    (copy / "dvc.lock").unlink()
     (copy / ".venv").mkdir()
     for message in ("one", "two"):
         done(copy, "git", "add", "--all").check_returncode()
@@ -145,24 +145,23 @@ def test_a_command_on_a_page_runs(words, folder, request, monkeypatch):
         force = ["--force"] if words[1] in ("predict", "convert") else []
         main([*words[1:], *force, *(["--samples", "20"] if words[1] == "evaluate" else [])])
         return
+    elif words[2].startswith("stages."):
+        ended = done(folder, *words, PYTHONPATH=str(ROOT))
     else:
         assert words[:2] == ["python", "-m"]
-        given = [PLACE if word == "<name>" else word for word in words[1:]]
-        ended = subprocess.run(
-            [sys.executable, *given, *FEWER.get(words[2], [])],
-            cwd=folder,
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        module, *given = (PLACE if word == "<name>" else word for word in words[2:])
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr("sys.argv", [module, *given, *FEWER.get(module, [])])
+        monkeypatch.delitem(sys.modules, module, raising=False)
+        runpy.run_module(module, run_name="__main__")
+        return
     assert ended.returncode == 0, ended.stderr
 
 
 @pytest.fixture(scope="module")
-def stages():
+def stages(project):
     """Names of the stages of the project and of their families, as DVC takes them for targets."""
-    names = {stage.name for stage in staleness.pipeline(ROOT)}
+    names = {stage.name for stage in staleness.pipeline(project)}
     return names | {staleness.family(name) for name in names}
 
 
