@@ -73,18 +73,20 @@ def test_an_output_in_a_read_only_folder_is_refused_in_words(tmp_path):
 
 @mounting
 def test_a_full_disk_is_said_in_words_and_leaves_nothing_half_written(tmp_path):
+    """Full while the file is written, or from its first byte on."""
     out = tmp_path / "out"
     script = (
         "import sys; from pedpred.command import main; scene, out = sys.argv[1:]\n"
         "writing = 'predict -o walk.mcap', 'convert -o walk.mcap', 'evaluate --samples 10 --json x.json'\n"
-        "for words in writing:\n"
+        "for taken, words in zip((0, 56, 60), writing):\n"
+        "    open(f'{out}/taken', 'wb').write(bytes(1024 * taken))\n"
         "    command, *options, name = words.split()\n"
         "    try:\n"
         "        main([command, scene, *options, f'{out}/{name}'])\n"
         "    except SystemExit as ended:\n"
         "        print(command, ended.code, file=sys.stderr)\n"
     )
-    done = on_a_machine(out, "4k", False, sys.executable, "-c", script, SCENE, out, folder=str(ROOT))
+    done = on_a_machine(out, "64k", False, sys.executable, "-c", script, SCENE, out, folder=str(ROOT))
     for command in ("predict", "convert", "evaluate"):
         said = r"\w+: .*it cannot be written: No space left on device.*make room on the disk"
         assert re.search(f"^{command} {said}", done.stderr, re.MULTILINE), done.stderr
