@@ -159,6 +159,14 @@ def test_the_default_model_passes():
     graph.check_operators((ROOT / "models/online/default/network.onnx").read_bytes())
 
 
+def test_a_graph_in_use_is_shared_and_refused_where_other_ends_are_described(model):
+    raw, (inputs, outputs) = (model / "network.onnx").read_bytes(), read_description(model).ends()
+    session = graph.load_graph(raw, inputs, outputs)
+    assert graph.load_graph(raw, inputs, outputs) is session
+    with pytest.raises(ValueError, match="expected"):
+        graph.load_graph(raw, inputs, outputs[1:])
+
+
 def test_operators_are_counted_as_onnx_reads_them(model):
     """The reader of bytes sees the operators that the library sees."""
     raw = (model / "network.onnx").read_bytes()

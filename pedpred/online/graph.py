@@ -6,10 +6,12 @@ code. No run takes more memory than `MOST_MEMORY_BYTES`. How long one operator t
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from functools import cache
 from threading import Timer
+from weakref import WeakValueDictionary
 
 import numpy as np
 import onnxruntime
@@ -34,9 +36,12 @@ _NODE, _SPARSE = 1, 15
 _OPERATOR, _ATTRIBUTE, _DOMAIN = 4, 5, 7
 _SUBGRAPHS = (6, 11)
 
+_LOADED: MutableMapping[str, InferenceSession] = WeakValueDictionary()
+"""The graphs in use, by content and ends."""
+
 
 def load_graph(raw: bytes, inputs: Mapping[str, Shape], outputs: Sequence[Shape]) -> InferenceSession:
-    """Load a graph that has been checked and tried; one thread.
+    """Load a graph that has been checked and tried; one thread. Who loads it again while it is in use shares it.
 
     Args:
         raw: the graph.
@@ -47,6 +52,14 @@ def load_graph(raw: bytes, inputs: Mapping[str, Shape], outputs: Sequence[Shape]
         ValueError: it is not a fixed sequence of standard operators, or has other inputs or outputs.
         Exception: it is damaged, or takes too much memory or time for two people; onnxruntime documents none.
     """
+    known = f"{hashlib.sha256(raw).hexdigest()} {inputs} {outputs}"
+    session = _LOADED.get(known)
+    if session is None:
+        session = _LOADED[known] = _tried(raw, inputs, outputs)
+    return session
+
+
+def _tried(raw: bytes, inputs: Mapping[str, Shape], outputs: Sequence[Shape]) -> InferenceSession:
     check_operators(raw)
     tried = _session(raw, onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL)
     ends = {end.name: tuple(end.shape[1:]) for end in tried.get_inputs()}
