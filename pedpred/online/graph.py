@@ -41,7 +41,7 @@ _LOADED: MutableMapping[str, InferenceSession] = WeakValueDictionary()
 
 
 def load_graph(raw: bytes, inputs: Mapping[str, Shape], outputs: Sequence[Shape]) -> InferenceSession:
-    """Load a graph that has been checked and tried; one thread. Who loads it again while it is in use shares it.
+    """Load a graph that has been checked and tried, or share one that is in use; one thread.
 
     Args:
         raw: the graph.
