@@ -62,7 +62,7 @@ def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
         assert_sound(found, ids)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(
     seed=SEEDS,
     jumps=st.lists(st.floats(0, np.log10(FARTHEST_M) - 0.1), min_size=1, max_size=3),
@@ -71,7 +71,7 @@ def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
 def test_no_jump_and_no_gap_spoils_a_forecast(folder, seed, jumps, gaps):
     """Jumps of 1 m to 1e8 m, frames 1 us to 10 s apart: everybody has a forecast, the others the same."""
     rng = np.random.default_rng(seed)
-    start, velocity = walkers(rng)
+    start, velocity = walkers(rng, people=10)
     robot, other, now = OnlinePredictor.load(folder), OnlinePredictor.load(folder), 0.0
     others = np.delete(np.arange(len(start)), JUMPER)
     for k in range(30):
@@ -116,14 +116,16 @@ def usual_m():
 
 @pytest.mark.parametrize("stream", [name for name in STREAMS if name not in ("10 Hz", *SPARSE)])
 def test_fast_frames_are_no_noisier(stream, usual_m):
-    """At 1000 Hz, where each second takes long, of people who were first seen 2.5 s before."""
+    """Of people who were first seen 2.5 s before; at 1000 Hz, each second takes long: 50 Hz at first."""
     now = STREAMS[stream]()
-    seen = now[(now >= WARM_S - 2.5) & (now <= WARM_S + 0.1)] if stream == "1000 Hz" else now
-    assert errors_m(lambda: seen)[0] < 1.3 * usual_m
+    now = now[(now >= WARM_S - 2.5) & (now <= WARM_S + (0.1 if stream == "1000 Hz" else 1.0))]
+    if stream == "1000 Hz":
+        now = np.concatenate([now[:-400:20], now[-400:]])
+    assert errors_m(lambda: now)[0] < 1.3 * usual_m
 
 
 def test_a_queue_that_catches_up_is_no_noisier_than_one_frame_of_each_second():
-    many = 600  # of thirty people, the means of both differ by 5 % by chance
+    many = 150  # of thirty people, the means of both differ by 5 % by chance
     assert errors_m(queue, many)[0] < errors_m(STREAMS["1 Hz"], many)[0]
 
 
@@ -149,7 +151,7 @@ def test_regions_of_walkers_do_not_learn_from_furniture():
         rng, robot, kept = np.random.default_rng(5), OnlinePredictor.load(), []
         where = np.stack([np.full(things, 40.0), np.arange(things)], axis=1)
         start, heading = rng.uniform(-5, 5, (6, 2)), rng.uniform(-np.pi, np.pi, 6)
-        truth = np.empty((600, 6, 2))
+        truth = np.empty((450, 6, 2))
         for k in range(len(truth)):
             heading += rng.normal(0, 0.05, 6)
             start = start + 0.12 * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
