@@ -56,10 +56,10 @@ def test_a_gap_without_anybody_costs_a_replay_and_all_at_once_the_same(mixture):
 def test_fast_frames_are_the_same_in_a_replay(mixture, dt_s):
     """Bursts and ids that jump included."""
     rng = np.random.default_rng(5)
-    scene = walled_scene(rng, dt_s, detections=round(8 / dt_s), tracks=3)
+    scene = walled_scene(rng, dt_s, detections=round(5 / dt_s), tracks=3)
     trajectories = scene.trajectories
     position = trajectories.position + rng.normal(0, 0.03, trajectories.position.shape)
-    position[(trajectories.track_id == trajectories.track_id[0]) & (trajectories.time_s > 4)] += 50.0
+    position[(trajectories.track_id == trajectories.track_id[0]) & (trajectories.time_s > 2.5)] += 50.0
     scene = dataclasses.replace(scene, trajectories=dataclasses.replace(trajectories, position=position))
     slow, fast = both(scene, OnlinePredictor.load(mixture[0], OnlineSettings(0.5, detection_noise_m=0.03)))
     assert len(slow) > 20

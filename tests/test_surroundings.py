@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.geometry import rotate
@@ -77,6 +77,7 @@ def test_the_nearest_are_found_in_the_order_of_their_distance(seed, count, range
         np.testing.assert_allclose(found[q], expected, atol=1e-5)
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 10_000), st.sampled_from([0.05, 0.1, 0.25]), st.booleans())
 def test_beams_end_where_small_steps_meet_an_obstacle(seed, resolution_m, outside):
     rng = np.random.default_rng(seed)

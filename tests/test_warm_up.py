@@ -1,7 +1,7 @@
 """After `warm_up` nothing is compiled any more, whatever a stream or a recording brings."""
 
 import logging
-import subprocess
+import os
 import sys
 
 import numpy as np
@@ -17,6 +17,7 @@ from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.turned_maps import turned_map
 from pedpred.scenes import OccupancyMap, Scene, Trajectories, predicted_occupancy
 from tests.conftest import ROOT
+from tests.forked import run_forked
 
 
 def specialisations():
@@ -47,7 +48,7 @@ def maps():
 
 
 def stream(model, settings=None):
-    """A long and varied stream of updates."""
+    """A varied stream of updates."""
     predictor, now = OnlinePredictor.load(model, settings), 0.0
 
     def frames(positions, ids=None, velocity=None, dt_s=0.1):
@@ -57,16 +58,16 @@ def stream(model, settings=None):
             who = np.arange(len(there)) if ids is None else ids
             predictor.update(now, who, there, velocity)
 
-    frames(walkers(1, 80, 0))
-    frames(walkers(2, 80, 1))
+    frames(walkers(1, 45, 0))
+    frames(walkers(2, 45, 1))
     frames(walkers(0, 3, 1))
     frames(walkers(6, 40, 2, gap_m=0.3))
-    frames(walkers(3, 70, 3, speed_mps=0.0))
+    frames(walkers(3, 45, 3, speed_mps=0.0))
     for own in maps():
         predictor.set_map(own)
-        frames(walkers(4, 12, 4))
+        frames(walkers(4, 4, 4))
     predictor.reset()
-    frames(walkers(3, 70, 5), velocity=np.ones((3, 2)))
+    frames(walkers(3, 40, 5), velocity=np.ones((3, 2)))
     now += 10.0
     frames(walkers(2, 40, 6), ids=[2**40, -7])
     frames(walkers(1, 40, 7), ids=[-7])
@@ -76,7 +77,7 @@ def stream(model, settings=None):
 
 
 def recording():
-    frames, count = 120, 4
+    frames, count = 60, 4
     place = walkers(count, frames, 10)
     frame, person = np.divmod(np.arange(frames * count), count)
     trajectories = Trajectories(0.1 * frame, person, place[frame, person])
@@ -102,9 +103,7 @@ def law(*models):
 def test_after_it_nothing_is_compiled(model, mixture):
     """With the default model and with one of each kind; no loop gets further types, even if they are kept."""
     script = f"from tests.test_warm_up import law\nlaw({str(model[0])!r}, {str(mixture[0])!r})"
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = run_forked(script, ROOT, os.environ)
     assert done.returncode == 0, done.stderr[-3000:]
 
 
@@ -128,9 +127,7 @@ def law_of_updates(model):
 def test_after_warm_up_with_a_model_no_update_compiles(kind, request):
     folder = request.getfixturevalue(kind)[0]
     script = f"from tests.test_warm_up import law_of_updates\nlaw_of_updates({str(folder)!r})"
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = run_forked(script, ROOT, os.environ)
     assert done.returncode == 0, done.stderr[-3000:]
 
 
