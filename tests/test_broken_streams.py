@@ -62,7 +62,7 @@ def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
         assert_sound(found, ids)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=SEEDS,
     jumps=st.lists(st.floats(0, np.log10(FARTHEST_M) - 0.1), min_size=1, max_size=3),

@@ -33,12 +33,12 @@ if not child:
     os._exit(int(not np.array_equal(seen(), first)))
 assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0, "a forked process may go on"
 found = []
-both = [threading.Thread(target=lambda: found.extend(seen() for _ in range(4))) for _ in range(2)]
+both = [threading.Thread(target=lambda: found.extend(seen() for _ in range(20))) for _ in range(2)]
 for one in both:
     one.start()
 for one in both:
     one.join()
-assert len(found) == 8, "two threads may call at once"
+assert len(found) == 40, "two threads may call at once"
 assert all(np.array_equal(own, first) for own in found)
 """
 UPDATES = """

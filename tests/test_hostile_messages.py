@@ -103,7 +103,7 @@ def drain(follower, now_s):
             continue
 
 
-@settings(max_examples=40)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(SENT, st.booleans()), max_size=25))
 def test_after_whatever_messages_a_sound_stream_is_forecast(sent):
     """From its first frame on, with everybody; and every error on the way can be repaired by a person."""
@@ -140,7 +140,7 @@ CALLS = st.tuples(
 )
 
 
-@settings(max_examples=40)
+@settings(max_examples=60)
 @given(st.lists(CALLS, max_size=12), SEEDS)
 def test_what_a_predictor_refuses_has_never_been(calls, seed):
     """It refuses with an error about an argument, or forecasts; the others are forecast as without it."""
@@ -384,7 +384,7 @@ def test_detections_that_are_noise_do_not_pile_up():
 
 
 @given(SEEDS, st.integers(0, 4), st.sampled_from([3.0, 30.0, 300.0]))
-@settings(max_examples=40)
+@settings(max_examples=60)
 def test_grids_are_those_of_the_whole_ground_wherever_people_are(seed, people, spread_m):
     rng = np.random.default_rng(seed)
     path = rng.normal(0, spread_m, (people, 2, 3, 2))
