@@ -384,7 +384,7 @@ def test_detections_that_are_noise_do_not_pile_up():
 
 
 @given(SEEDS, st.integers(0, 4), st.sampled_from([3.0, 30.0, 300.0]))
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_grids_are_those_of_the_whole_ground_wherever_people_are(seed, people, spread_m):
     rng = np.random.default_rng(seed)
     path = rng.normal(0, spread_m, (people, 2, 3, 2))
