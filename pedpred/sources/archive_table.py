@@ -1,4 +1,4 @@
-"""Copies the table of an archive (HDF5) to arrays (.npz): `python archive_table.py IN OUT ROWS`.
+"""Copies the table of an archive (HDF5) to Parquet: `python archive_table.py IN OUT ROWS`.
 
 A process of its own: the HDF5 library trusts what it reads, and damaged files make it hang or end the
 process. It ends with exit code 2 and one line on stderr if the file is not as it should be.
@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 COLUMNS = ("id", "frame", "x", "y")
 _MOST_BYTES = 8 * 2**30
@@ -21,7 +22,7 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
 
     Args:
         archive: of the Pedestrian Dynamics Data Archive.
-        out: an .npz file with these columns, and `fps` and `wkt` as texts, empty if unknown.
+        out: a Parquet file with these columns; `fps` and `wkt`, empty if unknown, are its metadata.
         most_rows: of the table.
 
     Raises:
@@ -52,8 +53,8 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
         fps = np.ravel(np.asarray(said, dtype=np.float64))[:1].tolist()
         geometry = file.attrs.get("wkt_geometry", "")
         wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)
-    with_texts: dict[str, Any] = {**columns, "fps": "".join(map(repr, fps)), "wkt": wkt}
-    np.savez(out, **with_texts)
+    about = {"fps": "".join(map(repr, fps)), "wkt": wkt}
+    pq.write_table(pa.table(columns).replace_schema_metadata(about), out, compression="none")
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
@@ -79,9 +80,9 @@ def _content(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     # Filters of strangers are code: none is loaded.
     environment = os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "HDF5_USE_FILE_LOCKING": "FALSE"}
     with TemporaryDirectory() as folder:
-        out = Path(folder, "table.npz")
+        out = Path(folder, "table.parquet")
         rows = str(MOST_NUMBERS // len(COLUMNS))
-        # Run as a file: as a module of this package, it would first import the whole package.
+        # Run as a file: as a module of this package, it would first import all readers.
         run = f"import runpy; runpy.run_path({archive_table.__file__!r}, run_name='__main__')"
         command = [sys.executable, "-c", run, str(path.absolute()), str(out), rows]
         try:
@@ -98,6 +99,7 @@ def _content(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
                 reason = said[-1]
             remedy = "Read are those of the Pedestrian Dynamics Data Archive; save other tables as CSV"
             raise SourceError(path, None, f"HDF5: {reason}", remedy)
-        with translate_errors(partial(SourceError, path, None)), np.load(out) as table:
-            about = {name: str(table[name]) for name in ("fps", "wkt")}
-            return {name: table[name] for name in COLUMNS}, about
+        with translate_errors(partial(SourceError, path, None)):
+            table = pq.read_table(out)
+    about = {name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()}
+    return {name: table[name].to_numpy() for name in COLUMNS}, about
