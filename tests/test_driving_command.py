@@ -100,6 +100,26 @@ def test_an_episode_is_recorded_with_the_robot(tmp_path):
         main(["drive"])
 
 
+@pytest.mark.parametrize(
+    ("place", "option"),
+    [
+        ("--world room", "--map people.mcap"),
+        ("--world room", "--no-map"),
+        ("--world room", "--rate 5"),
+        ("--world room", "--transform 1 2 3"),
+        ("--world room", "--open-end 0 0 1 1"),
+        (CORNER, "--people react"),
+        (CORNER, "--episode 3"),
+    ],
+)
+def test_an_option_without_a_meaning_is_refused_before_a_drive(place, option, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "people.mcap").touch()
+    with pytest.raises(SystemExit, match=rf"{option.split()[0]} = .* it is about|walk as they did"):
+        main(["drive", *place.split(), *option.split(), "--episodes", "1"])
+    assert [path.name for path in tmp_path.iterdir()] == ["people.mcap"]
+
+
 def test_a_picture_of_curves_is_not_the_table_and_needs_one(tmp_path):
     picture = str(tmp_path / "curves.png")
     for other in (["--table", str(tmp_path / "." / "curves.png")], ["--record", str(tmp_path / "one.png")]):

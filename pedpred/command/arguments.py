@@ -167,34 +167,38 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command = commands.add_parser(action.__name__, help=action.__doc__, description=action.__doc__)
     command.set_defaults(action=action)
     command.add_argument("scene", type=named_path, nargs=scenes, help=_SCENE)
-    command.add_argument("--topic", help="of a bag's people, if several topics carry people")
+    about: dict[str, tuple[str, Any]] = {}
+
+    def option(name: str, *others: str, **how: Any) -> None:
+        """An option that is about a recording."""
+        added = command.add_argument(name, *others, **how)
+        about[name] = added.dest, added.default
+
+    option("--topic", help="of a bag's people, if several topics carry people")
     grids = "of a bag's map, if it is not called map (default: the one that is not a costmap); '': no map"
-    command.add_argument("--map-topic", help=grids)
+    option("--map-topic", help=grids)
     kinds = "class of people in a bag or table (default: person, people, pedestrian, human); "
-    command.add_argument(
-        "--class", dest="classes", action="append", metavar="CLASS", help=f"{kinds}may be repeated"
-    )
+    option("--class", dest="classes", action="append", metavar="CLASS", help=f"{kinds}may be repeated")
     pose = "pose of the people's frame in the map's frame, if they differ, m, m, rad"
-    command.add_argument("--transform", type=float, nargs=3, metavar=("X", "Y", "YAW"), help=pose)
+    option("--transform", type=float, nargs=3, metavar=("X", "Y", "YAW"), help=pose)
     named = "columns of a table in order, in place of its header, such as time,id,x,y; others are ignored"
-    command.add_argument("--columns", help=named)
+    option("--columns", help=named)
     counted = "of frame numbers, in a file that does not say it, Hz"
-    command.add_argument("--rate", "--frame-rate", type=float, help=counted)
+    option("--rate", "--frame-rate", type=float, help=counted)
     long = "of lengths in a table or text (default: what the file says, else m)"
-    command.add_argument("--unit", choices=list(UNITS), help=long)
+    option("--unit", choices=list(UNITS), help=long)
     side = "side of a pixel where positions are pixels of a picture (Stanford Drone Dataset, tables), m"
-    command.add_argument("--scale", type=_number(float, 1e-6, 10.0), metavar="METRES_PER_PIXEL", help=side)
+    option("--scale", type=_number(float, 1e-6, 10.0), metavar="METRES_PER_PIXEL", help=side)
     flat = "in place of --scale: a text with 3 x 3 numbers, which map (x, y, 1) in pixels to metres"
-    command.add_argument("--homography", type=named_path, metavar="FILE", help=flat)
+    option("--homography", type=named_path, metavar="FILE", help=flat)
     replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml, .wkt); replaces the map "
     replaced += "(default: that of the recording, or the map.yaml beside a table)"
-    command.add_argument("--map", type=named_path, help=replaced)
-    command.add_argument("--no-map", action="store_true", help="without obstacles, even if a map is there")
+    option("--map", type=named_path, help=replaced)
+    option("--no-map", action="store_true", help="without obstacles, even if a map is there")
     end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"
     ends = ("X1", "Y1", "X2", "Y2")
-    command.add_argument(
-        "--open-end", type=float, nargs=4, metavar=ends, action="append", default=[], help=end
-    )
+    option("--open-end", type=float, nargs=4, metavar=ends, action="append", default=[], help=end)
+    command.set_defaults(about_recordings=about)
     return command
 
 
@@ -246,7 +250,7 @@ def _drives(command: argparse.ArgumentParser) -> None:
     world = "drive in simulated worlds of this kind, one for each episode, in place of a scene"
     command.add_argument("--world", choices=WORLDS, help=world)
     reaction = "whether simulated people respect the robot as one of them (default react)"
-    command.add_argument("--people", choices=REACTIONS, default=REACTIONS[0], help=reaction)
+    command.add_argument("--people", choices=REACTIONS, help=reaction)
     shown = "tell the forecaster where the robot is, as one more person"
     command.add_argument("--shown", action="store_true", help=shown)
     table = "drives are kept there, and not repeated (default: NAME_drives.csv in the current folder)"
@@ -283,5 +287,5 @@ def _drives(command: argparse.ArgumentParser) -> None:
     record = "write one episode instead: of one method (default: modes) as MCAP, or a picture of several"
     command.add_argument("--record", type=named_path, metavar="NAME.mcap|NAME.png", help=record)
     which = "number of the episode to record (default 0)"
-    command.add_argument("--episode", type=_number(int, 0, 1e6), default=0, help=which)
+    command.add_argument("--episode", type=_number(int, 0, 1e6), help=which)
     command.add_argument("--force", action="store_true", help="replace an existing recording")

@@ -121,20 +121,21 @@ def _record(runner: Runner, asked: Sequence[Condition], arguments: argparse.Name
 
 
 def _worlds(arguments: argparse.Namespace) -> Worlds:
-    return Worlds(arguments.world, arguments.people == REACTIONS[0])
+    return Worlds(arguments.world, (arguments.people or REACTIONS[0]) == REACTIONS[0])
 
 
 def check_drive(arguments: argparse.Namespace) -> None:
     """Check what only `pedpred drive` needs.
 
     Raises:
-        ValueRuleError: both a scene and a world are named, or neither; a recording has another suffix than
-            .mcap or .png, or is one of the true future; a picture is no .png or has the name of the table;
-            curves are asked for beside a recording, which has none.
+        ValueRuleError: both a scene and a world are named, or neither; an option has no meaning for what is
+            named; a recording has another suffix than .mcap or .png, or is one of the true future; a picture
+            is no .png or has the name of the table; curves are asked for beside a recording, which has none.
         OutputError: a picture is asked for, but matplotlib is not installed.
     """
     if (arguments.scene is None) == (arguments.world is None):
         raise ValueRuleError("scene", str(arguments.scene), "name either a scene or --world")
+    _check_meaning(arguments)
     if arguments.table is None:
         name = arguments.scene.stem if arguments.world is None else _worlds(arguments).name
         arguments.table = Path(f"{name}_drives.csv")
@@ -159,3 +160,20 @@ def check_drive(arguments: argparse.Namespace) -> None:
     arguments.risk = arguments.risk or [0.1]
     if not picture and arguments.method[0] == TRUTH:
         raise ValueRuleError("--method", TRUTH, "it makes no forecasts that a recording holds")
+    arguments.episode = arguments.episode or 0
+
+
+def _check_meaning(arguments: argparse.Namespace) -> None:
+    """Check that every option has a meaning.
+
+    Raises:
+        ValueRuleError: one has none.
+    """
+    if arguments.world is None and arguments.people is not None:
+        raise ValueRuleError("--people", arguments.people, "people of a recording walk as they did: omit it")
+    if arguments.record is None and arguments.episode is not None:
+        rule = "it is about --record; --episodes is the number of drives"
+        raise ValueRuleError("--episode", arguments.episode, rule)
+    for name, (field, usual) in arguments.about_recordings.items():
+        if arguments.world is not None and (value := getattr(arguments, field)) != usual:
+            raise ValueRuleError(name, str(value), "it is about a recording; --world has none: omit one")
