@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -47,6 +48,17 @@ def test_several_scenes_are_pooled_under_a_name_that_none_has(names, pool, hall,
     one, both = figures[names[0]]["network"], figures[pool]["network"]
     assert both["ade_m"] == pytest.approx(one["ade_m"])
     assert (both["windows"], both["tracks"]) == (2 * one["windows"], 2 * one["tracks"])
+
+
+def test_two_scenes_of_one_name_are_both_measured(hall, tmp_path, model):
+    days = [tmp_path / day / "hall" for day in ("monday", "tuesday")]
+    for day in days:
+        shutil.copytree(hall, day)
+    figures = measured(*days, "--model", model[0], out=tmp_path / "e.json")
+    assert list(figures) == [*(f"hall ({day})" for day in days), "all"]
+    (tmp_path / "again").symlink_to(days[0])
+    with pytest.raises(SystemExit, match="again', but it is given twice"):
+        measured(*days, tmp_path / "again", "--model", model[0], out=tmp_path / "e.json")
 
 
 @pytest.mark.parametrize(

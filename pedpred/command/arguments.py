@@ -114,9 +114,10 @@ def check(arguments: argparse.Namespace) -> None:
         read_description(model)
     if theirs and len(scenes) > 1:
         raise ValueRuleError("--forecasts", str(theirs[0]), "give the one scene that they are about")
-    for number, path in enumerate(theirs):
-        if any(path.samefile(other) for other in theirs[:number]):
-            raise ValueRuleError("--forecasts", str(path), "it is given twice")
+    for field, paths in {"scene": scenes, "--forecasts": theirs}.items():
+        for number, path in enumerate(paths):
+            if arguments.action is evaluate and any(path.samefile(other) for other in paths[:number]):
+                raise ValueRuleError(field, str(path), "it is given twice")
 
 
 def _check_output(path: Path, inputs: list[Path], folder: bool = False) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.conversion import read_given
 from pedpred.command.field_protocol import assess_windows, field_table
-from pedpred.command.foreign import ForeignForecasts, by_name, read_forecasts
+from pedpred.command.foreign import ForeignForecasts, by_name, names_of_files, read_forecasts
 from pedpred.command.prediction import read_tracker, robot_for
 from pedpred.command.tables import SHOWN, caution, remark, table, verdict
 from pedpred.errors import ValueRuleError
@@ -53,19 +53,19 @@ def evaluate(arguments: argparse.Namespace) -> None:
     )
     tracker = read_tracker(arguments.tracker) if isinstance(arguments.tracker, Path) else arguments.tracker
     foreign = by_name([read_forecasts(path, arguments.step_s) for path in arguments.forecasts], ALWAYS)
-    scores: Assessed = {}
-    places: dict[str, Placement] = {}
+    each: list[tuple[str, Path, dict[str, Scores], Placement]] = []
     for path in arguments.scene:
         one = copy.copy(arguments)
         one.scene = path
         names = TrackNames()
         scene = read_given(one, names)
         check_clock(path, scene.detection_dt_s)
-        if scene.name in scores:
-            raise ValueRuleError("name", scene.name, f"{path} is the second scene of that name")
-        places[scene.name] = placement(scene.trajectories.position, scene.occupancy)
+        place = placement(scene.trajectories.position, scene.occupancy)
         theirs = {name: forecasts.of_tracks(names) for name, forecasts in foreign.items()}
-        scores[scene.name] = _assessed(scene, arguments, tracker, settings, theirs)
+        each.append((scene.name, path, _assessed(scene, arguments, tracker, settings, theirs), place))
+    called = names_of_files([(name, path) for name, path, *_ in each])
+    scores: Assessed = {name: one[2] for name, one in zip(called, each, strict=True)}
+    places = {name: one[3] for name, one in zip(called, each, strict=True)}
     if len(scores) > 1:
         _add_pool(scores)
     figures = {name: summarise_methods(recorded, STRONGEST, settings) for name, recorded in scores.items()}

@@ -146,19 +146,30 @@ def by_name(forecasts: Sequence[ForeignForecasts], taken: Collection[str]) -> di
     Raises:
         ValueRuleError: two files still have one name.
     """
-    count = Counter([*taken, *(one.source.stem for one in forecasts)])
-    named: dict[str, ForeignForecasts] = {}
-    for one in forecasts:
-        name = one.source.stem
-        if count[name] > 1:
-            name = f"{name} ({one.source})"
-            _LOG.info("the forecasts of %s are called '%s', since their name is taken", one.source, name)
-        if name in (*taken, *named):
-            raise ValueRuleError(
-                "--forecasts", str(one.source), f"the name {name!r} is taken: rename the file"
-            )
-        named[name] = one
-    return named
+    names = names_of_files([(one.source.stem, one.source) for one in forecasts], taken)
+    return dict(zip(names, forecasts, strict=True))
+
+
+def names_of_files(named: Sequence[tuple[str, Path]], taken: Collection[str] = ()) -> list[str]:
+    """Tell what files hold apart: a name that is taken or appears twice is followed by the file's path.
+
+    Args:
+        named: the name of what is in each file, and the file.
+        taken: names of other things.
+
+    Raises:
+        ValueRuleError: two still have one name.
+    """
+    count = Counter([*taken, *(name for name, _ in named)])
+    names: list[str] = []
+    for name, path in named:
+        whole = name if count[name] == 1 else f"{name} ({path})"
+        if whole != name:
+            _LOG.info("what is in %s is called '%s', since its name is taken", path, whole)
+        if whole in (*taken, *names):
+            raise ValueRuleError("name", whole, f"that of {path} is taken: rename the file or folder")
+        names.append(whole)
+    return names
 
 
 def _span(track_id: np.ndarray, time_s: np.ndarray) -> str:
