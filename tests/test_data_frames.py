@@ -100,6 +100,19 @@ def test_rows_that_repeat_another_one_are_left_out_as_in_files(caplog, forecasts
     assert "3 rows" in caplog.text
 
 
+def test_a_map_may_be_a_geometry_as_for_the_command(tmp_path, forecasts):
+    """Walls that cross the way of both people change where they are forecast."""
+    (tmp_path / "room.wkt").write_text("POLYGON ((-1 0, 4 0, 4 5, -1 5, -1 0))")
+    WALKS.to_csv(tmp_path / "walk.csv", index=False)
+    found = pedpred.predict(WALKS, tmp_path / "room.wkt")
+    given = ["--map", str(tmp_path / "room.wkt"), "-o", str(tmp_path / "theirs.parquet")]
+    main(["predict", str(tmp_path / "walk.csv"), *given])
+    by = ["track", "time", "mode", "step"]
+    theirs = pd.read_parquet(tmp_path / "theirs.parquet").sort_values(by, ignore_index=True)
+    pd.testing.assert_frame_equal(found.sort_values(by, ignore_index=True), theirs, check_dtype=False)
+    assert not np.allclose(found.x, forecasts.x)
+
+
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_forecasts_of_the_command_are_of_the_names_in_the_file(tmp_path, kind, capsys):
     """Also of names that are numbers of somebody else, and `evaluate` measures them as the network's."""

@@ -1,4 +1,4 @@
-"""Maps as users name them: a folder, a YAML file of `map_server`, or its picture."""
+"""Maps as users name them: a folder, a YAML file of `map_server`, its picture, or a geometry."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from pedpred.command.turned_maps import read_turned_map, yaw_of
 from pedpred.errors import StorageError, brief
 from pedpred.files import read_yaml
 from pedpred.scenes import OccupancyMap
-from pedpred.sources.geometries import GEOMETRIES
+from pedpred.sources.geometries import GEOMETRIES, is_geometry, read_ground, read_walls
+from pedpred.sources.single_file import CELL_M, WALL_M
 from pedpred.storage.maps import picture_of, read_map_file
 
 _YAML = (".yaml", ".yml")
@@ -24,11 +25,15 @@ def map_at(path: Path) -> OccupancyMap:
     """Read a map; unknown cells count as free, and a yaw turns the map about its lower left corner.
 
     Args:
-        path: a folder with map.yaml, a YAML file of any name, or the picture that one beside it names.
+        path: a folder with map.yaml, a YAML file of any name, the picture that one beside it names, or a
+            geometry, whose outline is closed.
 
     Raises:
         StorageError: a file is missing or damaged, or no YAML file names the picture.
+        SourceError: a geometry is missing or damaged.
     """
+    if is_geometry(path):
+        return read_ground(path, read_walls(path), CELL_M, WALL_M)
     named = _in_folder(path) if path.is_dir() else path
     about = named if named.suffix.lower() in _YAML else _describing(named)
     content = read_yaml(about, partial(StorageError, about, "map", remedy=_REMEDY))
