@@ -268,6 +268,17 @@ def test_steps_of_another_length_are_interpolated(walk, step_s, tmp_path, mixtur
     assert figures["straight"]["windows"] == 1
 
 
+def test_tables_with_steps_of_different_lengths_are_measured_beside_each_other(walk, tmp_path, mixture):
+    given = ["--model", mixture[0], "--step-s", 0.4, "--step-s", 0.5]
+    for step_s in (0.4, 0.5):
+        (tmp_path / f"{step_s}.csv").write_text(straight_lines(12, step_s))
+        given += ["--forecasts", tmp_path / f"{step_s}.csv"]
+    figures = measured(walk, *given, out=tmp_path / "e.json")["walk"]
+    assert [figures[name]["ade_m"] for name in ("0.4", "0.5")] == pytest.approx([0.0, 0.0], abs=1e-5)
+    with pytest.raises(SystemExit, match="once for all tables, or once for each of 2"):
+        measured(walk, *given, "--step-s", 0.3, out=tmp_path / "e.json")
+
+
 @pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (100.0, True)])
 def test_forecasts_in_another_unit_are_warned_about(walk, factor, warned, tmp_path, mixture, caplog):
     head, *rows = straight_lines(12, 0.3).splitlines()

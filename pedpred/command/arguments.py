@@ -16,6 +16,7 @@ from pedpred.command.conversion import convert, info, layout_of, refuse_overwrit
 from pedpred.command.driving import check_drive, drive
 from pedpred.command.evaluation import evaluate
 from pedpred.command.field_protocol import PROTOCOL
+from pedpred.command.foreign import steps_of_tables
 from pedpred.command.prediction import predict
 from pedpred.command.warming import add_model, add_warm_up, named_path
 from pedpred.driving.forecasters import NAMES
@@ -78,8 +79,7 @@ def check(arguments: argparse.Namespace) -> None:
         for name, value in {"--map": arguments.map, "--map-topic": arguments.map_topic}.items():
             if value:
                 raise ValueRuleError(name, str(value), "--no-map leaves every map out: omit one")
-    if (step_s := getattr(arguments, "step_s", None)) and all(path.suffix == ".ndjson" for path in theirs):
-        raise ValueRuleError("--step-s", step_s, "it is about a table: --forecasts FILE.csv")
+    steps_of_tables(theirs, getattr(arguments, "step_s", []))
     named = [getattr(arguments, name, None) for name in ("map", "model", "tracker", "homography")]
     inputs = [
         *(path for path in scenes if path),
@@ -230,8 +230,9 @@ def _conditions(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--forecasts", type=named_path, action="append", default=[], metavar="FILE", help=theirs
     )
-    step = "time between two steps of such a table, s (default: that of the model)"
-    command.add_argument("--step-s", type=_number(float, 0.01, 10.0), help=step)
+    step = "time between two steps of such tables, s: once for all, or once for each (default: that of the "
+    step += "model; 0.4 with --protocol)"
+    command.add_argument("--step-s", type=_number(float, 0.01, 10.0), action="append", default=[], help=step)
 
 
 def _measures(command: argparse.ArgumentParser) -> None:

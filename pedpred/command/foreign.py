@@ -6,6 +6,7 @@ import logging
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from pedpred.tables.placeholders import FASTEST_MPS
 _SAME_S = 0.005
 _SAME = "Ids and times must be those of the recording"
 _SHOWN = 3
+_TRAJNET = ".ndjson"
 _LOG = logging.getLogger(__name__)
 
 
@@ -150,6 +152,25 @@ def by_name(forecasts: Sequence[ForeignForecasts], taken: Collection[str]) -> di
     return dict(zip(names, forecasts, strict=True))
 
 
+def steps_of_tables(files: Sequence[Path], steps_s: Sequence[float]) -> dict[Path, float]:
+    """Say what is the time between two steps of each table of forecasts; of others, files tell it.
+
+    Args:
+        files: of forecasts.
+        steps_s: none, one for all tables, or one for each of them in this order, s.
+
+    Raises:
+        ValueRuleError: it is another number of times, or there is no table.
+    """
+    tables = [path for path in files if path.suffix != _TRAJNET]
+    if steps_s and not tables:
+        raise ValueRuleError("--step-s", steps_s[0], "it is about a table: --forecasts FILE.csv")
+    if len(steps_s) > 1 and len(steps_s) != len(tables):
+        rule = f"give it once for all tables, or once for each of {len(tables)} in their order"
+        raise ValueRuleError("--step-s", list(steps_s), rule)
+    return dict(zip(tables, cycle(steps_s), strict=False))
+
+
 def names_of_files(named: Sequence[tuple[str, Path]], taken: Collection[str] = ()) -> list[str]:
     """Tell what files hold apart: a name that is taken or appears twice is followed by the file's path.
 
@@ -188,7 +209,7 @@ def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
         SourceError: the file cannot be understood; it names the line, or whose forecast is wrong.
     """
     names = TrackNames()
-    if path.suffix == ".ndjson":
+    if path.suffix == _TRAJNET:
         columns, step_s = trajnet_columns(path)
     else:
         columns = read_forecast_table(path, names)
