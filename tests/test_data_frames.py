@@ -113,6 +113,43 @@ def test_a_map_may_be_a_geometry_as_for_the_command(tmp_path, forecasts):
     assert not np.allclose(found.x, forecasts.x)
 
 
+DAYS = pd.to_datetime(WALKS.time + 1709683197, unit="s")  # through midnight
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"date": DAYS.dt.date, "time": DAYS.dt.time}, ""),
+        ({"scene": WALKS.id.map({1: "a", 2: "b"})}, "column scene holds a, b"),
+        ({"type": WALKS.id.map({1: "car", 2: "person"})}, "left out: 8 of 'car'"),
+    ],
+)
+def test_columns_beside_mean_what_they_mean_in_files(change, said, tmp_path, caplog):
+    table = WALKS.assign(**change)
+    table.to_csv(tmp_path / "walk.csv", index=False)
+    main(["predict", str(tmp_path / "walk.csv"), "-o", str(tmp_path / "theirs.parquet")])
+    theirs = pd.read_parquet(tmp_path / "theirs.parquet")
+    assert said in caplog.text
+    caplog.clear()
+    found = pedpred.predict(table)
+    assert said in caplog.text
+    np.testing.assert_array_equal(found[["track", "time", "x"]], theirs[["track", "time", "x"]])
+
+
+def test_heights_in_place_of_positions_are_refused():
+    with pytest.raises(SourceError, match="y looks like a height"):
+        pedpred.predict(WALKS.assign(z=WALKS.x + WALKS.y, y=1.7))
+
+
+def test_an_error_names_the_row_of_the_whole_table():
+    table = WALKS.assign(type=["car", "person"] * 8, x=WALKS.x.astype(object))
+    table.loc[5, "x"] = "here"
+    with pytest.raises(SourceError, match="line 6: x = 'here'"):
+        pedpred.predict(table)
+    with pytest.raises(ValueRuleError, match="row 6 has no id"):
+        pedpred.predict(WALKS.assign(type=table.type, id=WALKS.id.where(WALKS.index != 5)))
+
+
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_forecasts_of_the_command_are_of_the_names_in_the_file(tmp_path, kind, capsys):
     """Also of names that are numbers of somebody else, and `evaluate` measures them as the network's."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from numbers import Real
 from os import PathLike
@@ -19,12 +18,18 @@ from pedpred.errors import ValueRuleError
 from pedpred.online.replay import as_windows, replay_scene
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
 from pedpred.sources.single_file import checked_interval_s
-from pedpred.tables.classes import classes_of_people, label_of
+from pedpred.tables.dates import column_of_days
 from pedpred.tables.options import TableOptions
 from pedpred.tables.placeholders import without_placeholders
-from pedpred.tables.reading import tracks_in_rows
+from pedpred.tables.reading import of_people, people_in_rows, tracks_in_rows
 from pedpred.tables.text import Row
-from pedpred.tables.titles import LENGTHS, columns_of_classes, titles_of_tracks
+from pedpred.tables.titles import (
+    LENGTHS,
+    columns_of_classes,
+    columns_of_heights,
+    columns_of_recordings,
+    titles_of_tracks,
+)
 
 _TABLE = Path("table")
 _METHOD = "pedpred"
@@ -65,15 +70,20 @@ def predict(
     _check_kind("model", model, str | PathLike | None, "a path or None")
     titles = [str(title) for title in table.columns]
     named = titles_of_tracks(titles)
-    table = _people_in(table, titles)
+    looked_at = [title for title in dict.fromkeys(titles) if title in {*named, *_others(titles)}]
+    values = {title: table.iloc[:, titles.index(title)] for title in looked_at}
+    options = TableOptions(None, rate_hz, unit)
+    chosen = people_in_rows(_TABLE, looked_at, lambda: _rows(values.values()), options)
+    counts = np.zeros(len(table), bool)
+    counts[[row - 1 for row, _ in of_people(_rows(values.values()), looked_at, chosen)]] = True
     (id_title,) = (title for title, name in named.items() if name == "track_id")
-    values = {title: table.iloc[:, titles.index(title)] for title in named}
     who, names = pd.factorize(values[id_title])
     placed = np.logical_or.reduce([values[t].notna() for t, name in named.items() if name in LENGTHS])
-    if (lost := (who < 0) & placed).any():
+    if (lost := (who < 0) & placed & counts).any():
         raise ValueRuleError(id_title, None, f"row {int(lost.argmax()) + 1} has no id")
     values[id_title] = pd.Series(who, index=table.index).where(who >= 0)
-    people = tracks_in_rows(_TABLE, list(named), _rows(values.values()), TableOptions(None, rate_hz, unit))
+    rows = of_people(_rows(values.values()), looked_at, chosen)
+    people = tracks_in_rows(_TABLE, looked_at, rows, options)
     people = without_placeholders(_TABLE, people)
     dt_s = checked_interval_s(_TABLE, people, titled=True, sure=unit is not None)
     if isinstance(occupancy, str | Path):
@@ -91,15 +101,10 @@ def _check_kind(field: str, value: object, kind: Any, called: str) -> None:
         raise ValueRuleError(field, value, f"it must be {called}")
 
 
-def _people_in(table: pd.DataFrame, titles: Sequence[str]) -> pd.DataFrame:
-    """The rows that are about people; see `classes_of_people`."""
-    labels = {
-        title: table.iloc[:, titles.index(title)].map(lambda one: "" if pd.isna(one) else label_of(str(one)))
-        for title in columns_of_classes(titles)
-    }
-    counts = {title: Counter(values) for title, values in labels.items()}
-    chosen = classes_of_people(_TABLE, counts) if counts else None
-    return table if chosen is None else table[labels[chosen[0]].isin(chosen[1])]
+def _others(titles: Sequence[str]) -> list[str]:
+    """Titles of columns that say more about a table: classes, days, heights, and what is apart."""
+    at = [*columns_of_heights(titles), *([] if (day := column_of_days(titles)) is None else [day])]
+    return [*columns_of_classes(titles), *columns_of_recordings(titles), *(titles[each] for each in at)]
 
 
 def _rows(columns: Iterable[pd.Series]) -> Iterator[Row]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 
@@ -71,20 +71,41 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
     if not lines.titles:
         raise SourceError(path, lines.line, f"no header, the first line is {lines.begins[:80]!r}", _NAME)
     _wanted(path, lines.titles)
-    rows = of_width(path, lines.rows, lines.titles)
-    if chosen := _classes(path, lines.titles, options):
-        at, classes = lines.titles.index(chosen[0]), chosen[1]
-        rows = ((line, fields) for line, fields in rows if label_of(fields[at]) in classes)
-    return _read(path, lines.titles, rows, options, lines)
+
+    def rows() -> Iterable[Row]:
+        return of_width(path, lines_of(path, options.columns).rows, lines.titles)
+
+    chosen = people_in_rows(path, lines.titles, rows, options)
+    people = of_people(of_width(path, lines.rows, lines.titles), lines.titles, chosen)
+    return _read(path, lines.titles, people, options, lines)
 
 
-def _classes(path: Path, titles: Sequence[str], options: TableOptions) -> tuple[str, set[str]] | None:
-    """The column that says who is a person, see `classes_of_people`; several recordings are warned about."""
+def of_people(
+    rows: Iterable[Row], titles: Sequence[str], chosen: tuple[str, set[str]] | None
+) -> Iterable[Row]:
+    """The rows of the classes in the column that `people_in_rows` found."""
+    if chosen is None:
+        return rows
+    at, classes = titles.index(chosen[0]), chosen[1]
+    return ((line, fields) for line, fields in rows if label_of(fields[at]) in classes)
+
+
+def people_in_rows(
+    path: Path, titles: Sequence[str], rows: Callable[[], Iterable[Row]], options: TableOptions
+) -> tuple[str, set[str]] | None:
+    """The column that says who is a person, see `classes_of_people`; several recordings are warned about.
+
+    Args:
+        path: the file, for messages.
+        titles: of the columns.
+        rows: gives all rows, if any column has to be looked at.
+        options: with the classes of people.
+    """
     kinds, parts = columns_of_classes(titles), columns_of_recordings(titles)
     counts: dict[str, Counter[str]] = {title: Counter() for title in (*kinds, *parts)}
     if counts:
         at = {title: titles.index(title) for title in counts}
-        for _, fields in of_width(path, lines_of(path, options.columns).rows, titles):
+        for _, fields in rows():
             for title, column in at.items():
                 counts[title][label_of(fields[column])] += 1
     for title in parts:
