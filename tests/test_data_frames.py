@@ -141,6 +141,23 @@ def test_heights_in_place_of_positions_are_refused():
         pedpred.predict(WALKS.assign(z=WALKS.x + WALKS.y, y=1.7))
 
 
+@pytest.mark.parametrize(
+    ("change", "remedy"),
+    [
+        ({"time": None, "frame": range(16)}, "how many frames a second has: rate_hz"),
+        ({"x": 1000 * WALKS.x, "y": 1000 * WALKS.y}, 'unit="mm" if lengths are mm, unit="m" if they'),
+        ({"x": None, "x_px": WALKS.x, "y": None, "y_px": WALKS.y}, "in metres: bring them to metres first"),
+        ({"z": WALKS.x, "y": 1.7}, r"table.columns = \['time', 'id', 'x', 'height', 'y'\]"),
+        ({"x": None}, r"Found were time \| id \| y$"),
+    ],
+)
+def test_a_remedy_is_one_for_a_table(change, remedy):
+    table = WALKS.assign(**change).dropna(axis="columns", how="all")
+    with pytest.raises((SourceError, ValueRuleError), match=remedy) as refused:
+        pedpred.predict(table)
+    assert "--" not in str(refused.value)
+
+
 def test_an_error_names_the_row_of_the_whole_table():
     table = WALKS.assign(type=["car", "person"] * 8, x=WALKS.x.astype(object))
     table.loc[5, "x"] = "here"
