@@ -174,6 +174,14 @@ def test_dates_that_are_not_used_are_warned_about(tmp_path, plain, caplog, day, 
         assert ("are not used: all is read as of one day" in caplog.text) == warned
 
 
+@pytest.mark.parametrize(("clock", "used"), [("14:02:{:06.3f}", True), ("{:.3f}", False)])
+def test_a_column_of_dates_is_called_unused_only_where_it_is(tmp_path, caplog, clock, used):
+    rows = [("2024-03-05", clock.format(t), *row) for t, *row in WALK]
+    with caplog.at_level(logging.INFO):
+        tracks(write(tmp_path, ["date,time,id,x,y"], rows))
+    assert ("date = date" in caplog.text, "not used: date" in caplog.text) == (used, not used)
+
+
 @given(st.integers(0, 86_390))
 def test_times_of_day_are_seconds_until_midnight(folder, plain, start_s):
     def written(t):

@@ -69,7 +69,7 @@ class Dates:
         self._open: dict[str, tuple[int, int]] = {}  # date that ends with the year -> first line, place
         self._day_of_row = array("i")
         self._not_used: dict[str, None] = {}  # what stands in the column of dates, where it is not used
-        self.read_dates = False
+        self.read_dates = self.read_days = False
 
     def in_seconds(self, rows: Iterator[Row]) -> Iterator[Row]:
         """The rows with seconds in the column; where dates end with the year, `with_days` adds the days.
@@ -141,7 +141,9 @@ class Dates:
         text = _plain(fields[self._at])
         day = "" if self._days is None else _day_alone(fields[self._days])
         try:
-            if stamp := _STAMP.match(f"{day} {text}" if _DATE.match(day) and _CLOCK.match(text) else text):
+            divided = bool(_DATE.match(day) and _CLOCK.match(text))
+            self.read_days |= divided
+            if stamp := _STAMP.match(f"{day} {text}" if divided else text):
                 self._check_dated(True)
                 *_, hours, minutes, seconds, half, zone = stamp.groups()
                 return repr(

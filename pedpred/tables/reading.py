@@ -158,7 +158,8 @@ def _read(
     places = [at[name] for name in LENGTHS]
     rows = with_positions(path, rows, places, at["track_id"])
     still = Still(at["y_m"], [] if options.columns else columns_of_heights(titles), at["x_m"])
-    dates = Dates(path, titles[at[clock]], at[clock], column_of_days(titles))
+    days = column_of_days(titles)
+    dates = Dates(path, titles[at[clock]], at[clock], days)
     rows = with_decimal_points(path, rows, [*places, at[clock]], lines.separator if lines else None)
     rows = still.watched(dates.in_seconds(rows))
     columns = read_numbers(path, ids.numbered(rows, at["track_id"]), titles, wanted, OWN_FILE)
@@ -181,7 +182,8 @@ def _read(
         columns = without_copies(path, without_untracked(path, columns))
         del columns["line"]
         if lines is not None:
-            _tell(path, titles, wanted, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
+            used = wanted | ({titles[days]: "date"} if days is not None and dates.read_days else {})
+            _tell(path, titles, used, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
         return _tracks(columns)
 
 
