@@ -1,6 +1,7 @@
 """What the ROS node does between messages: bytes as they are on the wire in, contents of messages out."""
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -475,6 +476,31 @@ def test_who_is_not_heard_of_any_more_stays_in_no_costmap():
     (person,) = answered(follower, people(6.0, **{"7": (2.0, 1.0)}))["predictions/people"]["people"]
     assert person["name"] == "7"
     assert {answer.topic for answer in follower.cleared(10**9, 0.0)} == told.keys()  # the node ends
+
+
+@pytest.mark.parametrize("end", ["unheard", "switched off"])
+def test_no_latched_topic_keeps_people_who_are_gone(end):
+    """Whoever subscribes later is sent the last message, also of a topic that nobody heard meanwhile."""
+    heard, last = {*output_types(NodeSettings(occupancy_cell_m=0.5), 10)}, {}
+    follower = Follower(
+        OnlinePredictor.load(), NodeSettings(use_map=False, occupancy_cell_m=0.5), heard.__contains__
+    )
+    last |= answered(follower, people(5.0, **{"7": (20.0, 1.0)}))
+    shown = last["predicted_occupancy/horizon"]
+    assert shown["data"].any()
+    if end == "unheard":
+        heard.clear()
+        last |= {answer.topic: answer.content for answer in follower.cleared(10**9, 0.0)}
+    else:
+        off = {"occupancy_cell_m": 0.0, "publish_markers": False, "publish_people": False}
+        follower.settings = replace(follower.settings, **off)
+        last |= answered(follower, people(5.1, **{"7": (20.0, 1.0)}))
+        assert last["predictions"]["width"]
+    assert last["predictions/people"]["people"] == []
+    assert len(last["predictions/markers"]["markers"]) == 1  # delete all
+    assert not any(last[topic]["data"].any() for topic in last if topic.startswith("predicted_occupancy"))
+    assert last["predicted_occupancy/horizon"]["info"]["origin"] == shown["info"]["origin"]
+    assert answered(follower, people(5.2)).keys() <= {"predictions", *heard}  # once
 
 
 def test_that_all_have_gone_is_shown_at_once():

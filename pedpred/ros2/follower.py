@@ -25,6 +25,7 @@ from pedpred.ros.people import find_usable
 from pedpred.ros.planning import PREDICTIONS_TYPE, predictions_message, tell_rounding
 from pedpred.ros.scene_messages import blocked, map_of_grid, updated_grid
 from pedpred.ros2.identities import Identities
+from pedpred.ros2.latched import Latched, nobody
 from pedpred.ros2.live_frames import LiveFrames
 from pedpred.ros2.outputs import (
     NAMES,
@@ -108,7 +109,7 @@ class Follower:
         predictor: used by nobody else.
         settings: of the node; may be replaced at any time.
         is_heard: whether somebody listens to a topic; all but the table of forecasts, which planners read,
-            and the names is left out where nobody does.
+            and the names is left out where nobody does, unless it still shows people who have gone.
         clock: gives such times.
 
     Attributes:
@@ -125,7 +126,7 @@ class Follower:
         is_heard: Callable[[str], bool] = lambda topic: True,
         clock: Callable[[], float] = time.monotonic,
     ):
-        self._predictor, self.settings, self._is_heard = predictor, settings, is_heard
+        self._predictor, self.settings, self._latched = predictor, settings, Latched(is_heard)
         self._decoder, self._frames = Decoder(), LiveFrames()
         self._map = _Map(frame_name(settings.map_frame))
         self._waiting: deque[_Waiting] = deque()
@@ -134,7 +135,7 @@ class Follower:
         self._is_behind = False
         self._latest: Forecast | None = None
         self._shown: tuple[Forecast, _Waiting] | None = None
-        self._views = Views(is_heard, clock)
+        self._views = Views(self._latched, clock)
         self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
         self.came_s = -np.inf
         self._heard: Instant | None = None
@@ -315,15 +316,9 @@ class Follower:
         gone_ns = abs(clock_ns - of.clock_ns)
         if gone_ns < after_s * 1e9:
             return
-        none = np.zeros(0, np.int64)
-        nobody = Forecast(
-            forecast.time_s + gone_ns / 1e9,
-            forecast.track_id[none],
-            forecast.velocity[none],
-            forecast.predictions.select(none),
-        )
         self._shown, self.counts.people = None, 0
-        yield from self._contents(nobody, of.time_ns + gone_ns, self._map.frame)
+        gone = nobody(forecast, forecast.time_s + gone_ns / 1e9)
+        yield from self._contents(gone, of.time_ns + gone_ns, self._map.frame)
 
     def _answered(self, waiting: _Waiting, frame: str) -> Iterator[Answer]:
         one = waiting.instant
@@ -364,8 +359,11 @@ class Follower:
             text = json.dumps({str(number): name for number, name in names.items()})
             yield Answer(NAMES, TEXT_TYPE, {"data": text})
         self._named = names
-        if self.settings.publish_people and self._is_heard(PEOPLE):
-            yield Answer(PEOPLE, PEOPLE_TYPE, people_content(forecast, named, time_ns, frame))
+        is_on = self.settings.publish_people
+        if self._latched.wants(PEOPLE, is_on, len(forecast)):
+            shown = forecast if is_on else nobody(forecast, forecast.time_s)
+            content = people_content(shown, named[: len(shown)], time_ns, frame)
+            yield Answer(PEOPLE, PEOPLE_TYPE, content)
         yield from self._views.answers(forecast, named, time_ns, frame, self._map.occupancy, self.settings)
 
 

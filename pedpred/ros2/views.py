@@ -9,6 +9,7 @@ import numpy as np
 
 from pedpred.ros.markers import forecast_message, names_markers
 from pedpred.ros.planning import GRID_TYPE, fitting_ground, grid_messages
+from pedpred.ros2.latched import Latched, nobody
 from pedpred.ros2.outputs import MARKERS, MARKERS_TYPE, Answer, grid_topics
 from pedpred.ros2.settings import NodeSettings
 from pedpred.scenes import Forecast, OccupancyMap
@@ -26,13 +27,14 @@ class Views:
     """Makes markers and grids, at most every 0.08 s, and in at most half of the time: forecasts come first.
 
     Args:
-        is_heard: whether somebody listens to a topic; what nobody listens to is left out.
+        latched: says which topics are to be published.
         clock: gives seconds; never stops or jumps.
     """
 
-    def __init__(self, is_heard: Callable[[str], bool], clock: Callable[[], float]):
-        self._is_heard, self._clock = is_heard, clock
-        self._shown_s, self._next_s, self._shows_people = -np.inf, -np.inf, False
+    def __init__(self, latched: Latched, clock: Callable[[], float]):
+        self._latched, self._clock = latched, clock
+        self._shown_s, self._next_s = -np.inf, -np.inf
+        self._ground: OccupancyMap | None = None
 
     def answers(
         self,
@@ -55,16 +57,18 @@ class Views:
         """
         begun_s = self._clock()
         is_early = abs(forecast.time_s - self._shown_s) < _EVERY_S or begun_s < self._next_s
-        if is_early and not (self._shows_people and not len(forecast)):  # that all have gone is told at once
+        if is_early and (
+            len(forecast) or not self._latched.shows_people
+        ):  # that all have gone is told at once
             return
-        self._shown_s, self._shows_people = forecast.time_s, len(forecast) > 0
+        self._shown_s = forecast.time_s
         try:
-            if settings.publish_markers and self._is_heard(MARKERS):
-                content = forecast_message(forecast, _COLOUR, time_ns, frame)
-                content["markers"] += names_markers(forecast, named, time_ns, frame)
+            if self._latched.wants(MARKERS, settings.publish_markers, len(forecast)):
+                shown = forecast if settings.publish_markers else nobody(forecast, forecast.time_s)
+                content = forecast_message(shown, _COLOUR, time_ns, frame)
+                content["markers"] += names_markers(shown, named[: len(shown)], time_ns, frame)
                 yield Answer(MARKERS, MARKERS_TYPE, content)
-            if settings.occupancy_cell_m:
-                yield from self._grids(forecast, time_ns, frame, ground, settings.occupancy_cell_m)
+            yield from self._grids(forecast, time_ns, frame, ground, settings.occupancy_cell_m)
         finally:
             ended_s = self._clock()
             self._next_s = ended_s + (ended_s - begun_s)
@@ -72,19 +76,34 @@ class Views:
     def _grids(
         self, forecast: Forecast, time_ns: int, frame: str, there: OccupancyMap | None, cell_m: float
     ) -> Iterator[Answer]:
-        steps = forecast.predictions.steps
-        heard = {f"/{topic}" for topic in grid_topics(steps) if self._is_heard(topic)}
-        if not heard:
+        steps, is_on = forecast.predictions.steps, cell_m > 0
+        wanted = {
+            f"/{topic}" for topic in grid_topics(steps) if self._latched.wants(topic, is_on, len(forecast))
+        }
+        if not wanted:
             return
-        paths = forecast.predictions.path.reshape(-1, 2)
+        if not is_on:
+            forecast = nobody(forecast, forecast.time_s)
+        ground = self._ground_of(forecast, there, cell_m)
+        grids = grid_messages(
+            forecast.predictions, ground, time_ns, frame, True, wanted.__contains__, detail_m=_DETAIL_M
+        )
+        for topic, content in grids.items():
+            yield Answer(topic.lstrip("/"), GRID_TYPE, content)
+
+    def _ground_of(self, forecast: Forecast, there: OccupancyMap | None, cell_m: float) -> OccupancyMap:
+        """The cells of a grid: those of the map, or around people; the cells before, if nobody is there.
+
+        A costmap keeps what it has of cells that no new grid holds.
+        """
+        if self._ground is not None and not (cell_m and (len(forecast) or there)):
+            return self._ground
+        paths, steps = forecast.predictions.path.reshape(-1, 2), forecast.predictions.steps
         ground = fitting_ground(there or OccupancyMap.free_around(paths, cell_m=cell_m), cell_m, steps)
         if there is not None and ground.resolution_m > cell_m:
             _log.warning(
                 "predicted_occupancy has cells of %.2f m: the map is large for smaller ones",
                 ground.resolution_m,
             )
-        grids = grid_messages(
-            forecast.predictions, ground, time_ns, frame, True, heard.__contains__, detail_m=_DETAIL_M
-        )
-        for topic, content in grids.items():
-            yield Answer(topic.lstrip("/"), GRID_TYPE, content)
+        self._ground = ground
+        return ground
