@@ -171,3 +171,21 @@ def test_a_robots_frame_without_transforms_is_warned_about(store, tmp_path, capl
 def test_a_sensors_frame_without_transforms_is_warned_about(frame, store, tmp_path, caplog):
     read_bag(write(store, tmp_path / "hall", messages(store, frame, tf_s=np.zeros(0))))
     assert ("nothing says how that moves" in caplog.text) == (frame not in ("odom", "hall"))
+
+
+def test_damaged_transforms_and_maps_are_left_out_and_counted(store, tmp_path, caplog):
+    """Of a bag without compression, whose messages are in it as they were sent."""
+    found = messages(store, localised=True, grid="map")
+    grid = next(one for _, topic, *one in found if topic == "/map")
+    found.append((20.0, "/map", *grid))
+    path = write(store, tmp_path / "hall", found)
+    (base,) = path.glob("*.db3")
+    raw, sent = base.read_bytes(), [one for _, topic, *one in found if topic == "/tf"][40]
+    for kind, message in (sent, grid):
+        packed = bytes(store.types.serialize_cdr(message, kind))
+        at = raw.rindex(packed)
+        raw = raw[:at] + bytes([255]) * len(packed) + raw[at + len(packed) :]
+    base.write_bytes(raw)
+    check(read_bag(path), ODOM, atol=0.01)
+    assert "of 2 messages, which are damaged (/map: " in caplog.text
+    assert "which are damaged (/tf: " in caplog.text

@@ -70,6 +70,34 @@ def test_a_map_changes_by_its_updates(ros2, tmp_path):
     assert np.argwhere(occupied).tolist() == [[1, 0], [2, 0], [2, 1]]
 
 
+@pytest.mark.parametrize("wrong", ["update outside", "update of another frame", "cells", "size", "tilt"])
+def test_a_map_that_is_none_changes_nothing_and_is_told(tmp_path, caplog, wrong):
+    store, kind = Filled(0), "map_msgs/msg/OccupancyGridUpdate"
+    grid = store.grid()
+    if wrong.startswith("update"):
+        frame, x = ("odom", 0) if wrong.endswith("frame") else ("map", 9)
+        sizes = {"x": x, "y": 0, "width": 1, "height": 2, "data": np.full(2, 100, np.int8)}
+        found = "/map_updates", kind, store.make(kind, header=store.header(0.0, frame), **sizes)
+    else:
+        grid.data = {"cells": grid.data - np.int8(50), "size": grid.data[1:], "tilt": grid.data}[wrong]
+        grid.info.origin.orientation.x = 0.5 * (wrong == "tilt")
+        found = "/map", GRID, grid
+    seen = [("/people", PEOPLE, store.people(PEOPLE, time_s)) for time_s in (0.0, 0.5, 1.0)]
+    store.write(tmp_path / "hall", [("/map", GRID, store.grid()), *seen, found])
+    check(read_bag(tmp_path / "hall"))
+    assert f"left out: 1 messages that change the map, the first on {found[0]} (" in caplog.text
+    caplog.clear()
+    store.write(
+        tmp_path / "again", [("/map", GRID, store.grid()), found, *seen, ("/map", GRID, store.grid())]
+    )
+    check(read_bag(tmp_path / "again"))
+    assert "left out" not in caplog.text
+    if found[0] == "/map":
+        store.write(tmp_path / "alone", [found, *seen])
+        with pytest.raises(SourceError, match="alone"):
+            read_bag(tmp_path / "alone")
+
+
 def test_a_topic_without_people_is_named(ros2, tmp_path):
     path = bag(ros2, tmp_path / "hall", "/map")
     for topic in ("/map", "/nothing"):

@@ -9,8 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import PedpredError, SourceError, ValueRuleError, brief
+from pedpred.errors import SourceError, ValueRuleError, brief
 from pedpred.files import translate_errors
+from pedpred.ros.bag_content import Ground, Messages
 from pedpred.ros.bag_reader import BagReader
 from pedpred.ros.decoding import CDR, ROS1, Connection
 from pedpred.ros.detections import Instant, People
@@ -18,7 +19,7 @@ from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import ADAPTERS, LABELLED
-from pedpred.ros.scene_messages import map_of_grid, updated_grid
+from pedpred.ros.scene_messages import map_of_grid
 from pedpred.ros.storages import opened
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.sources.plausibility import check_speeds
@@ -88,7 +89,7 @@ def read_bag(
         with translate_errors(partial(problem, remedy="")):
             people = People(instants, partial(_log.warning, "%s: %s", path))
             frame = None if ground is None else frame_name(ground.header.frame_id)
-            position = people.in_one_frame(frame, transform, partial(_transforms, bag))
+            position = people.in_one_frame(frame, transform, partial(_transforms, path, bag))
             trajectories = people.trajectories(position, names)
             dt_s = _checked_interval_s(path, trajectories)
             free = partial(OccupancyMap.free_around, trajectories.position)
@@ -101,33 +102,26 @@ def _read(
 ) -> tuple[Any, list[Instant]]:
     """The last map with the updates after it, None where there is none, and all messages of people.
 
-    Messages of people that cannot be decoded are left out with a warning, unless all are such; one that would
-    unpack to too much is refused.
+    Messages that cannot be decoded are left out with a warning, unless all of people are such, or all maps;
+    one that would unpack to too much is refused.
     """
-    latest, ground, instants = None, None, []
-    damaged, first = 0, None
+    ground, instants = Ground(path), []
+    people, maps = Messages(path, bag), Messages(path, bag)
     for connection, received_ns, raw in bag.messages(connections=connections):
-        if connection.msgtype == _GRID:
-            latest, ground = (raw, connection), None
-        elif connection.msgtype != UPDATE_TYPE:
-            try:
-                if not raw.strip(b"\0"):
-                    raise ValueError("nothing but zeros")
-                message = bag.decode(raw, connection)
-            except PedpredError:
-                raise
-            except Exception as cause:  # whatever rosbags raises on damaged bytes; told or raised below
-                damaged, first = damaged + 1, first or cause
-                continue
-            instants.append(Instant.of(message, connection.msgtype, received_ns / 1e9, classes))
-        elif latest is not None:
-            ground = updated_grid(ground or bag.decode(*latest), bag.decode(raw, connection))
-    if first is not None:
-        if not any(each.ids or each.others for each in instants):
-            raise first
-        text = "%s: left out: %d of %d messages, which are damaged (%s)"
-        _log.warning(text, path, damaged, damaged + len(instants), brief(str(first)))
-    return ground or (latest and bag.decode(*latest)), instants
+        kind = connection.msgtype
+        if kind in (_GRID, UPDATE_TYPE):
+            if (message := maps.decoded(raw, connection)) is not None:
+                ground.take(connection.topic, message, kind == UPDATE_TYPE)
+        elif (message := people.decoded(raw, connection)) is not None:
+            instants.append(Instant.of(message, kind, received_ns / 1e9, classes))
+    if people.first is not None and not any(each.ids or each.others for each in instants):
+        raise people.first
+    people.tell()
+    ground.tell()
+    if maps.first is not None and ground.grid is None:
+        raise maps.first
+    maps.tell()
+    return ground.grid, instants
 
 
 def _updates_of(maps: Sequence[Connection], connections: Sequence[Connection]) -> list[Connection]:
@@ -150,13 +144,14 @@ def _checked_interval_s(path: Path, people: Trajectories) -> float:
     return dt_s
 
 
-def _transforms(bag: BagReader) -> FrameTree:
+def _transforms(path: Path, bag: BagReader) -> FrameTree:
     """All transforms of a bag."""
-    tree = FrameTree()
+    tree, transforms = FrameTree(), Messages(path, bag)
     topics = [one for one in bag.connections if one.msgtype in _TRANSFORMS]
     for connection, received_ns, raw in bag.messages(connections=topics) if topics else ():
-        message = bag.decode(raw, connection)
-        tree.add(message, received_ns / 1e9, fixed="static" in connection.topic)
+        if (message := transforms.decoded(raw, connection)) is not None:
+            tree.add(message, received_ns / 1e9, fixed="static" in connection.topic)
+    transforms.tell()
     return tree
 
 

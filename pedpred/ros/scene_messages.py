@@ -96,6 +96,19 @@ def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
         ValueRuleError: it is tilted, nowhere or without size, or has not one value per cell, each unknown or
             a percentage.
     """
+    straight, yaw_rad = _unturned(message, resolution_m)
+    if not yaw_rad:
+        return straight
+    return turned_map(straight.occupied, straight.origin, straight.resolution_m, yaw_rad)
+
+
+def check_grid(message: Any) -> None:
+    """Raise what `map_of_grid` raises of a message, but for a map that becomes too large as it is turned."""
+    _unturned(message, None)
+
+
+def _unturned(message: Any, resolution_m: str | None) -> tuple[OccupancyMap, float]:
+    """The map of a nav_msgs/OccupancyGrid before it is turned about its corner, and the angle, rad."""
     info = message.info
     check_cells(info.width, info.height)
     yaw_rad = _yaw(info.origin.orientation)
@@ -106,9 +119,9 @@ def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
     _check_values(data)
     cells = data.reshape(info.height, info.width).T
     origin = np.array([info.origin.position.x, info.origin.position.y])
-    side_m = float(resolution_m or str(np.float32(info.resolution)))
-    straight = OccupancyMap(blocked(cells), origin, side_m)
-    return turned_map(straight.occupied, origin, side_m, yaw_rad) if yaw_rad else straight
+    return OccupancyMap(
+        blocked(cells), origin, float(resolution_m or str(np.float32(info.resolution)))
+    ), yaw_rad
 
 
 def blocked(data: np.ndarray) -> np.ndarray:
