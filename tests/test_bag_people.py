@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rosbags import rosbag2
 from rosbags.typesys import Stores
 from scipy.spatial.distance import cdist
 
@@ -100,6 +101,25 @@ def test_people_in_another_frame_need_its_pose(store, tmp_path):
     people = read_bag(path, transform=Transform(10.0, 20.0, np.pi / 2)).trajectories
     np.testing.assert_allclose(people.position, [[10, 21], [10, 22]])
     assert len(read_bag(bag(store, tmp_path / "bare", *steps, frame="odom", grid=False)).trajectories) == 2
+
+
+@pytest.mark.parametrize("frame", ["", "base_link"])
+def test_the_frame_of_a_message_of_nobody_does_not_matter(tmp_path, frame):
+    """Many trackers fill in nothing when they see nobody."""
+    store = Filled(0)
+    nobody = "/people", PEOPLE, store.make(PEOPLE, header=store.header(0.7, frame), people=[])
+    seen = [("/people", PEOPLE, store.people(PEOPLE, time_s)) for time_s in (0.0, 0.5, 1.0)]
+    for name, ground in (("free", []), ("walled", [("/map", "nav_msgs/msg/OccupancyGrid", store.grid())])):
+        plain, mixed = tmp_path / f"{name}_plain", tmp_path / name
+        store.write(plain, [*ground, *seen], rosbag2.StoragePlugin.MCAP)
+        store.write(mixed, [*ground, nobody, *seen[:2], nobody, seen[2]], rosbag2.StoragePlugin.MCAP)
+        expected = read_bag(plain).trajectories
+        np.testing.assert_array_equal(read_bag(mixed).trajectories.position, expected.position)
+    numbered = [replace(one, people=[replace(p, name="7") for p in one.people[:1]]) for *_, one in seen]
+    seen = [("/people", PEOPLE, one) for one in numbered]
+    store.write(tmp_path / "named", [*ground, nobody, *seen], rosbag2.StoragePlugin.MCAP)
+    (recording,) = (tmp_path / "named").glob("*.mcap")
+    assert len(read_recording(recording).trajectories) == 3
 
 
 def test_a_transform_moves_all_vectors(tmp_path):

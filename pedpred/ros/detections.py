@@ -143,7 +143,9 @@ class People:
         Raises:
             ValueRuleError: people and map are in different frames, and how they lie is unknown.
         """
-        frames = {each.frame for each in self._instants}
+        frames = {
+            each.frame for each in self._instants if each.ids
+        }  # that of a message of nobody says nothing
         tree = FrameTree() if frames <= {grid or MAP_FRAME} else transforms()
         targets = {frame: _target(frame, grid, tree, transform) for frame in frames}
         check_frames(set(targets.values()), grid, transform)

@@ -103,7 +103,7 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
                 last = raw
                 continue
             message = known_types().deserialize_cdr(raw, kind)  # whatever definition the file has
-            frames.add(message.header.frame_id)
+            frames |= {message.header.frame_id} if message.people else set()
             with translate_errors(problem):
                 rows += people_rows(message)
     for topic in (MAP, PEOPLE):
