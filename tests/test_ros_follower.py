@@ -22,7 +22,7 @@ from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
 from pedpred.ros2.identities import UNNAMED_TYPES
 from pedpred.ros2.live_frames import KEPT_S, MOST_FRAMES, MOST_POSES, LiveFrames
 from pedpred.ros2.outputs import MARKERS, output_types
-from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of
+from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of, unchangeable
 from pedpred.scenes import OccupancyMap, Predictions
 
 PEOPLE, BOXES = "people_msgs/msg/People", "vision_msgs/msg/Detection3DArray"
@@ -445,6 +445,16 @@ def test_parameters_are_explained_and_checked():
     for wrong in ({"people_type": "x"}, {"identities": "x"}, {"max_age_s": -1.0}, {"use_map": 1}):
         with pytest.raises(ValueRuleError):
             NodeSettings(**wrong)
+
+
+def test_the_same_value_again_is_no_change():
+    """`ros2 param load` sets all parameters of a file, in whatever state the node is."""
+    used = NodeSettings(max_age_s=1.0)
+    again = {name: getattr(used, name) for name, *_ in fields_of(NodeSettings)}
+    again |= {"class_ids": list(used.class_ids), "occupancy_cell_m": 0.5}
+    assert unchangeable(again, used) == []
+    other = {"max_age_s": 0.5, "class_ids": ["dog"], "use_map": False, "publish_markers": False}
+    assert unchangeable(again | other, used) == ["class_ids", "max_age_s", "use_map"]
 
 
 def test_what_nobody_listens_to_is_not_made():

@@ -29,7 +29,7 @@ from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diag
 from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
 from pedpred.ros2.log import RosHandler
 from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, Answer, output_types
-from pedpred.ros2.settings import LIVE, NodeSettings, fields_of
+from pedpred.ros2.settings import LIVE, NodeSettings, fields_of, unchangeable
 
 _NO_MAP = re.compile(r"costmap|predicted_occupancy/")
 _PEOPLE_DEPTH, _TF_DEPTH, _UPDATES_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 50, 10
@@ -87,8 +87,8 @@ class PedpredNode(LifecycleNode):
     def _changed(self, parameters: list[Any]) -> SetParametersResult:
         declared = {name for name, _, _ in fields_of(NodeSettings)}
         changed = {one.name: one.value for one in parameters if one.name in declared}
-        fixed = sorted(set(changed) - LIVE)
-        if fixed and self._follower is not None:
+        fixed = [] if self._follower is None else unchangeable(changed, self._follower.settings)
+        if fixed:
             reason = f"{', '.join(fixed)}: clean up first; now may change: {', '.join(sorted(LIVE))}"
             return SetParametersResult(successful=False, reason=reason)
         try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -97,6 +97,23 @@ class NodeSettings:
 
 LIVE = frozenset(each.name for each in fields(NodeSettings) if each.metadata["live"])
 """Parameters that may change while the node runs; others before it is configured, or after a clean-up."""
+
+
+def unchangeable(given: Mapping[str, Any], settings: NodeSettings) -> list[str]:
+    """Which given values differ from those of a node that runs, and cannot change now; in order.
+
+    Args:
+        given: new values, also those of a whole file, most of which are the same again.
+        settings: in use.
+    """
+    used = {each.name: getattr(settings, each.name) for each in fields(settings)}
+    same = {name for name, value in used.items() if name in given and _as_used(given[name]) == value}
+    return sorted(set(given) & set(used) - LIVE - same)
+
+
+def _as_used(value: Any) -> Any:
+    """Lists of parameters are tuples in settings."""
+    return tuple(value) if isinstance(value, list) else value
 
 
 def described() -> str:
