@@ -120,6 +120,14 @@ def test_an_option_without_a_meaning_is_refused_before_a_drive(place, option, tm
     assert [path.name for path in tmp_path.iterdir()] == ["people.mcap"]
 
 
+@pytest.mark.parametrize("options", ["--method kalman --method modes", "--risk 0.1 0.2"])
+def test_a_recording_holds_one_drive(options, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match=r"--record = .* at 0\.1, modes at .* holds one drive"):
+        main(["drive", str(CORNER), "--record", "x.mcap", *options.split()])
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_picture_of_curves_is_not_the_table_and_needs_one(tmp_path):
     picture = str(tmp_path / "curves.png")
     for other in (["--table", str(tmp_path / "." / "curves.png")], ["--record", str(tmp_path / "one.png")]):

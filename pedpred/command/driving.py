@@ -129,8 +129,8 @@ def check_drive(arguments: argparse.Namespace) -> None:
 
     Raises:
         ValueRuleError: both a scene and a world are named, or neither; an option has no meaning for what is
-            named; a recording has another suffix than .mcap or .png, or is one of the true future; a picture
-            is no .png or has the name of the table; curves are asked for beside a recording, which has none.
+            named; a recording has another suffix than .mcap or .png, or is of the true future or several
+            drives; a picture is no .png or has the name of the table; curves are asked for beside a recording.
         OutputError: a picture is asked for, but matplotlib is not installed.
     """
     if (arguments.scene is None) == (arguments.world is None):
@@ -160,6 +160,12 @@ def check_drive(arguments: argparse.Namespace) -> None:
     arguments.risk = arguments.risk or [0.1]
     if not picture and arguments.method[0] == TRUTH:
         raise ValueRuleError("--method", TRUTH, "it makes no forecasts that a recording holds")
+    models = Models(arguments.model or default_model(), dict(arguments.compare or ()))
+    drives = models.conditions(arguments.method, arguments.risk)
+    if not picture and len(drives) > 1:
+        several = ", ".join(f"{one.method} at {one.risk:g}" for one in drives)
+        rule = "it holds one drive: give one --method and one --risk, or a name that ends in .png"
+        raise ValueRuleError("--record", several, rule)
     arguments.episode = arguments.episode or 0
 
 
