@@ -125,6 +125,19 @@ def test_a_change_that_nothing_reads_is_refused(graph):
         stale(graph, "README.md")
 
 
+@pytest.mark.parametrize(
+    ("whole", "parts"),
+    [
+        ("training", ["training.main", "training.finetune"]),
+        ("methods.networks.lstm", ["methods.networks.lstm.settings", "methods.networks.lstm.where"]),
+        ("pedpred", ["pedpred/report", "pedpred/models"]),
+        ("./pedpred/report/tables.py", ["pedpred/report/tables.py"]),
+    ],
+)
+def test_a_change_of_the_whole_makes_stale_what_a_change_of_a_part_does(graph, whole, parts):
+    assert set().union(*(stale(graph, part) for part in parts)) <= stale(graph, whole)
+
+
 def test_the_page_shows_the_pipeline_as_it_is(graph):
     """`make readme` writes it."""
     page = (ROOT / staleness.PAGE).read_text()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import functools
+import posixpath
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -67,15 +68,24 @@ def family(name: str) -> str:
 
 
 def reads(stage: Stage, change: str) -> bool:
-    """Whether a stage depends on a key of params.yaml, itself or its part in a file, or on a file."""
-    shared = str(SHARED / f"{change.partition('.')[0]}.yaml")
+    """Whether a stage depends on a key of params.yaml, on its part in a file, or on a file.
+
+    A key or folder that holds what the stage depends on counts as well.
+    """
+    shared, path = str(SHARED / f"{change.partition('.')[0]}.yaml"), posixpath.normpath(change)
     for dependency in stage.deps:
         if isinstance(dependency, ParamsDependency):
-            if any(f"{change}.".startswith(f"{key}.") for key in dependency.params):
+            if any(_overlap(change, key, ".") for key in dependency.params):
                 return True
-        elif f"{change}/".startswith(f"{dependency.def_path}/") or dependency.def_path == shared:
+        elif _overlap(path, dependency.def_path, "/") or dependency.def_path == shared:
             return True
     return False
+
+
+def _overlap(one: str, other: str, separator: str) -> bool:
+    """Whether one of two keys or paths holds the other, or is it."""
+    ends = one + separator, other + separator
+    return ends[0].startswith(ends[1]) or ends[1].startswith(ends[0])
 
 
 @functools.cache
