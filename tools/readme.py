@@ -61,10 +61,7 @@ def unseen_table(studies: Mapping[str, Figures], methods: Methods) -> str:
         places = every[first : first + _MOST_COLUMNS]
         lines = [_line(["ADE over 3 s, m", *map(_words, places)]), _rule(len(places))]
         for label, _, metrics in rows:
-            cells = [
-                _error(metrics[p], metrics[p]["ade_m"] == best[p]) if p in metrics else "" for p in places
-            ]
-            lines.append(_line([label, *cells]))
+            lines.append(_line([label, *(_cell(metrics, place, best) for place in places)]))
         tables.append("\n".join(lines))
     return "\n\n".join(tables)
 
@@ -79,11 +76,14 @@ def places_table(studies: Mapping[str, Figures], methods: Methods) -> str:
     columns = {label: metrics for label, _, metrics in rows if label in shown}
     lines = [_line(["ADE over 3 s, m", *columns]), _rule(len(columns))]
     for place in studies["real"]:
-        cells = [
-            _error(metrics[place], metrics[place]["ade_m"] == best[place]) for metrics in columns.values()
-        ]
+        cells = (_cell(metrics, place, best) for metrics in columns.values())
         lines.append(_line([_words(place), *cells]))
     return "\n".join(lines)
+
+
+def _cell(metrics: Mapping[str, Any], place: str, best: Mapping[str, float]) -> str:
+    """Return a method's error at a place, strong if it is the lowest; empty where it was not measured."""
+    return _error(metrics[place], metrics[place]["ade_m"] == best[place]) if place in metrics else ""
 
 
 def _lowest(studies: Mapping[str, Figures], rows: Sequence[tuple[str, str, Any]]) -> dict[str, float]:
@@ -97,7 +97,9 @@ def headline(studies: Mapping[str, Figures], methods: Methods) -> str:
     main = _main(studies, methods)
     parts = []
     for place, metrics in studies["real"].items():
-        simple = min(metrics[row.key]["ade_m"] for row in methods.simple if row.key in metrics)
+        simple = min((metrics[row.key]["ade_m"] for row in methods.simple if row.key in metrics), default=0.0)
+        if not simple:  # nothing relates to an exact forecast
+            continue
         parts.append(f"{_words(place)} {100 * (metrics[main.key]['ade_m'] / simple - 1):+.0f} %")
     against = " and ".join(
         filter(None, [", ".join(r.label for r in methods.simple[:-1]), methods.simple[-1].label])
