@@ -92,6 +92,15 @@ def test_repeated_points_have_a_mean_and_a_spread():
     assert last.count("0.490 ± 0.010") == 3  # of 0.50, 0.49 and 0.48
 
 
+def test_a_single_point_has_no_spread():
+    plain = read_ablation(ROOT / "conf" / "ablations" / "seeds.yaml")
+    ablation = dataclasses.replace(plain, points={"second": plain.points["second"]})
+    rows = point_rows(ablation, measured(ablation))
+    assert ablation_table(ablation, rows, METHODS).splitlines()[2:] == [
+        "| second | 0.500 (0.400 to 0.600) | 0.500 (0.400 to 0.600) | 0.500 (0.400 to 0.600) |"
+    ]
+
+
 def test_columns_are_further_figures_of_the_last_method():
     plain = read_ablation(ROOT / "conf" / "ablations" / "seeds.yaml")
     columns = {

@@ -56,6 +56,11 @@ class Ablation:
     curves: Mapping[str, str] = field(default_factory=dict)
     within: Sequence[float] = ()
 
+    @property
+    def has_spread(self) -> bool:
+        """Whether mean and spread of the points are reported: they differ in seeds, and one has no spread."""
+        return self.repeated and len(self.points) > 1
+
 
 def read_ablation(path: Path) -> Ablation:
     """Read `conf/ablations/<name>.yaml`.
@@ -147,7 +152,7 @@ def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], method
         (row["point"], row["method"]): f"{row['ade_m']:.3f} ({interval(row['ade_m_ci95'])})" for row in rows
     }
     body = [[name, *(cells[name, method] for method in shown)] for name in ablation.points]
-    if ablation.repeated:
+    if ablation.has_spread:
         errors = [[row["ade_m"] for row in rows if row["method"] == method] for method in shown]
         body.append([_SPREAD, *(f"{np.mean(e):.3f} ± {np.std(e, ddof=1):.3f}" for e in errors)])
     table = markdown_table([ablation.axis or "point", *(methods[key].label for key in shown)], body)
@@ -161,7 +166,7 @@ def _columns_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], method
     body = [
         [name, *(f"{columns[name][title]:.3f}" for title in ablation.columns)] for name in ablation.points
     ]
-    if ablation.repeated:
+    if ablation.has_spread:
         values = ([columns[name][title] for name in ablation.points] for title in ablation.columns)
         body.append([_SPREAD, *(f"{np.mean(v):.3f} ± {np.std(v, ddof=1):.3f}" for v in values)])
     yield markdown_table([methods[ablation.methods[-1]].label, *ablation.columns], body)
