@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pedpred.report.canvas import png_bytes
+from pedpred.report.charts import box_plot
 from pedpred.report.gallery import Evaluated
 from pedpred.report.gather import study_page
 from pedpred.report.measures import results_of
@@ -156,3 +157,28 @@ def test_figures_of_walls_come_out_the_same_twice():
     found = gains(results("real", {"hall": 0.3, "yard": 0.9}), "here", METHODS, METHODS["lstm"])
     (axes,) = gains_figure(found, METHODS).axes
     assert {name for text in axes.texts for name in text.get_text().split()} == {"hall", "yard"}
+
+
+@pytest.mark.parametrize("left_out", [("cv",), ("kalman_cv",), ("cv", "kalman_cv")])
+def test_places_are_compared_with_the_simple_methods_that_were_evaluated(left_out):
+    found = results("transfer", {"hall": 0.3, "yard": 0.4})
+    for result in found:
+        for method in left_out:
+            result.figures.pop(method, None)
+    study = Evaluated("transfer", "real", found, {}, {}, {}, None)
+    left = any(method.key in found[0].figures for method in METHODS.simple)
+    assert ("hall" in places_section([study], METHODS).blocks[1].markdown("")) == left
+
+
+@pytest.mark.parametrize("exact", [{"kalman_cv"}, set(MEETING)])
+def test_a_page_is_made_where_forecasts_are_exact(exact):
+    found = results("transfer", {"hall": 0.3, "yard": 0.4})
+    for method in exact:
+        for figures in (result.figures[method] for result in found):
+            figures |= {key: 0.0 for key, value in figures.items() if isinstance(value, float)}
+            figures |= {key: [0.0] * len(value) for key, value in figures.items() if isinstance(value, list)}
+    study = Evaluated("transfer", "real", found, {}, {}, {}, None)
+    page = study_page(study, [], METHODS, PAPER).markdown("")
+    assert ("no better" if "lstm" in exact else "worse") in page
+    for result in found:
+        box_plot(result.figures, "", result.dt_s, METHODS)

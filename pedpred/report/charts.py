@@ -79,11 +79,14 @@ def ends_of(figures: Figures) -> dict[str, float]:
 
 
 def scale_of(ends: Mapping[str, float]) -> tuple[float, str | None]:
-    """Upper end of an axis for these ends, and the method that is far beyond all others, if there is one."""
+    """Upper end of an axis for these ends, and the method that is far beyond all others, if there is one.
+
+    Above exact forecasts nothing is far beyond; if all are exact, the axis ends at 1.
+    """
     by_size = sorted(ends, key=ends.__getitem__)
-    if len(by_size) > 1 and ends[by_size[-1]] > _OUTLIER * ends[by_size[-2]]:
+    if len(by_size) > 1 and ends[by_size[-2]] and ends[by_size[-1]] > _OUTLIER * ends[by_size[-2]]:
         return 1.15 * ends[by_size[-2]], by_size[-1]
-    return 1.08 * ends[by_size[-1]], None
+    return 1.08 * ends[by_size[-1]] or 1.0, None
 
 
 def box_plot(figures: Figures, title: str, dt_s: float, methods: Methods) -> BoxPlot:

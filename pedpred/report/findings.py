@@ -104,14 +104,17 @@ def judge(expected: Expectation, figures: Figures, methods: Methods) -> Finding:
     one, two = figures[first.key]["ade_m"], figures[second.key]["ade_m"]
     measured, holds = f"{one:.3f} m {'<' if one < two else '≥'} {two:.3f} m", one < two
     if expected.kind == "gains":
-        measured = percent_better(1.0 - one / two) + noise(figures[first.key])
+        measured = better_than(one, two) + noise(figures[first.key])
     elif expected.kind == "ratio_at_least":
         measured, holds = f"{one / two:.3f}", one / two >= expected.bound
     return Finding(claim, measured, "met" if holds else "missed")
 
 
-def percent_better(gain: float) -> str:
-    """A relative gain in words, e.g. `1.3 % better`."""
+def better_than(one: float, other: float) -> str:
+    """An error relative to another in words, e.g. `1.3 % better`; without a share where the other is 0."""
+    if not other:
+        return "worse" if one else "no better"
+    gain = 1.0 - one / other
     return f"{abs(gain):.1%} {'better' if gain >= 0 else 'worse'}".replace("%", " %")
 
 

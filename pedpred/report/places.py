@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -83,7 +84,7 @@ def ratios_table(studies: Studies, methods: Methods) -> Table:
     The main method comes first; a simple one has a column if it is the best one somewhere.
     """
     places = _figures(studies)
-    best = {name: best_simple(figures, methods) for name, figures in places.items()}
+    best = {name: key for name, figures in places.items() if (key := best_simple(figures, methods))}
     columns = [
         (method, any_of)
         for method, any_of in _columns(studies, methods)
@@ -177,6 +178,7 @@ def _gains(evaluated: Sequence[Evaluated], methods: Methods) -> Pictures:
         for study in evaluated
         for gain in gains(study.results, _trained(study.study, study.results), methods, main)
     ]
+    gained = [gain for gain in gained if not math.isnan(gain.share)]
     if not gained:
         return Pictures([])
     where = STAND_IN if any(study.stand_ins for study in evaluated) else "real places"

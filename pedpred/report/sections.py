@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
-from pedpred.report.findings import Paper, in_the_noise, judge_expectations, percent_better, sum_up
+from pedpred.report.findings import Paper, better_than, in_the_noise, judge_expectations, sum_up
 from pedpred.report.measures import Figures, Result
 from pedpred.report.methods import Methods
 from pedpred.report.tables import (
@@ -79,7 +79,7 @@ def answer(result: Result, methods: Methods) -> str:
     if reference.key not in result.figures:
         return text + f"; the {reference.label} was not evaluated."
     other_m = result.figures[reference.key]["ade_m"]
-    gain, than = percent_better(1.0 - metrics["ade_m"] / other_m), f"the {reference.label}'s {other_m:.3f} m"
+    gain, than = better_than(metrics["ade_m"], other_m), f"the {reference.label}'s {other_m:.3f} m"
     gap = gap_cell(result.name, main.key, metrics, methods)
     words = "" if gap.text == NOTHING else f"difference {gap.text} m, interval {gap.bounds} m"
     if in_the_noise(metrics):

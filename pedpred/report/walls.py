@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import cycle, pairwise
@@ -102,28 +103,28 @@ class Gain:
     named: bool
 
 
-def best_simple(figures: Figures, methods: Methods) -> str:
-    """The simple method with the least ADE."""
+def best_simple(figures: Figures, methods: Methods) -> str | None:
+    """The simple method with the least ADE; None where no simple one was evaluated."""
     known = [method.key for method in methods.simple if method.key in figures]
-    return min(known, key=lambda key: figures[key]["ade_m"])
+    return min(known, key=lambda key: figures[key]["ade_m"], default=None)
 
 
 def gains(results: Iterable[Result], group: str, methods: Methods, method: Method) -> list[Gain]:
     """The gain of a method at each place, and in each single scene of a pooled test set.
 
-    A place where the best simple method is exact, as on made-up straight lines, has no ratio and is left out.
+    A place where the best simple method is exact, as on made-up straight lines, or where none was evaluated,
+    has no ratio and is left out.
     """
     gained = []
     for result in results:
         for name, figures in (result.parts or {result.name: result.figures}).items():
-            if method.key not in figures:
+            best = best_simple(figures, methods)
+            if method.key not in figures or best is None or not figures[best]["ade_m"]:
                 continue
-            metrics, straight = figures[method.key], figures[methods.simple[0].key]
-            base_m = figures[best_simple(figures, methods)]["ade_m"]
-            if not base_m:
-                continue
+            metrics, base_m = figures[method.key], figures[best]["ade_m"]
             low, high = (end / base_m for end in metrics["ade_m_ci95"])
-            share, ratio = straight["obstacle_share"], metrics["ade_m"] / base_m
+            ratio = metrics["ade_m"] / base_m
+            share = figures.get(methods.simple[0].key, {}).get("obstacle_share", math.nan)
             gained.append(Gain(name, group, share, ratio, (low, high), not result.parts))
     return gained
 
