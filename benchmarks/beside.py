@@ -20,6 +20,7 @@ import numpy as np
 
 from benchmarks.timing import tell
 from pedpred.online import OnlinePredictor
+from tools.arguments import no_arguments
 
 ROUNDS = 3
 
@@ -77,4 +78,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    no_arguments("benchmarks.beside", __doc__)
     main()

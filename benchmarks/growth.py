@@ -15,6 +15,7 @@ import numpy as np
 from benchmarks.timing import median_ms, tell
 from pedpred.ros import write_recording
 from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories, predicted_occupancy
+from tools.arguments import no_arguments
 
 ROWS = 3000
 GROUND = OccupancyMap(np.zeros((80, 60), bool), np.array([-4.0, -3.0]), 0.1)
@@ -51,4 +52,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    no_arguments("benchmarks.growth", __doc__)
     main()

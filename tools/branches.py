@@ -18,6 +18,7 @@ from omegaconf import DictConfig
 
 from pedpred.config import read_params
 from pedpred.errors import user_errors
+from tools.arguments import no_arguments
 from tools.staleness import pipeline
 
 SHARED = ("ingest", "simulate", "situations_simulated", "situations_real", "pretrain_autoencoder")
@@ -66,4 +67,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    no_arguments("tools.branches", __doc__)
     main()

@@ -26,6 +26,7 @@ from dvc.utils.strictyaml import YAMLValidationError, validate
 from pedpred.config import KEPT, LOCK, keep_lock
 from pedpred.errors import user_errors
 from pedpred.files import write_text
+from tools.arguments import no_arguments
 
 RUNNING = Path(".dvc/tmp/rwlock")
 """The files that running DVC commands read and write."""
@@ -84,4 +85,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    no_arguments("tools.mend_lock", __doc__)
     main()

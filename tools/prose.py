@@ -12,6 +12,8 @@ from pathlib import Path
 
 import yaml
 
+from tools.arguments import no_arguments
+
 LONGEST = {"README.md": 120}
 """Most lines of some pages."""
 LONGEST_PAGE = 200
@@ -56,4 +58,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    no_arguments("tools.prose", __doc__)
     main()

@@ -1,0 +1,16 @@
+"""Command lines of tools and benchmarks that take no arguments."""
+
+from __future__ import annotations
+
+import argparse
+
+
+def no_arguments(module: str, about: str | None) -> None:
+    """Print help if it is asked for, and refuse anything else, before any work is done.
+
+    Args:
+        module: as in `python -m tools.prose`.
+        about: what it does.
+    """
+    form = argparse.RawDescriptionHelpFormatter
+    argparse.ArgumentParser(prog=f"python -m {module}", description=about, formatter_class=form).parse_args()
