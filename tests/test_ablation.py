@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import subprocess
 from itertools import combinations
 from pathlib import Path
 
@@ -163,3 +164,25 @@ def test_a_misspelt_key_is_refused(tmp_path):
     path.write_text(ABLATIONS[0].read_text().replace("entry:", "entyr:"))
     with pytest.raises(FileError, match=r"odd\.yaml.*entyr"):
         read_ablation(path)
+
+
+def test_what_waits_in_the_queue_under_the_name_of_a_point_is_not_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    stages = {"gather": {"cmd": "true", "params": ["x"]}}
+    for name, content in (("dvc.yaml", {"stages": stages}), ("params.yaml", {"x": 1})):
+        Path(name).write_text(yaml.safe_dump(content))
+    for command in (
+        "git init -q",
+        "git config user.name somebody",
+        "git config user.email some@body",
+        "dvc init -q",
+        "git add -A",
+        "git commit -qm first",
+    ):
+        subprocess.run(command.split(), check=True)
+    for name in ("reach-0.1", "mine"):
+        ablate.said_by("dvc", "exp", "run", "--queue", "--name", name, "--set-param", "x=2", "gather")
+    ablate.leave_queue({"reach-0.1"})
+    status = ablate.said_by("dvc", "queue", "status")
+    assert "mine" in status
+    assert "reach-0.1" not in status

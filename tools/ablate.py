@@ -13,12 +13,13 @@ import json
 import logging
 import subprocess
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
 import pandas as pd
+from dvc.repo import Repo
 from tqdm import tqdm
 
 from pedpred.config import config_errors, plain, read_params
@@ -58,9 +59,30 @@ def finished() -> dict[str, str]:
     return {reference.rpartition("/")[2]: reference for reference in references}
 
 
+def leave_queue(names: Collection[str]) -> None:
+    """End what an interrupted call left in the queue: under the same name, it may have had other settings.
+
+    Stages that have ended come from DVC's cache.
+    """
+    said_by("dvc", "queue", "remove", "--failed")
+    for status, command in (("Queued", "remove"), ("Running", "kill")):
+        if tasks := _tasks(names, status):
+            said_by("dvc", "queue", command, *tasks)
+    while _tasks(names, "Running"):
+        time.sleep(PATIENCE_S)
+    said_by("dvc", "queue", "remove", "--failed")
+
+
+def _tasks(names: Collection[str], status: str) -> list[str]:
+    """Revisions of the queue's tasks with some names that have a status."""
+    with Repo() as project:
+        tasks = project.experiments.celery_queue.status()
+    return [task["rev"] for task in tasks if task["status"] == status and task["name"] in names]
+
+
 def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) -> dict[str, str]:
     """Run every point as a queued DVC experiment; their git references by point."""
-    said_by("dvc", "queue", "remove", "--failed")
+    leave_queue(experiments.values())
     if stale := sorted(set(experiments.values()) & set(finished())):
         said_by("dvc", "exp", "remove", *stale)
     for point, name in experiments.items():
