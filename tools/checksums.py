@@ -1,9 +1,9 @@
 """Checksums of what the pipeline makes, by names that a move of files or columns does not change.
 
 `python -m tools.checksums FOLDER` prints one line per table, tensor or graph below a project folder that has
-been reproduced; `--against FILE` compares them with the lines in a file, and fails when some differ. Shows
-that a change of the code left scenes, rows, embeddings, weights, exported networks, forecasts and metrics as
-they were.
+been reproduced; `--against FILE` compares them with the lines in a file, and fails when some differ or are
+lost. Shows that a change of the code left scenes, rows, embeddings, weights, exported networks, forecasts and
+metrics as they were.
 """
 
 from __future__ import annotations
@@ -14,12 +14,16 @@ import json
 import re
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from safetensors.numpy import load_file
+
+from pedpred.errors import FileError, user_errors
+from pedpred.files import translate_errors
 
 RENAMED = (
     (
@@ -34,7 +38,11 @@ IGNORED = r"config\.checked|data/raw|manifest\.json|about\.json|model\.json|fore
 
 
 def checksums(root: Path) -> dict[str, str]:
-    """Name -> checksum of everything that was made below a project folder."""
+    """Name -> checksum of everything that was made below a project folder.
+
+    Raises:
+        FileError: nothing was.
+    """
     digests = {}
     for folder in ("data", "models", "reports/metrics"):
         for path in sorted((root / folder).rglob("*")):
@@ -43,6 +51,9 @@ def checksums(root: Path) -> dict[str, str]:
                     name = renamed(f"{path.relative_to(root)} {part}".strip())
                     if not re.search(IGNORED, name):
                         digests[name] = digest
+    if not digests:
+        remedy = "Name the folder of a project that has been reproduced"
+        raise FileError(root, "", "there are no results below data, models and reports/metrics", remedy)
     return digests
 
 
@@ -84,6 +95,7 @@ def _digest(raw: bytes) -> str:
     return hashlib.sha256(raw).hexdigest()[:16]
 
 
+@user_errors()
 def main() -> None:
     """Print or compare."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -94,7 +106,10 @@ def main() -> None:
     if options.against is None:
         sys.stdout.writelines(f"{digest} {name}\n" for name, digest in now.items())
         return
-    lines = options.against.read_text().splitlines()
+    with translate_errors(
+        partial(FileError, options.against, "", remedy="Name a file that an earlier call wrote")
+    ):
+        lines = options.against.read_text().splitlines()
     before = {name: digest for digest, _, name in (line.partition(" ") for line in lines)}
     common = before.keys() & now.keys()
     differ = sorted(name for name in common if before[name] != now[name])
@@ -102,7 +117,7 @@ def main() -> None:
     sys.stdout.writelines(f"only before: {name}\n" for name in sorted(before.keys() - now.keys()))
     sys.stdout.writelines(f"only now: {name}\n" for name in sorted(now.keys() - before.keys()))
     sys.stdout.write(f"{len(common) - len(differ)} the same, {len(differ)} differ\n")
-    raise SystemExit(bool(differ))
+    raise SystemExit(bool(differ or before.keys() - now.keys()))
 
 
 if __name__ == "__main__":

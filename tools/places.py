@@ -28,7 +28,8 @@ def recording(place: str) -> Scene:
 def main(arguments: list[str] | None = None) -> None:
     """Read params.yaml, write to standard output the names of places that some place's settings refer to."""
     parser = argparse.ArgumentParser(prog="python -m tools.places", description=__doc__)
-    parser.add_argument("prefix", help="of the rows: tuned_on (trackers) or fitted_on (social_forces)")
+    told = "of the rows: tuned_on (trackers) or fitted_on (social_forces)"
+    parser.add_argument("prefix", choices=("tuned_on", "fitted_on"), help=told)
     options = parser.parse_args(arguments)
     places = read_params(Path()).places
     used = {place[kind] for place in places.values() for kind in ("tracker", "social_force")}

@@ -1,0 +1,43 @@
+"""Checksums of results: the same, different, lost, or never there."""
+
+import pytest
+
+from tools import checksums
+
+
+def compared(monkeypatch, folder, *options):
+    monkeypatch.setattr("sys.argv", ["checksums", str(folder), *options])
+    with pytest.raises(SystemExit) as ended:
+        checksums.main()
+    return ended.value.code
+
+
+def project(folder, **files):
+    for name, content in files.items():
+        (folder / "models").mkdir(parents=True, exist_ok=True)
+        (folder / "models" / name).write_text(content)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("files", "fails"),
+    [
+        ({"one": "1", "other": "2"}, False),
+        ({"one": "1", "other": "2", "new": "3"}, False),
+        ({"one": "1", "other": "3"}, True),
+        ({"one": "1"}, True),
+    ],
+    ids=["same", "new", "different", "lost"],
+)
+def test_results_must_be_there_and_the_same(tmp_path, monkeypatch, files, fails):
+    before = checksums.checksums(project(tmp_path / "before", one="1", other="2"))
+    listed = tmp_path / "before.txt"
+    listed.write_text("".join(f"{digest} {name}\n" for name, digest in before.items()))
+    now = project(tmp_path / "now", **files)
+    assert compared(monkeypatch, now, "--against", str(listed)) == fails
+
+
+def test_a_folder_without_results_and_a_missing_list_are_named(tmp_path, monkeypatch):
+    assert f"{tmp_path}/nowhere: there are no results" in compared(monkeypatch, tmp_path / "nowhere")
+    now = project(tmp_path / "now", one="1")
+    assert f"{tmp_path}/none" in compared(monkeypatch, now, "--against", str(tmp_path / "none"))
