@@ -1,5 +1,6 @@
 """What tools and benchmarks do with arguments that they do not know."""
 
+import importlib
 import subprocess
 import sys
 
@@ -34,3 +35,15 @@ def test_an_argument_that_is_not_known_is_named_before_any_work():
     done = called("tools.branches", "--jobs", "2")
     assert done.returncode == 2
     assert "unrecognized arguments: --jobs 2" in done.stderr
+
+
+COUNTS = {"ablate": "--jobs", "fit_social_force": "--trials", "motion": "--worlds", "tune_tracker": "--ahead"}
+
+
+@pytest.mark.parametrize("tool", COUNTS)
+def test_a_number_of_nothing_is_refused(tool, monkeypatch, capsys):
+    option = COUNTS[tool]
+    monkeypatch.setattr("sys.argv", [tool, "reach", option, "0"])
+    with pytest.raises(SystemExit):
+        importlib.import_module(f"tools.{tool}").main()
+    assert f"argument {option}: '0': it must be a whole number of at least 1" in capsys.readouterr().err

@@ -36,6 +36,7 @@ from pedpred.report.ablation import (
 )
 from pedpred.report.canvas import write_png
 from pedpred.report.methods import Methods
+from tools.arguments import count
 
 PATIENCE_S = 2.0  # between two looks at the queue
 _LOOKS = 30  # until workers are started again, in case that one has died: DVC starts only missing ones
@@ -141,7 +142,7 @@ def main() -> None:
     """Run all points, write the figures."""
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
     parser.add_argument("name", help="a file in conf/ablations, without .yaml")
-    parser.add_argument("--jobs", type=int, default=1, help="points at a time")
+    parser.add_argument("--jobs", type=count, default=1, help="points at a time")
     parser.add_argument("--point", action="append", help="run this point only; may be repeated")
     parser.add_argument("--out", type=Path, help="reports/ablations, with --point build/ablations")
     options = parser.parse_args()

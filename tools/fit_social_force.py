@@ -23,6 +23,7 @@ from pedpred.evaluation.windows import ask_about_windows
 from pedpred.files import check_output
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from stages.features import perception_of
+from tools.arguments import count
 from tools.places import recording
 from tools.rows import write_row
 
@@ -146,7 +147,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m tools.fit_social_force", description=__doc__)
     parser.add_argument("place", help="a row of conf/places")
     parser.add_argument("--base", default="helbing1995", help="the row that the search starts from")
-    parser.add_argument("--trials", type=int, default=300, help="parameter sets to try (300: 2 minutes)")
+    parser.add_argument("--trials", type=count, default=300, help="parameter sets to try (300: 2 minutes)")
     parser.add_argument("--out", type=Path, default=Path("conf/social_forces/walking.yaml"), help="rows")
     options = parser.parse_args(arguments)
     check_output(options.out)

@@ -24,6 +24,7 @@ from pedpred.simulation.worlds import DRAWN_KINDS, WorldSettings, simulate_world
 from pedpred.storage.scenes import scene_folders
 from pedpred.tables.options import TableOptions
 from pedpred.tracking.tracks import births
+from tools.arguments import count
 
 _STEP_S = 0.2
 _AVERAGED, _ACROSS, _SECOND, _AHEAD = 6, 4, 5, 15  # of 0.2 s: means, velocities, one second, three seconds
@@ -91,7 +92,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
     parser.add_argument("--rate", type=float, help="frames per second, where files count frames, Hz")
-    parser.add_argument("--worlds", type=int, default=12, help="of each kind (default: %(default)s)")
+    parser.add_argument("--worlds", type=count, default=12, help="of each kind (default: %(default)s)")
     arguments = parser.parse_args()
     options = TableOptions(rate_hz=arguments.rate)
     with user_errors():

@@ -15,6 +15,7 @@ from pedpred.features.perception import sensed
 from pedpred.files import check_output
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.tracking import log_likelihood, tune_kalman
+from tools.arguments import count
 from tools.places import recording
 from tools.rows import write_row
 
@@ -37,7 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Read data/scenes/real/<place>, write its row of conf/trackers/kalman.yaml."""
     parser = argparse.ArgumentParser(prog="python -m tools.tune_tracker", description=__doc__)
     parser.add_argument("place", help="a row of conf/places")
-    parser.add_argument("--ahead", type=int, default=_AHEAD, help="detections that are forecast")
+    parser.add_argument("--ahead", type=count, default=_AHEAD, help="detections that are forecast")
     parser.add_argument("--out", type=Path, default=Path("conf/trackers/kalman.yaml"), help="file of rows")
     options = parser.parse_args(arguments)
     check_output(options.out)
