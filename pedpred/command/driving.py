@@ -130,7 +130,7 @@ def check_drive(arguments: argparse.Namespace) -> None:
     Raises:
         ValueRuleError: both a scene and a world are named, or neither; an option has no meaning for what is
             named; a recording has another suffix than .mcap or .png, or is of the true future or several
-            drives; a picture is no .png or has the name of the table; curves are asked for beside a recording.
+            drives; a picture is no .png or has the name of the table; curves are asked for beside one.
         OutputError: a picture is asked for, but matplotlib is not installed.
     """
     if (arguments.scene is None) == (arguments.world is None):
