@@ -57,9 +57,8 @@ class Views:
         """
         begun_s = self._clock()
         is_early = abs(forecast.time_s - self._shown_s) < _EVERY_S or begun_s < self._next_s
-        if is_early and (
-            len(forecast) or not self._latched.shows_people
-        ):  # that all have gone is told at once
+        all_have_gone = self._latched.shows_people and not len(forecast)
+        if is_early and not all_have_gone:  # which is told at once
             return
         self._shown_s = forecast.time_s
         try:
