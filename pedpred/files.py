@@ -1,7 +1,8 @@
 """Bounded reading and atomic writing of files.
 
 Reading: `translate_errors` turns what a decoder raises on damaged bytes into an error that names the file;
-`read_bytes`, `read_lines`, `read_json`, `read_yaml` and `read_picture` are bounded in size.
+`read_bytes`, `read_lines`, `read_json`, `read_yaml` and `read_picture` are bounded in size; `check_input`
+refuses what is not there before anything is said of its content.
 Writing: `check_output` refuses a bad place before work begins; `atomic_write` replaces a file when the new
 one is complete; scratch data go to `nameless` files.
 """
@@ -93,6 +94,36 @@ def _problem(cause: Exception) -> str:
     if isinstance(cause, KeyError):
         return f"{cause} is missing"
     return str(cause) if isinstance(cause, PedpredError) else f"{type(cause).__name__}: {cause}"
+
+
+def check_input(
+    path: Path,
+    about: str | None = "",
+    error: Callable[[Path, Any, str, str], FileError] = FileError,
+    folder: bool | None = None,
+) -> None:
+    """Check that an input is there, and no pipe or device, before anything is said of its content.
+
+    Args:
+        path: of the input.
+        about: what it is, for the error.
+        error: made of path, `about`, problem and remedy.
+        folder: whether it must be a folder; None: a file or a folder.
+
+    Raises:
+        FileError: it is not; of the kind that `error` makes.
+    """
+    called = {False: "file", True: "folder", None: "file or folder"}[folder]
+    try:
+        if not path.exists():
+            raise error(path, about, f"there is no such {called}", "Correct the name")
+        there = "folder" if path.is_dir() else "file" if path.is_file() else ""
+    except OSError as cause:
+        raise error(path, about, cause.strerror or str(cause), "Correct the name") from cause
+    if not there:
+        raise error(path, about, "it is a pipe or device", "Write it to a file, and name that")
+    if there not in called:
+        raise error(path, about, f"it is a {there}", f"Name a {called}")
 
 
 def read_bytes(path: Path, largest: int = _LARGEST_BYTES) -> bytes:

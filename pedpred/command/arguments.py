@@ -24,9 +24,9 @@ from pedpred.driving.robot import KINDS, Robot
 from pedpred.driving.sensor import SensorSettings
 from pedpred.driving.worlds import KINDS as WORLDS
 from pedpred.driving.worlds import REACTIONS
-from pedpred.errors import FileError, OutputError, ValueRuleError
+from pedpred.errors import OutputError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
-from pedpred.files import check_output
+from pedpred.files import check_input, check_output
 from pedpred.online.network import read_description
 from pedpred.tables.units import UNITS
 
@@ -88,10 +88,7 @@ def check(arguments: argparse.Namespace) -> None:
         *theirs,
     ]
     for path in inputs:
-        if not path.exists():
-            raise FileError(path, "", "there is no such file or folder", "Correct the name")
-        if not path.is_file() and not path.is_dir():
-            raise FileError(path, "", "it is a pipe or device", "Write it to a file, and name that")
+        check_input(path)
     if arguments.action is predict and arguments.output is None:
         arguments.output = Path(f"{arguments.scene.stem}_forecasts.mcap")
     if output := getattr(arguments, "output", None):

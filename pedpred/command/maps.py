@@ -9,7 +9,7 @@ from typing import Any
 
 from pedpred.command.turned_maps import read_turned_map, yaw_of
 from pedpred.errors import StorageError, brief
-from pedpred.files import read_yaml
+from pedpred.files import check_input, read_yaml
 from pedpred.scenes import OccupancyMap
 from pedpred.sources.geometries import GEOMETRIES, is_geometry, read_ground, read_walls
 from pedpred.sources.single_file import CELL_M, WALL_M
@@ -30,8 +30,9 @@ def map_at(path: Path) -> OccupancyMap:
 
     Raises:
         StorageError: a file is missing or damaged, or no YAML file names the picture.
-        SourceError: a geometry is missing or damaged.
+        SourceError: a geometry is damaged.
     """
+    check_input(path, "map", StorageError)
     if is_geometry(path):
         return read_ground(path, read_walls(path), CELL_M, WALL_M)
     named = _in_folder(path) if path.is_dir() else path

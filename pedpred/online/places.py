@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from pedpred.errors import StorageError, ValueRuleError, brief
-from pedpred.files import read_json, translate_errors, write_json
+from pedpred.files import check_input, read_json, translate_errors, write_json
 from pedpred.forecasting.chain import Place
 from pedpred.online.network import digest_of
 
@@ -32,6 +32,7 @@ def read_place(path: Path, unlearned: Place, network_sha256: str) -> Place:
     Raises:
         StorageError: the file is missing, damaged or of another schema or network.
     """
+    check_input(path, "place", StorageError, folder=False)
     wording = partial(StorageError, path, "place", remedy=_REMEDY)
     about = read_json(path, wording)
     with translate_errors(wording):

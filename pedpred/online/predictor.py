@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError, brief
+from pedpred.errors import StorageError, ValueRuleError, brief
 from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surroundings
-from pedpred.files import check_output, given_path
+from pedpred.files import check_input, check_output, given_path
 from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
@@ -47,6 +47,7 @@ class OnlinePredictor:
         if not isinstance(checked, OnlineSettings):
             raise ValueRuleError("settings", checked, "it must be OnlineSettings or None")
         folder = given_path("folder", folder)
+        check_input(folder, "model", StorageError, folder=True)
         self._about, self._checksum = read_description(folder), network_checksum(folder)
         self._network = ExportedNetwork(folder, self._about)
         self._settings = checked

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import SourceError, ValueRuleError, brief
-from pedpred.files import translate_errors
+from pedpred.files import check_input, translate_errors
 from pedpred.ros.bag_content import Ground, Messages
 from pedpred.ros.bag_reader import BagReader
 from pedpred.ros.decoding import CDR, ROS1, Connection
@@ -76,6 +76,7 @@ def read_bag(
             and map are in different frames, ids do not say who is who, classes are named and the messages
             have none, or they make no scene.
     """
+    check_input(path, None, SourceError)
     problem = partial(SourceError, path, None)
     with translate_errors(partial(problem, remedy=_REMEDY)), opened(path) as bag:
         connections = bag.connections

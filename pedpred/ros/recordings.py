@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.files import atomic_write, translate_errors
+from pedpred.files import atomic_write, check_input, translate_errors
 from pedpred.ros.bag_files import BagFile
 from pedpred.ros.decoding import CDR
 from pedpred.ros.frames import Transform, check_frames
@@ -86,6 +86,7 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
         SourceError: the file is no MCAP file or damaged, a topic is missing or has another type, or the
             messages make no scene.
     """
+    check_input(path, None, SourceError)
     problem = partial(SourceError, path, None, remedy=_REMEDY)
     rows: list[dict[str, Any]] = []
     bag, last, topics, frames = McapReader([BagFile(path, path)]), b"", set(), set()

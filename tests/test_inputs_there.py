@@ -1,0 +1,46 @@
+"""An input that is not there is said to be not there: nothing is said of its content."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import pedpred
+from pedpred.command.maps import map_at
+from pedpred.errors import FileError
+from pedpred.online.shipped import default_model
+from pedpred.ros import read_bag, read_recording
+
+WALKS = pd.DataFrame({"time": [0.0, 0.4], "id": 1, "x": [0.0, 0.4], "y": 0.0})
+PLACES = ("nowhere", "nowhere.yaml", "nowhere.png", "nowhere.wkt", "nowhere.json", "nowhere/model")
+
+
+def load_place(path):
+    pedpred.OnlinePredictor.load().load_place(path)
+
+
+READERS = {
+    "a map": map_at,
+    "a map of a table": lambda path: pedpred.predict(WALKS, path),
+    "a model": pedpred.OnlinePredictor.load,
+    "a model of a table": lambda path: pedpred.predict(WALKS, model=path),
+    "what was learned at a place": load_place,
+    "a recording": read_recording,
+    "a bag": read_bag,
+}
+
+
+@pytest.mark.parametrize("read", READERS.values(), ids=READERS)
+def test_what_is_not_there_is_said_to_be_not_there(read, tmp_path):
+    for place in PLACES:
+        with pytest.raises(FileError, match=r"there is no such (file|folder)") as refused:
+            read(tmp_path / place)
+        assert str(tmp_path / place) in str(refused.value)
+        assert str(refused.value).endswith("Correct the name")
+
+
+def test_a_folder_is_no_file_and_a_file_no_folder(tmp_path):
+    with pytest.raises(FileError, match=r"it is a folder\. Name a file"):
+        load_place(tmp_path)
+    with pytest.raises(FileError, match=r"it is a file\. Name a folder"):
+        pedpred.OnlinePredictor.load(Path(default_model()) / "model.json")
