@@ -1,15 +1,23 @@
 """`pedpred.predict`: forecasts of a data frame in one call are those of the command, also as Parquet."""
 
+import ast
+import logging
+import re
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
 import pedpred
+from pedpred import tables
 from pedpred.command import main
 from pedpred.command.forecast_tables import COLUMNS
 from pedpred.command.foreign import read_forecasts
+from pedpred.command.options_in_python import in_python
 from pedpred.errors import FileError, SourceError, ValueRuleError
 from pedpred.scenes import OccupancyMap
+from pedpred.sources import plausibility, times
 from pedpred.storage.scenes import write_map
 
 WALKS = pd.DataFrame(
@@ -156,6 +164,33 @@ def test_a_remedy_is_one_for_a_table(change, remedy):
     with pytest.raises((SourceError, ValueRuleError), match=remedy) as refused:
         pedpred.predict(table)
     assert "--" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "arguments", "said"),
+    [
+        ({"type": ["chair", "car"] * 8}, {}, "all rows are read; leave out the rows of others"),
+        ({}, {"rate_hz": 2.5}, "times are in column time, so that rate_hz is not used"),
+        ({"x": 4 * WALKS.x}, {}, 'which is running: say unit="ft" if lengths are ft, or unit="m"'),
+        ({"scene": ["a", "b"] * 8}, {}, "divide the table if they are several"),
+        ({"x": WALKS.x / 10, "y": WALKS.y / 10}, {}, "Then bring them to metres first"),
+        ({"time": (2.5 * WALKS.time).round()}, {}, "call the column frame, and give rate_hz"),
+    ],
+)
+def test_a_warning_is_one_for_a_table(change, arguments, said, caplog):
+    pedpred.predict(WALKS.assign(**change), **arguments)
+    assert said in caplog.text
+    assert "--" not in caplog.text
+    caplog.clear()
+    logging.getLogger("pedpred.tables.reading").warning("say --rate")
+    assert "say --rate" in caplog.text, "afterwards the command has its own words"
+
+
+def test_every_message_about_a_table_has_words_for_python():
+    for module in [*Path(tables.__path__[0]).glob("*.py"), Path(plausibility.__file__), Path(times.__file__)]:
+        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and "\n" not in node.value:
+                assert not re.search(r"--[a-z]", in_python(node.value)), (module.name, node.value)
 
 
 def test_an_error_names_the_row_of_the_whole_table():

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -15,8 +13,9 @@ import pandas as pd
 
 from pedpred.command.forecast_tables import forecast_table
 from pedpred.command.maps import map_at
+from pedpred.command.options_in_python import arguments_for_options
 from pedpred.command.prediction import robot_for
-from pedpred.errors import PedpredError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.online.replay import as_windows, replay_scene
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
 from pedpred.sources.single_file import checked_interval_s
@@ -37,37 +36,7 @@ _TABLE = Path("table")
 _METHOD = "pedpred"
 
 
-_COLUMNS = re.compile(r"--columns(?: (\w+(?:,\w+)+))?")
-_ARGUMENTS = {
-    r"--rate\b": "rate_hz",
-    r"--map ": "",
-    r"--unit (\w+)": r'unit="\1"',
-    r"--unit\b": "unit",
-    r"--scale if": "scale them if",
-    r"--scale [\d.]+, or give --homography \S+": "bring them to metres first",
-    r"; expected commas, .* between them": "",
-}
-"""What options of the command, in remedies of what reads files, are for a data frame."""
-
-
-@contextmanager
-def _with_arguments_for_options() -> Iterator[None]:
-    """Let the remedy of an error name what a caller in Python can change."""
-    try:
-        yield
-    except PedpredError as error:
-        text = _COLUMNS.sub(_as_titles, str(error))
-        for option, argument in _ARGUMENTS.items():
-            text = re.sub(option, argument, text)
-        error.args = (text, *error.args[1:])
-        raise
-
-
-def _as_titles(option: re.Match[str]) -> str:
-    return f"table.columns = {option[1].split(',')}" if option[1] else "table.columns"
-
-
-@_with_arguments_for_options()
+@arguments_for_options()
 def predict(
     table: pd.DataFrame,
     occupancy: OccupancyMap | str | Path | None = None,
