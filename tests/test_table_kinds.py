@@ -65,8 +65,10 @@ def test_rows_of_other_road_users_change_nothing(folder, plain, title, people, o
 
 def test_who_was_left_out_is_said(tmp_path, caplog):
     rows = [(*row, "person") for row in WALK] + [(0.0, 9, 1.0, 1.0, "dog"), (0.25, 9, 1.0, 1.0, "dog")]
-    with caplog.at_level(logging.WARNING):
+    with caplog.at_level(logging.INFO):
         tracks(write(tmp_path, ["time,id,x,y,type"], rows))
+    assert "y = y (m), class = type" in caplog.text
+    assert "not used" not in caplog.text
     assert "column type: rows that are about no people are left out: 2 of 'dog'" in caplog.text
 
 

@@ -77,7 +77,7 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
 
     chosen = people_in_rows(path, lines.titles, rows, options)
     people = of_people(of_width(path, lines.rows, lines.titles), lines.titles, chosen)
-    return _read(path, lines.titles, people, options, lines)
+    return _read(path, lines.titles, people, options, lines, chosen[0] if chosen else None)
 
 
 def of_people(
@@ -146,8 +146,9 @@ def _read(
     rows: Iterable[Row],
     options: TableOptions,
     lines: Lines | None = None,
+    kind: str | None = None,
 ) -> Trajectories:
-    """Read rows; without `lines`, those of a file that was parsed elsewhere."""
+    """Read rows; without `lines`, those of a file that was parsed elsewhere. `kind` said who is a person."""
     comments = lines.comments if lines else ()
     wanted = _wanted(path, titles)
     at = {name: titles.index(title) for title, name in wanted.items()}
@@ -183,6 +184,7 @@ def _read(
         del columns["line"]
         if lines is not None:
             used = wanted | ({titles[days]: "date"} if days is not None and dates.read_days else {})
+            used |= {kind: "class"} if kind else {}
             _tell(path, titles, used, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
         return _tracks(columns)
 
