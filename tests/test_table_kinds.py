@@ -275,6 +275,36 @@ def test_times_that_could_mean_several_things_are_refused_with_what_to_write(sta
         tracks(write(tmp_path, ["time,id,x,y"], [(stamp, *row[1:]) for row in WALK]))
 
 
+@pytest.mark.parametrize(
+    ("day", "start_s", "form"),
+    [
+        ("2024-03-05T", 7200, "%H:%M:%S.%f"),
+        ("5.3.2024 ", 7200, "%H:%M:%S.%f"),
+        ("", 0, "%M:%S.%f"),
+        ("2024-03-05 ", 0, "%M:%S.%f"),
+    ],
+)
+def test_parts_that_are_zero_may_be_left_out(day, start_s, form, tmp_path):
+    """As Java writes times: 02:00 beside 02:00:01 and 02:00:01.500; and players: 59:58 beside 59:58.500."""
+    times_s = [start_s + 59.5 + 0.5 * k for k in range(6)]
+    rows = []
+    for k, time_s in enumerate(times_s):
+        text = datetime.fromtimestamp(time_s, UTC).strftime(form).removesuffix("000")
+        text = text.removesuffix(".000")
+        text = text.removesuffix(":00") if start_s else text
+        rows.append((f"{day}{text}", 1, 0.5 * k, 0.0))
+    assert {len(row[0]) for row in rows} != {len(rows[0][0])}
+    found = tracks(write(tmp_path, ["time,id,x,y"], rows)).time_s
+    midnight_s = datetime(2024, 3, 5, tzinfo=UTC).timestamp() if day else 0.0
+    np.testing.assert_allclose(found, midnight_s + np.array(times_s), rtol=0, atol=1e-6)
+
+
+def test_times_of_day_without_a_header_are_times(tmp_path):
+    path = write(tmp_path, [], [(f"14:02:{t:06.3f}", *row) for t, *row in WALK])
+    with pytest.raises(SourceError, match=r"'14:02:00.000' is a time.*--columns time,id,x,y"):
+        tracks(path)
+
+
 def test_dates_without_a_header_are_told_how_to_name_columns(tmp_path):
     path = write(tmp_path, [], [(f"2024-03-05T14:02:{t:06.3f}", *row) for t, *row in WALK])
     with pytest.raises(SourceError, match=r"'2024-03-05T14:02:00.000' is a time.*--columns time,id,x,y"):

@@ -21,7 +21,7 @@ from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.plausibility import check_places, ids_come_first
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
-from pedpred.tables.dates import is_date
+from pedpred.tables.dates import is_time
 from pedpred.tables.decimals import with_decimal_points
 from pedpred.tables.detections import doubt_restarts, with_positions, without_copies, without_untracked
 from pedpred.tables.heights import Still
@@ -115,7 +115,7 @@ def _check_columns(path: Path, line: int, fields: Sequence[str]) -> None:
         problem = f"no header, and {len(fields)} columns, expected {' '.join(COLUMNS)} and perhaps z"
         remedy = "Separate values by blanks, tabs, commas or semicolons"
         raise SourceError(path, line, problem, remedy)
-    if dates := [k for k in (0, 1) if is_date(fields[k])]:
+    if dates := [k for k in (0, 1) if is_time(fields[k])]:
         problem = f"no header, and {fields[dates[0]]!r} is a time, not a number of frames or seconds"
         raise SourceError(path, line, problem, _REMEDY)
     if _is_box(fields):

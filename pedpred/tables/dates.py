@@ -52,6 +52,9 @@ _log = logging.getLogger(__name__)
 class Dates:
     """Writes dates in a column as seconds since 1970, UTC, and times of day as seconds since midnight.
 
+    Programs leave out parts that are zero: other rows say whether 02:07 are minutes and seconds, as beside
+    02:07.5, or hours and minutes, as beside 2024-03-05 02:07:01.
+
     The first row decides whether a column holds them. Dates without a zone are taken as UTC.
 
     Args:
@@ -69,6 +72,9 @@ class Dates:
         self._open: dict[str, tuple[int, int]] = {}  # date that ends with the year -> first line, place
         self._day_of_row = array("i")
         self._not_used: dict[str, None] = {}  # what stands in the column of dates, where it is not used
+        self._two_parts: tuple[int, str] | None = None  # first line that has them, without a fraction
+        self._row_of_two, self._of_day_s = array("q"), array("d")  # such rows, as minutes and seconds
+        self._has_fractions = self._dated_hours = False  # of such times; beside dates
         self.read_dates = self.read_days = False
 
     def in_seconds(self, rows: Iterator[Row]) -> Iterator[Row]:
@@ -81,13 +87,15 @@ class Dates:
         at = self._at
         for count, (line, fields) in enumerate(rows):
             if not count:
-                self.read_dates = is_date(fields[at]) or bool(_CLOCK.match(fields[at].strip()))
+                self.read_dates = is_time(fields[at])
             if self._days is not None and not self.read_dates:
                 day = _day_alone(fields[self._days])
                 self._pass_over(day if _DATE.match(day) else "")
             yield (
                 line,
-                [*fields[:at], self._seconds(line, fields), *fields[at + 1 :]] if self.read_dates else fields,
+                [*fields[:at], self._seconds(line, fields, count), *fields[at + 1 :]]
+                if self.read_dates
+                else fields,
             )
 
         if len(self._not_used) > 1:
@@ -105,7 +113,7 @@ class Dates:
             self._not_used.setdefault(day)
 
     def with_days(self, time_s: np.ndarray) -> np.ndarray:
-        """Times with the days of dates that end with the year.
+        """Times with what other rows say: the days of dates that end with the year, and hours.
 
         Args:
             time_s: what was read from all rows of `in_seconds`. [M]
@@ -115,8 +123,15 @@ class Dates:
 
         Raises:
             SourceError: a day is in no calendar, or it stays open whether day or month comes first, and the
-                time between two rows depends on it.
+                time between two rows depends on it, or what two numbers of a time are.
         """
+        if self._two_parts and not self._has_fractions:
+            if not self._dated_hours:
+                line, text = self._two_parts
+                problem = f"{self._title} = {text!r}, which may be hours and minutes, or minutes and seconds"
+                raise SourceError(self._path, line, problem, AS_TIMES)
+            time_s = time_s.copy()
+            time_s[np.frombuffer(self._row_of_two, np.int64)] += 59 * np.frombuffer(self._of_day_s)
         if not self._open:
             return time_s
         days = [known for order in self._orders or () if (known := self._days_in(order))]
@@ -137,7 +152,7 @@ class Dates:
         except ValueError:
             return None
 
-    def _seconds(self, line: int, fields: Sequence[str]) -> str:
+    def _seconds(self, line: int, fields: Sequence[str], row: int) -> str:
         text = _plain(fields[self._at])
         day = "" if self._days is None else _day_alone(fields[self._days])
         try:
@@ -145,20 +160,34 @@ class Dates:
             self.read_days |= divided
             if stamp := _STAMP.match(f"{day} {text}" if divided else text):
                 self._check_dated(True)
-                *_, hours, minutes, seconds, half, zone = stamp.groups()
-                return repr(
-                    self._days_s(line, stamp) + _of_day(hours, minutes, seconds, half) - _shift_s(zone)
-                )
+                *_, zone = stamp.groups()
+                of_day_s = self._of_day(line, row, text, stamp.groups()[-5:-1])
+                return repr(self._days_s(line, stamp) + of_day_s - _shift_s(zone))
             if clock := _CLOCK.match(text):
                 self._check_dated(False)
                 self._pass_over(day)
                 days, *of_day = clock.groups()
                 half_s = _HALF_DAY_S if of_day[0] else _HALF_HOUR_S
-                return repr(self._rising(line, _DAY_S * int(days or 0) + _of_day(*of_day), text, half_s))
+                of_day_s = self._of_day(line, row, text, of_day)
+                return repr(self._rising(line, _DAY_S * int(days or 0) + of_day_s, text, half_s))
         except ValueError as cause:
             problem = f"{self._title} = {text[:80]!r}, {cause}"
             raise SourceError(self._path, line, problem, AS_TIMES) from cause
         raise SourceError(self._path, line, f"{self._title} = {text[:80]!r} is not a time", AS_TIMES)
+
+    def _of_day(self, line: int, row: int, text: str, parts: Sequence[str | None]) -> float:
+        """Seconds since midnight; two numbers are taken as minutes and seconds until all rows are read."""
+        hours, minutes, seconds, half = parts
+        of_day_s = _of_day(hours, minutes or "", seconds or "", half)
+        if hours is not None:
+            self._dated_hours |= bool(self._dated)
+        elif (seconds or "").isdecimal():
+            self._two_parts = self._two_parts or (line, text[:80])
+            self._row_of_two.append(row)
+            self._of_day_s.append(of_day_s)
+        else:
+            self._has_fractions = True
+        return of_day_s
 
     def _check_dated(self, dated: bool) -> None:
         """Check that all rows have a date, or none has."""
@@ -190,9 +219,9 @@ class Dates:
         return time_s
 
 
-def is_date(field: str) -> bool:
-    """Whether a field holds a date with a time."""
-    return bool(_STAMP.match(_plain(field)))
+def is_time(field: str) -> bool:
+    """Whether a field holds a date with a time, or a time of day."""
+    return bool(_STAMP.match(_plain(field)) or _CLOCK.match(field.strip()))
 
 
 def column_of_days(titles: Sequence[str]) -> int | None:
@@ -242,8 +271,6 @@ def _day(text: str, order: tuple[int, ...]) -> int:
 
 
 def _of_day(hours: str | None, minutes: str, seconds: str, half: str | None) -> float:
-    if hours is None and seconds.isdecimal():
-        raise ValueError("which may be hours and minutes, or minutes and seconds")
     hour = int(hours or 0)
     if half and not 1 <= hour <= _HALF_DAY_HOURS:
         raise ValueError(f"but half a day has {_HALF_DAY_HOURS} hours")
