@@ -193,6 +193,20 @@ def test_every_message_about_a_table_has_words_for_python():
                 assert not re.search(r"--[a-z]", in_python(node.value)), (module.name, node.value)
 
 
+def test_ids_mean_what_they_mean_in_files(forecasts, caplog):
+    """The id -1 means nobody, and an error names the id of the table, whatever it is."""
+    nobody = pd.DataFrame({"time": [0.4, 0.4, 0.8], "id": -1, "x": [9.0, 8.0, 7.0], "y": 0.0})
+    pd.testing.assert_frame_equal(pedpred.predict(pd.concat([WALKS, nobody])), forecasts)
+    assert "rows with the id -1 are about nobody" in caplog.text
+    for called in ({1: 70, 2: 2**53 + 1}, {1: "Ann", 2: "Bo"}, {1: 0.5, 2: 1.5}, {1: "1", 2: 1}):
+        ids = WALKS.id.map(called).astype(object if isinstance(called[1], str) else type(called[1]))
+        found = pedpred.predict(WALKS.assign(id=ids))
+        assert found.track.tolist() == forecasts.track.map(called).tolist()
+        twice = WALKS.assign(id=ids, time=WALKS.time.where(WALKS.index != 5, 0.0))
+        with pytest.raises(SourceError, match=f"line 6: track_id {called[2]} and time_s 0 again"):
+            pedpred.predict(twice)
+
+
 def test_an_error_names_the_row_of_the_whole_table():
     table = WALKS.assign(type=["car", "person"] * 8, x=WALKS.x.astype(object))
     table.loc[5, "x"] = "here"

@@ -76,6 +76,14 @@ def test_lines_above_a_header_say_the_unit(tmp_path, plain, said):
     np.testing.assert_allclose(found.position, plain.position, atol=1e-9)
 
 
+@pytest.mark.parametrize("header", [TITLES, None])
+def test_who_is_at_two_places_is_named_as_in_the_file(tmp_path, header):
+    rows = [(t, "AB"[who - 1], x, y) for t, who, x, y in WALK]
+    path = write(tmp_path, [*rows, (rows[3][0], "B", 99.0, 1.0)], header)
+    with pytest.raises(SourceError, match="track_id B and time_s"):
+        tracks(path)
+
+
 def test_ids_with_underscores_are_words(tmp_path, plain):
     names = TrackNames()
     path = write(tmp_path, [(t, f"1_{who}", x, y) for t, who, x, y in WALK])

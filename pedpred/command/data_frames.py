@@ -20,6 +20,8 @@ from pedpred.online.replay import as_windows, replay_scene
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
 from pedpred.sources.single_file import checked_interval_s
 from pedpred.tables.dates import column_of_days
+from pedpred.tables.ids import is_plain
+from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
 from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import of_people, people_in_rows, tracks_in_rows
@@ -74,16 +76,17 @@ def predict(
     named = titles_of_tracks(titles)
     looked_at = [title for title in dict.fromkeys(titles) if title in {*named, *_others(titles)}]
     values = {title: table.iloc[:, titles.index(title)] for title in looked_at}
-    options = TableOptions(None, rate_hz, unit)
+    (id_title,) = (title for title, name in named.items() if name == "track_id")
+    who, ids = pd.factorize(values[id_title])
+    numbers, names = _numbered(ids)
+    options = TableOptions(None, rate_hz, unit, names=names)
     chosen = people_in_rows(_TABLE, looked_at, lambda: _rows(values.values()), options)
     counts = np.zeros(len(table), bool)
     counts[[row - 1 for row, _ in of_people(_rows(values.values()), looked_at, chosen)]] = True
-    (id_title,) = (title for title, name in named.items() if name == "track_id")
-    who, names = pd.factorize(values[id_title])
     placed = np.logical_or.reduce([values[t].notna() for t, name in named.items() if name in LENGTHS])
     if (lost := (who < 0) & placed & counts).any():
         raise ValueRuleError(id_title, None, f"row {int(lost.argmax()) + 1} has no id")
-    values[id_title] = pd.Series(who, index=table.index).where(who >= 0)
+    values[id_title] = pd.Series(pd.array(np.append(numbers, 0).take(who), "Int64")).where(who >= 0)
     rows = of_people(_rows(values.values()), looked_at, chosen)
     people = tracks_in_rows(_TABLE, looked_at, rows, options)
     people = without_placeholders(_TABLE, people)
@@ -95,12 +98,25 @@ def predict(
     predictor = robot_for(scene, None if model is None else Path(model))
     windows = as_windows(scene, replay_scene(scene, predictor), _METHOD, predictor.protocol)
     forecasts = forecast_table(windows, _METHOD)
-    return forecasts.assign(track=names.take(forecasts["track"].to_numpy()))
+    order = np.argsort(numbers)
+    whose = order[np.searchsorted(numbers, forecasts["track"].to_numpy(), sorter=order)]
+    return forecasts.assign(track=ids.take(whose))
 
 
 def _check_kind(field: str, value: object, kind: Any, called: str) -> None:
     if not isinstance(value, kind):
         raise ValueRuleError(field, value, f"it must be {called}")
+
+
+def _numbered(ids: pd.Index) -> tuple[np.ndarray, TrackNames]:
+    """Numbers of ids, and their names where the numbers are not the ids themselves. [T] int64."""
+    written = [
+        str(int(name) if isinstance(name, float) and name.is_integer() else name).strip()
+        for name in ids.tolist()
+    ]
+    if all(map(is_plain, written)) and len(set(written)) == len(written):
+        return np.array(list(map(int, written)), np.int64), TrackNames()
+    return np.arange(len(written)), TrackNames(dict(enumerate(written)))
 
 
 def _others(titles: Sequence[str]) -> list[str]:

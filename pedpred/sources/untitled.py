@@ -95,7 +95,7 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     if still.others_change() and (cause := _other_than_x(x, values["track_id"], values["time_s"])):
         raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
     doubt_restarts(path, values)
-    values = without_copies(path, without_untracked(path, values))
+    values = without_copies(path, without_untracked(path, values), options.names)
     shown = ", ".join(order if ids_first else order[::-1])
     _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit, clock_is)
     with translate_errors(partial(SourceError, path, None)):

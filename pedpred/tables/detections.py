@@ -11,6 +11,7 @@ import numpy as np
 
 from pedpred.errors import SourceError
 from pedpred.tables.missing import MISSING
+from pedpred.tables.names import TrackNames
 from pedpred.tables.text import Row
 
 _FEW, _MOST_RESTARTS = 10, 20
@@ -63,12 +64,13 @@ def with_positions(path: Path, rows: Iterable[Row], places: Sequence[int], who: 
         _log.warning("%s: rows without a position are missing detections, and left out: %s", path, missing)
 
 
-def without_copies(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def without_copies(path: Path, columns: dict[str, np.ndarray], names: TrackNames) -> dict[str, np.ndarray]:
     """Leave out rows that say the same as an earlier one.
 
     Args:
         path: the file, for errors.
         columns: [M] each, with `line`, `time_s`, `track_id`.
+        names: of tracks, for errors.
 
     Raises:
         SourceError: somebody is at two places at once; it names both lines.
@@ -86,7 +88,8 @@ def without_copies(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.n
         pair = np.flatnonzero(again & ~same)
         first = int(pair[np.argmin(columns["line"][other[pair]])])
         line, before = (int(columns["line"][row]) for row in (other[first], one[first]))
-        who, time_s = columns["track_id"][one[first]], columns["time_s"][one[first]]
+        row = one[first]
+        who, time_s = names.column(columns["track_id"][row : row + 1])[0], columns["time_s"][row]
         problem = f"track_id {who} and time_s {time_s:.10g} again, first in line {before}, at another place"
         remedy = "Remove one of the lines. If it was recorded in several runs, make a file for each"
         many = 3 * len(pair) > len(columns["line"]) > _FEW

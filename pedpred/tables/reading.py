@@ -180,7 +180,7 @@ def _read(
         set_time(path, columns, units[clock], rate_hz)
         columns["track_id"] = numbered(ids, columns["track_id"], options)
         doubt_restarts(path, columns)
-        columns = without_copies(path, without_untracked(path, columns))
+        columns = without_copies(path, without_untracked(path, columns), options.names)
         del columns["line"]
         if lines is not None:
             used = wanted | ({titles[days]: "date"} if days is not None and dates.read_days else {})
