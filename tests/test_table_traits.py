@@ -84,6 +84,14 @@ def test_who_is_at_two_places_is_named_as_in_the_file(tmp_path, header):
         tracks(path)
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_are_read_in_every_column_that_is_used(tmp_path, plain, separator):
+    rows = [[str(value).replace(".", ",") for value in (*row, 1.5, 0.25, row[1])] for row in WALK]
+    found = tracks(write(tmp_path, rows, (*TITLES, "vx_mps", "vy_mps", "person_id"), separator))
+    np.testing.assert_array_equal(found.velocity, [[1.5, 0.25]] * len(WALK))
+    np.testing.assert_array_equal(found.position, plain.position)
+
+
 def test_ids_with_underscores_are_words(tmp_path, plain):
     names = TrackNames()
     path = write(tmp_path, [(t, f"1_{who}", x, y) for t, who, x, y in WALK])

@@ -161,7 +161,8 @@ def _read(
     still = Still(at["y_m"], [] if options.columns else columns_of_heights(titles), at["x_m"])
     days = column_of_days(titles)
     dates = Dates(path, titles[at[clock]], at[clock], days)
-    rows = with_decimal_points(path, rows, [*places, at[clock]], lines.separator if lines else None)
+    numbers = [column for name, column in at.items() if not name.endswith("_id")]
+    rows = with_decimal_points(path, rows, numbers, lines.separator if lines else None)
     rows = still.watched(dates.in_seconds(rows))
     columns = read_numbers(path, ids.numbered(rows, at["track_id"]), titles, wanted, OWN_FILE)
     columns[clock] = dates.with_days(columns[clock])
