@@ -92,6 +92,14 @@ def test_decimal_commas_are_read_in_every_column_that_is_used(tmp_path, plain, s
     np.testing.assert_array_equal(found.position, plain.position)
 
 
+@pytest.mark.parametrize(("title", "value"), [("vx_mps", ""), ("group_id", "A"), ("person_id", "0.5")])
+def test_a_column_that_is_not_needed_may_hold_anything(tmp_path, plain, title, value, caplog):
+    rows = [(*row, 0, value if row == WALK[9] else 0) for row in WALK]
+    assert_same(tracks(write(tmp_path, rows, (*TITLES, "vy_mps", title))), plain)
+    assert f"line 11: {title} = " in caplog.text
+    assert f"Column {title} is not used" in caplog.text
+
+
 def test_ids_with_underscores_are_words(tmp_path, plain):
     names = TrackNames()
     path = write(tmp_path, [(t, f"1_{who}", x, y) for t, who, x, y in WALK])

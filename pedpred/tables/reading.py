@@ -164,7 +164,10 @@ def _read(
     numbers = [column for name, column in at.items() if not name.endswith("_id")]
     rows = with_decimal_points(path, rows, numbers, lines.separator if lines else None)
     rows = still.watched(dates.in_seconds(rows))
-    columns = read_numbers(path, ids.numbered(rows, at["track_id"]), titles, wanted, OWN_FILE)
+    rows = ids.numbered(rows, at["track_id"])
+    optional = set(at) - {clock, REST, "track_id", *LENGTHS}
+    columns = read_numbers(path, rows, titles, wanted, OWN_FILE, optional)
+    wanted = {title: name for title, name in wanted.items() if name in columns}
     columns[clock] = dates.with_days(columns[clock])
     units = _units(path, wanted, unit_of_lengths(path, comments, options))
     in_metres(path, columns, units, options)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -32,6 +33,7 @@ _CLOCK = re.compile(r"\d:\d")
 _WHOLE = ("id", "track_id", "frame", "group_id", "person_id")
 _EXACT = 2**53  # floats of larger whole numbers are rounded
 _BLOCK_ROWS = 2**14
+_log = logging.getLogger(__name__)
 
 
 def text_lines(path: Path, remedy: str = _FETCHED) -> Iterator[tuple[int, str]]:
@@ -132,6 +134,7 @@ def read_numbers(
     titles: Sequence[str],
     wanted: Mapping[str, str],
     remedy: str = _FETCHED,
+    optional: Collection[str] = (),
 ) -> dict[str, np.ndarray]:
     """Read some columns of a table.
 
@@ -141,6 +144,7 @@ def read_numbers(
         titles: of all columns, as the file has them.
         wanted: title -> name of the columns to read; names of ids and frames hold whole numbers.
         remedy: what to do about a wrong line.
+        optional: names of columns that are left out, with a warning, where they hold something else.
 
     Returns:
         Name -> column, [M] int64 or float64, and `line`.
@@ -161,8 +165,17 @@ def read_numbers(
         lines = [line for line, _ in block]
         columns["line"].extend(lines)
         for title, column in zip(titles, zip(*(fields for _, fields in block), strict=True), strict=True):
-            if name := wanted.get(title):
+            name = wanted.get(title)
+            if name is None or name not in columns:
+                continue
+            try:
                 values = _parsed(path, lines, title, column, name in _WHOLE, remedy)
+            except SourceError as problem:
+                if name not in optional:
+                    raise
+                _log.warning("%s. Column %s is not used", str(problem).removesuffix(f". {remedy}"), title)
+                del columns[name]
+            else:
                 columns[name].frombytes(values.tobytes())
     return {name: np.frombuffer(column, column.typecode) for name, column in columns.items()}
 
