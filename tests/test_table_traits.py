@@ -100,6 +100,28 @@ def test_a_column_that_is_not_needed_may_hold_anything(tmp_path, plain, title, v
     assert f"Column {title} is not used" in caplog.text
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\n\n"])
+def test_fields_in_quotes_may_have_line_ends(tmp_path, plain, separator, end):
+    note = f'"one {end}two ""three"" {end} 1,2,3,4"'
+    rows = [(t, who, note, x, y) for t, who, x, y in WALK]
+    path = write(tmp_path, rows, ("time", "id", f'"a{end}note"', f'"x{end}[m]"', '"y [m]"'), separator)
+    assert_same(tracks(path), plain)
+    path.write_text("\n".join([path.read_text(), separator.join(["1.0", "1", note, "here", "2.0"])]))
+    with pytest.raises(SourceError, match=r"line \d+: x ?\[m\] = 'here'") as refused:
+        tracks(path)
+    line = int(str(refused.value).partition("line ")[2].partition(":")[0])
+    assert path.read_text().splitlines()[line - 1].startswith(f"1.0{separator}1{separator}")
+
+
+def test_a_quote_that_begins_no_field_or_is_not_closed_holds_nothing_together(tmp_path, plain):
+    """Inches, and a quote in a comment."""
+    rows = [(*row, '5 " wide') for row in WALK]
+    assert_same(tracks(write(tmp_path, rows, ('# "quoted,a,b,c\ntime', *TITLES[1:], "note"))), plain)
+    rows[3] = (*WALK[3], '"not closed')
+    assert_same(tracks(write(tmp_path, rows, (*TITLES, "note"))), plain)
+
+
 def test_ids_with_underscores_are_words(tmp_path, plain):
     names = TrackNames()
     path = write(tmp_path, [(t, f"1_{who}", x, y) for t, who, x, y in WALK])

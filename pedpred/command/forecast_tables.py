@@ -19,6 +19,7 @@ from pedpred.storage.tracks import MOST_NUMBERS
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import of_width
 from pedpred.tables.names import TrackNames
+from pedpred.tables.quotes import joined
 from pedpred.tables.text import read_numbers, text_lines
 
 COLUMNS = ("track", "time", "mode", "weight", "step", "x", "y")
@@ -76,7 +77,7 @@ def read_forecast_table(path: Path, names: TrackNames) -> dict[str, np.ndarray]:
     """
     if path.suffix == ".parquet":
         return _read_parquet(path, names)
-    lines = text_lines(path)
+    lines = joined(text_lines(path))
     _, header = next(lines, (1, ""))
     titles = [title.strip() for title in next(csv.reader([header]), [])]
     _check_columns(path, titles)

@@ -18,6 +18,7 @@ from pedpred.errors import SourceError, ValueRuleError
 from pedpred.tables.columnar import columnar_lines, is_columnar
 from pedpred.tables.comments import MOST_COMMENTS
 from pedpred.tables.decimals import has_decimal_comma
+from pedpred.tables.quotes import joined
 from pedpred.tables.text import Row, check_width, is_number, text_lines
 from pedpred.tables.titles import titles_of_tracks
 from pedpred.tables.units import LENGTH_WORDS, TIME_WORDS
@@ -138,7 +139,7 @@ def of_width(path: Path, rows: Iterable[Row], titles: Sequence[str]) -> Iterator
 
 def _lines(path: Path, header: bool) -> Iterator[tuple[int, str]]:
     """Number and text of each line; what stands above a header, such as a program's name, is a comment."""
-    lines = columnar_lines(path) if is_columnar(path) else text_lines(path, _UTF8)
+    lines = columnar_lines(path) if is_columnar(path) else joined(text_lines(path, _UTF8), _is_comment)
     if not header:
         return lines
     begin, above = list(islice(lines, _MOST_ABOVE)), 0
