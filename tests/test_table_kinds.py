@@ -372,6 +372,31 @@ def test_lines_around_a_header_change_nothing(folder, plain, above, units):
     assert_same(tracks(write(folder, [*above, "time,id,x,y", *units], WALK)), plain)
 
 
+@given(ABOVE, st.booleans(), st.sampled_from([[], ["s,-,m,m"], ["[s],,[m],[m]"]]), st.booleans())
+def test_columns_may_be_named_whatever_stands_above_them(folder, plain, above, titled, units, dated):
+    """In place of titles that nobody knows, or of none."""
+    rows = [(f"00:00:{row[0]:06.3f}" if dated else row[0], "Ab"[row[1] - 1], *row[2:]) for row in WALK]
+    header = [*above, "when,who,sideways,along", *units] if titled else []
+    path = write(folder, header, rows)
+    found = tracks(path, columns=("time", "id", "x", "y"))
+    np.testing.assert_array_equal(found.time_s, plain.time_s)
+    np.testing.assert_array_equal(found.position, plain.position)
+
+
+def test_a_wrong_row_is_not_above_named_columns(tmp_path):
+    path = write(tmp_path, ["Export", "when,who,sideways,along", "0.0,Ab,here,there"], WALK)
+    with pytest.raises(SourceError, match="line 3: x = 'here'"):
+        tracks(path, columns=("time", "id", "x", "y"))
+
+
+def test_units_below_a_header_count_for_named_columns(tmp_path, plain):
+    rows = [(round(1000 * t), who, round(100 * x, 1), round(100 * y, 1)) for t, who, x, y in WALK]
+    path = write(tmp_path, ["Export of 2024", "when,who,sideways,along", "ms,,cm,cm"], rows)
+    found = tracks(path, columns=("time", "id", "x", "y"))
+    np.testing.assert_allclose(found.position, plain.position, atol=1e-9)
+    np.testing.assert_array_equal(found.time_s, plain.time_s)
+
+
 def test_units_below_a_header_count(tmp_path, plain):
     rows = [(round(1000 * t), who, round(100 * x, 1), round(100 * y, 1)) for t, who, x, y in WALK]
     found = tracks(write(tmp_path, ["Export of 2024", "time,id,x,y", "ms,,cm,cm"], rows))

@@ -17,6 +17,7 @@ from pathlib import Path
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.tables.columnar import columnar_lines, is_columnar
 from pedpred.tables.comments import MOST_COMMENTS
+from pedpred.tables.dates import is_time
 from pedpred.tables.decimals import has_decimal_comma
 from pedpred.tables.quotes import joined
 from pedpred.tables.text import Row, check_width, is_number, text_lines
@@ -71,7 +72,7 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
         SourceError: it is empty, or no text.
     """
     comments: list[str] = []
-    lines = _lines(path, header and columns is None)
+    lines = _lines(path, header, columns)
     for line, text in lines:
         comment = _is_comment(text)
         separator = _separator(text)
@@ -84,8 +85,9 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
         rest = lines if has_titles else chain([(line, text)], lines)
         rows = _rows(path, rest, None if comment else separator, comment, comments, len(titles))
         named = columns or (titles if has_titles else ())
-        if has_titles and not columns:
+        if has_titles:
             named, rows = _with_units(named, rows)
+        if has_titles and not columns:
             rows = rows if separator == "," else _without_numbers(named, rows)
         return Lines(line, text.strip(), separator, named, rows, comments)
     raise SourceError(path, None, "no detections, the file is empty", "Name a file with tracks")
@@ -137,21 +139,38 @@ def of_width(path: Path, rows: Iterable[Row], titles: Sequence[str]) -> Iterator
         _log.warning(text, path, again[0])
 
 
-def _lines(path: Path, header: bool) -> Iterator[tuple[int, str]]:
+def _lines(path: Path, header: bool, columns: Sequence[str] | None = None) -> Iterator[tuple[int, str]]:
     """Number and text of each line; what stands above a header, such as a program's name, is a comment."""
     lines = columnar_lines(path) if is_columnar(path) else joined(text_lines(path, _UTF8), _is_comment)
     if not header:
         return lines
-    begin, above = list(islice(lines, _MOST_ABOVE)), 0
-    for at, (_, text) in enumerate(begin):
-        titles = _titles(text, _separator(text))
-        if _names_tracks(titles):
-            above = 0 if _is_comment(text) else at
-            break
-        if not _is_comment(text) and sum(map(_is_numeric, titles)) >= _FEWEST:
-            break
+    begin = list(islice(lines, _MOST_ABOVE))
+    above = _count_above([text for _, text in begin], columns)
     noted = [(line, text if _is_comment(text) else f"# {text}") for line, text in begin[:above]]
     return chain(noted, begin[above:], lines)
+
+
+def _count_above(texts: Sequence[str], columns: Sequence[str] | None) -> int:
+    """How many lines stand above the header, which is the last before rows where the caller names columns."""
+    for at, text in enumerate(texts):
+        titles = _titles(text, _separator(text))
+        if columns is None and _names_tracks(titles):
+            return 0 if _is_comment(text) else at
+        fewest = 1 if columns and len(titles) == len(columns) else _FEWEST
+        if not _is_comment(text) and _count_values(titles, columns) >= fewest:
+            before = _titles(texts[at - 1], _separator(texts[at - 1])) if at else []
+            has_units = columns is not None and _units_in(columns, before) is not None
+            return max(at - (2 if has_units else 1), 0) if columns else 0
+    return 0
+
+
+def _count_values(fields: Sequence[str], columns: Sequence[str] | None) -> int:
+    """How many fields are numbers; where the caller names the columns, of those that are used, and times."""
+    if columns is None:
+        return sum(map(_is_numeric, fields))
+    used = titles_of_tracks(columns)
+    named = [field for title, field in zip(columns, fields, strict=False) if title in used]
+    return sum(_is_numeric(field) or is_time(field) for field in named)
 
 
 def _with_units(titles: Sequence[str], rows: Iterator[Row]) -> tuple[Sequence[str], Iterator[Row]]:
@@ -159,7 +178,15 @@ def _with_units(titles: Sequence[str], rows: Iterator[Row]) -> tuple[Sequence[st
     first = next(rows, None)
     if first is None:
         return titles, rows
-    units = [field.strip().strip("[]()").lower() for field in first[1]]
+    named = _units_in(titles, first[1])
+    if named is None:
+        return titles, chain([first], rows)
+    return (named if _names_tracks(named) else titles), rows
+
+
+def _units_in(titles: Sequence[str], fields: Sequence[str]) -> list[str] | None:
+    """Titles with the units in a row; None: it holds something else."""
+    units = [field.strip().strip("[]()").lower() for field in fields]
     known = [unit in LENGTH_WORDS or unit in TIME_WORDS for unit in units]
     used = titles_of_tracks(titles) if _names_tracks(titles) else titles
     said = [
@@ -167,12 +194,11 @@ def _with_units(titles: Sequence[str], rows: Iterator[Row]) -> tuple[Sequence[st
     ]
     others = all(is_known or unit in _NO_UNIT for unit, is_known in said)
     if len(units) != len(titles) or not others or not any(is_known for _, is_known in said):
-        return titles, chain([first], rows)
-    named = [
+        return None
+    return [
         f"{title} [{unit}]" if unit_known else title
         for title, unit, unit_known in zip(titles, units, known, strict=True)
     ]
-    return (named if _names_tracks(named) else titles), rows
 
 
 def _without_numbers(titles: Sequence[str], rows: Iterator[Row]) -> Iterator[Row]:
