@@ -160,3 +160,21 @@ def started(*command):
 )
 def test_options_that_would_change_nothing_are_refused(given, named, here, capsys):
     assert re.search(named, said(capsys, *given.format(SCENE, SCENE).split()))
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--rate", "0"), ("--columns", "time,id,x"), ("--columns", ""), ("--scale", "0.1")],
+)
+def test_an_error_names_the_option_that_was_given(option, value, tmp_path, capsys):
+    (tmp_path / "walk.csv").write_text("0,1,0,0\n0.4,1,0.4,0\n")
+    (tmp_path / "h.txt").write_text("1 0 0 0 1 0 0 0 1")
+    more = ["--homography", tmp_path / "h.txt"] if option == "--scale" else []
+    assert f"{option} = " in said(capsys, "info", tmp_path / "walk.csv", option, value, *more)
+
+
+@pytest.mark.parametrize("sign", [",", ", ", ";", "\t", " "])
+def test_columns_may_be_separated_like_those_of_a_file(sign, tmp_path, capsys):
+    (tmp_path / "walk.csv").write_text("0,1,0,0\n0.4,1,0.4,0\n")
+    main(["info", str(tmp_path / "walk.csv"), "--columns", sign.join(["time", "id", "x", "y"])])
+    assert "2 of 1 tracks" in capsys.readouterr().out

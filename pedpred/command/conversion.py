@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from pedpred.sources.scene_folder import read_own
 from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
 from pedpred.storage.scenes import write_scene
 from pedpred.tables.classes import PERSON_CLASSES
+from pedpred.tables.lines import titles_in
 from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import PictureOptions, read_homography
@@ -112,16 +114,28 @@ def _options(arguments: argparse.Namespace) -> PictureOptions:
     Raises:
         ValueRuleError: a homography is given for something else than pixels.
     """
-    columns = None if arguments.columns is None else tuple(arguments.columns.split(","))
+    columns = None if arguments.columns is None else tuple(titles_in(arguments.columns))
     classes = tuple(arguments.classes or ())
-    options = PictureOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
+    with _with_options_for_fields():
+        options = PictureOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
     if arguments.homography is None:
         return options
     is_tracks = not arguments.scene.is_dir() and not _is_named(arguments.scene)
     if not is_tracks or not format_of(arguments.scene, options).pixels:
         rule = f"the positions in {arguments.scene} are not pixels"
         raise ValueRuleError("--homography", str(arguments.homography), rule)
-    return replace(options, homography=read_homography(arguments.homography))
+    with _with_options_for_fields():
+        return replace(options, homography=read_homography(arguments.homography))
+
+
+@contextmanager
+def _with_options_for_fields() -> Iterator[None]:
+    """Let an error about a field of `TableOptions` name the option that was given."""
+    try:
+        yield
+    except ValueRuleError as cause:
+        option = next((option for option, field in _FOR_FILES.items() if field == cause.field), cause.field)
+        raise ValueRuleError(option, cause.value, cause.rule) from cause
 
 
 def _kind(arguments: argparse.Namespace) -> str:

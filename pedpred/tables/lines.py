@@ -76,7 +76,7 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
     for line, text in lines:
         comment = _is_comment(text)
         separator = _separator(text)
-        titles = _titles(text, separator)
+        titles = titles_in(text)
         if comment and (columns or not header or not _names_tracks(titles)):
             if len(comments) < MOST_COMMENTS:
                 comments.append(text.strip())
@@ -106,9 +106,9 @@ def has_header(path: Path) -> bool:
         separator = _separator(text)
         if not _is_comment(text):
             fields = _split(text, separator)
-            words = not any(map(_is_numeric, fields)) or _names_tracks(_titles(text, separator))
+            words = not any(map(_is_numeric, fields)) or _names_tracks(titles_in(text))
             return (words and not _is_numeric(fields[0])) or len(fields) in widths
-        if _names_tracks(titles := _titles(text, separator)):
+        if _names_tracks(titles := titles_in(text)):
             widths = {len(titles)}
     return False
 
@@ -153,12 +153,12 @@ def _lines(path: Path, header: bool, columns: Sequence[str] | None = None) -> It
 def _count_above(texts: Sequence[str], columns: Sequence[str] | None) -> int:
     """How many lines stand above the header, which is the last before rows where the caller names columns."""
     for at, text in enumerate(texts):
-        titles = _titles(text, _separator(text))
+        titles = titles_in(text)
         if columns is None and _names_tracks(titles):
             return 0 if _is_comment(text) else at
         fewest = 1 if columns and len(titles) == len(columns) else _FEWEST
         if not _is_comment(text) and _count_values(titles, columns) >= fewest:
-            before = _titles(texts[at - 1], _separator(texts[at - 1])) if at else []
+            before = titles_in(texts[at - 1]) if at else []
             has_units = columns is not None and _units_in(columns, before) is not None
             return max(at - (2 if has_units else 1), 0) if columns else 0
     return 0
@@ -242,9 +242,9 @@ def _rows(
         _log.warning(text, path, len(like_rows), like_rows[0], ": if it belongs to ids, quote these")
 
 
-def _titles(text: str, separator: str | None) -> list[str]:
+def titles_in(text: str) -> list[str]:
     """Titles in a line; between blanks, a unit in brackets belongs to the title before it."""
-    plain = text.lstrip(_BLANKS).lstrip("#%/")
+    separator, plain = _separator(text), text.lstrip(_BLANKS).lstrip("#%/")
     joined = plain if separator else re.sub(r"\s+(?=[\[(])", "", plain)
     return [title.strip() for title in _split(joined, separator)]
 
