@@ -154,6 +154,7 @@ def started(*command):
     ("given", "named"),
     [
         ("info {} --no-map --map {}", "--map = .*--no-map leaves every map out"),
+        ("info {} --no-map --open-end 0 0 1 0", "--open-end = .*--no-map leaves every map out"),
         ("info {} --no-map --map-topic /map", "--map-topic = '/map', .*--no-map leaves every map out"),
         ("evaluate {} --step-s 0.4", "--step-s = 0.4, .*it is about a table"),
     ],

@@ -76,8 +76,9 @@ def check(arguments: argparse.Namespace) -> None:
     scenes = arguments.scene if isinstance(arguments.scene, list) else [arguments.scene]
     theirs = getattr(arguments, "forecasts", [])
     if getattr(arguments, "no_map", False):
-        for name, value in {"--map": arguments.map, "--map-topic": arguments.map_topic}.items():
-            if value:
+        of_maps = {"--map": "map", "--map-topic": "map_topic", "--open-end": "open_end"}
+        for name, field in of_maps.items():
+            if value := getattr(arguments, field):
                 raise ValueRuleError(name, str(value), "--no-map leaves every map out: omit one")
     steps_of_tables(theirs, getattr(arguments, "step_s", []))
     named = [getattr(arguments, name, None) for name in ("map", "model", "tracker", "homography")]
