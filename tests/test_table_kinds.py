@@ -347,6 +347,23 @@ def test_whole_times_beside_their_seconds_are_taken(tmp_path, plain, of):
     np.testing.assert_allclose(found.time_s, plain.time_s + start_s, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("comments", "rate_hz", "remedy"),
+    [
+        (["# framerate: 16"], 25.0, "Correct the comment, or leave --rate out"),
+        (["# framerate: 16", "# fps: 4"], None, "Correct the comment, or say which: --rate"),
+        (["# framerate: 0"], None, "Correct the comment"),
+    ],
+)
+def test_a_remedy_for_rates_that_differ_works(tmp_path, comments, rate_hz, remedy):
+    rows = [(round(t / STEP_S), *row) for t, *row in WALK]
+    path = write(tmp_path, [*comments, "frame,id,x,y"], rows)
+    with pytest.raises(SourceError, match=rf"{remedy}$"):
+        tracks(path, rate_hz=rate_hz)
+    if rate_hz or len(comments) > 1:
+        assert len(tracks(path, rate_hz=None if rate_hz else 4.0)) == len(WALK)
+
+
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("quote", ["", '"'])
 @pytest.mark.parametrize("sign", [" ", ";", "\t"])

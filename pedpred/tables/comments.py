@@ -66,14 +66,16 @@ def frame_rate_hz(path: Path, comments: Sequence[str], stated_hz: float | None) 
     Raises:
         SourceError: they differ, or it is out of range.
     """
-    rates = {_rate_hz(match) for comment in comments for match in _RATE.finditer(comment)}
+    said = {_rate_hz(match) for comment in comments for match in _RATE.finditer(comment)}
+    rates = said
     if stated_hz:
         stated = {float(stated_hz)}
-        rates = stated if len(rates) > 1 and stated <= rates else rates | stated
+        rates = stated if len(said) > 1 and stated <= said else said | stated
     if len(rates) > 1 or not all(SLOWEST_HZ <= rate <= FASTEST_HZ for rate in rates):
         found_hz = " and ".join(f"{rate:g}" for rate in sorted(rates))
         problem = f"frame rate {found_hz} Hz, expected one from 0.001 to 1000000 Hz"
-        raise SourceError(path, None, problem, "Correct the comment, or say which: --rate")
+        remedy = ", or say which: --rate" if len(said) > 1 else ", or leave --rate out" if stated_hz else ""
+        raise SourceError(path, None, problem, f"Correct the comment{remedy}")
     return rates.pop() if rates else None
 
 
