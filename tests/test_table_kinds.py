@@ -347,6 +347,14 @@ def test_whole_times_beside_their_seconds_are_taken(tmp_path, plain, of):
     np.testing.assert_allclose(found.time_s, plain.time_s + start_s, atol=1e-6)
 
 
+@pytest.mark.parametrize("used", [True, False])
+def test_the_rest_of_a_stamp_is_called_used_only_where_it_is(tmp_path, used, caplog):
+    rows = [(int(t) if used else t, round(1e9 * (t % 1)), *row) for t, *row in WALK]
+    with caplog.at_level(logging.INFO):
+        tracks(write(tmp_path, ["sec,nanosec,id,x,y"], rows))
+    assert ("rest_of_time = nanosec" in caplog.text, "not used: nanosec" in caplog.text) == (used, not used)
+
+
 @pytest.mark.parametrize(
     ("comments", "rate_hz", "remedy"),
     [

@@ -16,7 +16,7 @@ _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
 _LONG_AGO_S = 1e8  # Unix times are later
 
 
-def add_rest(columns: dict[str, np.ndarray], unit: str | None) -> None:
+def add_rest(columns: dict[str, np.ndarray], unit: str | None) -> bool:
     """Add the second part of stamps that are whole seconds and a rest below one second.
 
     If the second column holds the whole times, of which the first one has the seconds, it is taken. If the
@@ -25,14 +25,20 @@ def add_rest(columns: dict[str, np.ndarray], unit: str | None) -> None:
     Args:
         columns: with `time_s`, s, and `rest_of_time`, which is removed.
         unit: of the rest.
+
+    Returns:
+        Whether the second column is used.
     """
     rest_s = columns.pop(REST) / PER_SECOND[unit or "s"]
     if (columns["time_s"] != np.floor(columns["time_s"])).any():
-        return
+        return False
     if ((rest_s >= 0) & (rest_s < 1)).all():
         columns["time_s"] = columns["time_s"] + rest_s
     elif (np.abs(rest_s - columns["time_s"]) < 1).all():
         columns["time_s"] = rest_s
+    else:
+        return False
+    return True
 
 
 def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_hz: float | None) -> None:

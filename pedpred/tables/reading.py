@@ -179,8 +179,8 @@ def _read(
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
         if clock != "frame" and options.rate_hz:
             _log.warning("%s: times are in column %s, so that --rate is not used", path, titles[at[clock]])
-        if REST in at:
-            add_rest(columns, _said(titles[at[REST]]))
+        if REST in at and not add_rest(columns, _said(titles[at[REST]])):
+            del wanted[titles[at[REST]]]
         set_time(path, columns, units[clock], rate_hz)
         columns["track_id"] = numbered(ids, columns["track_id"], options)
         doubt_restarts(path, columns)
