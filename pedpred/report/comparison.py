@@ -6,13 +6,13 @@ A figure `x` is judged by the earlier 95 % interval `x_ci95` beside it: it moved
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import FileError, PedpredError, StorageError, ValueRuleError
 from pedpred.files import read_json, translate_errors
 from pedpred.metrics import METRICS
 from pedpred.plain import parse_json
@@ -69,14 +69,22 @@ def metrics_at(revision: str, folder: Path) -> dict[str, Any]:
     """Read the metric files of a folder of a repository at a git revision, by name.
 
     Raises:
+        FileError: there is no such folder, or it is in no repository.
         ValueRuleError: the revision is unknown.
         StorageError: one of the files is damaged there.
     """
+    lost = partial(FileError, folder, "", remedy="Name a folder of metrics in a git repository")
+    if not folder.is_dir():
+        raise lost("there is no such folder")
+    _git(folder, lost, "rev-parse", "--git-dir")
+    unknown = partial(ValueRuleError, "revision", revision)
+    listed = _git(folder, unknown, "ls-tree", "--name-only", "-z", "--end-of-options", revision)
     metrics = {}
-    for name in filter(lambda name: name.endswith(".json"), _git("ls-tree", folder, revision).splitlines()):
+    for name in filter(lambda name: name.endswith(".json"), listed.split("\0")):
         remedy = "Compare with another revision"
         with translate_errors(partial(StorageError, folder / name, revision, remedy=remedy)):
-            metrics[Path(name).stem] = parse_json(_git("show", folder, f"{revision}:./{name}"))
+            text = _git(folder, unknown, "show", "--end-of-options", f"{revision}:./{name}")
+            metrics[Path(name).stem] = parse_json(text)
     return metrics
 
 
@@ -123,11 +131,10 @@ def _worded(figure: Figure | None) -> str:
     return f"{figure.value:.3f} ({interval(figure.bounds)}), {figure.windows} windows"
 
 
-def _git(command: str, folder: Path, revision: str) -> str:
-    """Run a git command about a revision in a folder."""
-    options = ["--name-only"] if command == "ls-tree" else []
-    call = ["git", "-C", str(folder), command, *options, "--end-of-options", revision]
+def _git(folder: Path, wording: Callable[[str], PedpredError], *arguments: str) -> str:
+    """Run a git command in a folder; where it fails, what git says becomes an error."""
+    call = ["git", "-C", str(folder), *arguments]
     done = subprocess.run(call, capture_output=True, text=True, check=False)  # noqa: S603, a list, no shell
     if done.returncode:
-        raise ValueRuleError("revision", revision, f"git must find metrics there: {done.stderr.strip()}")
+        raise wording(f"git says: {done.stderr.strip()}")
     return done.stdout
