@@ -1,8 +1,10 @@
 """Forecasts that somebody else made: numbers of any size in them, in bounded memory."""
 
 import json
+import time
 import tracemalloc
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 
 from pedpred.command import trajnet
 from pedpred.command.forecast_tables import COLUMNS, write_forecasts
-from pedpred.command.foreign import read_forecasts
+from pedpred.command.foreign import ForeignForecasts, read_forecasts
 from pedpred.errors import SourceError
 from pedpred.scenes import Predictions
 from tests.forecasts import windows_with
@@ -125,3 +127,39 @@ def test_forecasts_that_are_written_as_a_table_are_read_again(tmp_path, modes):
     np.testing.assert_allclose(found.time_s, given["time_s"])
     np.testing.assert_allclose(found.path, path, atol=1e-4)
     np.testing.assert_allclose(found.weight, weight, atol=1e-3)
+
+
+def nearest(forecasts, who, when_s):
+    """The row of somebody's forecast nearest in time, at most 5 ms away; else -1."""
+    away_s = np.where(forecasts.track_id == who, np.abs(forecasts.time_s - when_s), np.inf)
+    return int(away_s.argmin()) if away_s.min() <= 0.005 else -1
+
+
+def made(track_id, time_s):
+    """Forecasts of some people at some instants, all alike."""
+    count = len(track_id)
+    return ForeignForecasts(
+        Path("theirs"), track_id, time_s, np.zeros((count, 1, 1, 2)), np.ones((count, 1)), 0.4
+    )
+
+
+@given(st.integers(0, 2**32), st.integers(1, 40))
+def test_a_window_has_the_nearest_forecast_of_its_person(seed, count):
+    rng = np.random.default_rng(seed)
+    pairs = np.unique(rng.integers(0, [4, 200], (count, 2)), axis=0)
+    ids = np.array([-(2**62) - 1, -(2**62), 5, 2**62])
+    forecasts = made(ids[pairs[:, 0]], pairs[:, 1] / 100)
+    who, when_s = rng.choice(ids, 50), rng.integers(-5, 500, 50) / 250 + 1e-4
+    assert forecasts._rows(who, when_s).tolist() == [nearest(forecasts, *one) for one in zip(who, when_s)]
+
+
+def test_ten_times_as_many_people_take_ten_times_as_long():
+    def least_s(people):
+        forecasts, took_s = made(np.arange(people), np.zeros(people)), []
+        for _ in range(3):
+            begun_s = time.process_time()
+            forecasts._rows(forecasts.track_id, forecasts.time_s)
+            took_s.append(time.process_time() - begun_s)
+        return min(took_s)
+
+    assert least_s(20_000) < 40 * least_s(2_000)

@@ -125,16 +125,15 @@ class ForeignForecasts:
 
     def _rows(self, track_id: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         """Row of the forecast of each window, -1 where there is none. [W]."""
-        rows = np.full(len(track_id), -1)
-        for track in np.unique(track_id):
-            first, last = (np.searchsorted(self.track_id, track, side) for side in ("left", "right"))
-            if first < last:
-                asked = np.flatnonzero(track_id == track)
-                right = np.clip(np.searchsorted(self.time_s[first:last], time_s[asked]), 1, last - first)
-                near = first + np.stack([right - 1, np.minimum(right, last - first - 1)])
-                gaps = np.abs(self.time_s[near] - time_s[asked])
-                best = np.take_along_axis(near, gaps.argmin(axis=0)[None], axis=0)[0]
-                rows[asked] = np.where(gaps.min(axis=0) <= _SAME_S, best, -1)
+        whose, when_s = np.append(self.track_id, track_id), np.append(self.time_s, time_s)
+        asked = np.arange(len(whose)) >= len(self.track_id)
+        order = np.lexsort((asked, when_s, whose))
+        made = np.empty(len(whose), np.int64)  # forecasts up to each window, in the order of people and times
+        made[order] = np.cumsum(~asked[order])
+        near = np.clip(made[asked] - [[1], [0]], 0, len(self.track_id) - 1)
+        gaps_s = np.where(self.track_id[near] == track_id, np.abs(self.time_s[near] - time_s), np.inf)
+        best = np.take_along_axis(near, gaps_s.argmin(axis=0)[None], axis=0)[0]
+        rows: np.ndarray = np.where(gaps_s.min(axis=0) <= _SAME_S, best, -1)
         return rows
 
 
