@@ -19,6 +19,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from benchmarks.timing import tell
+from pedpred.errors import user_errors
 from pedpred.online import OnlinePredictor
 from tools.arguments import no_arguments
 
@@ -71,6 +72,7 @@ def updates_cpu_ms(count: int, frames: int = 100) -> Callable[[], np.ndarray]:
     return times_ms
 
 
+@user_errors()
 def main() -> None:
     """Measure and print."""
     rows = [{"people": count} | slowdown(updates_cpu_ms(count), processes=2) for count in (4, 20)]

@@ -20,6 +20,7 @@ from benchmarks.timing import needed, tell
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.command.conversion import read_any
 from pedpred.command.prediction import robot_for
+from pedpred.errors import user_errors
 from pedpred.evaluation.scores import integrate_truth
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features.perception import Perception
@@ -68,6 +69,7 @@ def rows_of(scene: Scene, model: Path | None) -> list[dict[str, object]]:
     return rows
 
 
+@user_errors()
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])

@@ -17,6 +17,7 @@ import numpy as np
 from benchmarks import pages
 from benchmarks.timing import tell
 from pedpred.baselines.kalman import kalman_velocity
+from pedpred.errors import user_errors
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import integrate_truth
 from pedpred.evaluation.windows import ask_about_windows
@@ -30,6 +31,7 @@ from pedpred.scenes import Scene
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.simulation.worlds.lone import LoneSettings, simulate_lone_people
 from pedpred.tracking import KalmanSettings
+from tools.arguments import count
 
 TURNS_RADPS, RATES_HZ, NOISES_M = (0.0, 0.15, 0.4), (2.5, 10.0, 25.0), (0.0, 0.05, 0.1)
 PROCESS_NOISES = np.geomspace(1e-4, 3.0, 12)
@@ -78,11 +80,12 @@ def filter_m(scene: Scene, sensor: SensorSettings) -> float:
     return float(min(errors))
 
 
+@user_errors()
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
-    parser.add_argument("--people", type=int, default=60)
+    parser.add_argument("--people", type=count, default=60)
     parser.add_argument(
         "--trust", action="store_true", help="learn how far to trust the network, as robots do"
     )

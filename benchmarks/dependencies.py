@@ -15,6 +15,8 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
+from pedpred.errors import user_errors
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "dependencies.md"
 EXTRAS = ("files", "hdf5", "pictures", "train", "docs")
@@ -124,6 +126,7 @@ def table() -> str:
     return "\n".join(lines)
 
 
+@user_errors()
 def main() -> None:
     """Print the table, or write it into the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.dependencies", description=__doc__)

@@ -34,8 +34,10 @@ from pedpred.driving.figures import Episodes, equal_time
 from pedpred.driving.runs import Places
 from pedpred.driving.table import Row, write_table
 from pedpred.driving.worlds import KINDS, REACTIONS, Worlds
+from pedpred.errors import user_errors
 from pedpred.online.shipped import default_model
 from pedpred.workers import in_parallel
+from tools.arguments import count, output, probability
 
 
 def compare(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
@@ -72,17 +74,18 @@ def condition_rows(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
         }
 
 
+@user_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("scene", type=Path, nargs="?")
     parser.add_argument("--world", choices=KINDS)
     parser.add_argument("--people", choices=REACTIONS, default=REACTIONS[0])
     parser.add_argument("--model", type=Path, default=default_model())
-    parser.add_argument("--episodes", type=int, default=60)
-    parser.add_argument("--risk", type=float, nargs="+", default=[0.1, 0.3, 0.6])
+    parser.add_argument("--episodes", type=count, default=60)
+    parser.add_argument("--risk", type=probability, nargs="+", default=[0.1, 0.3, 0.6])
     parser.add_argument("--variant", choices=list(VARIANTS), action="append")
     parser.add_argument("--causes", action="store_true")
-    parser.add_argument("--table", type=Path, help="write the drives there, too")
+    parser.add_argument("--table", type=output, help="write the drives there, too")
     parser.add_argument("--write", action="store_true", help=f"write the comparison into {PAGE}")
     options = parser.parse_args()
     if (options.scene is None) == (options.world is None):

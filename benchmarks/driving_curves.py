@@ -24,6 +24,7 @@ from benchmarks.timing import tell
 from pedpred.driving.figures import Episodes
 from pedpred.driving.forecasters import TRUTH
 from pedpred.driving.table import Condition, read_table
+from pedpred.errors import user_errors
 from pedpred.report.drives import LABELS
 
 PAGE = Path("docs/driving.md")
@@ -129,6 +130,7 @@ def tell_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
         yield row
 
 
+@user_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("tables", type=Path, nargs="+", metavar="TABLE.csv")

@@ -22,7 +22,9 @@ from pedpred.driving.forecasters import HARD, NAMES
 from pedpred.driving.runs import Models, Places, Runner
 from pedpred.driving.table import Condition
 from pedpred.driving.worlds import KINDS, Worlds
+from pedpred.errors import user_errors
 from pedpred.online.shipped import default_model
+from tools.arguments import count, probability
 
 _EPISODES, _CORES = 1000, 2
 _PARTS = {
@@ -73,14 +75,15 @@ def measured(runner: Runner, condition: Condition, episodes: int) -> tuple[dict[
     return row | {f"{_EPISODES} episodes on {_CORES} cores, min": minutes}, stats
 
 
+@user_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("scene", type=Path, nargs="?")
     parser.add_argument("--world", choices=KINDS, default="corridor", help="in place of a scene")
-    parser.add_argument("--episodes", type=int, default=10)
-    parser.add_argument("--risk", type=float, default=0.1)
+    parser.add_argument("--episodes", type=count, default=10)
+    parser.add_argument("--risk", type=probability, default=0.1)
     parser.add_argument("--method", choices=NAMES, action="append")
-    parser.add_argument("--profile", type=int, default=0)
+    parser.add_argument("--profile", type=count, default=0)
     given = parser.parse_args()
     places: Places = Worlds(given.world, react=True)
     if given.scene is not None:

@@ -16,8 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.timing import keep, tell, used
+from pedpred.errors import user_errors
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import write_scene
+from tools.arguments import count, output
 
 EVERY_S, AT_ONCE, LIFE = 0.1, 20, 200
 """Seconds between two detections, people at a time, detections of each."""
@@ -44,12 +46,13 @@ def hall(rows: int, seed: int = 0) -> Scene:
     return Scene("hall", people, replace(ground, occupied=walls), EVERY_S)
 
 
+@user_errors()
 def main() -> None:
     """Measure every size and print a line for each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--rows", type=int, nargs="+", default=[50_000, 400_000], help="detections")
+    parser.add_argument("--rows", type=count, nargs="+", default=[50_000, 400_000], help="detections")
     parser.add_argument("--arguments", nargs="*", default=[], help="more arguments of `pedpred evaluate`")
-    parser.add_argument("--out", type=Path, help="write the figures there as JSON")
+    parser.add_argument("--out", type=output, help="write the figures there as JSON")
     given = parser.parse_args()
     lines, least = [], 0.0
     for rows in [_FIRST_ROWS, *sorted(given.rows)]:

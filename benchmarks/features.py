@@ -19,11 +19,13 @@ import numba
 import numpy as np
 
 from benchmarks.timing import keep, median_ms, needed, run_measured, tell
+from pedpred.errors import user_errors
 from pedpred.features import Neighbours, Pedestrians, Surroundings
 from pedpred.features.surroundings import Past
 from pedpred.geometry import rotate
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.scenes import OccupancyMap
+from tools.arguments import output
 
 CROWDS = (20, 200, 1000)
 SIZES = LstmFeatures()
@@ -154,10 +156,11 @@ def growth() -> list[dict]:
     ]
 
 
+@user_errors()
 def main() -> None:
     """Measure, print, and write the figures if `--json` is given."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--json", type=output, help="file for the figures")
     parser.add_argument("--main-set", action="store_true", help="also the 5 h set and the growth of memory")
     options = parser.parse_args()
     numba.set_num_threads(1)

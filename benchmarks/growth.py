@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.timing import median_ms, tell
+from pedpred.errors import user_errors
 from pedpred.ros import write_recording
 from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories, predicted_occupancy
 from tools.arguments import no_arguments
@@ -37,6 +38,7 @@ def forecast(people: int) -> Predictions:
     return Predictions(path[:, 0], path, weight, 0.3, covariance)
 
 
+@user_errors()
 def main() -> None:
     """Measure and print."""
     with tempfile.TemporaryDirectory() as folder:

@@ -24,6 +24,8 @@ from typing import Any
 import pyarrow.parquet as pq
 
 from benchmarks.timing import Usage, keep, tell, used
+from pedpred.errors import user_errors
+from tools.arguments import output, positive
 
 ROOT = Path(__file__).resolve().parents[1]
 MINUTE_H = 1 / 60
@@ -103,13 +105,14 @@ def compared(sizes: dict[float, Size], least: Size) -> list[dict[str, Any]]:
     return lines
 
 
+@user_errors()
 def main() -> None:
     """Measure and print."""
     every = [*commands(MINUTE_H), EPOCH]
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--hours", type=float, nargs="+", default=[5.0, 50.0], help="of simulation")
+    parser.add_argument("--hours", type=positive, nargs="+", default=[5.0, 50.0], help="of simulation")
     parser.add_argument("--until", choices=every[1:], default=EPOCH, help="the last stage to run")
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--json", type=output)
     given = parser.parse_args()
     stages = every[: every.index(given.until) + 1]
     least = [measured(MINUTE_H, stages) for _ in range(2)][-1]

@@ -21,6 +21,7 @@ from benchmarks import pages
 from benchmarks.timing import needed, tell
 from pedpred.command.conversion import read_any
 from pedpred.command.evaluation import Apart
+from pedpred.errors import user_errors
 from pedpred.evaluation import EvaluationSettings
 from pedpred.features.perception import sensed
 from pedpred.metrics import METRICS
@@ -32,6 +33,7 @@ from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import scene_folders
 from pedpred.tables.options import TableOptions
 from pedpred.tracking import tune_kalman
+from tools.arguments import positive
 
 NOISES_M = (0.0, 0.02, 0.05, 0.1)
 METRIC = "ade_m"
@@ -72,14 +74,17 @@ def by_place(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     return list(table.values())
 
 
+@user_errors()
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
     parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
-    parser.add_argument("--rate", type=float, help="frames per second, where files count frames, Hz")
-    parser.add_argument("--detections", type=float, default=2.67, help="per second at most, Hz (%(default)s)")
-    parser.add_argument("--seconds", type=float, default=300.0, help="of each recording (%(default)s)")
+    parser.add_argument("--rate", type=positive, help="frames per second, where files count frames, Hz")
+    parser.add_argument(
+        "--detections", type=positive, default=2.67, help="per second at most, Hz (%(default)s)"
+    )
+    parser.add_argument("--seconds", type=positive, default=300.0, help="of each recording (%(default)s)")
     parser.add_argument("--alone", action="store_true", help="everybody alone")
     parser.add_argument("--no-map", action="store_true", help="without obstacles")
     parser.add_argument(

@@ -39,6 +39,7 @@ from benchmarks.features import room
 from benchmarks.replay import differences
 from benchmarks.timing import keep, median_ms, needed, tell
 from pedpred.config import plain, read_params
+from pedpred.errors import user_errors
 from pedpred.features import ForecastProtocol
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.features import LstmFeatures
@@ -46,6 +47,7 @@ from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.registry import parse_settings
 from pedpred.online import OnlinePredictor
 from pedpred.online.network import read_origin
+from tools.arguments import count, output
 
 CROWDS = (1, 20, 200, 1000)
 ALLOWED = {20: 1.5, 200: 1.05}
@@ -174,36 +176,39 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
     network, step = step_of(read_origin(folder)["network"])
     own = multiply_adds(network, step)
     rows = []
-    for count in CROWDS:
-        rate, times = calmest(folder, count, 410 if count <= 20 else 60)
+    for people in CROWDS:
+        rate, times = calmest(folder, people, 410 if people <= 20 else 60)
         median = {name: float(np.median(values)) for name, values in times.items()}
-        p99, bound = float(np.percentile(times["update"], 99)), count * work / rate * 1e3
+        p99, bound = float(np.percentile(times["update"], 99)), people * work / rate * 1e3
         rows.append(
             {
-                "pedestrians": count,
+                "pedestrians": people,
                 "GFLOP/s": 2e-9 * rate,
                 "median_ms": median["update"],
                 "p99_ms": p99,
                 "p99/median": p99 / median["update"],
                 **{f"{name}_ms": median[name] for name in ("features", "network", "choice")},
-                "own_bound_ms": count * own / rate * 1e3,
+                "own_bound_ms": people * own / rate * 1e3,
                 "bound_ms": bound,
                 "median/bound": median["update"] / bound,
-                "allowed": ALLOWED.get(count, ""),
-                "torch_eager_ms": median_ms(partial(step, count)),
-                "paper_ms": PAPER_MS.get(count, ""),
+                "allowed": ALLOWED.get(people, ""),
+                "torch_eager_ms": median_ms(partial(step, people)),
+                "paper_ms": PAPER_MS.get(people, ""),
             }
         )
     return rows
 
 
+@user_errors()
 def main() -> None:
     """Measure, print, and keep the figures when asked to."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--model", type=Path, default=Path("models/online/default"))
-    parser.add_argument("--json", type=Path, help="write the figures there")
+    parser.add_argument("--json", type=output, help="write the figures there")
     parser.add_argument("--hour", action="store_true", help="also the memory during an hour (a minute)")
-    parser.add_argument("--busy", type=int, metavar="N", help="only beside so many busy processes, and alone")
+    parser.add_argument(
+        "--busy", type=count, metavar="N", help="only beside so many busy processes, and alone"
+    )
     parser.add_argument("--replay", action="store_true", help="online beside offline forecasts, no times")
     options = parser.parse_args()
     needed(options.model, "dvc repro export")

@@ -18,6 +18,7 @@ import shapely
 from benchmarks import pages
 from benchmarks.timing import tell
 from pedpred.command.conversion import read_any
+from pedpred.errors import user_errors
 from pedpred.evaluation import EvaluationSettings
 from pedpred.metrics import METRICS
 from pedpred.online import OnlinePredictor
@@ -119,6 +120,7 @@ def rows_of(model: Path | None) -> list[dict[str, str | float]]:
     return rows
 
 
+@user_errors()
 def main() -> None:
     """Simulate, measure, print, and write the table if asked."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])

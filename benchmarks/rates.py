@@ -18,8 +18,10 @@ import numpy as np
 from benchmarks.timing import tell
 from pedpred import OnlinePredictor
 from pedpred.command.conversion import read_any
+from pedpred.errors import user_errors
 from pedpred.scenes import Trajectories
 from pedpred.tables.options import TableOptions
+from tools.arguments import positive
 from tools.readme import filled
 
 NOISE_M, SPEED_MPS, SECONDS, WARM_S = 0.03, 1.3, 8.0, 4.0
@@ -138,13 +140,16 @@ def table_of(walks: dict[str, Walk]) -> str:
     return "\n".join(lines)
 
 
+@user_errors()
 def main() -> None:
     """Measure, print, and write the first table into the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.rates")
     parser.add_argument("--recording", type=Path, help="of people, in any format that pedpred reads")
-    parser.add_argument("--rate", type=float, help="of its frames, Hz, where it does not say it")
+    parser.add_argument("--rate", type=positive, help="of its frames, Hz, where it does not say it")
     parser.add_argument("--write", action="store_true", help=f"write the table into {_PAGE}")
     given = parser.parse_args()
+    if given.rate and not given.recording:
+        parser.error("--rate is that of a --recording: name one")
     walks: dict[str, Walk] = {"straight": straight, "curving": curving}
     if given.recording:
         scene = read_any(given.recording, options=TableOptions(rate_hz=given.rate))

@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.timing import keep, needed, tell
+from pedpred.errors import user_errors
+from tools.arguments import count, output, positive
 
 ROOT = Path(__file__).resolve().parents[1]
 PYTHON, STREAM = ROOT / "build/ros/bin/python", ("-m", "benchmarks.ros_stream")
@@ -96,13 +98,14 @@ def measure(folder: Path, people: int, rate_hz: float, seconds: float) -> dict[s
     }
 
 
+@user_errors()
 def main() -> None:
     """Measure, print, and keep the figures when asked to."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.ros", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=300.0)
-    parser.add_argument("--people", type=int, default=20)
-    parser.add_argument("--rate-hz", type=float, default=30.0)
-    parser.add_argument("--json", type=Path, help="write the figures there")
+    parser.add_argument("--seconds", type=positive, default=300.0)
+    parser.add_argument("--people", type=count, default=20)
+    parser.add_argument("--rate-hz", type=positive, default=30.0)
+    parser.add_argument("--json", type=output, help="write the figures there")
     options = parser.parse_args()
     needed(PYTHON, "make ros")
     with tempfile.TemporaryDirectory() as folder:

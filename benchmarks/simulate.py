@@ -21,6 +21,7 @@ import yaml
 
 from benchmarks.simulation_peers import PEERS, Corners, Step
 from benchmarks.timing import keep, run_measured, tell
+from pedpred.errors import user_errors
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.kernel import advance
@@ -29,6 +30,7 @@ from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.simulation.shapes import Rectangle
 from pedpred.simulation.simulator import draw_desired_speeds, draw_visiting_plans
+from tools.arguments import output
 
 TILE_M = 20.0
 BLOCKS = [(3.5, 3.5), (8, 3), (13, 4), (17, 8), (4, 9), (10, 10), (5, 15), (15, 15.5)]
@@ -120,10 +122,11 @@ def main_set() -> list[dict]:
     ]
 
 
+@user_errors()
 def main() -> None:
     """Measure, print, and write the figures if `--json` is given."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--json", type=output, help="file for the figures")
     parser.add_argument("--no-peers", action="store_true", help="only our simulator")
     parser.add_argument("--main-set", action="store_true", help="also measure the 5 h set: time and memory")
     options = parser.parse_args()

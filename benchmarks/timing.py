@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from pedpred.files import write_json
+
 _WATCH = Path(__file__).with_name("watch.py")
 
 
@@ -85,4 +87,4 @@ def tell(title: str, rows: Sequence[dict[str, Any]]) -> None:
 def keep(figures: dict[str, Any], path: Path | None) -> None:
     """Write the figures as JSON if a path is given."""
     if path is not None:
-        path.write_text(json.dumps(figures, indent=1) + "\n")
+        write_json(path, figures)

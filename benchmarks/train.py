@@ -24,7 +24,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,8 +32,10 @@ import torch
 from benchmarks.beside import slowdown
 from benchmarks.learners import Case, cases
 from benchmarks.timing import keep, tell
+from pedpred.errors import user_errors
 from pedpred.training.distributed import DistributedContext, distributed_context, multiplies_bfloat16
 from pedpred.training.loop import train_step
+from tools.arguments import count, output
 
 ROUNDS = 15
 LARGE = 2048
@@ -124,12 +125,15 @@ def print_slowdown(processes: int) -> None:
         print(json.dumps(slowdown(steps_ms, processes)))
 
 
+@user_errors()
 def main() -> None:
     """Measure, print, and keep the figures when asked to."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", type=Path, help="write the figures there")
+    parser.add_argument("--json", type=output, help="write the figures there")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
-    parser.add_argument("--busy", type=int, metavar="N", help="only beside so many busy processes, and alone")
+    parser.add_argument(
+        "--busy", type=count, metavar="N", help="only beside so many busy processes, and alone"
+    )
     options = parser.parse_args()
     if options.busy:
         rows = list(beside(options.busy))

@@ -150,7 +150,8 @@ def test_a_window_has_the_nearest_forecast_of_its_person(seed, count):
     ids = np.array([-(2**62) - 1, -(2**62), 5, 2**62])
     forecasts = made(ids[pairs[:, 0]], pairs[:, 1] / 100)
     who, when_s = rng.choice(ids, 50), rng.integers(-5, 500, 50) / 250 + 1e-4
-    assert forecasts._rows(who, when_s).tolist() == [nearest(forecasts, *one) for one in zip(who, when_s)]
+    expected = [nearest(forecasts, *one) for one in zip(who, when_s, strict=True)]
+    assert forecasts._rows(who, when_s).tolist() == expected
 
 
 def test_ten_times_as_many_people_take_ten_times_as_long():

@@ -1,5 +1,7 @@
 """What tools and benchmarks do with arguments that they do not know."""
 
+import argparse
+import ast
 import importlib
 import subprocess
 import sys
@@ -7,6 +9,7 @@ import sys
 import pytest
 
 from tests.conftest import ROOT
+from tools import arguments
 
 WITHOUT = ("tools.branches", "tools.mend_lock", "tools.prose", "benchmarks.beside", "benchmarks.growth")
 PARSES = ("ArgumentParser(", "no_arguments(", "sys.argv")
@@ -47,3 +50,58 @@ def test_a_number_of_nothing_is_refused(tool, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         importlib.import_module(f"tools.{tool}").main()
     assert f"argument {option}: '0': it must be a whole number of at least 1" in capsys.readouterr().err
+
+
+FILES = [*sorted((ROOT / "tools").glob("*.py")), *sorted((ROOT / "benchmarks").glob("*.py"))]
+WRITTEN = ("--json", "--out", "--table")
+PARTS = ("feature_memory", "ros_stream", "watch")
+"""Processes that a benchmark starts."""
+
+
+def options():
+    """File, name and type of each option of tools and benchmarks."""
+    for path in FILES:
+        for call in ast.walk(ast.parse(path.read_text())):
+            if isinstance(call, ast.Call) and getattr(call.func, "attr", "") == "add_argument":
+                kinds = [ast.unparse(key.value) for key in call.keywords if key.arg == "type"]
+                yield path, call.args[0].value, kinds[0] if kinds else None
+
+
+def test_numbers_of_tools_and_benchmarks_have_a_range():
+    assert [(path.stem, name) for path, name, kind in options() if kind in ("int", "float")] == []
+
+
+def test_files_of_tools_and_benchmarks_are_known_to_be_writable_before_any_work():
+    written = [(path, kind) for path, name, kind in options() if name in WRITTEN]
+    assert len(written) > 10
+    assert [
+        path.stem for path, kind in written if kind != "output" and "check_output(o" not in path.read_text()
+    ] == []
+
+
+def test_tools_and_benchmarks_end_with_a_message_alone():
+    commands = {path.stem: path.read_text() for path in FILES if "__main__" in path.read_text()}
+    guarded = ("@user_errors()\ndef main(", "@config_errors()\ndef main(")
+    unguarded = {name for name, text in commands.items() if not any(how in text for how in guarded)}
+    assert unguarded - set(PARTS) == set()
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "x", ""])
+def test_an_amount_of_nothing_is_refused(text):
+    with pytest.raises(argparse.ArgumentTypeError, match="it must be a number above 0"):
+        arguments.positive(text)
+    assert arguments.positive("0.5") == 0.5
+
+
+@pytest.mark.parametrize("text", ["1", "-0.1", "nan", "x"])
+def test_what_is_no_probability_is_refused(text):
+    with pytest.raises(argparse.ArgumentTypeError, match="it must be a number from 0 to below 1"):
+        arguments.probability(text)
+    assert arguments.probability("0") == 0.0
+
+
+def test_a_file_that_cannot_be_written_is_refused(tmp_path):
+    with pytest.raises(argparse.ArgumentTypeError, match="it cannot be written: a folder is there"):
+        arguments.output(str(tmp_path))
+    assert arguments.output(f"{tmp_path}/new/figures.json") == tmp_path / "new/figures.json"
+    assert list(tmp_path.iterdir()) == []

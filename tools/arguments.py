@@ -1,8 +1,16 @@
-"""Command lines of tools and benchmarks: numbers of things, and commands without arguments."""
+"""Command lines of tools and benchmarks: numbers, files that they write, and commands without arguments.
+
+All is checked before any work is done.
+"""
 
 from __future__ import annotations
 
 import argparse
+import math
+from pathlib import Path
+
+from pedpred.errors import OutputError
+from pedpred.files import check_output
 
 
 def no_arguments(module: str, about: str | None) -> None:
@@ -25,3 +33,45 @@ def count(text: str) -> int:
     if not (text.isdecimal() and int(text)):
         raise argparse.ArgumentTypeError(f"{text!r}: it must be a whole number of at least 1")
     return int(text)
+
+
+def positive(text: str) -> float:
+    """Return an amount of something, such as seconds.
+
+    Raises:
+        ArgumentTypeError: it is none.
+    """
+    if not 0 < (value := _number(text)) < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r}: it must be a number above 0")
+    return value
+
+
+def probability(text: str) -> float:
+    """Return a probability below 1.
+
+    Raises:
+        ArgumentTypeError: it is none.
+    """
+    if not 0 <= (value := _number(text)) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: it must be a number from 0 to below 1")
+    return value
+
+
+def output(text: str) -> Path:
+    """Return the path of a file that can be written.
+
+    Raises:
+        ArgumentTypeError: it cannot.
+    """
+    try:
+        check_output(Path(text))
+    except OutputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return Path(text)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

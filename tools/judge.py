@@ -32,8 +32,9 @@ from omegaconf import DictConfig
 
 from pedpred.config import read_params
 from pedpred.errors import user_errors
-from pedpred.files import atomic_write, write_json
+from pedpred.files import atomic_write, check_output, write_json
 from pedpred.online.network import ABOUT, GRAPH
+from tools.arguments import output
 from tools.judgement import Judgement
 from tools.verdicts import Verdict, got_worse
 
@@ -134,8 +135,12 @@ def main(arguments: list[str] | None = None) -> None:
     other.add_argument("--replace", type=Path, help="a model folder that becomes FOLDER if that is no worse")
     said = "what may get worse when a model is replaced, as the column `about` has it; may be repeated"
     parser.add_argument("--accept", action="append", default=[], metavar="ABOUT", help=said)
-    parser.add_argument("--out", type=Path, help="write the verdicts there, JSON")
+    parser.add_argument("--out", type=output, help="write the verdicts there, JSON")
     options = parser.parse_args(arguments)
+    if options.accept and not options.replace:
+        parser.error("--accept says what may get worse when a model is replaced: name it, --replace OTHER")
+    if options.replace:
+        check_output(options.replace, folder=True)
     params = read_params(Path())
     judgement = Judgement(options.folder, params)
     with tempfile.TemporaryDirectory() as scratch:

@@ -24,7 +24,7 @@ from pedpred.simulation.worlds import DRAWN_KINDS, WorldSettings, simulate_world
 from pedpred.storage.scenes import scene_folders
 from pedpred.tables.options import TableOptions
 from pedpred.tracking.tracks import births
-from tools.arguments import count
+from tools.arguments import count, positive
 
 _STEP_S = 0.2
 _AVERAGED, _ACROSS, _SECOND, _AHEAD = 6, 4, 5, 15  # of 0.2 s: means, velocities, one second, three seconds
@@ -87,20 +87,20 @@ def _mean(values: np.ndarray) -> float:
     return float(values.mean()) if len(values) else float("nan")
 
 
+@user_errors()
 def main() -> None:
     """Print a row per recording and per kind of world."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
-    parser.add_argument("--rate", type=float, help="frames per second, where files count frames, Hz")
+    parser.add_argument("--rate", type=positive, help="frames per second, where files count frames, Hz")
     parser.add_argument("--worlds", type=count, default=12, help="of each kind (default: %(default)s)")
     arguments = parser.parse_args()
     options = TableOptions(rate_hz=arguments.rate)
-    with user_errors():
-        worlds = parsed(WorldSettings, part(read_params(Path()), "worlds"))
-        rows = [
-            describe_motion(path.stem, [read_any(path, options=options if path.is_file() else None)])
-            for path in arguments.recording or scene_folders(Path("data/scenes/real"))
-        ]
+    worlds = parsed(WorldSettings, part(read_params(Path()), "worlds"))
+    rows = [
+        describe_motion(path.stem, [read_any(path, options=options if path.is_file() else None)])
+        for path in arguments.recording or scene_folders(Path("data/scenes/real"))
+    ]
     for kind in DRAWN_KINDS:
         rows.append(describe_motion(kind, (simulate_world(kind, n, worlds) for n in range(arguments.worlds))))
     print(pd.DataFrame(rows).to_string(index=False, float_format="{:.3g}".format))

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import yaml
 
+from pedpred.errors import user_errors
 from tools.arguments import no_arguments
 
 LONGEST = {"README.md": 120}
@@ -47,6 +48,7 @@ def faults(text: str, name: str, words: Mapping[str, str]) -> Iterator[str]:
             yield f"{name}:{line}: '{' '.join(match[0].split())}', write: {instead}"
 
 
+@user_errors()
 def main() -> None:
     """Print all faults; fail when there are some."""
     words, root = word_list(), Path()
