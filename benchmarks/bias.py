@@ -16,9 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import pages
-from benchmarks.timing import needed, tell
+from benchmarks.timing import tell
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.command.conversion import read_any
 from pedpred.command.prediction import robot_for
 from pedpred.errors import user_errors
 from pedpred.evaluation.scores import integrate_truth
@@ -28,7 +27,8 @@ from pedpred.online import OnlinePredictor
 from pedpred.online.batch import predictions_in_blocks
 from pedpred.online.settings import OnlineSettings
 from pedpred.scenes import OccupancyMap, Scene
-from pedpred.storage.scenes import scene_folders
+from tools.arguments import positive
+from tools.places import recordings
 
 SPEEDS_MPS = (0.0, 0.2, 0.5, 1.0, 10.0)
 FEWEST = 30
@@ -75,11 +75,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
     parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
+    parser.add_argument("--rate", type=positive, help="frames per second, where files count frames, Hz")
     parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
     rows = []
-    for path in options.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest")):
-        rows += rows_of(read_any(path), options.model)
+    for scene in recordings(options.recording, options.rate):
+        rows += rows_of(scene, options.model)
     tell("displacement after 3 s, m", rows)
     if options.write:
         pages.put("bias", rows)

@@ -10,12 +10,13 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.timing import keep, tell, used
+from benchmarks.timing import Usage, keep, tell, used
 from pedpred.errors import user_errors
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import write_scene
@@ -46,6 +47,14 @@ def hall(rows: int, seed: int = 0) -> Scene:
     return Scene("hall", people, replace(ground, occupied=walls), EVERY_S)
 
 
+def measured(rows: int, arguments: Sequence[str]) -> Usage:
+    """Evaluate a scene of so many detections, with more arguments."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_scene(hall(rows), Path(folder) / "hall")
+        evaluate = [sys.executable, "-m", "pedpred.command", "evaluate", str(Path(folder) / "hall")]
+        return used([*evaluate, *(f"--{argument}" for argument in arguments)])
+
+
 @user_errors()
 def main() -> None:
     """Measure every size and print a line for each."""
@@ -54,16 +63,12 @@ def main() -> None:
     parser.add_argument("--arguments", nargs="*", default=[], help="more arguments of `pedpred evaluate`")
     parser.add_argument("--out", type=output, help="write the figures there as JSON")
     given = parser.parse_args()
-    lines, least = [], 0.0
-    for rows in [_FIRST_ROWS, *sorted(given.rows)]:
-        with tempfile.TemporaryDirectory() as folder:
-            write_scene(hall(rows), Path(folder) / "hall")
-            evaluate = [sys.executable, "-m", "pedpred.command", "evaluate", str(Path(folder) / "hall")]
-            usage = used([*evaluate, *(f"--{argument}" for argument in given.arguments)])
-        if rows == _FIRST_ROWS:
-            least = usage.peak_mib
-            continue
-        each_kib = 1024 * (usage.peak_mib - least) / (rows - _FIRST_ROWS)
+    least = measured(_FIRST_ROWS, given.arguments)
+    lines = []
+    for rows in sorted(set(given.rows)):
+        usage = measured(rows, given.arguments)
+        more = rows - _FIRST_ROWS
+        each_kib = 1024 * (usage.peak_mib - least.peak_mib) / more if more else None
         lines.append(
             {"rows": rows, "peak MiB": usage.peak_mib, "KiB per row": each_kib, "CPU s": usage.cpu_s}
         )

@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import pages
-from benchmarks.timing import needed, tell
-from pedpred.command.conversion import read_any
+from benchmarks.timing import tell
 from pedpred.command.evaluation import Apart
 from pedpred.errors import user_errors
 from pedpred.evaluation import EvaluationSettings
@@ -30,10 +29,9 @@ from pedpred.online.assessment import assess
 from pedpred.online.settings import OnlineSettings
 from pedpred.scenes import OccupancyMap, Scene
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.storage.scenes import scene_folders
-from pedpred.tables.options import TableOptions
 from pedpred.tracking import tune_kalman
 from tools.arguments import positive
+from tools.places import recordings
 
 NOISES_M = (0.0, 0.02, 0.05, 0.1)
 METRIC = "ade_m"
@@ -92,11 +90,8 @@ def main() -> None:
     )
     parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
-    places = options.recording or scene_folders(needed(Path("data/scenes/real"), "dvc repro ingest"))
-    table = TableOptions(rate_hz=options.rate)
     rows: list[dict[str, Any]] = []
-    for path in places:
-        scene = read_any(path, options=table if path.is_file() else None)
+    for scene in recordings(options.recording, options.rate):
         rows_then = scene.trajectories.time_s < scene.trajectories.time_s.min() + options.seconds
         scene = replace(scene, trajectories=scene.trajectories.select(rows_then))
         if options.alone:

@@ -23,8 +23,9 @@ def markdown(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def put(mark: str, rows: Sequence[dict[str, Any]], page: Path = PAGE) -> None:
-    """Replace the table of this name on a page."""
-    page.write_text(filled(page.read_text(), {mark: markdown(rows)}))
+    """Replace the table of this name on a page; without rows it stays."""
+    if rows:
+        page.write_text(filled(page.read_text(), {mark: markdown(rows)}))
 
 
 def _cell(value: object) -> str:

@@ -73,7 +73,10 @@ def run_measured(command: Sequence[str], environment: dict[str, str] | None = No
 
 
 def tell(title: str, rows: Sequence[dict[str, Any]]) -> None:
-    """Print a table; the rows share their keys."""
+    """Print a table; the rows share their keys. Without rows it says so."""
+    if not rows:
+        print(f"\n{title}\n  nothing could be measured")
+        return
     cells = [
         list(rows[0]),
         *([f"{v:.4g}" if isinstance(v, float) else str(v) for v in r.values()] for r in rows),

@@ -6,6 +6,8 @@ import pytest
 from benchmarks import online
 from benchmarks.beside import busy, slowdown
 from benchmarks.learners import cases
+from benchmarks.pages import put
+from benchmarks.timing import tell
 from pedpred.training.distributed import ALONE
 from pedpred.training.loop import train_step
 
@@ -39,3 +41,12 @@ def test_a_measured_step_is_one_of_the_training(name):
     moved = [not old.equal(new) for old, new in zip(weights, case.learner.network.parameters(), strict=True)]
     assert any(moved)
     assert case.operations > 1e6
+
+
+def test_a_benchmark_that_measured_nothing_says_so_and_leaves_the_page(tmp_path, capsys):
+    page = tmp_path / "page.md"
+    page.write_text("<!-- table: bias -->\nold\n<!-- end -->\n")
+    tell("errors", [])
+    put("bias", [], page)
+    assert capsys.readouterr().out == "\nerrors\n  nothing could be measured\n"
+    assert "old" in page.read_text()

@@ -15,16 +15,14 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
-from pedpred.command.conversion import read_any
 from pedpred.config import part, read_params
 from pedpred.errors import user_errors
 from pedpred.fields import parsed
 from pedpred.scenes import Scene
 from pedpred.simulation.worlds import DRAWN_KINDS, WorldSettings, simulate_world
-from pedpred.storage.scenes import scene_folders
-from pedpred.tables.options import TableOptions
 from pedpred.tracking.tracks import births
 from tools.arguments import count, positive
+from tools.places import recordings
 
 _STEP_S = 0.2
 _AVERAGED, _ACROSS, _SECOND, _AHEAD = 6, 4, 5, 15  # of 0.2 s: means, velocities, one second, three seconds
@@ -42,7 +40,7 @@ def smooth_walks(scene: Scene) -> Iterator[np.ndarray]:
         detections.position[order],
     )
     first = np.flatnonzero(births(track_id, time_s, position, _LONGEST_GAP_S))
-    for life in np.split(np.arange(len(order)), first[1:]):
+    for life in np.split(np.arange(len(order)), first[1:]) if len(order) else ():
         now = np.arange(time_s[life[0]], time_s[life[-1]], _STEP_S)
         if len(now) > _AVERAGED + _ACROSS + _AHEAD:
             path = np.stack([np.interp(now, time_s[life], position[life, axis]) for axis in range(2)], axis=1)
@@ -95,12 +93,8 @@ def main() -> None:
     parser.add_argument("--rate", type=positive, help="frames per second, where files count frames, Hz")
     parser.add_argument("--worlds", type=count, default=12, help="of each kind (default: %(default)s)")
     arguments = parser.parse_args()
-    options = TableOptions(rate_hz=arguments.rate)
     worlds = parsed(WorldSettings, part(read_params(Path()), "worlds"))
-    rows = [
-        describe_motion(path.stem, [read_any(path, options=options if path.is_file() else None)])
-        for path in arguments.recording or scene_folders(Path("data/scenes/real"))
-    ]
+    rows = [describe_motion(scene.name, [scene]) for scene in recordings(arguments.recording, arguments.rate)]
     for kind in DRAWN_KINDS:
         rows.append(describe_motion(kind, (simulate_world(kind, n, worlds) for n in range(arguments.worlds))))
     print(pd.DataFrame(rows).to_string(index=False, float_format="{:.3g}".format))

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from pedpred.command.conversion import read_any
 from pedpred.config import config_errors, read_params
-from pedpred.errors import ConfigError
+from pedpred.errors import ConfigError, FileError
 from pedpred.scenes import Scene
-from pedpred.storage.scenes import read_scene
+from pedpred.storage.scenes import read_scene, scene_folders
+from pedpred.tables.options import TableOptions
+
+REAL = Path("data/scenes/real")
 
 
 def recording(place: str) -> Scene:
@@ -18,10 +23,35 @@ def recording(place: str) -> Scene:
     Raises:
         ConfigError: no real people were recorded there, or the recording is missing; it says how to get it.
     """
-    scene = read_scene(Path("data/scenes/real", place))
+    scene = read_scene(REAL / place)
     if instead := scene.unavailable or scene.stand_in:
         raise ConfigError(f"places.{place}", place, instead)
     return scene
+
+
+def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[Scene]:
+    """Read files; without any, all places that were recorded, or stand in for those.
+
+    Args:
+        files: or scene folders, all that `pedpred evaluate` reads.
+        rate_hz: frames per second, where files count frames, Hz.
+
+    Raises:
+        FileError: a file is missing or damaged, or no place was recorded.
+    """
+    for path in files:
+        yield read_any(path, options=TableOptions(rate_hz=rate_hz) if path.is_file() else None)
+    if files:
+        return
+    places = [folder for folder in _folders() if read_scene(folder).unavailable is None]
+    if not places:
+        remedy = "`python -m tools.recordings` says how to get recordings; then run `dvc repro ingest`"
+        raise FileError(REAL, "", "no recording is here", f"{remedy}. Or name files")
+    yield from map(read_any, places)
+
+
+def _folders() -> list[Path]:
+    return scene_folders(REAL) if REAL.exists() else []
 
 
 @config_errors()
