@@ -40,6 +40,16 @@ def test_a_row_without_a_blank_line_to_the_next_is_replaced_alone(tmp_path):
     assert path.read_text() == "# of all\n\n# new\na:\n  x: 4\nmine: {x: 2}\n# of b\nb:\n  x: 3\n"
 
 
+@pytest.mark.parametrize("before", [None, "", "\n"])
+def test_the_first_row_of_a_file_is_all_of_it(tmp_path, before):
+    path = tmp_path / "new" / "rows.yaml"
+    if before is not None:
+        path.parent.mkdir()
+        path.write_text(before)
+    write_row(path, "a", "# of a\na:\n  x: 1\n")
+    assert path.read_text() == "# of a\na:\n  x: 1\n"
+
+
 def tuned(place, sensor, path, scene=None):
     """The row that is fitted to a scene with detections at 2.5 Hz, as the sensor lets them through."""
     params = {"places": {place: {"sensor": sensor}}, "sensors": {"perfect": {}, "thinned": {"rate_hz": 1.25}}}
