@@ -127,6 +127,20 @@ def test_columns_are_further_figures_of_the_last_method():
     assert lines[12] == "| mean ± standard deviation | 0.490 ± 0.010 | 0.750 ± 0.000 | 1.000 ± 1.000 |"
 
 
+@pytest.mark.parametrize(
+    "measured_there", [{}, {"eth": {}}, {"eth": {"lstm": {"ade_m": 0.3}}}, {"eth": {"lstm": {"fde_m": 0.6}}}]
+)
+def test_a_figure_that_was_not_measured_is_left_open(measured_there):
+    plain = read_ablation(ROOT / "conf" / "ablations" / "seeds.yaml")
+    column = Column("transfer.json", "eth", over="kalman_cv")
+    ablation = dataclasses.replace(plain, columns={"ratio at eth": column})
+    files = measured(ablation)
+    for own in files.values():
+        own["transfer.json"] = measured_there
+    lines = ablation_table(ablation, point_rows(ablation, files), METHODS).splitlines()
+    assert [line.split(" | ")[1] for line in lines[9:]] == ["- |"] * 4
+
+
 def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
     ablation = read_ablation(ROOT / "conf" / "ablations" / "pretraining.yaml")
     step = [0, 100, 200, 300]

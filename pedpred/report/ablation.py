@@ -16,7 +16,7 @@ from pedpred.errors import FileError, ValueRuleError
 from pedpred.files import read_yaml, translate_errors
 from pedpred.plain import parse_json
 from pedpred.report.canvas import blank, styled
-from pedpred.report.document import Picture, Pictures, Section, markdown_table
+from pedpred.report.document import NOTHING, Picture, Pictures, Section, markdown_table
 from pedpred.report.methods import Methods
 from pedpred.report.tables import interval
 
@@ -110,10 +110,13 @@ def point_rows(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]) ->
     return rows
 
 
-def _figure(column: Column, method: str, files: Mapping[str, Any]) -> float:
-    methods = files[column.metrics][column.entry]
-    value = methods[method][column.figure]
-    return float(value / methods[column.over][column.figure] if column.over else value)
+def _figure(column: Column, method: str, files: Mapping[str, Any]) -> float | None:
+    """A figure; None where it was not measured, as at a place without a recording."""
+    methods = files[column.metrics].get(column.entry, {})
+    value, over = (methods.get(key, {}).get(column.figure) for key in (method, column.over))
+    if value is None or (column.over and not over):
+        return None
+    return float(value / over if column.over else value)
 
 
 @styled
@@ -154,7 +157,7 @@ def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], method
     body = [[name, *(cells[name, method] for method in shown)] for name in ablation.points]
     if ablation.has_spread:
         errors = [[row["ade_m"] for row in rows if row["method"] == method] for method in shown]
-        body.append([_SPREAD, *(f"{np.mean(e):.3f} ± {np.std(e, ddof=1):.3f}" for e in errors)])
+        body.append([_SPREAD, *map(_spread, errors)])
     table = markdown_table([ablation.axis or "point", *(methods[key].label for key in shown)], body)
     return "\n\n".join([table, *_columns_table(ablation, rows, methods)])
 
@@ -163,13 +166,16 @@ def _columns_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], method
     if not ablation.columns:
         return
     columns = {row["point"]: row["columns"] for row in rows if "columns" in row}
-    body = [
-        [name, *(f"{columns[name][title]:.3f}" for title in ablation.columns)] for name in ablation.points
-    ]
+    values = {title: [columns[name][title] for name in ablation.points] for title in ablation.columns}
+    texts = {title: [NOTHING if v is None else f"{v:.3f}" for v in each] for title, each in values.items()}
+    body = [[name, *(each[k] for each in texts.values())] for k, name in enumerate(ablation.points)]
     if ablation.has_spread:
-        values = ([columns[name][title] for name in ablation.points] for title in ablation.columns)
-        body.append([_SPREAD, *(f"{np.mean(v):.3f} ± {np.std(v, ddof=1):.3f}" for v in values)])
+        body.append([_SPREAD, *(NOTHING if None in each else _spread(each) for each in values.values())])
     yield markdown_table([methods[ablation.methods[-1]].label, *ablation.columns], body)
+
+
+def _spread(values: Sequence[float]) -> str:
+    return f"{np.mean(values):.3f} ± {np.std(values, ddof=1):.3f}"
 
 
 def steps_until(
