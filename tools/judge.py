@@ -47,15 +47,15 @@ def folder_at(revision: str, folder: Path, scratch: Path) -> Path | None:
     if Path(revision).exists():
         return Path(revision)
     for name in (GRAPH, ABOUT):
-        command = ["git", "show", "--end-of-options", f"{revision}:{(folder / name).as_posix()}"]
+        command = ["git", "-C", str(folder), "show", "--end-of-options", f"{revision}:./{name}"]
         done = subprocess.run(command, capture_output=True, check=False)  # noqa: S603, a list, no shell
         if done.returncode:
             why = done.stderr.decode(errors="replace").strip()
             sys.stdout.write(f"{revision} has no {folder / name}, so nothing is compared ({why})\n")
             return None
-        with atomic_write(scratch / folder / name) as new:
+        with atomic_write(scratch / folder.name / name) as new:
             new.write_bytes(done.stdout)
-    return scratch / folder
+    return scratch / folder.name
 
 
 def install(model: Path, folder: Path) -> None:
