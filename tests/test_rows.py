@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from pedpred.errors import ConfigError
 from pedpred.scenes import Trajectories
 from pedpred.storage.scenes import write_scene
 from pedpred.tracking import KalmanSettings
@@ -101,3 +102,12 @@ def test_a_place_that_has_no_row_is_named(tool, tmp_path, monkeypatch):
         SystemExit, match=r"'places\.hall' = None: there is no such key; there are eth, hotel"
     ):
         tool.main(["hall", "--out", "rows.yaml"])
+
+
+def test_a_row_that_would_be_its_own_base_is_refused_before_the_search():
+    rows = {"a": {"x": 1, "y": 1}, "fitted_on_eth": {"base": "a", "y": 2}, "c": {"base": "fitted_on_eth"}}
+    assert fit_social_force.base_of("hotel", "c", rows) == {"x": 1, "y": 2}
+    assert fit_social_force.base_of("eth", "a", rows) == {"x": 1, "y": 1}
+    for base in ("fitted_on_eth", "c"):
+        with pytest.raises(ConfigError, match="a row cannot be its own base"):
+            fit_social_force.base_of("eth", base, rows)

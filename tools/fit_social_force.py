@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import argparse
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -141,6 +143,16 @@ def fit_place(place: str, model: SocialForceSettings, trials: int) -> Fit:
     return fit_forces(start, asked, integrate_truth(request.asked, dt_s), model, dt_s, trials)
 
 
+def base_of(place: str, base: str, rows: Mapping[str, Any]) -> dict[str, Any]:
+    """The row that the search starts from, as it is below the row that will be written.
+
+    Raises:
+        ConfigError: there is none, or it is based on the row that will be written.
+    """
+    name = f"fitted_on_{place}"
+    return row({"social_forces": {**rows, name: {"base": base}}}, "social_forces", name)
+
+
 @config_errors()
 def main(arguments: list[str] | None = None) -> None:
     """Read data/scenes/real/<place>, write the row."""
@@ -152,7 +164,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     check_output(options.out)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    model = social_force_settings(row(read_params(Path()), "social_forces", options.base))
+    model = social_force_settings(base_of(options.place, options.base, read_params(Path()).social_forces))
     fit = fit_place(options.place, model, options.trials)
     text = _ROW.format(place=options.place, base=options.base, **vars(fit))
     text += "".join(f"    {key}: {value:.4g}\n" for key, value in fit.forces.items())
