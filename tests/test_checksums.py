@@ -1,5 +1,6 @@
 """Checksums of results: the same, different, lost, or never there."""
 
+import pandas as pd
 import pytest
 
 from tools import checksums
@@ -41,3 +42,20 @@ def test_a_folder_without_results_and_a_missing_list_are_named(tmp_path, monkeyp
     assert f"{tmp_path}/nowhere: there are no results" in compared(monkeypatch, tmp_path / "nowhere")
     now = project(tmp_path / "now", one="1")
     assert f"{tmp_path}/none" in compared(monkeypatch, now, "--against", str(tmp_path / "none"))
+
+
+def test_columns_that_are_no_numbers_have_the_checksum_of_what_they_say(tmp_path):
+    columns = {"text": ["a", "b"], "gaps": [True, None], "lists": [[1], [2, 3]], "bytes": [b"a", b"bc"]}
+    digests = []
+    for name in ("one", "other", "changed"):
+        (tmp_path / name / "data").mkdir(parents=True)
+        table = {key: [*values, values[name == "changed"]] for key, values in columns.items()}
+        pd.DataFrame(table).to_parquet(tmp_path / name / "data" / "table.parquet")
+        digests.append(checksums.checksums(tmp_path / name))
+    assert digests[0] == digests[1]
+    assert all(digests[0][key] != digests[2][key] for key in digests[0])
+
+
+def test_results_lie_in_a_folder_of_any_name(tmp_path):
+    plain, named = (project(tmp_path / name, **{"about.list.json": "[1]"}) for name in ("plain", "metrics"))
+    assert checksums.checksums(named) == checksums.checksums(plain)

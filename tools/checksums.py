@@ -33,6 +33,8 @@ RENAMED = (
     (r"^data/forecasts/(\w+)/(\w+)/(\w+)\.parquet ", r"forecasts \1 \2 \3 "),
 )
 """Pattern of a name -> what takes its place; the first one that fits counts."""
+FIGURES = "reports/metrics"
+"""Folder of the metric files."""
 IGNORED = r"config\.checked|data/raw|manifest\.json|about\.json|model\.json|forecasts .* (grid|angular_grid)$"
 """What describes results, and what only pictures show."""
 
@@ -44,10 +46,10 @@ def checksums(root: Path) -> dict[str, str]:
         FileError: nothing was.
     """
     digests = {}
-    for folder in ("data", "models", "reports/metrics"):
+    for folder in ("data", "models", FIGURES):
         for path in sorted((root / folder).rglob("*")):
             if path.is_file():
-                for part, digest in parts_of(path):
+                for part, digest in parts_of(path, figures=folder == FIGURES):
                     name = renamed(f"{path.relative_to(root)} {part}".strip())
                     if not re.search(IGNORED, name):
                         digests[name] = digest
@@ -65,8 +67,8 @@ def renamed(name: str) -> str:
     return name
 
 
-def parts_of(path: Path) -> Iterator[tuple[str, str]]:
-    """Parts of a file with their checksums: columns, tensors, figures, or the whole."""
+def parts_of(path: Path, figures: bool = False) -> Iterator[tuple[str, str]]:
+    """Parts of a file with their checksums: columns, tensors, figures of a metric file, or the whole."""
     if path.suffix == ".parquet":
         table = pq.read_table(path)
         for name in table.column_names:
@@ -74,11 +76,11 @@ def parts_of(path: Path) -> Iterator[tuple[str, str]]:
     elif path.suffix == ".safetensors":
         for name, tensor in load_file(path).items():
             yield name, _digest(tensor.tobytes())
-    elif path.suffix == ".json" and "metrics" in path.parts:
+    elif path.suffix == ".json" and figures:
         for place, methods in json.loads(path.read_text()).items():
             by_method = methods if isinstance(methods, dict) else {"": methods}
-            for method, figures in by_method.items():
-                yield f"{place} {method}", _digest(json.dumps(figures, sort_keys=True).encode())
+            for method, measured in by_method.items():
+                yield f"{place} {method}", _digest(json.dumps(measured, sort_keys=True).encode())
     else:
         yield "", _digest(path.read_bytes())
 
@@ -88,6 +90,8 @@ def _bytes_of(column: pa.Array) -> bytes:
         return b"".join(column.to_pylist())
     flat = column.flatten() if pa.types.is_fixed_size_list(column.type) else column
     values: np.ndarray = flat.to_numpy(zero_copy_only=False)
+    if values.dtype == object:  # texts, lists or yes and no with gaps: its bytes would be addresses
+        return json.dumps(column.to_pylist(), default=repr).encode()
     return values.tobytes()
 
 
