@@ -7,13 +7,14 @@ Reads tables that `pedpred drive` has written, one per place, and makes three ta
   the true future at the same collisions, with 95 % intervals over episodes;
 * `tell`: people who stand, and the true future.
 
-Each table takes the episodes that all its methods have driven, so that some methods may drive more of them.
+Each table takes the episodes that all its methods have driven, so that some methods may drive more of them,
+and the places where they have all driven.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,8 @@ from benchmarks.pages import put
 from benchmarks.timing import tell
 from pedpred.driving.figures import Episodes
 from pedpred.driving.forecasters import TRUTH
-from pedpred.driving.table import Condition, read_table
-from pedpred.errors import user_errors
+from pedpred.driving.table import Condition, Row, read_table
+from pedpred.errors import FileError, user_errors
 from pedpred.report.drives import LABELS
 
 PAGE = Path("docs/driving.md")
@@ -81,6 +82,13 @@ def _middle(one: np.ndarray, other: np.ndarray) -> np.ndarray | None:
     return None if low[0] > high[0] else 0.5 * (low + high)
 
 
+def _ratio(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Quotients, infinite or not a number where the other is 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        quotient: np.ndarray = one / other
+    return quotient
+
+
 def _with_interval(values: np.ndarray, form: str) -> str:
     low, high = np.nanpercentile(values[1:], [2.5, 97.5], method="nearest")  # there may be infinite ones
     return f"{values[0]:{form}} ({low:{form}} to {high:{form}})"
@@ -98,14 +106,12 @@ def equal_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
             row |= dict.fromkeys(("at, s", "network, %", "Kalman, %", "network / Kalman"), "-")
         else:
             a, b = _read_off(at_s, time_a, fault_a), _read_off(at_s, time_b, fault_b)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ratio = a / b
             row |= {
                 "at, s": f"{at_s[0]:.1f}",
                 "network, %": f"{100 * a[0]:.1f}",
                 "Kalman, %": f"{100 * b[0]:.1f}",
             }
-            row["network / Kalman"] = _with_interval(ratio, ".2f")
+            row["network / Kalman"] = _with_interval(_ratio(a, b), ".2f")
         at = _middle(fault_a, fault_b)
         if at is None:
             row |= dict.fromkeys(("at, %", "network, s more", "Kalman, s more", "network / Kalman, s"), "-")
@@ -116,7 +122,7 @@ def equal_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
                 "network, s more": f"{a[0]:.1f}",
                 "Kalman, s more": f"{b[0]:.1f}",
             }
-            row["network / Kalman, s"] = _with_interval(a / b, ".2f")
+            row["network / Kalman, s"] = _with_interval(_ratio(a, b), ".2f")
         yield row
 
 
@@ -130,27 +136,49 @@ def tell_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
         yield row
 
 
+def driven_in(tables: Sequence[Path]) -> dict[str, list[Row]]:
+    """Place -> its drives.
+
+    Raises:
+        FileError: a table is damaged or has no drives, or two are of one place.
+    """
+    driven: dict[str, list[Row]] = {}
+    for table in tables:
+        if not (rows := read_table(table)):
+            raise FileError(table, "", "no drives are in it", "Name a table that `pedpred drive` has written")
+        name = rows[0].place.replace("_", " ")
+        if name in driven:
+            raise FileError(
+                table, "", f"its place, {name}, is that of an earlier table", "Name one for each place"
+            )
+        driven[name] = rows
+    return driven
+
+
+def tables_of(driven: Mapping[str, Sequence[Row]]) -> dict[str, list[dict[str, Any]]]:
+    """Rows of all tables, by name."""
+
+    def of(*methods: str) -> dict[str, Episodes]:
+        return {
+            name: Episodes.of([r for r in rows if r.condition.method in methods])
+            for name, rows in driven.items()
+            if {*methods} <= {r.condition.method for r in rows}
+        }
+
+    return {
+        "curves": list(curve_rows({name: Episodes.of(rows) for name, rows in driven.items()})),
+        "equal": list(equal_rows(of(_NETWORK, _SIMPLE, TRUTH))),
+        "tell": list(tell_rows(of(_WORST, TRUTH))),
+    }
+
+
 @user_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("tables", type=Path, nargs="+", metavar="TABLE.csv")
     parser.add_argument("--write", action="store_true", help=f"write the tables into {PAGE}")
     options = parser.parse_args()
-    driven = {rows[0].place.replace("_", " "): rows for rows in map(read_table, options.tables)}
-
-    def of(*methods: str) -> dict[str, Episodes]:
-        return {
-            name: Episodes.of([r for r in rows if r.condition.method in methods])
-            for name, rows in driven.items()
-        }
-
-    every = dict.fromkeys(row.condition.method for rows in driven.values() for row in rows)
-    tables: dict[str, Sequence[dict[str, Any]]] = {
-        "curves": list(curve_rows(of(*every))),
-        "equal": list(equal_rows(of(_NETWORK, _SIMPLE, TRUTH))),
-        "tell": list(tell_rows(of(_WORST, TRUTH))),
-    }
-    for name, table in tables.items():
+    for name, table in tables_of(driven_in(options.tables)).items():
         tell(name, table)
         if options.write:
             put(name, table, PAGE)

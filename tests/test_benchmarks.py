@@ -1,13 +1,19 @@
 """Benchmarks: what they need and do not find, and how they compare times."""
 
+import dataclasses
+from itertools import product
+
 import numpy as np
 import pytest
 
-from benchmarks import online
+from benchmarks import driving_curves, online
 from benchmarks.beside import busy, slowdown
 from benchmarks.learners import cases
 from benchmarks.pages import put
 from benchmarks.timing import tell
+from pedpred.driving.measures import Measures
+from pedpred.driving.table import Condition, Row, write_table
+from pedpred.errors import FileError
 from pedpred.training.distributed import ALONE
 from pedpred.training.loop import train_step
 
@@ -50,3 +56,34 @@ def test_a_benchmark_that_measured_nothing_says_so_and_leaves_the_page(tmp_path,
     put("bias", [], page)
     assert capsys.readouterr().out == "\nerrors\n  nothing could be measured\n"
     assert "old" in page.read_text()
+
+
+def drives(place, *methods):
+    """Drives of some methods at a place, with a collision in each other episode."""
+    names = [field.name for field in dataclasses.fields(Measures)]
+    rows = []
+    for method, number in product(methods, range(4)):
+        measures = Measures(**dict.fromkeys(names, number % 2) | {"time_s": 10.0 + len(method)})
+        for risk in (0.0,) if method in ("standing", "true_future") else (0.1, 0.2):
+            rows.append(Row(place, "car", Condition(method, risk), number, "", measures))
+    return rows
+
+
+def test_tables_of_drives_have_the_places_where_their_methods_drove(tmp_path):
+    write_table(tmp_path / "a.csv", drives("a", "standing", "kalman", "modes", "true_future"))
+    write_table(tmp_path / "b.csv", drives("b", "modes", "kalman"))
+    driven = driving_curves.driven_in([tmp_path / "a.csv", tmp_path / "b.csv"])
+    tables = driving_curves.tables_of(driven)
+    assert [row["place"] for row in tables["equal"]] == ["a"]
+    assert tables["tell"] == [{"place": "a", "`standing`": "2 of 4", "`true_future`": "2 of 4"}]
+    places = {key for row in tables["curves"] for key in row if "episodes" in key}
+    assert places == {"a (4 episodes)", "b (4 episodes)"}
+
+
+def test_a_place_has_one_table_and_it_has_drives(tmp_path):
+    for name, rows in (("one", drives("a", "modes")), ("other", drives("a", "kalman")), ("none", [])):
+        write_table(tmp_path / f"{name}.csv", rows)
+    with pytest.raises(FileError, match=r"other\.csv: its place, a, is that of an earlier table"):
+        driving_curves.driven_in([tmp_path / "one.csv", tmp_path / "other.csv"])
+    with pytest.raises(FileError, match=r"none\.csv: no drives are in it"):
+        driving_curves.driven_in([tmp_path / "none.csv"])
