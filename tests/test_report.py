@@ -1,5 +1,6 @@
 """The report says what the numbers say, shows what its rule picks, and draws things where they are."""
 
+import dataclasses
 import io
 import json
 from dataclasses import replace
@@ -206,6 +207,13 @@ def test_the_reference_is_a_simple_method():
     for key in ("lstm", "zebra"):
         with pytest.raises(ValueRuleError, match=f"reference = '{key}'"):
             replace(METHODS, reference=METHODS[key])
+
+
+def test_simple_methods_are_named_whatever_their_number():
+    rows = [row for row in METHODS.rows if row not in METHODS.simple]
+    kept = dataclasses.replace(METHODS, rows=(*rows, METHODS.reference))
+    assert METHODS.best_simple == "the best of CV, CA and Kalman CV"
+    assert kept.best_simple == "Kalman CV"
 
 
 def test_a_method_without_a_row_is_shown_by_its_key():
@@ -479,6 +487,22 @@ def test_all_pictures_come_out_the_same_twice_and_small():
     assert packed == avif_bytes(second[0].figure, 10)
     assert Image.open(io.BytesIO(packed)).format == "AVIF"
     assert len(packed) < len(png_bytes(first[0].figure))
+
+
+@pytest.mark.parametrize("lack", ["lstm", "motion"])
+def test_a_place_without_the_main_method_or_without_motion_has_no_instants(lack):
+    scene, windows = wall_scene(), planned(wall_scene())
+    if lack == "lstm":
+        del windows.predictions["lstm"]
+    else:
+        windows = dataclasses.replace(windows, velocity=0.0 * windows.velocity)
+    figures = {key: errors for key, errors in metrics_of(MEETING).items() if key in windows.predictions}
+    evaluated = Evaluated(
+        "sim", "simulated", [result_of(figures)], {"sim_test": [scene]}, {"hall": windows}, {}, None
+    )
+    sections = {section.title: section for section in draw_gallery(evaluated, METHODS)}
+    assert "Instants, chosen by rule" not in sections
+    assert list(sections)[0] == "Error over the horizon"
 
 
 def test_crops_are_chosen_at_even_ranks_of_occupied_share():

@@ -101,10 +101,7 @@ def headline(studies: Mapping[str, Figures], methods: Methods) -> str:
         if not simple:  # nothing relates to an exact forecast
             continue
         parts.append(f"{_words(place)} {100 * (metrics[main.key]['ade_m'] / simple - 1):+.0f} %")
-    against = " and ".join(
-        filter(None, [", ".join(r.label for r in methods.simple[:-1]), methods.simple[-1].label])
-    )
-    return f"Error of {main.label} relative to the best of {against}: {', '.join(parts)}."
+    return f"Error of {main.label} relative to {methods.best_simple}: {', '.join(parts)}."
 
 
 def main_table(studies: Mapping[str, Figures], methods: Methods) -> str:

@@ -16,7 +16,7 @@ from pedpred.report.curves import training_figure
 from pedpred.report.displacement import displacement_section
 from pedpred.report.document import Picture, Pictures, Section, Text
 from pedpred.report.error_plots import calibration_figure, horizon_figure, with_covariances
-from pedpred.report.instants import Instant, before_obstacle, choose, mutual_avoidance
+from pedpred.report.instants import Instant, before_obstacle, choose, is_moving, mutual_avoidance
 from pedpred.report.measures import Result
 from pedpred.report.methods import Methods
 from pedpred.report.plan import arrangement_figure, contact_sheet
@@ -91,6 +91,7 @@ def draw_gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
         for name, instants in _instants(recorded, scenes, CROWD[kind], methods).items():
             snapshots.append(_snapshot(f"{suffix}_{name}", scenes, recorded, instants, methods))
     legend = _legend(windows, methods) + f" {_STILL}" * any(scene.camera for scene in scenes.values())
+    chosen = Section("Instants, chosen by rule", [Text(legend), Pictures(snapshots)])
     others = {name: rooms for name, rooms in evaluated.scenes.items() if name not in tested}
     return [
         Section("Error over the horizon", [Pictures(horizons)], "horizon"),
@@ -102,7 +103,7 @@ def draw_gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
             },
             methods,
         ),
-        Section("Instants, chosen by rule", [Text(legend), Pictures(snapshots)]),
+        *([chosen] if snapshots else []),
         *reconstructions_section(evaluated.autoencoder, windows),
         _places(scenes, SHOWN_S[kind]),
         *(_trained_in(others) if kind == "simulated" else []),
@@ -140,7 +141,14 @@ def _horizon(name: str, result: Result, methods: Methods) -> Picture:
 def _instants(
     windows: Mapping[str, EvaluationWindows], scenes: Mapping[str, Scene], crowd: int, methods: Methods
 ) -> dict[str, Instant]:
-    """What is shown of some scenes, by a name; an encounter that never happened is left out."""
+    """What is shown of some scenes, by a name; an encounter that never happened is left out.
+
+    Nothing where nobody moves, or where the methods that are drawn were not evaluated.
+    """
+    drawn = {methods.main.key, methods.reference.key}
+    windows = {name: scene for name, scene in windows.items() if drawn <= scene.predictions.keys()}
+    if not any(is_moving(scene).any() for scene in windows.values()):
+        return {}
     chosen = {
         "gain": choose(windows, crowd, methods),
         "loss": choose(windows, crowd, methods, least=True),

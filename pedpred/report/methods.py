@@ -103,6 +103,12 @@ class Methods:
         return [row for row in self.rows if row.role == "baseline"]
 
     @property
+    def best_simple(self) -> str:
+        """In words, whichever of the simple methods is the best one somewhere."""
+        *some, last = (row.label for row in self.simple)
+        return f"the best of {', '.join(some)} and {last}" if some else last
+
+    @property
     def networks(self) -> list[Method]:
         """The learned methods, but for ablations."""
         return [row for row in self.rows if row.role == "network"]

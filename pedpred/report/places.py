@@ -63,7 +63,6 @@ def places_section(evaluated: Sequence[Evaluated], methods: Methods) -> Section:
 
 def wins(studies: Studies, method: Method, methods: Methods, stand_ins: bool = False) -> str:
     """At how many places a method has a smaller ADE than the best simple method, and its range."""
-    *some, last = (simple.label for simple in methods.simple)
     counts = []
     for study, results in studies.items():
         ratios = [gain.ratio for gain in gains(results.values(), study, methods, method)]
@@ -73,9 +72,8 @@ def wins(studies: Studies, method: Method, methods: Methods, stand_ins: bool = F
             counts.append(f"at {won} of {len(ratios)} when {trained} ({span} times its ADE)")
     if not counts:
         return f"The {method.label} was evaluated at no real place."
-    best = f"the best of {', '.join(some)} and {last}"
     where = f"With {STAND_IN}" if stand_ins else f"At {REAL}"
-    return f"{where}, the {method.label} beats {best} {' and '.join(counts)}."
+    return f"{where}, the {method.label} beats {methods.best_simple} {' and '.join(counts)}."
 
 
 def ratios_table(studies: Studies, methods: Methods) -> Table:
@@ -159,7 +157,7 @@ def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
     pictures = []
     for result in evaluated.results:
         straight = result.figures.get(methods.simple[0].key, {})
-        if result.name not in evaluated.windows or straight.get("obstacle_share", 0.0) < LEAST_SHARE:
+        if not _drawn(evaluated, result.name, methods) or straight.get("obstacle_share", 0.0) < LEAST_SHARE:
             continue
         scene, windows = evaluated.scene(result.name), evaluated.windows[result.name]
         rows = wall_windows(windows, scene, methods)
@@ -168,6 +166,12 @@ def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
         figure = wall_figure(scene, windows, rows, methods)
         pictures.append(Picture(f"walls_{result.name}", caption, figure))
     return pictures
+
+
+def _drawn(evaluated: Evaluated, place: str, methods: Methods) -> bool:
+    """Whether the two methods of the pictures were evaluated at a place."""
+    windows = evaluated.windows.get(place)
+    return windows is not None and {methods.main.key, methods.simple[0].key} <= windows.predictions.keys()
 
 
 def _gains(evaluated: Sequence[Evaluated], methods: Methods) -> Pictures:
