@@ -502,7 +502,7 @@ def test_a_place_without_the_main_method_or_without_motion_has_no_instants(lack)
     )
     sections = {section.title: section for section in draw_gallery(evaluated, METHODS)}
     assert "Instants, chosen by rule" not in sections
-    assert list(sections)[0] == "Error over the horizon"
+    assert next(iter(sections)) == "Error over the horizon"
 
 
 def test_crops_are_chosen_at_even_ranks_of_occupied_share():
