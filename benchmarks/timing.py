@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -88,6 +89,14 @@ def tell(title: str, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def keep(figures: dict[str, Any], path: Path | None) -> None:
-    """Write the figures as JSON if a path is given."""
+    """Write the figures as JSON if a path is given; what is no finite number becomes null."""
     if path is not None:
-        write_json(path, figures)
+        write_json(path, _finite(figures))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

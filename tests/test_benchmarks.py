@@ -10,10 +10,11 @@ from benchmarks import driving_curves, online
 from benchmarks.beside import busy, slowdown
 from benchmarks.learners import cases
 from benchmarks.pages import put
-from benchmarks.timing import tell
+from benchmarks.timing import keep, tell
 from pedpred.driving.measures import Measures
 from pedpred.driving.table import Condition, Row, write_table
 from pedpred.errors import FileError
+from pedpred.plain import parse_json
 from pedpred.training.distributed import ALONE
 from pedpred.training.loop import train_step
 
@@ -87,3 +88,9 @@ def test_a_place_has_one_table_and_it_has_drives(tmp_path):
         driving_curves.driven_in([tmp_path / "one.csv", tmp_path / "other.csv"])
     with pytest.raises(FileError, match=r"none\.csv: no drives are in it"):
         driving_curves.driven_in([tmp_path / "none.csv"])
+
+
+def test_figures_that_are_no_numbers_are_kept_as_json_that_is_read_again(tmp_path):
+    keep({"rows": [{"ms": 1.5, "routing_s": float("nan")}]}, tmp_path / "new" / "figures.json")
+    kept = parse_json((tmp_path / "new" / "figures.json").read_text())
+    assert kept == {"rows": [{"ms": 1.5, "routing_s": None}]}
