@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.geometry import rotate
@@ -300,6 +300,16 @@ def test_an_animation_lasts_as_long_as_it_shows(tmp_path):
         assert (film.n_frames, film.info["duration"], film.width) == (5, 200, 80)
     with pytest.raises(ValueRuleError, match="method = 'cv'"):
         write_animation(scene, walking_on(scene), other, METHODS, tmp_path / "c.gif")
+
+
+@pytest.mark.parametrize("frame_s", [0.125, 0.019, 0.15])
+def test_an_animation_keeps_the_pace_of_the_people(tmp_path, frame_s):
+    scene = small_scene(tracks=1)
+    animation = Animation("lstm", duration_s=1.0, frame_s=frame_s, tail_s=1.0, width_px=80)
+    write_animation(scene, walking_on(scene), animation, METHODS, tmp_path / "people.gif")
+    with Image.open(tmp_path / "people.gif") as shown:
+        lengths_ms = [frame.info["duration"] for frame in ImageSequence.Iterator(shown)]
+    assert sum(lengths_ms) == pytest.approx(1000 * frame_s * np.ceil(1.0 / frame_s), abs=5)
 
 
 def test_a_layout_does_not_depend_on_the_order_of_the_methods(tmp_path):

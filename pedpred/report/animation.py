@@ -67,9 +67,16 @@ def write_animation(
         rule = f"scene {scene.name} has forecasts of {sorted(windows.predictions)}"
         raise ValueRuleError("method", animation.method, rule)
     first, *others = _changes(list(_frames(scene, windows, animation, methods[animation.method])))
-    repeat: dict[str, Any] = {"duration": round(1000 * animation.frame_s), "loop": 0, "disposal": 1}
+    lengths_ms = _lengths_ms(1 + len(others), animation.frame_s)
+    repeat: dict[str, Any] = {"duration": lengths_ms, "loop": 0, "disposal": 1}
     with atomic_write(path) as new:
         first.save(new, save_all=True, append_images=others, optimize=False, transparency=_SHADES, **repeat)
+
+
+def _lengths_ms(frames: int, frame_s: float) -> list[int]:
+    """How long each frame is shown: a GIF counts hundredths of a second, and their sum keeps the pace."""
+    ends = np.round(100 * frame_s * np.arange(frames + 1)).astype(int)
+    return (10 * np.diff(ends)).tolist()
 
 
 def _changes(frames: list[Image.Image]) -> Iterator[Image.Image]:
