@@ -25,7 +25,7 @@ from pedpred.report.document import Picture, Pictures, Section, join_pages
 from pedpred.report.error_plots import horizon_figure, horizon_table
 from pedpred.report.findings import Expectation, judge_expectations, sum_up
 from pedpred.report.gallery import Evaluated, draw_gallery
-from pedpred.report.gather import study_page
+from pedpred.report.gather import scene_names, study_page
 from pedpred.report.instants import Instant, choose
 from pedpred.report.measures import read_metrics, results_of
 from pedpred.report.methods import Method
@@ -530,6 +530,16 @@ def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
         assert len(tracks.get_segments()) == 6
         points = np.concatenate(tracks.get_segments())
         np.testing.assert_allclose([points.min(axis=0) - low, high - points.max(axis=0)], [[2, 3], [11.5, 7]])
+
+
+def test_scenes_of_one_name_in_two_test_sets_are_told_apart():
+    rooms = [wall_scene(name) for name in ("office", "plaza")]
+    sets = {"sensed": rooms[:1], "main": rooms, "sim_test": rooms}
+    assert scene_names(["sim_test", "sensed", "gone", "sim_test"], sets) == {
+        ("sim_test", "office"): "office",
+        ("sim_test", "plaza"): "plaza",
+        ("sensed", "office"): "sensed_office",
+    }
 
 
 def test_forecasts_of_an_unknown_scene_are_refused():

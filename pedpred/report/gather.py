@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from pedpred.report.sections import (
     parts_sections,
     warnings,
 )
+from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scenes
 
 TITLES = {
@@ -59,6 +61,7 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
     folder = root / "data/scenes" / kind
     named = [entry.split("/")[1] for fold in folds.values() for entry in fold["test"]]
     sets = {path.name: list(read_scenes(path)) for path in sorted(folder.iterdir()) if path.is_dir()}
+    names = scene_names(named, sets)
     missing = {
         name: str(scenes[0].unavailable)
         for name, scenes in sets.items()
@@ -69,18 +72,41 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
     for name, fold in folds.items():
         networks = f"folds/{name}" if "train" in fold else "main"
         for at in fold["test"]:
-            windows |= read_forecasts(root, networks, at, metrics.get(at.split("/")[1], {}))
+            tested = at.split("/")[1]
+            found = read_forecasts(root, networks, at, metrics.get(tested, {}))
+            windows |= {names.get((tested, scene), scene): forecasts for scene, forecasts in found.items()}
     windows = {scene: windows[scene] for scene in sorted(windows)}
     if not windows and any(name not in missing for name in named):
         raise StorageError(root / "data/forecasts", "forecasts", f"there are none of the study {study}")
     dt_s = next((recorded.dt_s for recorded in windows.values()), 0.0)
     results = results_of(metrics, folds.values(), study, dt_s, [f"{kind}/{name}" for name in missing])
-    tested = [result.name for result in results]
-    scenes = {name: sets[name] for name in [*tested, *sets] if name not in missing}
+    sets = {
+        name: [replace(scene, name=names.get((name, scene.name), scene.name)) for scene in scenes]
+        for name, scenes in sets.items()
+    }
+    scenes = {name: sets[name] for name in [*(r.name for r in results), *sets] if name not in missing}
     tables = sorted((root / "reports/curves" / study).glob("*.tsv"))
     curves = {table.stem: curve for table in tables if len(curve := read_curve(table))}  # not of copies
     autoencoder = read_autoencoder(root / "models/autoencoder")[0]
     return Evaluated(study, kind, results, scenes, windows, curves, autoencoder, missing)
+
+
+def scene_names(tested: Sequence[str], sets: Mapping[str, Sequence[Scene]]) -> dict[tuple[str, str], str]:
+    """Tell scenes of test sets apart: a name that an earlier set has follows that of its set.
+
+    Args:
+        tested: names of the test sets, in their order.
+        sets: scenes by name of the set.
+
+    Returns:
+        (set, scene) -> name of the scene on the page.
+    """
+    names: dict[tuple[str, str], str] = {}
+    for name in dict.fromkeys(tested):
+        taken = set(names.values())
+        for scene in sets.get(name, ()):
+            names[name, scene.name] = f"{name}_{scene.name}" if scene.name in taken else scene.name
+    return names
 
 
 def study_page(evaluated: Evaluated, pictures: Sequence[Section], methods: Methods, paper: Paper) -> Section:
