@@ -196,8 +196,8 @@ def configured(key: str) -> Iterator[None]:
 
 def keep_lock(root: Path) -> None:
     """Copy dvc.lock for `tools.mend_lock`, unless another `dvc repro` is writing it."""
-    if (root / LOCK).exists() and (text := (root / LOCK).read_text()).endswith("\n"):
-        write_text(root / KEPT, text)
+    if (root / LOCK).exists() and (written := (root / LOCK).read_bytes()).endswith(b"\n"):
+        write_text(root / KEPT, written.decode())  # a cut may be within a letter, but not before a line's end
 
 
 def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:

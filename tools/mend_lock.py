@@ -35,9 +35,9 @@ RUNNING = Path(".dvc/tmp/rwlock")
 def is_whole(lock: Path) -> bool:
     """Return whether a lock file exists, ends with a whole line and matches DVC's schema."""
     try:
-        text = lock.read_text()
+        text = lock.read_bytes().decode()
         validate(yaml.safe_load(text), COMPILED_LOCKFILE_SCHEMA)
-    except (FileNotFoundError, yaml.YAMLError, YAMLValidationError):
+    except (FileNotFoundError, UnicodeDecodeError, yaml.YAMLError, YAMLValidationError):
         return False
     return text.endswith("\n")
 
