@@ -162,6 +162,18 @@ def test_detections_without_a_transform_at_their_time_are_left_out(store, tmp_pa
         read_bag(write(store, tmp_path / "late", messages(store, tf_s=tf_s + 100.0)))
 
 
+def test_who_has_no_height_is_left_out_where_the_frame_is_tilted_and_nowhere_else(store, tmp_path, caplog):
+    def flat(seen):
+        return lambda at, time_s: seen(at, time_s) * [1.0, 1.0, np.nan if time_s >= 12.0 else 1.0]
+
+    check(read_bag(write(store, tmp_path / "level", messages(store, "base_link", flat(from_robot)))))
+    assert "left out" not in caplog.text
+    scene = read_bag(write(store, tmp_path / "tilted", messages(store, "camera", flat(from_camera))))
+    check(scene)
+    assert scene.trajectories.time_s.max() < 12.0
+    assert "60 detections without a height in 'camera', which is tilted" in caplog.text
+
+
 def test_a_robots_frame_without_transforms_is_warned_about(store, tmp_path, caplog):
     read_bag(write(store, tmp_path / "hall", messages(store, tf_s=np.zeros(0))))
     assert "people are in 'base_link', and nothing says how that moves" in caplog.text

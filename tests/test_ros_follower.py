@@ -158,6 +158,22 @@ def test_somebody_without_a_place_costs_nobody_else_the_frame(caplog):
     assert "1 without a place" in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("pitch_rad", "found"), [(0.0, ["ben", "eve"]), (0.05, ["ben", "eve"]), (0.5, ["ben"])]
+)
+def test_who_has_no_height_has_no_place_where_the_frame_is_tilted(pitch_rad, found, caplog):
+    follower, turn = follower_of(), Rotation.from_euler("zy", [0.7, pitch_rad])
+    follower.transforms_came(transforms(transform("map", "camera", turn, (5.0, 1.0, 1.5))), 1.0, True)
+    answers = answered(follower, people(1.0, "camera", eve=(2.0, 1.0, np.nan), ben=(2.0, 1.0, -0.8)))
+    here = answers["predictions/people"]["people"]
+    assert [person["name"] for person in here] == found
+    assert ("1 people have no height in 'camera', which is tilted" in caplog.text) == (len(found) == 1)
+    for person in here:
+        height_m = -0.8 if person["name"] == "ben" else 0.0
+        expected = (turn.apply([2.0, 1.0, height_m]) + np.array([5.0, 1.0, 0.0]))[:2]
+        np.testing.assert_allclose([person["position"][axis] for axis in "xy"], expected, atol=1e-6)
+
+
 def test_only_the_wanted_classes_are_people():
     def box(name, kind, x):
         pose = {"position": {"x": x}, "orientation": {"w": 1.0}}

@@ -13,7 +13,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.ros.clocks import find_false, find_missing, find_passes, in_a_row
-from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name, is_robots
+from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name, is_robots, lacks_height
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.identity import check_identity
 from pedpred.ros.people import (
@@ -43,7 +43,7 @@ class Instant:
         received_s: when the bag received it, s.
         frame: of the places, without a leading slash.
         ids: who.
-        place: where, m. [n, 3]
+        place: where, m; what is unknown is NaN. [n, 3]
         others: classes of the detections that are not people, and are left out.
     """
 
@@ -58,7 +58,7 @@ class Instant:
     def of(
         cls, message: Any, kind: str, received_s: float, classes: Collection[str] = PERSON_CLASSES
     ) -> Instant:
-        """Take what counts of a decoded message; an unknown height is 0, and a place without numbers NaN.
+        """Take what counts of a decoded message; of a place, what is no number or absurd is NaN.
 
         Args:
             message: decoded.
@@ -72,7 +72,7 @@ class Instant:
         people = [one for one, label in zip(people, labels, strict=True) if is_person(label, classes)]
         place = np.array([(at.x, at.y, at.z) for _, at in people], np.float64).reshape(-1, 3)
         possible = rule_of("position", place)[1]
-        place = np.where(possible, place, [np.nan, np.nan, 0.0])
+        place = np.where(possible, place, np.nan)
         header = message.header
         ids = tuple(str(name) for name, _ in people)
         return cls(seconds(header.stamp), received_s, frame_name(header.frame_id), ids, place, others)
@@ -168,13 +168,15 @@ class People:
                 time_s = self._stamp_s[rows].repeat(counts)
                 places = np.concatenate([result[row] for row in rows])
                 moved = tree.placed(places, time_s, frame, target, self._heard(here))
-                lost = np.isnan(moved).any(axis=1) & np.isfinite(places).all(axis=1)
+                lost = np.isnan(moved).all(axis=1) & np.isfinite(places[:, :2]).all(axis=1)
                 if lost.any():
                     text = f"{lost.sum()} of {len(lost)} detections, for which no /tf leads from {frame!r} to"
                     self._warn(f"left out: {text} {target!r}, the first at {time_s[lost][0]} s")
                 if lost.all():
                     rule = f"/tf must lead from {frame!r} to {target!r} at that time: record both together"
                     raise ValueRuleError("transform", f"none at {time_s[0]} s", rule)
+                if flat := lacks_height(moved).sum():
+                    self._warn(f"left out: {flat} detections without a height in {frame!r}, which is tilted")
                 for row, part in zip(rows, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
                     result[row] = part
         return [places[:, :2] for places in result]

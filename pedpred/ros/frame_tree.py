@@ -19,6 +19,8 @@ are not interpolated. Where it does not move, the first and the last pose hold f
 _SAME_M, _SAME_RAD = 0.001, 0.001
 _ALWAYS = (-np.inf, np.inf)
 _NO_UNIT = 0.1  # a quaternion has the norm 1
+_LEVEL = 0.1
+"""A frame is level if heights shift places by no larger share of them: 1 m by no more than detectors err."""
 _TOLD = 5  # frames of a loop
 _COLUMNS = 9  # received (s), stamp (s), translation (m), quaternion (x, y, z, w)
 
@@ -26,6 +28,11 @@ _COLUMNS = 9  # received (s), stamp (s), translation (m), quaternion (x, y, z, w
 def frame_name(name: str) -> str:
     """A frame's name without the leading slash of early ROS."""
     return name.lstrip("/")
+
+
+def lacks_height(moved: np.ndarray) -> np.ndarray:
+    """Which places of `FrameTree.placed` are unknown for lack of a height alone. [N] bool."""
+    return np.asarray(np.isnan(moved[:, :2]).all(axis=1) & np.isfinite(moved[:, 2]))
 
 
 def is_robots(frame: str) -> bool:
@@ -174,19 +181,34 @@ class FrameTree:
         """Places in one frame, as seen in another one below the same topmost one.
 
         Args:
-            place: m. [N, 3]
+            place: m; a height that is NaN is unknown, and counts only where a frame is tilted. [N, 3]
             time_s: when each was there, by the clock of the stamps, s. [N]
             frame: that of the places.
             target: the other frame.
             heard_s: which transforms count: those that the bag received from when to when, s.
 
         Returns:
-            m; NaN where a transform is missing at that time. [N, 3]
+            m; NaN where a transform is missing at that time; x and y alone are NaN where they depend on a
+            height that is unknown. [N, 3]
         """
+        unknown = np.flatnonzero(np.isnan(place[:, 2]))
+        ground = place.astype(np.float64)
+        ground[unknown, 2] = 0.0
+        moved = self._moved(ground, time_s, frame, target, heard_s)
+        if len(unknown):
+            higher = self._moved(ground[unknown] + [0.0, 0.0, 1.0], time_s[unknown], frame, target, heard_s)
+            shift_m = np.linalg.norm((higher - moved[unknown])[:, :2], axis=1)
+            moved[unknown[shift_m > _LEVEL], :2] = np.nan
+        return moved
+
+    def _moved(
+        self, place: np.ndarray, time_s: np.ndarray, frame: str, target: str, heard_s: tuple[float, float]
+    ) -> np.ndarray:
+        """See `placed`, of places whose heights are known. [N, 3]."""
         up, down = self.chain(frame), self.chain(target)
         while len(up) > 1 and len(down) > 1 and up[-2:] == down[-2:]:
             up, down = up[:-1], down[:-1]
-        moved = place.astype(np.float64)
+        moved = place
         for edge in pairwise(up):
             turn, offset = self._poses(edge, time_s, heard_s)
             moved = rotated(turn, moved) + offset

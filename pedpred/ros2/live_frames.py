@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.ros.frame_tree import LONGEST_GAP_S, FrameTree, frame_name
+from pedpred.ros.frame_tree import LONGEST_GAP_S, FrameTree, frame_name, lacks_height
 from pedpred.ros.scene_messages import seconds
 from pedpred.tracking.tracks import LOST_AFTER_S
 
@@ -74,4 +74,7 @@ class LiveFrames:
         if frame == target or not len(place):
             return place[:, :2]
         instant = np.full(len(place), time_s)
-        return self._tree.placed(place, instant, frame, target, (-np.inf, np.inf))[:, :2]
+        moved = self._tree.placed(place, instant, frame, target, (-np.inf, np.inf))
+        if flat := lacks_height(moved).sum():
+            _log.warning("%d people have no height in %r, which is tilted: give heights", flat, frame)
+        return moved[:, :2]
