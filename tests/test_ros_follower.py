@@ -508,9 +508,8 @@ def test_who_is_not_heard_of_any_more_stays_in_no_costmap():
 def test_no_latched_topic_keeps_people_who_are_gone(end):
     """Whoever subscribes later is sent the last message, also of a topic that nobody heard meanwhile."""
     heard, last = {*output_types(NodeSettings(occupancy_cell_m=0.5), 10)}, {}
-    follower = Follower(
-        OnlinePredictor.load(), NodeSettings(use_map=False, occupancy_cell_m=0.5), heard.__contains__
-    )
+    online = NodeSettings(use_map=False, occupancy_cell_m=0.5)
+    follower = Follower(OnlinePredictor.load(), online, heard.__contains__, clock=lambda: 0.0)
     last |= answered(follower, people(5.0, **{"7": (20.0, 1.0)}))
     shown = last["predicted_occupancy/horizon"]
     assert shown["data"].any()

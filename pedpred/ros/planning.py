@@ -125,8 +125,7 @@ def grid_messages(
         is_wanted: whether somebody wants a topic.
         detail_m: cells share a value in squares of at most this side, since small ones take long, m.
     """
-    group = max(int(detail_m / ground.resolution_m * (1.0 + _NO_CELL)), 1)
-    part = _reached(predictions, ground, group)
+    group, part = _group(ground.resolution_m, detail_m), reached_cells(predictions, ground, detail_m)
     corner = ground.origin + ground.resolution_m * np.array([each.start for each in part])
     cut = OccupancyMap(ground.occupied[part], corner, ground.resolution_m)
     squares = np.rint(100 * predicted_occupancy(predictions, cut.free(group * cut.resolution_m)))
@@ -149,28 +148,44 @@ def grid_messages(
     return messages
 
 
-def _reached(predictions: Predictions, ground: OccupancyMap, group: int) -> tuple[slice, slice]:
-    """The cells of a rectangle, one at least, beyond which `predicted_occupancy` expects nobody.
+def reached_cells(predictions: Predictions, ground: OccupancyMap, detail_m: float) -> tuple[slice, slice]:
+    """The cells of a rectangle, one at least, beyond which `grid_messages` expects nobody.
 
     Args:
         predictions: world frame.
         ground: the cells.
-        group: cells per side of squares that begin at the first cell; the rectangle begins where one does.
+        detail_m: see `grid_messages`; the rectangle begins where a square does, from the first cell on, m.
+    """
+    last, group = np.array(ground.occupied.shape) - 1, _group(ground.resolution_m, detail_m)
+    reach = reached_ground(predictions, ground.resolution_m, detail_m)
+    if not len(reach):
+        return slice(0, 1), slice(0, 1)
+    first, end = (np.clip(ground.cell_of(each), 0, last).tolist() for each in reach)
+    first = [at // group * group for at in first]
+    return slice(first[0], end[0] + 1), slice(first[1], end[1] + 1)
+
+
+def reached_ground(predictions: Predictions, cell_m: float, detail_m: float) -> np.ndarray:
+    """Lowest and highest corner of a rectangle beyond which nobody is expected; none if nobody is. m. [2, 2].
+
+    Args:
+        predictions: world frame.
+        cell_m: side of a cell, m.
+        detail_m: see `grid_messages`, m.
     """
     path = predictions.path.reshape(-1, 2)
     spread = np.zeros((len(path), 2))
     if predictions.covariance is not None:
         spread = np.sqrt(np.diagonal(predictions.covariance, axis1=-2, axis2=-1)).reshape(-1, 2)
     known = np.isfinite(path).all(axis=1)
-    side_m = group * ground.resolution_m
+    side_m = _group(cell_m, detail_m) * cell_m
     path, wide = path[known], _DEVIATIONS * (spread[known] + _MARGIN * side_m) + BODY_M
-    last = np.array(ground.occupied.shape) - 1
-    if not len(path):
-        return slice(0, 1), slice(0, 1)
-    low, high = (path - wide).min(axis=0), (path + wide).max(axis=0)
-    first, end = (np.clip(ground.cell_of(each), 0, last).tolist() for each in (low, high))
-    first = [at // group * group for at in first]
-    return slice(first[0], end[0] + 1), slice(first[1], end[1] + 1)
+    return np.stack([(path - wide).min(axis=0), (path + wide).max(axis=0)]) if len(path) else path
+
+
+def _group(cell_m: float, detail_m: float) -> int:
+    """Cells per side of a square that share a value."""
+    return max(int(detail_m / cell_m * (1.0 + _NO_CELL)), 1)
 
 
 def fitting_ground(ground: OccupancyMap, cell_m: float, steps: int) -> OccupancyMap:

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from pedpred.ros.markers import forecast_message, names_markers
-from pedpred.ros.planning import GRID_TYPE, fitting_ground, grid_messages
+from pedpred.ros.planning import GRID_TYPE, grid_messages
+from pedpred.ros2.grounds import Grounds
 from pedpred.ros2.latched import Latched, nobody
 from pedpred.ros2.outputs import MARKERS, MARKERS_TYPE, Answer, grid_topics
 from pedpred.ros2.settings import NodeSettings
@@ -34,7 +35,7 @@ class Views:
     def __init__(self, latched: Latched, clock: Callable[[], float]):
         self._latched, self._clock = latched, clock
         self._shown_s, self._next_s = -np.inf, -np.inf
-        self._ground: OccupancyMap | None = None
+        self._grounds = Grounds(clock, _DETAIL_M)
 
     def answers(
         self,
@@ -83,26 +84,14 @@ class Views:
             return
         if not is_on:
             forecast = nobody(forecast, forecast.time_s)
-        ground = self._ground_of(forecast, there, cell_m)
+        ground = self._grounds.ground(forecast.predictions, there, frame, cell_m)
+        if there is not None and ground.resolution_m > cell_m > 0:
+            _log.warning(
+                "predicted_occupancy has cells of %.2f m: the map is large for smaller ones",
+                ground.resolution_m,
+            )
         grids = grid_messages(
             forecast.predictions, ground, time_ns, frame, True, wanted.__contains__, detail_m=_DETAIL_M
         )
         for topic, content in grids.items():
             yield Answer(topic.lstrip("/"), GRID_TYPE, content)
-
-    def _ground_of(self, forecast: Forecast, there: OccupancyMap | None, cell_m: float) -> OccupancyMap:
-        """The cells of a grid: those of the map, or around people; the cells before, if nobody is there.
-
-        A costmap keeps what it has of cells that no new grid holds.
-        """
-        if self._ground is not None and not (cell_m and (len(forecast) or there)):
-            return self._ground
-        paths, steps = forecast.predictions.path.reshape(-1, 2), forecast.predictions.steps
-        ground = fitting_ground(there or OccupancyMap.free_around(paths, cell_m=cell_m), cell_m, steps)
-        if there is not None and ground.resolution_m > cell_m:
-            _log.warning(
-                "predicted_occupancy has cells of %.2f m: the map is large for smaller ones",
-                ground.resolution_m,
-            )
-        self._ground = ground
-        return ground

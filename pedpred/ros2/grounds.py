@@ -1,0 +1,74 @@
+"""The ground under grids of predicted occupancy."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from pedpred.ros.planning import fitting_ground, reached_cells, reached_ground
+from pedpred.scenes import OccupancyMap, Predictions
+
+_COVERED_S = 3.0
+"""Costmaps read grids now and then, nearly all of them at least once in this time."""
+_NO_CELL = 1e-6
+"""Share of a cell that is no cell."""
+
+
+class Grounds:
+    """Chooses the cells of each grid: those of the map, or around people, and where people were just shown.
+
+    A costmap reads the last grid alone, and keeps what it has of cells that this one does not hold.
+
+    Args:
+        clock: gives seconds; never stops or jumps.
+        detail_m: see `pedpred.ros.planning.grid_messages`, m.
+    """
+
+    def __init__(self, clock: Callable[[], float], detail_m: float):
+        self._clock, self._detail_m = clock, detail_m
+        self._latest: OccupancyMap | None = None
+        self._frame = ""
+        self._shown: deque[tuple[float, np.ndarray]] = deque()
+
+    def ground(
+        self, predictions: Predictions, there: OccupancyMap | None, frame: str, cell_m: float
+    ) -> OccupancyMap:
+        """The cells of a grid, which are those before where nobody is there or cells have no size.
+
+        Where people were just shown is left out if cells would be larger for it.
+
+        Args:
+            predictions: world frame.
+            there: the map, if there is one.
+            frame: of both.
+            cell_m: side of a cell, larger where there would be too many; 0 if nobody is shown any more, m.
+        """
+        if frame != self._frame:
+            self._frame, self._latest = frame, None
+            self._shown.clear()
+        if self._latest is not None and not (cell_m and (len(predictions) or there)):
+            return self._latest
+        now_s = self._clock()
+        while self._shown and now_s - self._shown[0][0] > _COVERED_S:
+            self._shown.popleft()
+        reach = reached_ground(predictions, cell_m, self._detail_m)
+        alone = there or OccupancyMap.free_around(reach, 0.0 if len(reach) else 1.0, cell_m)
+        ground = fitting_ground(alone, cell_m, predictions.steps)
+        rim_m, (low, high) = _NO_CELL * ground.resolution_m, _ends(ground)
+        ends = np.vstack([low, high, *(shown for _, shown in self._shown)])
+        if (ends < low - rim_m).any() or (ends > high + rim_m).any():
+            wide = fitting_ground(OccupancyMap.free_around(ends, 0.0, cell_m), cell_m, predictions.steps)
+            ground = wide if wide.resolution_m <= ground.resolution_m else ground
+        if len(reach):
+            part = reached_cells(predictions, ground, self._detail_m)
+            cells = np.array([[each.start for each in part], [each.stop for each in part]])
+            self._shown.append((now_s, ground.origin + ground.resolution_m * cells))
+        self._latest = ground
+        return ground
+
+
+def _ends(ground: OccupancyMap) -> np.ndarray:
+    """Lowest and highest corner, m. [2, 2]."""
+    return np.stack([ground.origin, ground.origin + ground.extent_m])
