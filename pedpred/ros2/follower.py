@@ -313,8 +313,8 @@ class Follower:
         if self._shown is None:
             return
         forecast, of = self._shown
-        gone_ns = abs(clock_ns - of.clock_ns)
-        if gone_ns < after_s * 1e9:
+        gone_ns = clock_ns - of.clock_ns  # less than 0 after a jump back: the stamp is that of now, too
+        if abs(gone_ns) < after_s * 1e9:
             return
         self._shown, self.counts.people = None, 0
         gone = nobody(forecast, forecast.time_s + gone_ns / 1e9)
