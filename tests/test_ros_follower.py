@@ -369,6 +369,17 @@ def test_a_frame_that_is_fixed_in_another_parent_is_there_at_once(fixed):
     assert rows_of(answered(follower, people(60.0, "camera", anna=(0.0, 0.0)))["predictions"])["x"][0] == 7.0
 
 
+@pytest.mark.parametrize("then_s", [3.0, 500.0, 900.0])
+def test_of_fixed_transforms_the_one_that_came_last_holds(then_s):
+    """As in tf2: whatever its stamp, as where a simulation begins again with a camera at another place."""
+    follower, none = follower_of(), Rotation.identity()
+    for x, at_s in ((5.0, 500.0), (7.0, then_s)):
+        pose = transforms(transform("map", "camera", none, (x, 0.0, 0.0), at_s))
+        follower.transforms_came(pose, 1000.0, True)
+    here = answered(follower, people(then_s, "camera", anna=(0.0, 0.0)))["predictions"]
+    assert rows_of(here)["x"][0] == 7.0
+
+
 @pytest.mark.parametrize(
     ("frame", "told"), [("map", "not needed"), ("base", "0.25"), ("odom", "inf"), ("odom2", "not needed")]
 )

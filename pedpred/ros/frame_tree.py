@@ -70,9 +70,10 @@ class FrameTree:
         sound = rule_of("position", pose)[1].all() and abs(np.linalg.norm(pose[3:]) - 1.0) < _NO_UNIT
         if child == parent or not sound:
             return False
+        samples = self._samples.setdefault(child, {}).setdefault(parent, array("d"))
         if fixed:
             self._fixed.add((child, parent))
-        samples = self._samples.setdefault(child, {}).setdefault(parent, array("d"))
+            del samples[:]  # the one that came last holds, whatever its stamp
         samples.extend((received_s, stamp_s, *pose))
         return True
 
