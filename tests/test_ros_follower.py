@@ -156,6 +156,10 @@ def test_somebody_without_a_place_costs_nobody_else_the_frame(caplog):
     answers = answered(follower, people(1.0, eve=(np.nan, 0.0), ben=(3.0, 1.0)))
     assert [person["name"] for person in answers["predictions/people"]["people"]] == ["ben"]
     assert "1 without a place" in caplog.text
+    assert told_values(follower, Latencies())["left out: people without a forecast"] == 1
+    answered(follower, people(1.1, eve=(1.0, 0.0), ben=(3.0, 1.0)))
+    answered(follower, people(1.2, eve=(np.nan, 0.0), ben=(3.0, 1.0)))  # she was seen just before
+    assert follower.counts.without_forecast == 1
 
 
 @pytest.mark.parametrize(

@@ -334,7 +334,7 @@ class Follower:
             return
         self.counts.jumps += self._jumped(one.stamp_s)
         self._latest, self._shown = forecast, (forecast, waiting)
-        self.counts.without_forecast += int((~np.isin(track_id[kept], forecast.track_id)).sum())
+        self.counts.without_forecast += len(np.setdiff1d(track_id, forecast.track_id))
         self.counts.forecasts += 1
         self.counts.people = len(forecast)
         self.came_s, self.forecast_s = waiting.came_s, waiting.arrived_s
