@@ -134,6 +134,19 @@ def test_the_wait_for_a_transform_is_part_of_the_latency():
     assert (follower.came_s, follower.forecast_s) == (4.75, 5.0)
 
 
+def test_people_without_a_stamp_are_of_the_time_when_they_came_however_long_nobody_read_them():
+    """Else people of a queue that is read at once seem to run."""
+    follower, xs = follower_of(), []
+    for k in range(20):
+        waited_s = 0.1 * max(15 - k, 0) if k >= 5 else 0.0  # read when the fifteenth has come
+        read_ns = round((50.0 + 0.1 * k + waited_s) * 1e9)
+        follower.people_came(people(0.0, anna=(0.13 * k, 0.0)), read_ns, 0.0, waited_s)
+        answers = {answer.topic: answer.content for answer in follower.answers(0.0)}
+        assert answers["predictions"]["header"]["stamp"]["sec"] == 50 + k // 10
+        xs.append(answers["predictions/people"]["people"][0]["velocity"]["x"])
+    assert np.all(np.abs(np.array(xs[6:]) - 1.3) < 0.4)
+
+
 def test_who_waits_in_vain_is_left_out_and_the_log_says_what_is_missing(caplog):
     follower = follower_of(transform_timeout_s=0.2)
     for at_s in (100.0, 100.1):

@@ -236,9 +236,9 @@ class Follower:
 
         Args:
             raw: the message.
-            clock_ns: the clock of the stamps, for people without one.
+            clock_ns: the clock of the stamps now, for people without one.
             now_s: see the class.
-            waited_s: how long it lay in a queue, s.
+            waited_s: how long it lay in a queue, s; people without a stamp are of the time before.
         """
         self.counts.messages += 1
         self.heard_s = now_s
@@ -261,7 +261,8 @@ class Follower:
             _log.info(text, sorted(set(instant.others)))
         if not time_ns:
             _log.warning("people have no stamp: the time of their arrival is taken")
-            time_ns, instant = clock_ns, replace(instant, stamp_s=clock_ns / 1e9)
+            time_ns = max(clock_ns - round(waited_s * 1e9), 0)
+            instant = replace(instant, stamp_s=time_ns / 1e9)
         self._heard = instant
         if len(self._waiting) >= _MOST_WAITING:
             self._waiting.popleft()
