@@ -320,6 +320,20 @@ def test_who_has_no_id_among_others_is_forecast_under_a_number_that_stays(caplog
     assert "have no id" in caplog.text
 
 
+@pytest.mark.parametrize("first", [0, 12])
+def test_who_stands_stands_also_where_ids_come_and_go(first):
+    """The numbers of the nearest people are nobody's ids, so nobody seems to jump to where another one is."""
+    follower, places = follower_of(), [{"x": 0.0, "y": 0.8}, {"x": 0.0, "y": 0.0}]
+    for k in range(60):
+        names = ("", "") if (k + first) // 12 % 2 else ("2", "1")
+        people = [{"name": name, "position": at} for name, at in zip(names, places, strict=True)]
+        content = {"header": header(10**9 + k * 10**8), "people": people[:: 1 - 2 * (k % 2)]}
+        answers = answered(follower, serialize(PEOPLE, content))
+        here = answers["predictions/people"]["people"]
+        assert max(abs(person["velocity"][axis]) for person in here for axis in "xy") < 0.01
+        assert {person["name"] for person in here} <= {"1", "2", "#1", "#2", "#3", "#4", "#5", "#6"}
+
+
 @pytest.mark.parametrize("other", ["", str(2**32 + 1)])
 def test_viewers_keep_everybody_whatever_the_ids(other):
     """They keep one marker of each namespace and number, and numbers of markers have 32 bits."""

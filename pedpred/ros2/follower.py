@@ -355,7 +355,7 @@ class Follower:
         cloud = predictions_message(forecast.track_id, forecast.predictions, time_ns, frame)
         yield Answer(PREDICTIONS, PREDICTIONS_TYPE, cloud)
         names = self._identities.names
-        named = [names.get(int(track), str(track)) for track in forecast.track_id]
+        named = [self._identities.name(int(track)) for track in forecast.track_id]
         if names.keys() - self._named.keys():
             text = json.dumps({str(number): name for number, name in names.items()})
             yield Answer(NAMES, TEXT_TYPE, {"data": text})

@@ -21,7 +21,7 @@ _MESSAGES, _JUDGED, _FLEETING = 10, 100, 0.95
 """An id is known if it is in one of so many messages before. Of the last so many detections, a larger share
 without a known id means that ids do not stay with people."""
 _NAMELESS = -(2**62)
-"""Numbers of people without an id among others who have one begin here: no name has these."""
+"""Numbers of people without an id begin here, where others have one or may get one: no name has these."""
 _log = logging.getLogger(__name__)
 
 
@@ -36,6 +36,7 @@ class Identities:
     def __init__(self, how: str, kind: str):
         self._how, self._kind = how, kind
         self._assigns, self._nearest, self._numbers = how == "assigned", NearestTracks(), TrackNumbers()
+        self._first = 0 if how == "assigned" or kind in UNNAMED_TYPES else _NAMELESS
         self._used_s: dict[str, float] = {}
         self._names: dict[int, str] = {}
         self._unclear: deque[bool] = deque(maxlen=_MESSAGES)
@@ -46,6 +47,11 @@ class Identities:
     def names(self) -> dict[int, str]:
         """Number -> name of people who are there, or were just there, and whose name is not a number."""
         return self._names
+
+    def name(self, number: int) -> str:
+        """The name of a person of that number, or what stands for it: #1 is nobody's number."""
+        without = f"#{number - _NAMELESS}" if number < _NAMELESS // 2 else str(number)
+        return self._names.get(number, without)
 
     def number(self, one: Instant, place: np.ndarray) -> np.ndarray:
         """Number the people of a message. [D] int64.
@@ -64,7 +70,7 @@ class Identities:
                 "people have no ids that say who is who: the nearest one is taken, who may be another"
             )
             self._names = {}
-            return self._nearest.assign(one.stamp_s, place)
+            return self._first + self._nearest.assign(one.stamp_s, place)
         return self._named(one, place)
 
     def _judge(self, one: Instant) -> None:
@@ -116,5 +122,5 @@ class Identities:
                 nameless.sum(),
                 len(numbered),
             )
-            numbered[nameless] = _NAMELESS + self._nearest.assign(one.stamp_s, place[nameless])
+            numbered[nameless] = self._first + self._nearest.assign(one.stamp_s, place[nameless])
         return numbered
