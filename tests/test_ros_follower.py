@@ -202,6 +202,21 @@ def test_only_the_wanted_classes_are_people():
     for class_ids, expected in ((("person",), {1}), (("chair", "person"), {1, 2}), (("",), {1, 2})):
         follower = follower_of(people_type=BOXES, class_ids=class_ids)
         assert set(rows_of(answered(follower, raw)["predictions"])["track_id"]) == expected
+        told = told_values(follower, Latencies())["left out: detections of other classes"]
+        assert told == 2 - len(expected)
+        assert diagnose(follower, 0.0, 1, Counts())[0] == 0
+
+
+def test_diagnostics_say_that_nobody_is_of_a_wanted_class():
+    """As where a detector calls people 0; somebody who is makes it well."""
+    follower = follower_of(people_type=BOXES)
+    for k, (kind, level) in enumerate((("0", 1), ("person", 0), ("0", 0))):
+        pose = {"orientation": {"w": 1.0}}
+        box = {"id": "1", "results": [{"hypothesis": {"class_id": kind}}], "bbox": {"center": pose}}
+        stamp = header(10**9 + k * 10**8, "map")
+        answered(follower, serialize(BOXES, {"header": stamp, "detections": [box]}))
+        found, text = diagnose(follower, 0.0, 1, Counts())
+        assert (found, "class_ids" in text) == (level, bool(level))
 
 
 def test_nobody_is_an_answer_too(caplog):

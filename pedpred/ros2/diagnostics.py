@@ -61,6 +61,8 @@ def diagnose(
         problems.append("no people heard" + (published if others else ""))
     elif now_s - follower.forecast_s > _SILENT_S:
         problems.append("people are heard, but there is no forecast: see what is left out, and the log")
+    if follower.counts.others and not follower.counts.detections:
+        problems.append("no detection so far is of a class of people: see the log, and class_ids")
     messages = follower.counts.messages - before.messages
     left_out = follower.counts.left_out - before.left_out
     if left_out > _MANY_LEFT_OUT * messages:
@@ -104,6 +106,7 @@ def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
         "left out: something is wrong with it": counts.refused,
         "left out: lost before they were read": counts.missed,
         "left out: people without a forecast": counts.without_forecast,
+        "left out: detections of other classes": counts.others,
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
         "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",
     }

@@ -64,6 +64,8 @@ class Counts:
     missed: int = 0
     jumps: int = 0
     without_forecast: int = 0
+    detections: int = 0
+    others: int = 0
 
     @property
     def left_out(self) -> int:
@@ -256,6 +258,8 @@ class Follower:
             instant = Instant.of(message, kind, clock_ns / 1e9, self.settings.class_ids)
         stamp = message.header.stamp
         time_ns = stamp.sec * 10**9 + stamp.nanosec
+        self.counts.detections += len(instant.ids)
+        self.counts.others += len(instant.others)
         if instant.others:
             text = "left out: detections of class %s; parameter class_ids says who is a person"
             _log.info(text, sorted(set(instant.others)))

@@ -70,7 +70,9 @@ class NodeSettings:
         "a JSON file that keeps what was learned at the place, read at the start, written every minute and "
         "at the end; empty: it is learned again after each start",
     )
-    max_age_s: float = _told(0.5, "a person is forecast while the last detection is at most this old, s")
+    max_age_s: float = _told(
+        0.5, "a person is forecast while the last detection is at most this old, and at most 2 s, s"
+    )
     most_people: int = _told(1000, "of more people, those who came first are forecast, within about 0.5 s")
     occupancy_cell_m: float = _told(
         0.0, "side of the cells of `predicted_occupancy`, m; 0: it is not published", True
