@@ -123,6 +123,18 @@ def test_people_wait_for_the_transform_of_their_time():
     )
 
 
+def test_people_are_forecast_however_late_their_transforms_come_within_the_time_given():
+    """Here 4 s at 30 Hz, more messages than wait at once; where more come, the first ones have their turn."""
+    follower, told = follower_of(transform_timeout_s=6.0), []
+    for k in range(360):
+        at_s = 100.0 + k / 30
+        if at_s > 104.0:
+            raw = transforms(transform("map", "base_link", *robot(at_s - 4.0), at_s - 4.0))
+            follower.transforms_came(raw, at_s, False)
+        told.append("predictions" in answered(follower, people(at_s, "base_link", eve=(1.0, 0.0)), k / 30))
+    assert sum(told[150:]) > 0.7 * len(told[150:])
+
+
 def test_the_wait_for_a_transform_is_part_of_the_latency():
     """As is the time in the queue before."""
     follower = follower_of(transform_timeout_s=1.0)

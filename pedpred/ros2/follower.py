@@ -268,10 +268,10 @@ class Follower:
             time_ns = max(clock_ns - round(waited_s * 1e9), 0)
             instant = replace(instant, stamp_s=time_ns / 1e9)
         self._heard = instant
-        if len(self._waiting) >= _MOST_WAITING:
-            self._waiting.popleft()
+        if len(self._waiting) >= _MOST_WAITING:  # the first ones stay: their transforms come first
             self.counts.lost += 1
             _log.warning("people left out: %d messages wait for transforms", _MOST_WAITING)
+            return
         self._waiting.append(_Waiting(now_s - waited_s, now_s, clock_ns, time_ns, instant))
 
     def _decoded(self, raw: bytes, kind: str) -> Any:
