@@ -559,15 +559,15 @@ def test_who_is_not_heard_of_any_more_stays_in_no_costmap():
     assert {answer.topic for answer in follower.cleared(10**9, 0.0)} == told.keys()  # the node ends
 
 
-@pytest.mark.parametrize("clock_s", [2, 60, 104, 1000])
+@pytest.mark.parametrize("clock_s", [0, 2, 60, 104, 1000])
 def test_that_nobody_is_there_is_stamped_with_the_time_at_which_it_is_said(clock_s):
     """Wherever the clock has jumped since, as in a simulation that begins again; stamps are 3 s behind it."""
     follower = follower_of()
     follower.people_came(people(97.0, anna=(1.0, 0.0)), 100 * 10**9, 0.0)
     assert list(follower.answers(0.0))
     told = {answer.topic: answer.content for answer in follower.cleared(clock_s * 10**9)}
-    assert told["predictions"]["header"]["stamp"] == {"sec": clock_s - 3, "nanosec": 0}
-    assert told[MARKERS]["markers"][0]["header"]["stamp"] == {"sec": clock_s - 3, "nanosec": 0}
+    said = {"sec": max(clock_s - 3, 0), "nanosec": 0}  # none is before 0, which readers refuse
+    assert told["predictions"]["header"]["stamp"] == told[MARKERS]["markers"][0]["header"]["stamp"] == said
 
 
 @pytest.mark.parametrize("end", ["unheard", "switched off"])

@@ -323,7 +323,7 @@ class Follower:
             return
         self._shown, self.counts.people = None, 0
         gone = nobody(forecast, forecast.time_s + gone_ns / 1e9)
-        yield from self._contents(gone, of.time_ns + gone_ns, self._map.frame)
+        yield from self._contents(gone, max(of.time_ns + gone_ns, 0), self._map.frame)
 
     def _answered(self, waiting: _Waiting, frame: str) -> Iterator[Answer]:
         one = waiting.instant
