@@ -7,11 +7,13 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import pytest
 import yaml
 
+from pedpred.ros2.events import no_callbacks
 from pedpred.ros2.outputs import output_types
 from pedpred.ros2.settings import NodeSettings, fields_of
 
@@ -87,6 +89,15 @@ def test_colcon_can_read_the_package():
     command = [ROOT / "build/ros/bin/python", "-c", script, PACKAGE]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["event_handler", "qos_event"])
+def test_events_are_silent_in_releases_that_call_their_module_so(name, monkeypatch):
+    """The second one is that of Humble, the first one that of all releases since."""
+    has = {"SubscriptionEventCallbacks": lambda use_default_callbacks: [use_default_callbacks]}
+    for each in ("event_handler", "qos_event"):
+        monkeypatch.setitem(sys.modules, f"rclpy.{each}", SimpleNamespace(**has) if each == name else None)
+    assert no_callbacks() == [False]
 
 
 def test_both_packages_have_one_version():

@@ -13,7 +13,6 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
@@ -26,6 +25,7 @@ from pedpred.ros.planning import GRID_TYPE
 from pedpred.ros.turned_maps import warm_up_turning
 from pedpred.ros2.arrivals import Arrivals
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
+from pedpred.ros2.events import no_callbacks
 from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
 from pedpred.ros2.log import RosHandler
 from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, Answer, output_types
@@ -226,7 +226,7 @@ class PedpredNode(LifecycleNode):
         self._own, self._sinks, self._follower, self._retry = [], {}, None, None
 
     def _listen(self, kind: str, topic: str, callback: Callable[[bytes], None], qos: QoSProfile) -> None:
-        made, silent = _message_class(kind), SubscriptionEventCallbacks(use_default_callbacks=False)
+        made, silent = _message_class(kind), no_callbacks()
         self._own.append(
             self.create_subscription(
                 made, topic, self._guarded(topic, callback), qos, event_callbacks=silent, raw=True
