@@ -13,7 +13,7 @@ from pedpred.ros2.follower import Follower
 from pedpred.ros2.grounds import Grounds
 from pedpred.ros2.settings import NodeSettings
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
-from tests.test_ros_follower import GRID, answered, people
+from tests.test_ros_follower import GRID, answered, follower_of, people
 
 MAP = OccupancyMap(np.zeros((30, 30), bool), np.array([-1.0, -1.0]), 0.2)
 
@@ -70,7 +70,7 @@ def test_a_ground_holds_all_cells_on_which_somebody_was_just_shown(frames):
     for wait_s, x, is_mapped, is_somebody in frames:
         now_s += wait_s
         people_here = walkers_at(x) if is_somebody else walkers_at()
-        ground = grounds.ground(people_here, MAP if is_mapped else None, "map", 0.2)
+        ground, _ = grounds.ground(people_here, MAP if is_mapped else None, "map", 0.2)
         assert ground.resolution_m == 0.2
         for then_s, before in shown:
             assert now_s - then_s > 3.0 or holds(cells_of(ground), before)
@@ -83,7 +83,8 @@ def test_a_ground_holds_all_cells_on_which_somebody_was_just_shown(frames):
 def test_without_a_map_a_ground_holds_everybody_who_is_expected():
     """With larger cells, where there would be too many, too."""
     for xs in ((0.0,), (0.0, 80.0), (0.0, 400.0)):
-        ground = Grounds(lambda: 0.0, 0.1).ground(walkers_at(*xs), None, "map", 0.1)
+        ground, shown = Grounds(lambda: 0.0, 0.1).ground(walkers_at(*xs), None, "map", 0.1)
+        assert len(shown) == len(xs)
         corners = cells_of(ground).reshape(2, 2)
         wide = OccupancyMap.free_around(corners, 5.0, ground.resolution_m)
         shares = predicted_occupancy(walkers_at(*xs), wide).max(axis=0)
@@ -92,17 +93,35 @@ def test_without_a_map_a_ground_holds_everybody_who_is_expected():
         assert ((low < cells) & (cells < high)).all()
 
 
+@pytest.mark.parametrize("far_m", [600.0, 5e3, 1e7])
+def test_a_false_detection_far_away_hides_nobody(far_m, caplog):
+    """Where most people are counts, and of two people the place where somebody was shown."""
+    follower = follower_of(occupancy_cell_m=0.1)
+    for k in range(8):
+        far = {"far": (far_m, far_m)} if k > 3 else {}
+        answers = answered(follower, people(1.0 + k / 10, **far, anna=(1.0, 0.0)))
+        grid = answers["predicted_occupancy/horizon"]
+        assert grid["info"]["resolution"] < 0.31
+        assert grid["data"].max() > 30
+        assert ("1 of 2 people are too far from the others" in caplog.text) == bool(far)
+    grounds = Grounds(lambda: 0.0, 0.1)
+    grounds.ground(walkers_at(1e6), None, "map", 0.1)
+    ground, shown = grounds.ground(walkers_at(0.0, 1e6, 1.0, 2.0), None, "map", 0.1)
+    assert shown.path[:, 0, 0, 0].tolist() == [0.0, 1.0, 2.0]
+    assert ground.resolution_m == 0.1
+
+
 def test_a_ground_returns_to_what_people_need():
     """After three seconds; at once in another frame, and where cells would be larger."""
     now_s, one = 0.0, walkers_at(1.0)
     grounds = Grounds(lambda: now_s, 0.1)
-    alone = cells_of(Grounds(lambda: 0.0, 0.1).ground(one, None, "map", 0.1))
+    alone = cells_of(Grounds(lambda: 0.0, 0.1).ground(one, None, "map", 0.1)[0])
     grounds.ground(walkers_at(7.0), None, "odom", 0.1)
-    assert not holds(alone, cells_of(grounds.ground(one, None, "odom", 0.1)))
-    assert holds(alone, cells_of(grounds.ground(one, None, "map", 0.1)))
+    assert not holds(alone, cells_of(grounds.ground(one, None, "odom", 0.1)[0]))
+    assert holds(alone, cells_of(grounds.ground(one, None, "map", 0.1)[0]))
     grounds.ground(walkers_at(1e5), None, "map", 0.1)
-    assert holds(alone, cells_of(grounds.ground(one, None, "map", 0.1)))
+    assert holds(alone, cells_of(grounds.ground(one, None, "map", 0.1)[0]))
     grounds.ground(walkers_at(7.0), None, "map", 0.1)
     now_s = 3.1
-    assert holds(alone, cells_of(grounds.ground(one, None, "map", 0.1)))
-    assert holds(alone, cells_of(grounds.ground(walkers_at(), None, "map", 0.1)))
+    assert holds(alone, cells_of(grounds.ground(one, None, "map", 0.1)[0]))
+    assert holds(alone, cells_of(grounds.ground(walkers_at(), None, "map", 0.1)[0]))

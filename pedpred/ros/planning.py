@@ -196,6 +196,12 @@ def fitting_ground(ground: OccupancyMap, cell_m: float, steps: int) -> Occupancy
         cell_m: side of a cell; larger where there would be too many cells, m.
         steps: of the forecasts.
     """
-    most, (width_m, height_m) = MOST_CELLS / steps, ground.extent_m.tolist()
-    least_m = max(np.sqrt(2.0 * width_m * height_m / most), 2.0 * (width_m + height_m) / (most - 2.0))
-    return ground.free(max(cell_m, float(least_m)))  # (w/c + 1) (h/c + 1) <= most, as cells are whole
+    return ground.free(max(cell_m, float(least_cell_m(ground.extent_m, steps))))
+
+
+def least_cell_m(extent_m: np.ndarray, steps: int) -> np.ndarray:
+    """The smallest side of a cell for grids of so many steps on a ground of a size, m. [..., 2] -> [...]."""
+    most, (width_m, height_m) = MOST_CELLS / steps, np.moveaxis(np.asarray(extent_m), -1, 0)
+    side_m = np.sqrt(2.0 * width_m * height_m / most)
+    along_m = 2.0 * (width_m + height_m) / (most - 2.0)
+    return np.asarray(np.maximum(side_m, along_m))  # (w/c + 1) (h/c + 1) <= most, as cells are whole

@@ -84,14 +84,11 @@ class Views:
             return
         if not is_on:
             forecast = nobody(forecast, forecast.time_s)
-        ground = self._grounds.ground(forecast.predictions, there, frame, cell_m)
-        if there is not None and ground.resolution_m > cell_m > 0:
-            _log.warning(
-                "predicted_occupancy has cells of %.2f m: the map is large for smaller ones",
-                ground.resolution_m,
-            )
-        grids = grid_messages(
-            forecast.predictions, ground, time_ns, frame, True, wanted.__contains__, detail_m=_DETAIL_M
-        )
+        ground, shown = self._grounds.ground(forecast.predictions, there, frame, cell_m)
+        if ground.resolution_m > cell_m > 0:
+            reason = "people are far apart" if there is None else "the map is large"
+            text = "predicted_occupancy has cells of %.2f m: %s for smaller ones"
+            _log.warning(text, ground.resolution_m, reason)
+        grids = grid_messages(shown, ground, time_ns, frame, True, wanted.__contains__, detail_m=_DETAIL_M)
         for topic, content in grids.items():
             yield Answer(topic.lstrip("/"), GRID_TYPE, content)
