@@ -136,6 +136,13 @@ def test_a_picture_of_curves_is_not_the_table_and_needs_one(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("speed_mps", [5.7, 8.0])
+def test_a_robot_that_brakes_for_longer_than_a_manoeuvre_lasts_is_refused(speed_mps, tmp_path):
+    with pytest.raises(SystemExit, match=r"--speed-mps = .* end in standstill: it must be at most 5\.6"):
+        driven(tmp_path / "table.csv", "--episodes", "1", "--speed-mps", str(speed_mps))
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_run_that_drives_nothing_leaves_no_table(tmp_path):
     with pytest.raises(SystemExit, match="no way of 5 to 10 m"):
         driven(tmp_path / "table.csv", "--episodes", "1", "--method", "standing", "--radius-m", "5")

@@ -129,13 +129,15 @@ def check_drive(arguments: argparse.Namespace) -> None:
 
     Raises:
         ValueRuleError: both a scene and a world are named, or neither; an option has no meaning for what is
-            named; a recording has another suffix than .mcap or .png, or is of the true future or several
-            drives; a picture is no .png or has the name of the table; curves are asked for beside one.
+            named; the robot brakes for longer than a manoeuvre lasts; a recording has another suffix than
+            .mcap or .png, or is of the true future or several drives; a picture is no .png or has the name of
+            the table; curves are asked for beside one.
         OutputError: a picture is asked for, but matplotlib is not installed.
     """
     if (arguments.scene is None) == (arguments.world is None):
         raise ValueRuleError("scene", str(arguments.scene), "name either a scene or --world")
     _check_meaning(arguments)
+    _check_braking(Robot(arguments.robot, arguments.radius_m, arguments.speed_mps), PlannerSettings())
     if arguments.table is None:
         name = arguments.scene.stem if arguments.world is None else _worlds(arguments).name
         arguments.table = Path(f"{name}_drives.csv")
@@ -167,6 +169,18 @@ def check_drive(arguments: argparse.Namespace) -> None:
         rule = "it holds one drive: give one --method and one --risk, or a name that ends in .png"
         raise ValueRuleError("--record", several, rule)
     arguments.episode = arguments.episode or 0
+
+
+def _check_braking(robot: Robot, planner: PlannerSettings) -> None:
+    """Check that a manoeuvre can have a step at full speed and end in standstill.
+
+    Raises:
+        ValueRuleError: the robot is too fast for that.
+    """
+    most_mps = robot.braking_mps2 * (planner.horizon_s - 2 * planner.dt_s)
+    if robot.speed_mps > most_mps + 1e-9:
+        rule = f"manoeuvres of {planner.horizon_s:g} s end in standstill: it must be at most {most_mps:g}"
+        raise ValueRuleError("--speed-mps", robot.speed_mps, rule)
 
 
 def _check_meaning(arguments: argparse.Namespace) -> None:
