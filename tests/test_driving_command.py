@@ -128,6 +128,13 @@ def test_a_recording_holds_one_drive(options, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_what_to_leave_out_of_a_recording_is_named(tmp_path):
+    options = "--record", str(tmp_path / "x.mcap"), "--method", "modes", "--risk", "0.1"
+    with pytest.raises(SystemExit, match=r"other at 0\.1'.* one --method and one --risk, and no --compare"):
+        main(["drive", CORNER, *options, "--compare", f"other={ROOT / 'models/online/default'}"])
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_picture_of_curves_is_not_the_table_and_needs_one(tmp_path):
     picture = str(tmp_path / "curves.png")
     for other in (["--table", str(tmp_path / "." / "curves.png")], ["--record", str(tmp_path / "one.png")]):

@@ -166,7 +166,8 @@ def check_drive(arguments: argparse.Namespace) -> None:
     drives = models.conditions(arguments.method, arguments.risk)
     if not picture and len(drives) > 1:
         several = ", ".join(f"{one.method} at {one.risk:g}" for one in drives)
-        rule = "it holds one drive: give one --method and one --risk, or a name that ends in .png"
+        rule = "it holds one drive: give one --method and one --risk{}, or a name that ends in .png"
+        rule = rule.format(", and no --compare" if models.others else "")
         raise ValueRuleError("--record", several, rule)
     arguments.episode = arguments.episode or 0
 
