@@ -110,13 +110,16 @@ def test_an_episode_is_recorded_with_the_robot(tmp_path):
         ("--world room", "--open-end 0 0 1 1"),
         (CORNER, "--people react"),
         (CORNER, "--episode 3"),
+        (f"{CORNER} --record x.png", "--table drives.csv"),
+        (f"{CORNER} --record x.png", "--episodes 3"),
+        (f"{CORNER} --record x.png", "--processes 2"),
     ],
 )
 def test_an_option_without_a_meaning_is_refused_before_a_drive(place, option, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "people.mcap").touch()
     with pytest.raises(SystemExit, match=rf"{option.split()[0]} = .* it is about|walk as they did"):
-        main(["drive", *place.split(), *option.split(), "--episodes", "1"])
+        main(["drive", *place.split(), *option.split()])
     assert [path.name for path in tmp_path.iterdir()] == ["people.mcap"]
 
 
@@ -139,7 +142,7 @@ def test_a_picture_of_curves_is_not_the_table_and_needs_one(tmp_path):
     picture = str(tmp_path / "curves.png")
     for other in (["--table", str(tmp_path / "." / "curves.png")], ["--record", str(tmp_path / "one.png")]):
         with pytest.raises(SystemExit, match="--curves"):
-            main(["drive", CORNER, "--episodes", "1", "--curves", picture, *other])
+            main(["drive", CORNER, "--curves", picture, *other])
     assert not list(tmp_path.iterdir())
 
 
@@ -148,6 +151,20 @@ def test_a_robot_that_brakes_for_longer_than_a_manoeuvre_lasts_is_refused(speed_
     with pytest.raises(SystemExit, match=r"--speed-mps = .* end in standstill: it must be at most 5\.6"):
         driven(tmp_path / "table.csv", "--episodes", "1", "--speed-mps", str(speed_mps))
     assert not list(tmp_path.iterdir())
+
+
+def test_one_episode_needs_no_place_for_a_table(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "people_drives.csv").mkdir()
+    main(["drive", CORNER, "--record", "x.mcap", "--method", "standing"])
+    assert {"x.mcap", "x.foxglove.json"} < {path.name for path in tmp_path.iterdir()}
+
+
+def test_a_layout_that_cannot_be_written_is_said_before_a_drive(tmp_path):
+    (tmp_path / "x.foxglove.json").mkdir()
+    with pytest.raises(SystemExit, match=r"x\.foxglove\.json: .* a folder is there"):
+        main(["drive", CORNER, "--record", str(tmp_path / "x.mcap"), "--method", "standing"])
+    assert [path.name for path in tmp_path.iterdir()] == ["x.foxglove.json"]
 
 
 def test_a_run_that_drives_nothing_leaves_no_table(tmp_path):

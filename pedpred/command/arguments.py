@@ -100,11 +100,12 @@ def check(arguments: argparse.Namespace) -> None:
         refuse_overwriting(output, arguments.force)
     if arguments.action is drive:
         check_drive(arguments)
-        _check_output(arguments.table, inputs)
-        if arguments.curves is not None:
-            _check_output(arguments.curves, inputs)
+        outputs = [arguments.table, arguments.curves, arguments.record]
+        if arguments.record is not None and arguments.record.suffix == ".mcap":
+            outputs.append(layout_of(arguments.record))
+        for output in filter(None, outputs):
+            _check_output(output, inputs)
         if arguments.record is not None:
-            _check_output(arguments.record, inputs)
             refuse_overwriting(arguments.record, arguments.force)
     if figures := getattr(arguments, "json", None):
         _check_output(figures, inputs)
@@ -161,18 +162,24 @@ def _named(text: str) -> tuple[str, Path]:
     return name, named_path(folder)
 
 
+def _about(command: Any, what: str) -> Callable[..., None]:
+    """Adds options that are about something: `about_WHAT` holds the field and the usual value of each."""
+    about: dict[str, tuple[str, Any]] = {}
+    command.set_defaults(**{f"about_{what}": about})
+
+    def option(name: str, *others: str, **how: Any) -> None:
+        added = command.add_argument(name, *others, **how)
+        about[name] = added.dest, added.default
+
+    return option
+
+
 def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: str | None = None) -> Any:
     """Add a subcommand named after its function, which reads one scene or several."""
     command = commands.add_parser(action.__name__, help=action.__doc__, description=action.__doc__)
     command.set_defaults(action=action)
     command.add_argument("scene", type=named_path, nargs=scenes, help=_SCENE)
-    about: dict[str, tuple[str, Any]] = {}
-
-    def option(name: str, *others: str, **how: Any) -> None:
-        """An option that is about a recording."""
-        added = command.add_argument(name, *others, **how)
-        about[name] = added.dest, added.default
-
+    option = _about(command, "recordings")
     option("--topic", help="of a bag's people, if several topics carry people")
     grids = "of a bag's map, if it is not called map (default: the one that is not a costmap); '': no map"
     option("--map-topic", help=grids)
@@ -197,7 +204,6 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"
     ends = ("X1", "Y1", "X2", "Y2")
     option("--open-end", type=float, nargs=4, metavar=ends, action="append", default=[], help=end)
-    command.set_defaults(about_recordings=about)
     return command
 
 
@@ -254,8 +260,9 @@ def _drives(command: argparse.ArgumentParser) -> None:
     shown = "tell the forecaster where the robot is, as one more person"
     command.add_argument("--shown", action="store_true", help=shown)
     table = "drives are kept there, and not repeated (default: NAME_drives.csv in the current folder)"
-    command.add_argument("--table", type=named_path, metavar="CSV", help=table)
-    command.add_argument("--episodes", type=_number(int, 1, 1e6), default=100, help="number (default 100)")
+    of_tables = _about(command, "tables")
+    of_tables("--table", type=named_path, metavar="CSV", help=table)
+    of_tables("--episodes", type=_number(int, 1, 1e6), default=100, help="number (default 100)")
     command.add_argument("--method", choices=NAMES, action="append", help="may be repeated (default: all)")
     limit = "limits of the probability to overlap somebody, one or several (default 0.02 0.05 0.1 0.2 0.4)"
     rate = _number(float, 0.0, 0.99)
@@ -281,9 +288,9 @@ def _drives(command: argparse.ArgumentParser) -> None:
     missed = f"share of missing detections (default {sensor.missed:g})"
     command.add_argument("--missed", type=_number(float, 0.0, 0.99), default=sensor.missed, help=missed)
     processes = "worker processes (default 1)"
-    command.add_argument("--processes", type=_number(int, 1, 1000), default=1, help=processes)
+    of_tables("--processes", type=_number(int, 1, 1000), default=1, help=processes)
     picture = "draw collisions over the time to the goal there, a curve for each method"
-    command.add_argument("--curves", type=named_path, metavar="NAME.png", help=picture)
+    of_tables("--curves", type=named_path, metavar="NAME.png", help=picture)
     record = "write one episode instead: of one method (default: modes) as MCAP, or a picture of several"
     command.add_argument("--record", type=named_path, metavar="NAME.mcap|NAME.png", help=record)
     which = "number of the episode to record (default 0)"

@@ -131,22 +131,20 @@ def check_drive(arguments: argparse.Namespace) -> None:
         ValueRuleError: both a scene and a world are named, or neither; an option has no meaning for what is
             named; the robot brakes for longer than a manoeuvre lasts; a recording has another suffix than
             .mcap or .png, or is of the true future or several drives; a picture is no .png or has the name of
-            the table; curves are asked for beside one.
+            the table.
         OutputError: a picture is asked for, but matplotlib is not installed.
     """
     if (arguments.scene is None) == (arguments.world is None):
         raise ValueRuleError("scene", str(arguments.scene), "name either a scene or --world")
     _check_meaning(arguments)
     _check_braking(Robot(arguments.robot, arguments.radius_m, arguments.speed_mps), PlannerSettings())
-    if arguments.table is None:
+    if arguments.table is None and arguments.record is None:
         name = arguments.scene.stem if arguments.world is None else _worlds(arguments).name
         arguments.table = Path(f"{name}_drives.csv")
     if arguments.curves is not None and arguments.curves.suffix != ".png":
         raise ValueRuleError("--curves", str(arguments.curves), "the name of a picture ends in .png")
     if arguments.curves is not None and arguments.curves.resolve() == arguments.table.resolve():
         raise ValueRuleError("--curves", str(arguments.curves), "it is the table of drives: name another")
-    if arguments.curves is not None and arguments.record is not None:
-        raise ValueRuleError("--curves", str(arguments.curves), "one episode (--record) has no curves")
     pictures = [
         path for path in (arguments.curves, arguments.record) if path is not None and path.suffix == ".png"
     ]
@@ -195,6 +193,11 @@ def _check_meaning(arguments: argparse.Namespace) -> None:
     if arguments.record is None and arguments.episode is not None:
         rule = "it is about --record; --episodes is the number of drives"
         raise ValueRuleError("--episode", arguments.episode, rule)
-    for name, (field, usual) in arguments.about_recordings.items():
-        if arguments.world is not None and (value := getattr(arguments, field)) != usual:
-            raise ValueRuleError(name, str(value), "it is about a recording; --world has none: omit one")
+    without = (
+        (arguments.world, arguments.about_recordings, "a recording; --world has none"),
+        (arguments.record, arguments.about_tables, "a table of drives; --record writes one episode"),
+    )
+    for other, about, reason in without:
+        for name, (field, usual) in about.items():
+            if other is not None and (value := getattr(arguments, field)) != usual:
+                raise ValueRuleError(name, str(value), f"it is about {reason}: omit one")
