@@ -214,6 +214,22 @@ def test_another_network_is_compared_by_its_name(tmp_path, capsys):
         assert why in f"{refused.value}{capsys.readouterr().err}"
 
 
+def test_networks_have_different_names(tmp_path):
+    folder = ROOT / "models/online/default"
+    both = "--compare", f"other={folder}", "--compare", f"other={folder}/../default"
+    with pytest.raises(SystemExit, match=r"--compare = 'other', but .*default is called so: name .*default"):
+        driven(tmp_path / "table.csv", "--episodes", "1", "--method", "standing", *both)
+
+
+def test_drives_of_a_network_that_is_not_named_say_so(tmp_path):
+    driven(table := tmp_path / "table.csv", "--episodes", "1", "--method", "standing")
+    lines = table.read_text().replace("standing", "other")
+    table.write_text(lines)
+    with pytest.raises(SystemExit, match=r"drives of other, a network .* Name its folder \(--compare\)"):
+        driven(table, "--episodes", "2", "--method", "standing")
+    assert table.read_text() == lines
+
+
 def test_worlds_are_driven_in_like_a_scene(tmp_path, capsys):
     table = tmp_path / "worlds.csv"
     asked = [

@@ -44,7 +44,7 @@ def drive(arguments: argparse.Namespace) -> None:
         seed=arguments.seed,
         shown=arguments.shown,
     )
-    models = Models(arguments.model or default_model(), dict(arguments.compare or ()))
+    models = _models(arguments)
     places: Places = Recording(read_given(arguments)) if arguments.world is None else _worlds(arguments)
     asked = models.conditions(arguments.method or NAMES, arguments.risk or _RISKS)
     if arguments.record is not None:
@@ -85,9 +85,12 @@ def _known(path: Path, places: Places, settings: DriveSettings, models: Models) 
     """Rows of earlier runs.
 
     Raises:
-        StorageError: they are of another recording, robot or model.
+        StorageError: they are of another recording, robot or model, or of a network that is not named.
     """
     rows = read_table(path) if path.exists() else []
+    if unnamed := sorted({row.condition.method for row in rows} - {*NAMES, *models.others}):
+        problem = f"it has drives of {', '.join(unnamed)}, a network that is not named now"
+        raise StorageError(path, "method", problem, "Name its folder (--compare), or another table (--table)")
     sums = {
         method: checksum(places, settings, models.of(method)) for method, _ in {r.condition for r in rows}
     }
@@ -118,6 +121,20 @@ def _record(runner: Runner, asked: Sequence[Condition], arguments: argparse.Name
     write_drive(done, seen, episode, method, runner.predictor.protocol, arguments.record)
     write_layout(seen.occupancy, set(), layout_of(arguments.record))
     _log.info("%s: episode %d, %s, in %s", place.name, arguments.episode, method, arguments.record)
+
+
+def _models(arguments: argparse.Namespace) -> Models:
+    """The networks.
+
+    Raises:
+        ValueRuleError: two of them have one name, or a name is none of a network.
+    """
+    others: dict[str, Path] = {}
+    for name, folder in arguments.compare or ():
+        if name in others:
+            raise ValueRuleError("--compare", name, f"{others[name]} is called so: name {folder} otherwise")
+        others[name] = folder
+    return Models(arguments.model or default_model(), others)
 
 
 def _worlds(arguments: argparse.Namespace) -> Worlds:
@@ -160,7 +177,7 @@ def check_drive(arguments: argparse.Namespace) -> None:
     arguments.risk = arguments.risk or [0.1]
     if not picture and arguments.method[0] == TRUTH:
         raise ValueRuleError("--method", TRUTH, "it makes no forecasts that a recording holds")
-    models = Models(arguments.model or default_model(), dict(arguments.compare or ()))
+    models = _models(arguments)
     drives = models.conditions(arguments.method, arguments.risk)
     if not picture and len(drives) > 1:
         several = ", ".join(f"{one.method} at {one.risk:g}" for one in drives)
