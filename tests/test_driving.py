@@ -20,6 +20,7 @@ from pedpred.driving.sensor import Faults, SensorSettings, visible
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import Forecast, OccupancyMap, Predictions, Scene, Trajectories
+from tests.conftest import ROOT
 from tests.worlds import blocked, empty_map
 
 DT_S = 0.1
@@ -140,6 +141,29 @@ def test_the_probability_of_an_overlap_is_about_that_of_samples(seed):
     assert -0.05 < own - share < 0.15
 
 
+@pytest.mark.parametrize(("ratio", "low", "high"), [(3.0, -0.08, 0.14), (15.0, -0.1, 0.4)])
+def test_the_page_says_by_how_much_the_probability_is_wrong(ratio, low, high):
+    """Beside sums over a fine grid; `ratio`: of the largest deviation to the least, at most."""
+    rng, axis = np.random.default_rng(0), np.linspace(-REACH_M, REACH_M, 101)
+    disc = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    disc, apart = disc[np.hypot(*disc.T) <= REACH_M], []
+    for _ in range(600):
+        long, distance, angle = np.exp(rng.uniform(-3, 0.7)), rng.uniform(0, 2.5), rng.uniform(0, np.pi)
+        short = max(long / rng.uniform(1, ratio), 0.04)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        covariance = turn @ np.diag([long**2, short**2]) @ turn.T
+        away = disc - [distance, 0.0]
+        density = np.exp(-0.5 * (away @ np.linalg.inv(covariance) * away).sum(axis=1)).mean()
+        exact = 0.5 * REACH_M**2 * density / (long * short)
+        (xx, xy), (_, yy) = covariance
+        apart.append(overlap(distance, 0.0, xx, xy, yy, REACH_M) - exact)
+    assert low < min(apart)
+    assert max(apart) < high
+    assert max(apart) > 0.5 * high
+    page = (ROOT / "docs/driving.md").read_text()
+    assert f"{low:g} to +{high:g}" in page or f"up to {high:g} too much" in page
+
+
 @pytest.mark.parametrize("distance_m", [0.0, 0.3, 0.59])
 def test_an_exact_forecast_overlaps_or_not(distance_m):
     for angle in np.linspace(0, 2 * np.pi, 9):
@@ -165,6 +189,14 @@ def test_manoeuvres_keep_the_limits_and_end_in_standstill(kind):
             slower = np.hypot(before[3], before[4] if kind == "holonomic" else 0.0)
             assert faster - slower <= robot.acceleration_mps2 * DT_S + 1e-9
         assert np.hypot(*state[3:]) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"), [("differential", "{} manoeuvres"), ("holonomic", "holonomic: {})")]
+)
+def test_the_page_says_how_many_manoeuvres_there_are(kind, words):
+    count = len(Robot(kind).manoeuvres(0.0, 30, 7, 23)) + 1  # and the one under way
+    assert words.format(count) in (ROOT / "docs/driving.md").read_text()
 
 
 @pytest.mark.parametrize("kind", KINDS)
