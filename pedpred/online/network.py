@@ -32,6 +32,7 @@ _PROTOCOL = {"dt_s": "[0.01, 10]", "horizon_steps": "[1, 1000]", "lost_after_s":
 _NOISE = {"acceleration_noise": "(0, 1000]", "position_noise_m": "(0, 100]", "initial_speed_mps": "(0, 100]"}
 GRAPH, ABOUT = "network.onnx", "model.json"
 _REMEDY = "Export the model again or copy the folder again"
+_FEWER = "Lack of memory: let OnlineSettings.most_people be less. Anything else: export the model again"
 Shape = tuple[int, ...]
 
 
@@ -221,8 +222,9 @@ class ExportedNetwork:
                 are not those described, or weights are in other files.
         """
         path = folder / GRAPH
-        self._wording = partial(StorageError, path, "graph", remedy=_REMEDY)
-        with translate_errors(self._wording):
+        wording = partial(StorageError, path, "graph")
+        self._failed = partial(wording, remedy=_FEWER)
+        with translate_errors(partial(wording, remedy=_REMEDY)):
             self._session = load_graph(read_bytes(path, _LARGEST_BYTES), *description.ends())
         self._about = description
 
@@ -236,7 +238,7 @@ class ExportedNetwork:
         Raises:
             StorageError: the graph fails, as when it would take more than `MOST_MEMORY_BYTES`.
         """
-        with translate_errors(self._wording):
+        with translate_errors(self._failed):
             values = self._session.run(None, {**inputs, **memory})
         return self._answer(values)
 
