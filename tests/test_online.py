@@ -1,7 +1,9 @@
 """On the robot: the same forecasts as offline, whatever the stream does."""
 
+import copy
 import json
 import logging
+import pickle
 import shutil
 from dataclasses import replace
 
@@ -87,6 +89,38 @@ def test_people_may_come_and_go_in_any_order_of_ids(model):
         b = robots[1].update(k * 0.2, ids[shuffle], position[shuffle])
         np.testing.assert_array_equal(a.track_id, b.track_id)
         np.testing.assert_allclose(a.position, b.position, atol=1e-5)
+
+
+def unpickled(robot):
+    return pickle.loads(pickle.dumps(robot))  # noqa: S301 (of our own making)
+
+
+@pytest.mark.parametrize("of", ["model", "mixture"])
+@pytest.mark.parametrize("copied", [copy.deepcopy, unpickled])
+def test_a_copy_goes_on_by_itself(copied, request, of):
+    robot, ids = OnlinePredictor.load(request.getfixturevalue(of)[0]), [1, 2]
+    for k in range(8):
+        robot.update(0.1 * k, ids, [[0.1 * k, 0.0], [2.0, 0.1 * k]])
+    other = copied(robot)
+    for k in range(8, 12):
+        there = [[0.1 * k, 0.0], [2.0, 0.1 * k]]
+        one = robot.update(0.1 * k, ids, there)
+        assert (one.position == other.update(0.1 * k, ids, there).position).all()
+    robot.reset()
+    assert len(other.update(1.1, [], [])) == 2  # a repeated frame
+    for given in (copied(other).update(1.1, [], []), other.update(1.2, [1], [[1.2, 0.0]])):
+        with pytest.raises(ValueError, match="read-only"):
+            given.position[:] = 0.0
+
+
+def test_a_copy_of_another_network_is_refused(model, tmp_path):
+    shutil.copytree(model[0], tmp_path / "model")
+    sent = pickle.dumps(OnlinePredictor.load(tmp_path / "model"))
+    graph = onnx.load(tmp_path / "model" / "network.onnx")
+    graph.producer_name = "another"
+    onnx.save(graph, tmp_path / "model" / "network.onnx")
+    with pytest.raises(StorageError, match=r"network\.onnx, checksum: it is another network"):
+        pickle.loads(sent)  # noqa: S301 (of our own making)
 
 
 def test_an_altered_model_folder_is_refused(model, tmp_path):

@@ -212,7 +212,7 @@ class Answer(NamedTuple):
 
 
 class ExportedNetwork:
-    """The network of a model folder; one thread, no state of its own."""
+    """The network of a model folder; one thread, no state of its own. Pickled, it is read again there."""
 
     def __init__(self, folder: Path, description: ModelDescription):
         """Load the graph.
@@ -222,11 +222,19 @@ class ExportedNetwork:
                 are not those described, or weights are in other files.
         """
         path = folder / GRAPH
+        raw = read_bytes(path, _LARGEST_BYTES)
+        self._folder, self._checksum = folder.absolute(), _digest(raw)
         wording = partial(StorageError, path, "graph")
         self._failed = partial(wording, remedy=_FEWER)
         with translate_errors(partial(wording, remedy=_REMEDY)):
-            self._session = load_graph(read_bytes(path, _LARGEST_BYTES), *description.ends())
+            self._session = load_graph(raw, *description.ends())
         self._about = description
+
+    def __deepcopy__(self, memo: dict[int, object]) -> ExportedNetwork:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _read_again, (self._folder, self._about, self._checksum)
 
     def step(self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]) -> Answer:
         """One step of N people.
@@ -257,3 +265,15 @@ class ExportedNetwork:
         return Answer(
             sound, predictions_of(outputs, self._about.protocol.dt_s), outputs["velocities"], memory
         )
+
+
+def _read_again(folder: Path, description: ModelDescription, checksum: str) -> ExportedNetwork:
+    """The network that was pickled.
+
+    Raises:
+        StorageError: the folder holds none any more, or another one.
+    """
+    network = ExportedNetwork(folder, description)
+    if network._checksum != checksum:
+        raise StorageError(folder / GRAPH, "checksum", "it is another network than the pickled one", _REMEDY)
+    return network

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class OnlinePredictor:
     instants, from what was known then. A network without memory has no steps; people choose among its modes
     together (`pedpred.forecasting.selection`), and trust in it and its regions learn from what people did
     (`pedpred.forecasting.trust`, `pedpred.forecasting.regions`). One object serves one stream; it is not
-    thread-safe.
+    thread-safe. A copy (`copy.deepcopy`, `pickle`) goes on by itself.
     """
 
     def __init__(self, folder: Path | str, settings: OnlineSettings | None = None):
@@ -59,6 +60,11 @@ class OnlinePredictor:
         self._chain = Chain(noise_m=self._settings.detection_noise_m, trust=self._settings.learn_trust)
         self._map = _NO_MAP
         self.reset()
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the last forecast of a copy read-only, as it was."""
+        self.__dict__.update(state)
+        self._last.locked()
 
     @classmethod
     def load(
