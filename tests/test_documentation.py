@@ -114,6 +114,12 @@ def test_a_quaint_phrase_and_a_long_page_are_found_and_code_is_not_searched():
     assert "121 lines, at most 120" in fault
 
 
+@pytest.mark.parametrize("page", PAGES, ids=str)
+def test_no_page_calls_the_point_forecast_a_mean(page):
+    """It has a head of its own, see `pedpred.models.mixture`."""
+    assert not re.search(r"point forecast \W*the (weighted )?mean", (ROOT / page).read_text())
+
+
 def test_every_page_is_in_the_navigation():
     text = (ROOT / "mkdocs.yml").read_text()
     missing = [page for page in PAGES if page.startswith("docs/") and page.removeprefix("docs/") not in text]
