@@ -5,6 +5,8 @@ VENV := .venv
 SHELL := /bin/bash
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
+# A git hook sets them; copies of the project have repositories of their own.
+unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
 # `setup` imports what the pipeline does, which compiles it; else each of some hundred processes would compile torch again.
 unexport PYTHONDONTWRITEBYTECODE
 # Threads that wait for work sleep; results do not depend on it.

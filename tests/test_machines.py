@@ -223,6 +223,29 @@ def test_the_project_s_files_are_known_without_a_git_history(archived, tmp_path)
     assert sorted(listed[0]) == sorted(listed[1])
 
 
+def test_what_a_user_ignores_everywhere_is_no_less_part_of_the_project(archived, tmp_path, monkeypatch):
+    known = run(archived, ".ci/files")
+    (tmp_path / "git").mkdir()
+    (tmp_path / "git/ignore").write_text("*.png\nmodels/\n")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    assert run(archived, ".ci/files") == known
+
+
+@pytest.mark.parametrize("command", [(".ci/copy",), ("make", "copied")])
+def test_a_copy_leaves_the_repository_alone_whose_hook_makes_it(command, tmp_path):
+    here, there = tmp_path / "here", tmp_path / "there"
+    shutil.copytree(ROOT / ".ci", here / ".ci")
+    makefile = (ROOT / "Makefile").read_text() + "\ncopied:\n\t@! env | grep ^GIT_DIR= && .ci/copy $(TO)\n"
+    (here / "Makefile").write_text(makefile)
+    run(here, "git", "init", "--quiet")
+    before = (here / ".git/config").read_text()
+    to = str(there) if len(command) == 1 else f"TO={there}"
+    run(here, "env", f"GIT_DIR={here / '.git'}", f"GIT_INDEX_FILE={here / '.git/index'}", *command, to)
+    assert (here / ".git/config").read_text() == before
+    assert (there / ".git").is_dir()
+    assert (there / "Makefile").exists()
+
+
 def test_what_compares_revisions_says_that_there_is_none(archived):
     said = run(archived, sys.executable, "-m", "tools.compare", "HEAD", code=1)
     assert "not a git repository" in said
