@@ -12,6 +12,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # Threads that wait for work sleep; results do not depend on it.
 export OMP_WAIT_POLICY := PASSIVE
 
+TOO_OLD = "$(VENV) has Python %d.%d, and 3.11 or newer is needed: rm -r $(VENV); make setup PYTHON=python3.12"
+
 .DEFAULT_GOAL := help
 REV ?= HEAD
 .PHONY: help setup params tune reproduce compare judge release smoke test rosenv ros pythons trust docs readme dist audit check
@@ -23,7 +25,8 @@ setup: $(VENV)/.installed ## create .venv and install everything (once, and agai
 	@.ci/history
 
 $(VENV)/.installed: pyproject.toml $(CONSTRAINTS)
-	test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
+	@$(VENV)/bin/python -c 'import pip' 2> /dev/null || $(PYTHON) -m venv $$(test -x $(VENV)/bin/python || echo --clear) $(VENV)
+	@$(VENV)/bin/python -c 'import sys; sys.exit($(TOO_OLD) % sys.version_info[:2] if sys.version_info < (3, 11) else 0)'
 	$(VENV)/bin/python -m pip install --quiet --no-compile --constraint $(CONSTRAINTS) --editable '.[train,dev,docs]'
 	$(VENV)/bin/python -c 'import dvc.cli, stages.config'
 	@touch $@
@@ -85,7 +88,7 @@ readme: setup ## write the tables of results into README.md and docs/, those of 
 	python -m tools.staleness --write
 
 dist: setup ## build the wheel and the source archive into build/dist
-	test -x build/packager/bin/python || { python -m venv build/packager && build/packager/bin/pip install --quiet build; }
+	test -x build/packager/bin/pyproject-build || { python -m venv build/packager && build/packager/bin/pip install --quiet build; }
 	rm -rf build/dist
 	build/packager/bin/python -m build --outdir build/dist .
 

@@ -1,0 +1,88 @@
+"""What the Makefile installs, where an earlier try ended half way or was made with another Python."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from tests.conftest import ROOT
+
+RUNS = f'exec {sys.executable} -c "import sys; sys.version_info = VERSION; $2"'
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """The Makefile, and a stand-in for Python that makes environments."""
+    for name in ("Makefile", "pyproject.toml", "constraints.txt"):
+        shutil.copy(ROOT / name, tmp_path)
+    executable(tmp_path / ".ci/history", "true")
+    return tmp_path
+
+
+def executable(path, script):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(0o755)
+
+
+def python(path, version=(3, 12), pip=True):
+    """A Python of a version, which notes what pip is to install."""
+    version_of = RUNS.replace("VERSION", str((*version, 0)))
+    answers = f'*version_info*) {version_of};; "import pip") exit {int(not pip)};; *) exit 0;; esac'
+    installs = f'[ "$1 $2" = "-m pip" ] && exec touch {path.parent}/installs'
+    executable(path, f'if [ "$1" = -c ]; then case "$2" in {answers}; fi\n{installs}')
+
+
+def made(folder, *arguments):
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+    return subprocess.run(
+        ["make", *arguments], cwd=folder, env=plain, capture_output=True, text=True, check=False
+    )
+
+
+def test_an_environment_of_an_older_python_is_refused_with_what_to_do(folder):
+    python(folder / ".venv/bin/python", version=(3, 10))
+    run = made(folder, "setup")
+    assert run.returncode != 0
+    assert ".venv has Python 3.10, and 3.11 or newer is needed: rm -r .venv; make setup PYTHON=" in run.stderr
+    assert not (folder / ".venv/bin/installs").exists()
+
+
+@pytest.mark.parametrize("left", ["nothing", "no pip", "a link to a Python that is gone"])
+def test_an_environment_that_cannot_install_is_made_again(folder, left):
+    inside = folder / ".venv/bin/python"
+    if left == "no pip":
+        python(inside, pip=False)
+    elif left != "nothing":
+        inside.parent.mkdir(parents=True)
+        inside.symlink_to(folder / "gone")
+    python(folder / "whole")
+    cleared = '[ "$3" = --clear ] && rm -rf .venv; mkdir -p .venv/bin'
+    copied = f"sed s:{folder}/installs:{inside.parent}/installs: whole > {inside}"
+    executable(folder / "maker", f"{cleared}\n{copied} && chmod +x {inside}")
+    run = made(folder, "setup", f"PYTHON={folder / 'maker'}")
+    assert run.returncode == 0, run.stderr
+    assert (folder / ".venv/bin/installs").exists()
+    assert (folder / ".venv/.installed").exists()
+
+
+def test_an_environment_that_works_is_kept(folder):
+    python(folder / ".venv/bin/python")
+    run = made(folder, "setup", "PYTHON=false")
+    assert run.returncode == 0, run.stderr
+    assert (folder / ".venv/bin/installs").exists()
+
+
+def test_a_package_is_built_after_a_try_that_could_not_install_the_builder(folder):
+    (folder / ".venv").mkdir()
+    (folder / ".venv/.installed").touch()
+    builder = folder / "build/packager/bin"
+    executable(builder / "python", f"[ -e {builder}/pyproject-build ] && mkdir -p build/dist")
+    executable(builder / "pip", f"exec touch {builder}/pyproject-build")
+    executable(folder / ".venv/bin/python", "true")
+    run = made(folder, "dist")
+    assert run.returncode == 0, run.stderr
+    assert (folder / "build/dist").is_dir()
