@@ -121,3 +121,13 @@ def test_rviz_shows_the_topics_of_the_namespace_and_the_map_that_the_node_uses(m
     assert len(topics) == 4
     expected = {topic: "<map>" if topic == "/map" else topic[1:] for topic in topics}
     assert (asked["namespace"], dict(asked["remappings"])) == ("<namespace>", expected)
+
+
+def test_help_lists_every_parameter_without_an_installed_ros():
+    script = "import sys; sys.modules['rclpy'] = None; from pedpred.ros2.main import main; main()"
+    told = subprocess.run(
+        [sys.executable, "-c", script, "--help"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert told.returncode == 0, told.stderr
+    told_of = {line.partition(" ")[0] for line in told.stdout.splitlines()}
+    assert {name for name, _, _ in fields_of(NodeSettings)} <= told_of

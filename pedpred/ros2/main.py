@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+from itertools import takewhile
 from typing import Any
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
@@ -24,6 +25,8 @@ def main() -> None:
     leaves objects behind with which the process crashes.
     """
     _handle_signals(lambda *_: os._exit(0))  # until people are heard, nothing is lost
+    if {"-h", "--help"} & set(takewhile(lambda word: word != "--ros-args", sys.argv[1:])):
+        _parse(["--help"])  # also where no ROS is
     try:
         import rclpy
         from rclpy.signals import SignalHandlerOptions
@@ -39,11 +42,8 @@ def _handle_signals(handler: Any) -> None:
         signal.signal(number, handler)
 
 
-def _run(arguments: list[str]) -> None:
-    import rclpy
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-
-    from pedpred.ros2.node import PedpredNode
+def _parse(arguments: list[str]) -> None:
+    """Refuse arguments that are not for ROS; `--help` lists the parameters and ends."""
     from pedpred.ros2.settings import described
 
     text = "Forecast people for planners. ROS arguments come after --ros-args. Parameters:\n\n" + described()
@@ -51,6 +51,15 @@ def _run(arguments: list[str]) -> None:
         prog="pedpred-ros2", description=text, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.parse_args(arguments)
+
+
+def _run(arguments: list[str]) -> None:
+    import rclpy
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+    from pedpred.ros2.node import PedpredNode
+
+    _parse(arguments)
     node = PedpredNode()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
