@@ -19,6 +19,7 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.ros import write_recording
+from pedpred.sources.single_file import FORMATS
 from pedpred.storage.scenes import read_scene, write_map, write_scene
 from pedpred.tables.options import TableOptions
 from tests.conftest import ROOT
@@ -168,6 +169,15 @@ def test_help_is_there_and_needs_no_torch():
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     assert "predict" in done.stdout
+
+
+@pytest.mark.parametrize("command", ["info", "convert", "predict", "evaluate", "drive"])
+def test_help_names_every_format_that_is_read(command, capsys):
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    told = "".join(capsys.readouterr().out.split())
+    assert [kind.name for kind in FORMATS if "".join(kind.name.split()) not in told] == []
+    assert all(name in told for name in ("Parquet", "Feather"))
 
 
 def test_no_message_names_the_pipeline_that_made_the_files():

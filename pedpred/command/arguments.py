@@ -28,12 +28,14 @@ from pedpred.errors import OutputError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.files import check_input, check_output
 from pedpred.online.network import read_description
+from pedpred.sources.single_file import FORMATS
+from pedpred.tables.classes import PERSON_CLASSES
 from pedpred.tables.units import UNITS
 
 _SCENE = (
-    "a scene folder, an MCAP recording, a ROS bag, a table (.csv, .tsv, .txt) with time, id, x, y, a text "
-    "with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or frame, id, x, y as for SGAN, or a file "
-    "of TrajNet++, JuPedSim, Vadere, Viswalk, SUMO (FCD), SDD, ATC, THÖR or inD"
+    "a scene folder, an MCAP recording, a ROS bag, a table (text, Parquet or Feather) with time, id, x, y, a "
+    "text with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or frame, id, x, y as for SGAN, or "
+    f"one of these files: {', '.join(kind.name for kind in FORMATS)}"
 )
 _TRACKER = "a YAML file with acceleration_noise, position_noise_m and initial_speed_mps, as in conf/trackers"
 
@@ -183,8 +185,9 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     option("--topic", help="of a bag's people, if several topics carry people")
     grids = "of a bag's map, if it is not called map (default: the one that is not a costmap); '': no map"
     option("--map-topic", help=grids)
-    kinds = "class of people in a bag or table (default: person, people, pedestrian, human); "
-    option("--class", dest="classes", action="append", metavar="CLASS", help=f"{kinds}may be repeated")
+    kinds = f"class of people in a bag or table (default: {', '.join(PERSON_CLASSES)}; in a table also other "
+    kinds += "words for them); may be repeated"
+    option("--class", dest="classes", action="append", metavar="CLASS", help=kinds)
     pose = "pose of the people's frame in the map's frame, if they differ, m, m, rad"
     option("--transform", type=float, nargs=3, metavar=("X", "Y", "YAW"), help=pose)
     named = "columns of a table in order, in place of its header, such as time,id,x,y; others are ignored"
