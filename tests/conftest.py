@@ -10,12 +10,15 @@ import yaml
 from hypothesis import settings
 
 from pedpred.online import graph
+from tests.plain_git import PLAIN_GIT
 
 settings.register_profile("pedpred", deadline=None, derandomize=True)
 settings.load_profile("pedpred")
 torch.set_num_threads(1)  # the networks of the tests are too small to share
 graph._LOADED = {}  # networks stay, since tests load the same ones again and again
 os.environ.setdefault("PEDPRED_JOBS", "1")  # and their sets smaller than what a worker takes to start
+
+os.environ.update(PLAIN_GIT)
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -15,6 +15,7 @@ import yaml
 from pedpred.errors import OutputError, user_errors
 from pedpred.files import atomic_write, nameless, write_text
 from tests.conftest import ROOT
+from tests.trust import project
 from tests.trust.readers import READERS
 
 SCENE = ROOT / "examples/crossing"
@@ -244,6 +245,23 @@ def test_a_copy_leaves_the_repository_alone_whose_hook_makes_it(command, tmp_pat
     assert (here / ".git/config").read_text() == before
     assert (there / ".git").is_dir()
     assert (there / "Makefile").exists()
+
+
+def test_settings_of_git_that_a_user_has_change_no_test(tmp_path, monkeypatch):
+    executable = tmp_path / "hooks/pre-commit"
+    executable.parent.mkdir()
+    executable.write_text("#!/bin/sh\nexit 1\n")
+    executable.chmod(0o755)
+    (tmp_path / "ignored").write_text("*.png\n")
+    core = f"[core]\nhooksPath = {executable.parent}\nexcludesFile = {tmp_path / 'ignored'}\n"
+    (tmp_path / ".gitconfig").write_text(f"{core}[commit]\ngpgSign = true\n[gpg]\nprogram = false\n")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    who = ("-c", "user.name=somebody", "-c", "user.email=some@body")
+    for name, environment in (("here", dict(os.environ)), ("there", project.environment())):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "picture.png").touch()
+        for command in (("init", "-q"), ("add", "."), (*who, "commit", "-qm", "first")):
+            subprocess.run(["git", *command], cwd=tmp_path / name, env=environment, check=True)
 
 
 def test_what_compares_revisions_says_that_there_is_none(archived):

@@ -1,6 +1,7 @@
 """What the Makefile installs, where an earlier try ended half way or was made with another Python."""
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import pytest
 
 from tests.conftest import ROOT
 
-RUNS = f'exec {sys.executable} -c "import sys; sys.version_info = VERSION; $2"'
+RUNS = f'exec {shlex.quote(sys.executable)} -c "import sys; sys.version_info = VERSION; $2"'
 
 
 @pytest.fixture

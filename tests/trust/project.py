@@ -17,6 +17,8 @@ import networkx as nx
 from dvc.repo import Repo
 from tqdm import tqdm
 
+from tests.plain_git import PLAIN_GIT
+
 ROOT = Path(__file__).resolve().parents[2]
 SILENT = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 # short trainings that save their state often
@@ -69,7 +71,7 @@ def environment(**more: str) -> dict[str, str]:
     roles = ("AUTHOR", "COMMITTER")
     who = {f"GIT_{role}_{key}": "trust@localhost" for role in roles for key in ("NAME", "EMAIL")}
     calm = {"PEDPRED_JOBS": "2", "OMP_WAIT_POLICY": "passive"}  # else threads wait busily
-    return outer | who | calm | {"PATH": tools, "DVC_ROOT": str(ROOT)} | more
+    return outer | who | PLAIN_GIT | calm | {"PATH": tools, "DVC_ROOT": str(ROOT)} | more
 
 
 def done(folder: Path, *command: str, **more: str) -> subprocess.CompletedProcess[str]:
