@@ -91,7 +91,7 @@ def test_only_pixels_have_a_homography_and_not_with_a_size(tmp_path):
     own = ["--homography", str(tmp_path / "H.txt")]
     with pytest.raises(SystemExit, match=r"--homography.*are not pixels"):
         main(["info", str(write_sumo(tmp_path)), *own])
-    with pytest.raises(SystemExit, match=r"pixel_m.*omit one"):
+    with pytest.raises(SystemExit, match=r"--scale.*omit one"):
         main(["info", str(write_stanford(tmp_path)), *own, "--scale", "0.03"])
     with pytest.raises(ValueRuleError, match="omit one"):
         PictureOptions(pixel_m=0.1, homography=Homography(np.eye(3)))
