@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pedpred.errors import ValueRuleError
 from pedpred.online.network import read_origin
 from tests.conftest import ROOT
 from tools import judge
@@ -106,8 +107,37 @@ def test_a_folder_is_taken_from_a_revision_however_it_is_named(tmp_path, monkeyp
         kept = judge.folder_at("HEAD", named, scratch)
         assert kept.parent == scratch
         assert read_origin(kept) == read_origin(model[0])
-    assert judge.folder_at("no-such-revision", folder, scratch) is None
+    later = Path("models/online/later")
+    later.mkdir()
+    assert judge.folder_at("HEAD", later, scratch) is None
     assert "nothing is compared" in capsys.readouterr().out
+
+
+def test_there_is_nothing_to_compare_with_where_nothing_is_committed(tmp_path, capsys):
+    for command in ("status", "init -q"):
+        subprocess.run(["git", *command.split()], cwd=tmp_path, check=False, capture_output=True)
+        assert judge.folder_at("HEAD", tmp_path, tmp_path / "scratch") is None
+        assert "nothing is compared" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("history", [True, False])
+@pytest.mark.parametrize("wrong", ["no-such-revision", "no/such/folder", "", "--all", "HEAD..HEAD"])
+def test_neither_a_folder_nor_a_revision_is_an_error(tmp_path, wrong, history):
+    if history:
+        for command in ("init -q", "-c user.name=a -c user.email=a@b commit -q --allow-empty -m empty"):
+            subprocess.run(["git", *command.split()], cwd=tmp_path, check=True)
+    with pytest.raises(ValueRuleError, match=r"against = .*, but there is no such folder, and git knows no"):
+        judge.folder_at(wrong, tmp_path, tmp_path / "scratch")
+
+
+@pytest.mark.parametrize("option", ["--against", "--replace"])
+def test_a_folder_without_a_model_is_refused_before_anything_is_measured(
+    tmp_path, monkeypatch, capsys, model, option
+):
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(SystemExit, match=str(tmp_path)):
+        judge.main([str(model[0]), option, str(tmp_path)])
+    assert not capsys.readouterr().out
 
 
 def test_it_fails_and_writes_what_it_found(tmp_path, monkeypatch, capsys, model):

@@ -31,9 +31,9 @@ from typing import Any
 from omegaconf import DictConfig
 
 from pedpred.config import read_params
-from pedpred.errors import user_errors
+from pedpred.errors import ValueRuleError, user_errors
 from pedpred.files import atomic_write, check_output, write_json
-from pedpred.online.network import ABOUT, GRAPH
+from pedpred.online.network import ABOUT, GRAPH, read_origin
 from tools.arguments import output
 from tools.judgement import Judgement
 from tools.verdicts import Verdict, got_worse
@@ -43,9 +43,21 @@ _WIDTHS = (4, 24, 44, 30, 24, 0)
 
 
 def folder_at(revision: str, folder: Path, scratch: Path) -> Path | None:
-    """A model folder: the one that is named, or the judged one in a revision; None if it has none."""
-    if Path(revision).exists():
+    """A model folder: the one that is named, or the judged one in a revision; None if it has none.
+
+    `HEAD` may be unknown: where nothing is committed, there is nothing to compare with.
+
+    Raises:
+        ValueRuleError: git knows no other such revision.
+    """
+    if revision and Path(revision).exists():
         return Path(revision)
+    commit = f"{revision}^{{commit}}"
+    verify = ["git", "-C", str(folder), "rev-parse", "--verify", "--end-of-options", commit]
+    known = subprocess.run(verify, capture_output=True, text=True, check=False)  # noqa: S603, a list, no shell
+    if known.returncode and revision != "HEAD":
+        rule = "there is no such folder, and git knows no such revision"
+        raise ValueRuleError("against", revision, f"{rule} ({known.stderr.strip()})")
     for name in (GRAPH, ABOUT):
         command = ["git", "-C", str(folder), "show", "--end-of-options", f"{revision}:./{name}"]
         done = subprocess.run(command, capture_output=True, check=False)  # noqa: S603, a list, no shell
@@ -147,6 +159,8 @@ def main(arguments: list[str] | None = None) -> None:
         against = options.replace if options.replace and options.replace.exists() else None
         if options.against:
             against = folder_at(options.against, options.folder, Path(scratch))
+        if against is not None:
+            read_origin(against)  # what is no model is refused before minutes of measuring
         verdicts = printed(judgement.verdicts(against))
     if options.out is not None:
         record: dict[str, Any] = {
