@@ -119,10 +119,28 @@ def test_no_result_is_recorded_of_a_stage_that_is_gone(graph):
 
 
 def test_a_change_that_nothing_reads_is_refused(graph):
-    with pytest.raises(ValueRuleError, match=r"features\.lstm\.gird_cells"):
-        stale(graph, "features.lstm.gird_cells")
     with pytest.raises(ValueRuleError, match=r"README\.md"):
         stale(graph, "README.md")
+
+
+@pytest.mark.parametrize("change", ["", "features.lstm.gird_cells", "features[", "features..lstm", "..."])
+def test_what_is_neither_a_file_nor_a_key_is_refused_as_such(graph, change, tmp_path, monkeypatch):
+    (tmp_path / "params.yaml").write_text("features: {lstm: {grid_cells: 3, rest: null}}")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueRuleError, match=r"change = .*, but there is no such file or key"):
+        stale(graph, change)
+
+
+def test_a_key_may_hold_nothing(graph, tmp_path, monkeypatch):
+    (tmp_path / "params.yaml").write_text("features: {lstm: {grid_cells: null}}")
+    monkeypatch.chdir(tmp_path)
+    assert stale(graph, "features.lstm.grid_cells")
+
+
+@pytest.mark.parametrize("path", ["pedpred/report/tables.py", "pedpred/models"])
+def test_a_path_means_the_same_however_it_is_written(graph, path):
+    written = (ROOT / path, f"../{ROOT.name}/{path}", f"{path}/", f"tests/../{path}")
+    assert all(stale(graph, str(other)) == stale(graph, path) for other in written)
 
 
 @pytest.mark.parametrize(
@@ -131,6 +149,7 @@ def test_a_change_that_nothing_reads_is_refused(graph):
         ("training", ["training.main", "training.finetune"]),
         ("methods.networks.lstm", ["methods.networks.lstm.settings", "methods.networks.lstm.where"]),
         ("pedpred", ["pedpred/report", "pedpred/models"]),
+        (".", ["pedpred", "stages", "params.yaml"]),
         ("./pedpred/report/tables.py", ["pedpred/report/tables.py"]),
     ],
 )

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import argparse
 import functools
-import posixpath
+import os
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import networkx as nx
 import numpy as np
@@ -21,9 +22,8 @@ from dvc.repo import Repo
 from dvc.scm import SCMError
 from dvc.stage import Stage
 from matplotlib.figure import Figure
-from omegaconf import DictConfig, OmegaConf
 
-from pedpred.config import SHARED, read_params
+from pedpred.config import SHARED, plain, read_params
 from pedpred.errors import FileError, ValueRuleError, user_errors
 from pedpred.files import atomic_write
 from pedpred.report.canvas import FAINT, INK, blank, styled, write_png
@@ -72,26 +72,35 @@ def reads(stage: Stage, change: str) -> bool:
 
     A key or folder that holds what the stage depends on counts as well.
     """
-    shared, path = str(SHARED / f"{change.partition('.')[0]}.yaml"), posixpath.normpath(change)
+    shared, path = str(SHARED / f"{change.partition('.')[0]}.yaml"), Path(os.path.relpath(change)).parts
     for dependency in stage.deps:
-        if isinstance(dependency, ParamsDependency):
-            if any(_overlap(change, key, ".") for key in dependency.params):
-                return True
-        elif _overlap(path, dependency.def_path, "/") or dependency.def_path == shared:
+        if _overlap(path, Path(dependency.def_path).parts) or dependency.def_path == shared:
+            return True
+        keys = dependency.params if isinstance(dependency, ParamsDependency) else ()
+        if any(_overlap(change.split("."), key.split(".")) for key in keys):
             return True
     return False
 
 
-def _overlap(one: str, other: str, separator: str) -> bool:
-    """Whether one of two keys or paths holds the other, or is it."""
-    ends = one + separator, other + separator
-    return ends[0].startswith(ends[1]) or ends[1].startswith(ends[0])
+def _overlap(one: Sequence[str], other: Sequence[str]) -> bool:
+    """Whether one of two keys or paths, by their parts, holds the other, or is it."""
+    return all(own == others for own, others in zip(one, other, strict=False))
 
 
 @functools.cache
-def _params(folder: Path) -> DictConfig:
+def _params(folder: Path) -> dict[str, Any]:
     """Read params.yaml once for all changes."""
-    return read_params(folder)
+    return plain(read_params(folder))
+
+
+def _is_key(change: str) -> bool:
+    """Whether params.yaml has a key; its value may be nothing."""
+    node: Any = _params(Path.cwd())
+    for name in change.split("."):
+        if not isinstance(node, dict) or name not in node:
+            return False
+        node = node[name]
+    return True
 
 
 def stale(graph: nx.DiGraph, change: str) -> set[str]:
@@ -100,7 +109,7 @@ def stale(graph: nx.DiGraph, change: str) -> set[str]:
     Raises:
         ValueRuleError: no stage reads what is changed.
     """
-    if not Path(change).exists() and OmegaConf.select(_params(Path.cwd()), change) is None:
+    if not change or not (Path(change).exists() or _is_key(change)):
         raise ValueRuleError("change", change, "there is no such file or key of params.yaml")
     first = [stage for stage in graph if reads(stage, change) and stage.name != CHECK]
     if not first:
