@@ -90,12 +90,15 @@ def main() -> None:
     options = parser.parse_args()
     if (options.scene is None) == (options.world is None):
         parser.error("name a scene, or --world")
+    variants = options.variant or list(VARIANTS)
+    comparable = any(VARIANTS[name].instead_of in variants for name in variants) and len({*options.risk}) > 1
+    if options.write and not comparable:
+        parser.error("--write writes a comparison: name a variant, the one that it changes, and two limits")
     places: Places = (
         Worlds(options.world, options.people == REACTIONS[0])
         if options.world
         else Recording(read_given(command_parser().parse_args(["drive", str(options.scene)])))
     )
-    variants = options.variant or list(VARIANTS)
     trial = Trial(places, options.model, variants, options.risk, options.causes)
     jobs = [(trial, number) for number in range(options.episodes)]
     done = in_parallel(drive_episode, jobs, f"drive {places.name}", "episode")
@@ -105,8 +108,8 @@ def main() -> None:
     tell(f"{places.name}, {options.episodes} episodes", list(condition_rows(rows)))
     if compared := list(compare(rows)):
         tell("at equal time to the goal", compared)
-        if options.write:
-            put("variants", compared, PAGE)
+    if options.write:
+        put("variants", compared, PAGE)
     if causes := [row for _, hits in done for row in hits]:
         tell("collisions at fault", causes)
 

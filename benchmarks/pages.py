@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from numbers import Number
 from pathlib import Path
@@ -23,9 +24,11 @@ def markdown(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def put(mark: str, rows: Sequence[dict[str, Any]], page: Path = PAGE) -> None:
-    """Replace the table of this name on a page; without rows it stays."""
+    """Replace the table of this name on a page; without rows it stays, and that is said."""
     if rows:
         page.write_text(filled(page.read_text(), {mark: markdown(rows)}))
+    else:
+        print(f"{page}: the table '{mark}' stays as it is, since nothing is there to write", file=sys.stderr)
 
 
 def _cell(value: object) -> str:

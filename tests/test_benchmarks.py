@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from benchmarks import driving_curves, online
+from benchmarks import driving, driving_curves, online
 from benchmarks.beside import busy, slowdown
 from benchmarks.learners import cases
 from benchmarks.pages import put
@@ -55,8 +55,18 @@ def test_a_benchmark_that_measured_nothing_says_so_and_leaves_the_page(tmp_path,
     page.write_text("<!-- table: bias -->\nold\n<!-- end -->\n")
     tell("errors", [])
     put("bias", [], page)
-    assert capsys.readouterr().out == "\nerrors\n  nothing could be measured\n"
+    told = capsys.readouterr()
+    assert told.out == "\nerrors\n  nothing could be measured\n"
+    assert f"{page}: the table 'bias' stays as it is" in told.err
     assert "old" in page.read_text()
+
+
+@pytest.mark.parametrize("given", ["--variant modes", "--variant modes_wide --variant kalman", "--risk 0.1"])
+def test_a_comparison_to_write_is_possible_before_anything_is_driven(given, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["driving", "--world", "room", "--write", *given.split()])
+    with pytest.raises(SystemExit, match="2"):
+        driving.main()
+    assert "--write writes a comparison" in capsys.readouterr().err
 
 
 def drives(place, *methods):
