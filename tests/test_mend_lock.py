@@ -1,6 +1,7 @@
 """dvc.lock after a kill in the middle of its writing."""
 
 import errno
+import subprocess
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -8,6 +9,7 @@ import pytest
 import yaml
 
 from pedpred.config import KEPT, LOCK, keep_lock
+from tests.conftest import ROOT
 from tools.mend_lock import RUNNING, is_whole, keep_entries, main
 
 WHOLE = """\
@@ -120,3 +122,11 @@ def test_a_folder_that_is_read_only_is_named_without_a_traceback(tmp_path, monke
     monkeypatch.setattr("tools.mend_lock.keep_lock", Mock(side_effect=refused))
     with pytest.raises(SystemExit, match=r"'build/dvc\.lock'\. Nothing half-written was kept"):
         main()
+
+
+def test_no_rule_of_a_user_hides_the_lock_from_git(tmp_path):
+    """DVC refuses to write one that git ignores."""
+    (tmp_path / "rules").write_text("*.lock\n")
+    ignored = ["git", "-c", f"core.excludesFile={tmp_path / 'rules'}", "check-ignore", "-q", "--no-index"]
+    assert not subprocess.run([*ignored, "other.lock"], cwd=ROOT, check=False).returncode
+    assert subprocess.run([*ignored, LOCK], cwd=ROOT, check=False).returncode == 1
