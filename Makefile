@@ -16,7 +16,7 @@ TOO_OLD = "$(VENV) has Python %d.%d, and 3.11 or newer is needed: rm -r $(VENV);
 
 .DEFAULT_GOAL := help
 REV ?= HEAD
-.PHONY: help setup params tune reproduce compare judge release smoke test rosenv ros pythons trust docs readme dist audit check
+.PHONY: gone help setup params tune reproduce compare judge release smoke test rosenv ros pythons trust docs readme dist audit check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -24,7 +24,7 @@ help: ## list the targets
 setup: $(VENV)/.installed ## create .venv and install everything (once, and again when dependencies change)
 	@.ci/history
 
-$(VENV)/.installed: pyproject.toml $(CONSTRAINTS)
+$(VENV)/.installed: pyproject.toml $(CONSTRAINTS) $(shell test -x $(VENV)/bin/python || echo gone)
 	@$(VENV)/bin/python -c 'import pip' 2> /dev/null || $(PYTHON) -m venv $$(test -x $(VENV)/bin/python || echo --clear) $(VENV)
 	@$(VENV)/bin/python -c 'import sys; sys.exit($(TOO_OLD) % sys.version_info[:2] if sys.version_info < (3, 11) else 0)'
 	$(VENV)/bin/python -m pip install --quiet --no-compile --constraint $(CONSTRAINTS) --editable '.[train,dev,docs]'

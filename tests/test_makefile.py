@@ -52,14 +52,18 @@ def test_an_environment_of_an_older_python_is_refused_with_what_to_do(folder):
     assert not (folder / ".venv/bin/installs").exists()
 
 
+@pytest.mark.parametrize("installed", [True, False])
 @pytest.mark.parametrize("left", ["nothing", "no pip", "a link to a Python that is gone"])
-def test_an_environment_that_cannot_install_is_made_again(folder, left):
+def test_an_environment_that_cannot_install_is_made_again(folder, left, installed):
     inside = folder / ".venv/bin/python"
     if left == "no pip":
         python(inside, pip=False)
     elif left != "nothing":
         inside.parent.mkdir(parents=True)
         inside.symlink_to(folder / "gone")
+    if installed and left != "no pip":  # what is installed needs no pip
+        inside.parent.mkdir(parents=True, exist_ok=True)
+        (folder / ".venv/.installed").touch()
     python(folder / "whole")
     cleared = '[ "$3" = --clear ] && rm -rf .venv; mkdir -p .venv/bin'
     copied = f"sed s:{folder}/installs:{inside.parent}/installs: whole > {inside}"
