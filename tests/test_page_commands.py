@@ -6,6 +6,7 @@ import runpy
 import shlex
 import shutil
 import sys
+from itertools import dropwhile, groupby
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,12 @@ from tests.conftest import ROOT
 from tests.trust.project import done
 from tools import prose, staleness
 
-PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in prose.pages(ROOT)}
+_SHOWN = [*prose.pages(ROOT), *sorted((ROOT / "ros").rglob("*.md"))]
+PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in _SHOWN}
+COMMANDS_IN = {"sh": "", "bash": "", "console": "$ "}
+"""Language of a block with commands -> what they begin with; other lines are what they print."""
+OTHERS = {"bibtex", "python", "text", "yaml"}
+"""Languages of the blocks without commands."""
 PLACE = "eth"
 """Stands for <name> where a command asks for a place; it has the people of examples/corner."""
 
@@ -52,12 +58,24 @@ NOT_RUN = {
     "pedpred info build/rooms": "likewise",
     "torchrun": "needs the features of a run; test_processes.py trains with two processes",
     "pedpred drive": "drives for minutes; test_driving_command.py drives a few episodes",
+    "pedpred warm-up": "compiles for half a minute; test_warm_up.py runs it",
+    "pedpred info my_bag": "needs a bag; test_bags.py makes some and reads them",
+    "pedpred predict my_bag": "likewise",
+    "pedpred evaluate my_bag": "likewise",
+    "pedpred evaluate crowds_zara01.txt": "needs a recording; test_eth_ucy.py evaluates by this protocol",
+    "pedpred-ros2": "needs ROS; `make ros` runs the node",
+    "ros2": "likewise",
+    "colcon": "likewise",
+    "source": "likewise",
+    "sudo apt": "installs packages",
+    "git clone": "needs the network",
+    "cd": "names a folder of the reader's",
     "python -m benchmarks": "measures for minutes, and for nothing beside other tests",
 }
 """Commands that are only checked: the beginning of a command -> why."""
 
 IN_A_COPY = (
-    *("make params", "make compare", "dvc metrics diff", "dvc exp show", "dvc remote"),
+    *("make params", "make compare", "dvc metrics diff", "dvc params diff", "dvc exp show", "dvc remote"),
     *("dvc exp run --queue", "dvc repro --dry"),
 )
 """Commands that are run in a copy of the project with two commits."""
@@ -67,18 +85,33 @@ FEWER = {"tools.fit_social_force": ["--trials", "2"], "tools.motion": ["--worlds
 
 
 def blocks(text, language):
-    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    return [block for other, block in all_blocks(text) if other == language]
+
+
+def all_blocks(text):
+    """Language and text of every block of code."""
+    return re.findall(r"^ *```(.*)\n((?:.*\n)*?) *```$", text, re.MULTILINE)
+
+
+def lines():
+    """Page and text of every command line."""
+    for page, text in PAGES.items():
+        for language, block in all_blocks(text):
+            begin = COMMANDS_IN.get(language)
+            for line in block.splitlines() if begin is not None else ():
+                if line.startswith(begin):
+                    yield page, line.removeprefix(begin)
 
 
 def commands():
-    """Every command in a shell block, once; comments and leading variables are left out."""
+    """Every command in a block, once; comments and leading variables are left out."""
     known = set()
-    for page, text in PAGES.items():
-        for line in "".join(blocks(text, "sh")).splitlines():
-            words = shlex.split(line, comments=True)
-            while words and re.match(r"[A-Z_]+=", words[0]):
-                words.pop(0)
-            if words and tuple(words) not in known:
+    for page, line in lines():
+        split = shlex.shlex(line, posix=True, punctuation_chars="&")
+        split.whitespace_split = True
+        for is_between, words in groupby(split, "&&".__eq__):
+            words = list(dropwhile(re.compile(r"[A-Z_]+=").match, words))
+            if words and not is_between and tuple(words) not in known:
                 known.add(tuple(words))
                 yield pytest.param(words, id=f"{page}: {shlex.join(words)}")
 
@@ -99,6 +132,12 @@ def not_run(words):
 
 RUN = [param for param in COMMANDS if not not_run(param.values[0])]
 CHECKED = [param for param in COMMANDS if not_run(param.values[0])]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_block_names_its_language(page):
+    """So that commands are known for what they are."""
+    assert {language for language, _ in all_blocks(PAGES[page])} <= {*COMMANDS_IN, *OTHERS}
 
 
 def test_most_commands_are_run_and_no_reason_is_left_over():
@@ -124,10 +163,13 @@ def project(tmp_path_factory):
     copy = tmp_path_factory.mktemp("copy") / "project"
     done(ROOT, ".ci/copy", str(copy)).check_returncode()
     (copy / "dvc.lock").unlink()
-    (copy / ".venv").mkdir()
     for message in ("one", "two"):
         done(copy, "git", "add", "--all").check_returncode()
         done(copy, "git", "commit", "--quiet", "--allow-empty", "-m", message).check_returncode()
+    inside = copy / ".venv/bin/python"
+    inside.parent.mkdir(parents=True)
+    inside.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} "$@"\n')
+    inside.chmod(0o755)
     (copy / ".venv/.installed").touch()
     return copy
 
@@ -179,6 +221,9 @@ def test_a_command_that_is_not_run_asks_for_what_exists(words, request):
             check_parts(parse_yaml(composed(ROOT / "conf", given.set_param)))
     elif words[0] == "pedpred":
         assert parser().parse_args(words[1:]).action
+    elif words[:2] == ["ros2", "launch"]:
+        source = (ROOT / "ros" / words[2] / "launch" / words[3]).read_text()
+        assert all(f'"{word.partition(":=")[0]}": ' in source for word in words[4:])
     elif "-m" in words and words[0] != "python3":
         module, *given = words[words.index("-m") + 1 :]
         source = Path(importlib.util.find_spec(module).origin).read_text()
