@@ -44,6 +44,16 @@ def test_a_folder_without_results_and_a_missing_list_are_named(tmp_path, monkeyp
     assert f"{tmp_path}/none" in compared(monkeypatch, now, "--against", str(tmp_path / "none"))
 
 
+@pytest.mark.parametrize(
+    ("text", "problem"), [("", "it has no lines"), ("no results\n", ", line 1: it is no")]
+)
+def test_what_no_earlier_call_has_printed_is_compared_with_nothing(tmp_path, monkeypatch, text, problem):
+    """As after a call that failed with its output in a file."""
+    (tmp_path / "list").write_text(text)
+    now = project(tmp_path / "now", one="1")
+    assert problem in compared(monkeypatch, now, "--against", str(tmp_path / "list"))
+
+
 def test_columns_that_are_no_numbers_have_the_checksum_of_what_they_say(tmp_path):
     columns = {"text": ["a", "b"], "gaps": [True, None], "lists": [[1], [2, 3]], "bytes": [b"a", b"bc"]}
     digests = []

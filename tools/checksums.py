@@ -37,6 +37,8 @@ FIGURES = "reports/metrics"
 """Folder of the metric files."""
 IGNORED = r"config\.checked|data/raw|manifest\.json|about\.json|model\.json|forecasts .* (grid|angular_grid)$"
 """What describes results, and what only pictures show."""
+_DIGITS = 16
+_LINE = re.compile(rf"[0-9a-f]{{{_DIGITS}}} .+")
 
 
 def checksums(root: Path) -> dict[str, str]:
@@ -57,6 +59,23 @@ def checksums(root: Path) -> dict[str, str]:
         remedy = "Name the folder of a project that has been reproduced"
         raise FileError(root, "", "there are no results below data, models and reports/metrics", remedy)
     return digests
+
+
+def listed(path: Path) -> dict[str, str]:
+    """Name -> checksum in the lines that an earlier call printed.
+
+    Raises:
+        FileError: they are not there, or it printed none.
+    """
+    wording = partial(FileError, path, remedy="Name a file with all that an earlier call printed")
+    with translate_errors(partial(wording, "")):
+        lines = path.read_text().splitlines()
+    for number, text in enumerate(lines, 1):
+        if not _LINE.fullmatch(text):
+            raise wording(f", line {number}", "it is no checksum and name")
+    if not lines:
+        raise wording("", "it has no lines")
+    return {name: digest for digest, _, name in (line.partition(" ") for line in lines)}
 
 
 def renamed(name: str) -> str:
@@ -96,7 +115,7 @@ def _bytes_of(column: pa.Array) -> bytes:
 
 
 def _digest(raw: bytes) -> str:
-    return hashlib.sha256(raw).hexdigest()[:16]
+    return hashlib.sha256(raw).hexdigest()[:_DIGITS]
 
 
 @user_errors()
@@ -110,11 +129,7 @@ def main() -> None:
     if options.against is None:
         sys.stdout.writelines(f"{digest} {name}\n" for name, digest in now.items())
         return
-    with translate_errors(
-        partial(FileError, options.against, "", remedy="Name a file that an earlier call wrote")
-    ):
-        lines = options.against.read_text().splitlines()
-    before = {name: digest for digest, _, name in (line.partition(" ") for line in lines)}
+    before = listed(options.against)
     common = before.keys() & now.keys()
     differ = sorted(name for name in common if before[name] != now[name])
     sys.stdout.writelines(f"differs: {name}\n" for name in differ)
