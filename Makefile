@@ -88,12 +88,12 @@ readme: setup ## write the tables of results into README.md and docs/, those of 
 	python -m tools.staleness --write
 
 dist: setup ## build the wheel and the source archive into build/dist
-	test -x build/packager/bin/pyproject-build || { python -m venv build/packager && build/packager/bin/pip install --quiet build; }
+	build/packager/bin/python -m build --version > /dev/null 2>&1 || { python -m venv --clear build/packager && build/packager/bin/pip install --quiet build; }
 	rm -rf build/dist
 	build/packager/bin/python -m build --outdir build/dist .
 
 audit: setup ## known weaknesses of the pinned dependencies; asks osv.dev, so it needs the network
-	test -x build/audit/bin/pip-audit || { python -m venv build/audit && build/audit/bin/pip install --quiet pip-audit; }
+	build/audit/bin/pip-audit --version > /dev/null 2>&1 || { python -m venv --clear build/audit && build/audit/bin/pip install --quiet pip-audit; }
 	build/audit/bin/pip-audit --requirement $(CONSTRAINTS) --no-deps --disable-pip --vulnerability-service osv
 
 check: setup ## lint, format, types, import contracts, params.yaml, style of the pages

@@ -27,6 +27,7 @@ def executable(path, script):
     path.unlink(missing_ok=True)
     path.write_text(f"#!/bin/sh\n{script}\n")
     path.chmod(0o755)
+    return path
 
 
 def python(path, version=(3, 12), pip=True):
@@ -81,13 +82,23 @@ def test_an_environment_that_works_is_kept(folder):
     assert (folder / ".venv/bin/installs").exists()
 
 
-def test_a_package_is_built_after_a_try_that_could_not_install_the_builder(folder):
-    (folder / ".venv").mkdir()
+@pytest.mark.parametrize("target", ["dist", "audit"])
+@pytest.mark.parametrize("left", ["nothing", "no tool", "a link to a Python that is gone"])
+def test_a_tool_with_an_environment_of_its_own_runs_whatever_was_left_of_that(folder, target, left):
+    inside = folder / "build" / {"dist": "packager", "audit": "audit"}[target] / "bin"
+    tools = ("python", "pip", "pip-audit")
+    for tool in tools if left == "no tool" else ():
+        executable(inside / tool, "exit 1")
+    if left == "a link to a Python that is gone":
+        for tool in ("pyproject-build", "pip", "pip-audit"):
+            executable(inside / tool, "").write_text(f"#!{inside / 'python'}\n")
+        (inside / "python").symlink_to(folder / "gone")
+    python(folder / ".venv/bin/python")
     (folder / ".venv/.installed").touch()
-    builder = folder / "build/packager/bin"
-    executable(builder / "python", f"[ -e {builder}/pyproject-build ] && mkdir -p build/dist")
-    executable(builder / "pip", f"exec touch {builder}/pyproject-build")
-    executable(folder / ".venv/bin/python", "true")
-    run = made(folder, "dist")
+    executable(folder / "tool", f'case "$*" in --version|install*) ;; *) touch {folder}/ran;; esac')
+    copies = "; ".join(f"cp tool {inside / tool}" for tool in tools)
+    made_new = f"rm -rf {inside}; mkdir -p {inside}; {copies}"
+    executable(folder / ".venv/bin/python", f'[ "$2 $3" = "venv --clear" ] || exit 0\n{made_new}')
+    run = made(folder, target)
     assert run.returncode == 0, run.stderr
-    assert (folder / "build/dist").is_dir()
+    assert (folder / "ran").exists()
