@@ -36,10 +36,10 @@ params: setup ## write params.yaml from conf/
 
 tune: setup ## fit trackers and social forces to real places again (writes conf/, about ten minutes)
 	dvc repro ingest
-	for place in $$(python -m tools.places tuned_on); do python -m tools.tune_tracker $$place || exit; done
+	places=$$(python -m tools.places tuned_on) && for place in $$places; do python -m tools.tune_tracker $$place || exit; done
 	python -m pedpred.config
 	dvc repro features_real
-	for place in $$(python -m tools.places fitted_on); do python -m tools.fit_social_force $$place || exit; done
+	places=$$(python -m tools.places fitted_on) && for place in $$places; do python -m tools.fit_social_force $$place || exit; done
 	python -m pedpred.config
 
 reproduce: setup ## raw data -> networks -> reports/ and tables of the pages; does only what is out of date

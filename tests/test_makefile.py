@@ -102,3 +102,33 @@ def test_a_tool_with_an_environment_of_its_own_runs_whatever_was_left_of_that(fo
     run = made(folder, target)
     assert run.returncode == 0, run.stderr
     assert (folder / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    "broken", ["places tuned_on", "places fitted_on", "tune_tracker one", "fit_social_force two"]
+)
+def test_tuning_ends_with_the_first_step_that_fails(folder, broken):
+    names = 'case "$*" in "-m tools.places"*) echo one; echo two;; esac'
+    fails = f'case "$*" in "-m tools.{broken}") exit 1;; esac'
+    executable(folder / ".venv/bin/python", f'echo "$*" >> {folder}/calls\n{fails}\n{names}')
+    executable(folder / ".venv/bin/dvc", "true")
+    (folder / ".venv/.installed").touch()
+    assert made(folder, "tune").returncode
+    assert (folder / "calls").read_text().splitlines()[-1] == f"-m tools.{broken}"
+
+
+def test_tuning_takes_place_after_place(folder):
+    executable(
+        folder / ".venv/bin/python",
+        f'echo "$*" >> {folder}/calls; [ "$2" != tools.places ] || echo "one two"',
+    )
+    executable(folder / ".venv/bin/dvc", "true")
+    (folder / ".venv/.installed").touch()
+    assert made(folder, "tune").returncode == 0
+    called = (folder / "calls").read_text()
+    steps = [
+        f"-m tools.{tool} {place}"
+        for tool in ("tune_tracker", "fit_social_force")
+        for place in ("one", "two")
+    ]
+    assert [line for line in called.splitlines() if line in steps] == steps
