@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pedpred.errors import FileError
+from pedpred.errors import FileError, ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import write_scene
 from tools.motion import describe_motion
@@ -46,6 +46,13 @@ def test_files_that_count_frames_are_read_at_their_rate(project):
     Path("walk.csv").write_text("frame,id,x,y\n" + FRAMES)
     (scene,) = recordings([Path("walk.csv")], 10.0)
     assert scene.detection_dt_s == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("named", [[], ["eth"]])
+def test_a_rate_is_that_of_files(project, named):
+    write_scene(walked(), project / "eth")
+    with pytest.raises(ValueRuleError, match=r"--rate = 10\.0, but it is that of files"):
+        list(recordings([project / name for name in named], 10.0))
 
 
 def test_motion_of_nobody_has_no_instants(project):

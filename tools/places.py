@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pedpred.command.conversion import read_any
 from pedpred.config import config_errors, read_params
-from pedpred.errors import ConfigError, FileError
+from pedpred.errors import ConfigError, FileError, ValueRuleError
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.tables.options import TableOptions
@@ -38,7 +38,10 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
 
     Raises:
         FileError: a file is missing or damaged, or no place was recorded.
+        ValueRuleError: the rate would be that of nothing.
     """
+    if rate_hz is not None and all(path.is_dir() for path in files):
+        raise ValueRuleError("--rate", rate_hz, "it is that of files that count frames: name some")
     for path in files:
         yield read_any(path, options=TableOptions(rate_hz=rate_hz) if path.is_file() else None)
     if files:
