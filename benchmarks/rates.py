@@ -17,11 +17,10 @@ import numpy as np
 
 from benchmarks.timing import tell
 from pedpred import OnlinePredictor
-from pedpred.command.conversion import read_any
 from pedpred.errors import user_errors
 from pedpred.scenes import Trajectories
-from pedpred.tables.options import TableOptions
 from tools.arguments import positive
+from tools.places import recordings
 from tools.readme import filled
 
 NOISE_M, SPEED_MPS, SECONDS, WARM_S = 0.03, 1.3, 8.0, 4.0
@@ -152,7 +151,7 @@ def main() -> None:
         parser.error("--rate is that of a --recording: name one")
     walks: dict[str, Walk] = {"straight": straight, "curving": curving}
     if given.recording:
-        scene = read_any(given.recording, options=TableOptions(rate_hz=given.rate))
+        (scene,) = recordings([given.recording], given.rate)
         walks[f"recorded ({given.recording.stem})"] = recorded(scene.trajectories)
     table = table_of(walks)
     print(f"\nADE over 3 s, m\n{table}")

@@ -42,6 +42,11 @@ def test_where_no_place_was_recorded_the_way_to_recordings_is_named(project):
         list(recordings([]))
 
 
+def test_a_place_without_a_recording_that_is_named_is_an_error_with_the_way_to_it(project):
+    with pytest.raises(FileError, match=r"hotel: its recording is not available\. ask for it"):
+        list(recordings([project / "hotel"]))
+
+
 def test_files_that_count_frames_are_read_at_their_rate(project):
     Path("walk.csv").write_text("frame,id,x,y\n" + FRAMES)
     (scene,) = recordings([Path("walk.csv")], 10.0)

@@ -43,7 +43,10 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
     if rate_hz is not None and all(path.is_dir() for path in files):
         raise ValueRuleError("--rate", rate_hz, "it is that of files that count frames: name some")
     for path in files:
-        yield read_any(path, options=TableOptions(rate_hz=rate_hz) if path.is_file() else None)
+        scene = read_any(path, options=TableOptions(rate_hz=rate_hz) if path.is_file() else None)
+        if scene.unavailable is not None:
+            raise FileError(path, "", "its recording is not available", scene.unavailable)
+        yield scene
     if files:
         return
     places = [folder for folder in _folders() if read_scene(folder).unavailable is None]
