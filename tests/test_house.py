@@ -147,7 +147,9 @@ def test_a_stage_reads_keys_in_a_way_that_fails_when_they_are_undeclared(script)
 
 
 def test_the_page_lists_the_layers_as_they_are_checked():
-    rows = re.sub(r"\n +\|", " |", ARCHITECTURE.split("```")[1]).strip().splitlines()
+    rows = (
+        re.sub(r"\n +\|", " |", ARCHITECTURE.partition("```text")[2].partition("```")[0]).strip().splitlines()
+    )
     assert [re.findall(r"pedpred(?:\.\w+)+|^(?:tools|stages)", row) for row in rows] == LAYERS
 
 
