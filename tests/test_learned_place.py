@@ -67,9 +67,36 @@ def test_a_robot_that_trusts_the_network_alone_takes_regions_only(mixture, visit
     assert alone._trust is None
     learned = np.clip(visited._regions.learned, *alone._regions.limits)
     np.testing.assert_array_equal(alone._regions.learned, learned)
-    alone.save_place(tmp_path / "alone.json")
+
+
+def test_what_was_learned_and_is_not_used_stays_in_the_file(mixture, visited, tmp_path):
+    path = tmp_path / "hall.json"
+    visited.save_place(path)
+    learned = json.loads(path.read_text())["trust"]
+    assert np.any(learned["compared"])
+    alone = OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False))
+    for _ in range(2):
+        alone.load_place(path)
+        alone.save_place(path)
+        assert json.loads(path.read_text())["trust"] == learned
+    again = OnlinePredictor.load(mixture[0])
+    again.load_place(path)
+    np.testing.assert_array_equal(again._trust.place.compared, learned["compared"])
+
+
+def test_without_trust_in_the_file_it_is_learned_from_the_beginning(mixture, visited, tmp_path):
+    OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False)).save_place(tmp_path / "alone.json")
     visited.load_place(tmp_path / "alone.json")
     np.testing.assert_array_equal(visited._trust.place.compared, 0.0)
+
+
+def test_a_reset_forgets_also_what_was_not_used(mixture, visited, tmp_path):
+    visited.save_place(tmp_path / "hall.json")
+    alone = OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False))
+    alone.load_place(tmp_path / "hall.json")
+    alone.reset()
+    alone.save_place(tmp_path / "hall.json")
+    assert json.loads((tmp_path / "hall.json").read_text())["trust"] is None
 
 
 def damaged(about, *where, value):

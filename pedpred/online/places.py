@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pedpred.errors import StorageError, ValueRuleError, brief
 from pedpred.files import check_input, read_json, translate_errors, write_json
@@ -15,19 +17,31 @@ _CHECKSUM = "sha256"
 _REMEDY = "Delete it: it is learned again"
 
 
-def write_place(path: Path, place: Place, network_sha256: str) -> None:
-    """Write what was learned of a network's forecasts; see `pedpred.files.atomic_write`."""
-    about = {"schema": PLACE_SCHEMA, "network_sha256": network_sha256, **place.plain()}
+def write_place(path: Path, place: Place, unused: Mapping[str, Any], network_sha256: str) -> None:
+    """Write what was learned of a network's forecasts; see `pedpred.files.atomic_write`.
+
+    Args:
+        path: the file.
+        place: what is used.
+        unused: see `read_place`.
+        network_sha256: checksum of the network.
+    """
+    learned = {name: unused.get(name) if value is None else value for name, value in place.plain().items()}
+    about = {"schema": PLACE_SCHEMA, "network_sha256": network_sha256, **learned}
     write_json(path, about | {_CHECKSUM: digest_of(about)})
 
 
-def read_place(path: Path, unlearned: Place, network_sha256: str) -> Place:
+def read_place(path: Path, unlearned: Place, network_sha256: str) -> tuple[Place, dict[str, Any]]:
     """Read what was learned of the forecasts of the same network.
 
     Args:
         path: the file.
         unlearned: what has not learned yet.
         network_sha256: checksum of the network.
+
+    Returns:
+        What the unlearned one uses; the rest of what was learned, as it stands in the file: who uses it
+        again goes on with it.
 
     Raises:
         StorageError: the file is missing, damaged or of another schema or network.
@@ -43,4 +57,5 @@ def read_place(path: Path, unlearned: Place, network_sha256: str) -> Place:
         if about["network_sha256"] != network_sha256:
             rule = "it was learned of another network's forecasts"
             raise ValueRuleError("network_sha256", brief(about["network_sha256"]), rule)
-        return unlearned.relearned(about)
+        place = unlearned.relearned(about)
+        return place, {name: about[name] for name, value in place.plain().items() if value is None}

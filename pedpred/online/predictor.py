@@ -105,10 +105,12 @@ class OnlinePredictor:
 
     def reset(self) -> None:
         """Delete all tracks and what was learned at the place; the map stays."""
-        self._begin(self._unlearned())
+        self._begin(self._unlearned(), {})
 
     def save_place(self, path: Path | str) -> None:
         """Write what was learned at the place to a JSON file, for `load_place`.
+
+        What was loaded and is not used, as trust where `learn_trust` is off, stays as it was.
 
         Raises:
             ValueRuleError: that is no path.
@@ -116,7 +118,7 @@ class OnlinePredictor:
         """
         output = given_path("path", path)
         check_output(output)
-        write_place(output, Place(self._trust, self._regions), self._checksum)
+        write_place(output, Place(self._trust, self._regions), self._unused, self._checksum)
 
     def load_place(self, path: Path | str) -> None:
         """Delete all tracks, and go on with what the same network had learned; the map stays.
@@ -125,13 +127,14 @@ class OnlinePredictor:
             ValueRuleError: that is no path.
             StorageError: the file is missing, damaged or about another network; all is as it was.
         """
-        self._begin(read_place(given_path("path", path), self._unlearned(), self._checksum))
+        self._begin(*read_place(given_path("path", path), self._unlearned(), self._checksum))
 
     def _unlearned(self) -> Place:
         return self._chain.unlearned(self.protocol.horizon_steps)
 
-    def _begin(self, place: Place) -> None:
-        """Start with nobody, and with what was learned."""
+    def _begin(self, place: Place, unused: dict[str, Any]) -> None:
+        """Start with nobody, and with what was learned; see `read_place`."""
+        self._unused = unused
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
         self._trust, self._regions = place.trust, place.regions
         none, answer = np.zeros(0, int), self._network.nobody()
