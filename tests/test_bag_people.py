@@ -80,6 +80,12 @@ def test_odd_detections_are_left_out_with_their_time(store, tmp_path, caplog):
     assert "2 of a track that was there already, the first at 0.0 s (track 3)" in caplog.text
 
 
+def test_who_is_left_out_of_a_bag_is_called_by_name(store, tmp_path, caplog):
+    places = {"anna": (0.0, 0.0), "bob": (np.nan, 0.0)}
+    read_bag(bag(store, tmp_path / "bag", (0.0, places), (0.5, {"anna": (1.0, 0.0), "bob": (0.0, 0.0)})))
+    assert "1 without a place, the first at 0.0 s (track 'bob')" in caplog.text
+
+
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 2), st.sampled_from([0.0, 1.0, np.nan]))))
 def test_what_is_usable_makes_trajectories_and_nothing_else_is_lost(rows):
     time_s, track_id, x = (

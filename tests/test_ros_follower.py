@@ -29,6 +29,7 @@ PEOPLE, BOXES = "people_msgs/msg/People", "vision_msgs/msg/Detection3DArray"
 AGENTS = "pedsim_msgs/msg/AgentStates"
 GRID, TF = "nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage"
 STANDING = np.array([3.0, 2.0, 0.0])
+NOWHERE = np.array([np.nan, 0.0, 0.0])
 
 
 def follower_of(**values):
@@ -675,6 +676,14 @@ def test_people_of_every_type_are_followed(kind, caplog):
     assert ("people have no ids that say who is who" in caplog.text) == unnamed
 
 
+@pytest.mark.parametrize(("name", "said"), [("", "'#1'"), ("anna", "'anna'"), ("7", "'7'"), ("007", "'007'")])
+def test_who_has_no_place_is_called_in_the_log_as_in_the_messages(name, said, caplog):
+    answered(
+        follower_of(identities="given" if name else "auto"), people(1.0, eve=(0.0, 0.0), **{name: NOWHERE})
+    )
+    assert f"1 without a place, the first at 1.0 s (track {said})" in caplog.text
+
+
 def test_after_an_error_everything_goes_on():
     follower, plain = follower_of(), follower_of()
     answered(follower, people(1.0, anna=(0.0, 0.0)))
@@ -711,6 +720,19 @@ def test_what_was_learned_is_kept_in_a_file_and_a_damaged_one_is_said_and_replac
         assert path.read_bytes() == written
     assert (tmp_path / "hall.json.unused").read_bytes() == written[:-20]
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_no_file_that_was_put_aside_replaces_another_one(tmp_path):
+    path = tmp_path / "hall.json"
+    for text in ("first", "second", "third"):
+        path.write_text(text)
+        follower_of(place_file=str(path)).load_place()
+    kept = {each.name: each.read_text() for each in tmp_path.iterdir()}
+    assert kept == {
+        "hall.json.unused": "first",
+        "hall.json.unused1": "second",
+        "hall.json.unused2": "third",
+    }
 
 
 def test_without_a_name_nothing_is_written(tmp_path, monkeypatch):

@@ -210,11 +210,12 @@ class People:
             for name in each
         ]
         track_id = np.array([numbers.number(name) for name in called], np.int64)
+        own = {n: name for n, name in zip(track_id.tolist(), called, strict=True) if n < 0}
         if names is not None:
-            names.update((n, name) for n, name in zip(track_id.tolist(), called, strict=True) if n < 0)
+            names.update(own)
         time_s = self._time_s.repeat(counts)
         places = np.concatenate([np.zeros((0, 2)), *position])
-        kept, lack = find_usable(time_s, track_id, places)
+        kept, lack = find_usable(time_s, track_id, places, lambda track: own.get(track, track))
         if lack:
             self._warn(lack)
         written = np.concatenate([np.zeros((0, 2)), *read])

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pedpred.errors import brief
 from pedpred.scenes import rule_of
 
 Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
@@ -81,13 +82,16 @@ class TrackNumbers:
         self._given.pop(name, None)
 
 
-def find_usable(time_s: np.ndarray, track_id: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, str]:
+def find_usable(
+    time_s: np.ndarray, track_id: np.ndarray, position: np.ndarray, name: Callable[[int], object] = int
+) -> tuple[np.ndarray, str]:
     """Which detections have a place, and of several of one track in one instant are the first.
 
     Args:
         time_s: s. [M]
         track_id: [M] int64
         position: m. [M, 2]
+        name: what a track is called by who reads of it.
 
     Returns:
         [M] bool, and what is wrong with the others, with time and track; empty if there are none.
@@ -98,7 +102,7 @@ def find_usable(time_s: np.ndarray, track_id: np.ndarray, position: np.ndarray) 
     again[order[1:]] = (np.diff(time_s[order]) == 0) & (np.diff(track_id[order]) == 0)
     lacks = {"without a place": ~placed, "of a track that was there already": placed & again}
     texts = [
-        f"{lack.sum()} {what}, the first at {time_s[lack][0]} s (track {track_id[lack][0]})"
+        f"{lack.sum()} {what}, the first at {time_s[lack][0]} s (track {brief(name(int(track_id[lack][0])))})"
         for what, lack in lacks.items()
         if lack.any()
     ]

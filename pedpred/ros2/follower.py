@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -178,7 +180,7 @@ class Follower:
         try:
             self._predictor.load_place(path)
         except PedpredError as problem:
-            aside = path.with_name(f"{path.name}.unused")
+            aside = _free_name(path)
             path.replace(aside)  # it may be somebody's, and is written soon
             _log.warning("what was learned before is not used, and now %s: %s", aside, problem)
         else:
@@ -330,7 +332,8 @@ class Follower:
         with self.counts.refusing():
             place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
             track_id = self._identities.number(one, place)
-            kept, left_out = find_usable(np.full(len(place), one.stamp_s), track_id, place)
+            times_s = np.full(len(place), one.stamp_s)
+            kept, left_out = find_usable(times_s, track_id, place, self._identities.name)
             if left_out:
                 _log.warning("%s", left_out)
             forecast = self._predictor.update(one.stamp_s, track_id[kept], place[kept])
@@ -370,6 +373,12 @@ class Follower:
             content = people_content(shown, named[: len(shown)], time_ns, frame)
             yield Answer(PEOPLE, PEOPLE_TYPE, content)
         yield from self._views.answers(forecast, named, time_ns, frame, self._map.occupancy, self.settings)
+
+
+def _free_name(path: Path) -> Path:
+    """Where a file can be put aside: beside it, under a name that no other one has."""
+    names = (f"{path.name}.unused{number or ''}" for number in count())
+    return next(path.with_name(name) for name in names if not os.path.lexists(path.with_name(name)))
 
 
 def told_map(occupancy: OccupancyMap) -> str:
