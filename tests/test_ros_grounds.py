@@ -1,5 +1,7 @@
 """The ground of predicted occupancy: no cost stays in a costmap where nobody is expected any more."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +15,7 @@ from pedpred.ros2.follower import Follower
 from pedpred.ros2.grounds import Grounds
 from pedpred.ros2.settings import NodeSettings
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
+from pedpred.scenes.occupancy import FARTHEST_M
 from tests.test_ros_follower import GRID, answered, follower_of, people
 
 MAP = OccupancyMap(np.zeros((30, 30), bool), np.array([-1.0, -1.0]), 0.2)
@@ -91,6 +94,20 @@ def test_without_a_map_a_ground_holds_everybody_who_is_expected():
         cells = wide.center_of(np.argwhere(shares >= 0.005))
         low, high = corners
         assert ((low < cells) & (cells < high)).all()
+
+
+@pytest.mark.parametrize("place", [*product((-FARTHEST_M, 0.0, FARTHEST_M), repeat=2)])
+@pytest.mark.parametrize(("count", "step"), [(1, 0.0), (1, 1.3e-9), (3, 1.3e-9)])
+def test_there_is_a_grid_of_who_walks_to_the_largest_coordinate(place, count, step):
+    """A map begins no farther away, and people are expected beyond."""
+    follower = follower_of(occupancy_cell_m=0.1)
+    for k in range(10):
+        at = np.array(place) * (1.0 - (9 - k) * step)
+        here = {str(n): at - np.sign(at) * n for n in range(count)}
+        answers = answered(follower, people(1.0 + k / 10, **here))
+        grid = answers["predicted_occupancy/horizon"]
+        assert grid["info"]["resolution"] < 0.31
+        assert grid["data"].max() > 0 or step
 
 
 @pytest.mark.parametrize("far_m", [600.0, 5e3, 1e7])

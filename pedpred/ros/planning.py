@@ -14,6 +14,7 @@ import numpy as np
 from pedpred.ros.message_types import MAP, TYPES
 from pedpred.ros.scene_messages import Content, header, map_info
 from pedpred.scenes import BODY_M, OccupancyMap, Predictions, predicted_occupancy
+from pedpred.scenes.occupancy import FARTHEST_M
 
 PREDICTIONS, HORIZON = "/predictions", "/predicted_occupancy/horizon"
 PREDICTIONS_TYPE, GRID_TYPE = "sensor_msgs/msg/PointCloud2", TYPES[MAP]
@@ -173,14 +174,16 @@ def reached_ground(predictions: Predictions, cell_m: float, detail_m: float) -> 
         cell_m: side of a cell, m.
         detail_m: see `grid_messages`, m.
     """
-    path = predictions.path.reshape(-1, 2)
+    path = np.clip(predictions.path.reshape(-1, 2), -FARTHEST_M, FARTHEST_M)  # where a map can begin
     spread = np.zeros((len(path), 2))
     if predictions.covariance is not None:
         spread = np.sqrt(np.diagonal(predictions.covariance, axis1=-2, axis2=-1)).reshape(-1, 2)
     known = np.isfinite(path).all(axis=1)
     side_m = _group(cell_m, detail_m) * cell_m
     path, wide = path[known], _DEVIATIONS * (spread[known] + _MARGIN * side_m) + BODY_M
-    return np.stack([(path - wide).min(axis=0), (path + wide).max(axis=0)]) if len(path) else path
+    if not len(path):
+        return path
+    return np.clip([(path - wide).min(axis=0), (path + wide).max(axis=0)], -FARTHEST_M, FARTHEST_M)
 
 
 def _group(cell_m: float, detail_m: float) -> int:
