@@ -15,6 +15,7 @@ import re
 import subprocess
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,19 @@ def processor_s(process: subprocess.Popen) -> float:
     """Time on a core of all threads of a process so far, s."""
     ticks = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()[11:13]
     return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")
+
+
+def end(processes: Sequence[subprocess.Popen], limit_s: float = _LIMIT_S) -> None:
+    """End processes, and those that have not ended by themselves after some time by force."""
+    for process in processes:
+        process.terminate()
+    until_s = time.monotonic() + limit_s
+    for process in processes:
+        try:
+            process.wait(max(until_s - time.monotonic(), 0.0))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def measure(folder: Path, people: int, rate_hz: float, seconds: float) -> dict[str, Any]:
@@ -69,9 +83,7 @@ def measure(folder: Path, people: int, rate_hz: float, seconds: float) -> dict[s
             time.sleep(_WATCH_S)
         recorder.wait(_LIMIT_S)
     finally:
-        for process in (node, publisher, recorder):
-            process.terminate()
-            process.wait(_LIMIT_S)
+        end([node, publisher, recorder])
     times_ns = np.loadtxt(heard, np.int64, ndmin=2)
     if not times_ns.size:
         raise SystemExit(f"no forecast came; the processes said:\n{log.read_text()}")

@@ -1,6 +1,8 @@
 """Benchmarks: what they need and do not find, and how they compare times."""
 
 import dataclasses
+import subprocess
+import sys
 from itertools import product
 
 import numpy as np
@@ -10,6 +12,7 @@ from benchmarks import driving, driving_curves, online
 from benchmarks.beside import busy, slowdown
 from benchmarks.learners import cases
 from benchmarks.pages import put
+from benchmarks.ros import end
 from benchmarks.timing import keep, tell
 from pedpred.driving.measures import Measures
 from pedpred.driving.table import Condition, Row, write_table
@@ -24,6 +27,19 @@ def test_what_is_missing_is_named_with_the_command_that_makes_it(tmp_path, monke
     with pytest.raises(SystemExit) as ended:
         online.main()
     assert ended.value.code == f"{tmp_path}/nowhere is missing; make it: dvc repro export"
+
+
+def test_no_process_of_a_benchmark_goes_on_after_it():
+    waits = "import signal, time; print(flush=True); time.sleep(60)"
+    deaf = waits.replace(";", "; signal.signal(signal.SIGTERM, signal.SIG_IGN);", 1)
+    commands = [waits, deaf, deaf]
+    started = [subprocess.Popen([sys.executable, "-c", each], stdout=subprocess.PIPE) for each in commands]
+    for process in started:
+        process.stdout.readline()
+    end(started, 0.5)
+    for process in started:
+        process.stdout.close()
+    assert [process.poll() for process in started] == [-15, -9, -9]
 
 
 def test_a_slowdown_is_that_of_the_medians():
