@@ -28,7 +28,7 @@ class OnlineSettings:
             from detections, and without it they become large enough to hold the detector's noise, too.
         learn_trust: learn from people who have left how far to trust the network beside lines, see
             `pedpred.forecasting.trust`.
-        most_people: people to follow; of more, those who came first. An update for 1000 takes about 0.3 s.
+        most_people: people to follow; of more, those who came first. An update for 1000 takes up to 0.3 s.
     """
 
     max_age_s: float = 0.5

@@ -73,7 +73,7 @@ class NodeSettings:
     max_age_s: float = _told(
         0.5, "a person is forecast while the last detection is at most this old, and at most 2 s, s"
     )
-    most_people: int = _told(1000, "of more people, those who came first are forecast, within about 0.5 s")
+    most_people: int = _told(1000, "of more people, those who came first are forecast, within about 0.3 s")
     occupancy_cell_m: float = _told(
         0.0, "side of the cells of `predicted_occupancy`, m; 0: it is not published", True
     )
