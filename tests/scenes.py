@@ -36,8 +36,9 @@ def scenes(draw, time_s=number, track_id=st.integers(0, 99)):  # noqa: B008
     trajectories = Trajectories(times, tracks, draw(pairs), **dict(zip(names, known, strict=True)))
     picture = draw(st.none() | arrays(np.uint8, (2, 3, 3)))
     camera = None if picture is None else Camera(Homography(np.diag([0.1, 0.3, 1.0]), 1), picture)
-    why = draw(st.none() | st.text("ab \n\u00e9", max_size=9)) if not rows else None
-    return Scene("place", trajectories, draw(maps()), draw(st.floats(1e-3, 10.0)), camera, why)
+    remark = st.none() | st.text("ab \n\u00e9", max_size=9)
+    why, how = draw(remark) if not rows else None, draw(remark)
+    return Scene("place", trajectories, draw(maps()), draw(st.floats(1e-3, 10.0)), camera, why, how)
 
 
 def assert_same(left, right):

@@ -247,6 +247,28 @@ def test_people_of_others_need_no_tags(tmp_path):
     np.testing.assert_array_equal(scene.occupancy.occupied, [[False], [True]])
 
 
+@pytest.mark.parametrize("velocity", [{"x": np.nan, "y": np.nan}, {"x": np.nan}, {}])
+def test_what_is_not_known_of_everybody_is_unknown(tmp_path, caplog, velocity):
+    path = tmp_path / "theirs.mcap"
+    people = [
+        {"name": "7", "position": {"x": 1.0, "y": 2.0}, "tagnames": ["group_id"], "tags": [str(2**62 + 1)]},
+        {"name": "8", "position": {"x": 3.0, "y": 2.0}, "velocity": velocity},
+    ]
+    info = {"resolution": 0.1, "width": 2, "height": 1, "origin": {"orientation": {"w": 1.0}}}
+    with path.open("wb") as stream, Writer(stream) as writer:
+        schemas = {kind: writer.register_msgdef(kind, definition(kind)) for kind in TYPES.values()}
+        writer.write_message(MAP, schemas[TYPES[MAP]], {"info": info, "data": [-1, 100]}, log_time=0)
+        for sec in (3, 4, 5):
+            message = {"header": {"stamp": {"sec": sec}}, "people": people}
+            writer.write_message(PEOPLE, schemas[TYPES[PEOPLE]], message, log_time=sec)
+    people = read_recording(path).trajectories
+    assert people.track_id.tolist() == [7, 8] * 3
+    assert people.group_id is None
+    assert (people.velocity is None) == bool(velocity)
+    assert "group_id of 3 of 6 detections" in caplog.text
+    assert ("vx_mps of 3 of 6 detections" in caplog.text) == bool(velocity)
+
+
 @pytest.mark.parametrize("raw", [b"", b"PK\x03\x04 something else"])
 def test_a_file_of_another_kind_is_named(tmp_path, raw):
     (tmp_path / "x.mcap").write_bytes(raw)

@@ -52,6 +52,8 @@ from pedpred.storage.tracks import tracks_of, tracks_table
 _log = logging.getLogger(__name__)
 _SCENE_RECORD = "pedpred.scene"
 """Name of the metadata record with the values that no message holds exactly."""
+_REMARKS = "unavailable", "stand_in"
+"""Fields of a scene that it keeps as they are, where they are not None."""
 _CHUNK_BYTES = 256 * 1024
 """Uncompressed size of a chunk: a cut file loses at most this much before the cut."""
 _SAME_INSTANT_NS = 1000
@@ -76,7 +78,7 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
     A file that is cut is read up to the cut, with a warning. A recording of another writer is named after the
     file, its resolution is the shortest decimal that rounds to the map's float32, and the time between
     detections is the median. Detections without a place, and second ones of a track in one instant, are left
-    out with a warning.
+    out with a warning, and so is what is known of some detections only, such as velocities.
 
     Args:
         path: the file.
@@ -121,12 +123,24 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
         kept, left_out = find_usable(time_s, track_id, table[["x_m", "y_m"]].to_numpy())
         if left_out:
             _log.warning("%s: %s", path, left_out)
-        trajectories = tracks_of(table[kept], path)
+        trajectories = tracks_of(_known_of_all(table[kept], path), path)
         trajectories = trajectories if transform is None else transform.moved(trajectories)
         occupancy = map_of_grid(grid, about.get("resolution_m"))
         dt_s = float(about.get("detection_dt_s") or trajectories.usual_interval_s())
-        name, unavailable = about.get("name", path.stem), about.get("unavailable")
-        return Scene(name, trajectories, occupancy, dt_s, unavailable=unavailable)
+        remarks = {remark: about.get(remark) for remark in _REMARKS}
+        return Scene(about.get("name", path.stem), trajectories, occupancy, dt_s, **remarks)
+
+
+def _known_of_all(table: pd.DataFrame, path: Path) -> pd.DataFrame:
+    """The columns without those that some rows lack, about which there is a warning."""
+    lacking = table.isna().any()
+    if lacking.any():
+        known = (
+            f"{name} of {count} of {len(table)} detections"
+            for name, count in table.loc[:, lacking].count().items()
+        )
+        _log.warning("%s: left out, since others lack it: %s", path, ", ".join(known))
+    return table.loc[:, ~lacking]
 
 
 def is_recording(path: Path) -> bool:
@@ -184,8 +198,8 @@ def write_recording(
         raise ValueRuleError("method", unknown[0], f"scene {scene.name} has no forecasts of it")
     about = {"name": scene.name, "detection_dt_s": repr(float(scene.detection_dt_s))}
     about["resolution_m"] = repr(float(scene.occupancy.resolution_m))
-    if scene.unavailable is not None:
-        about["unavailable"] = scene.unavailable
+    remarks = {remark: getattr(scene, remark) for remark in _REMARKS}
+    about |= {remark: text for remark, text in remarks.items() if text is not None}
     if not len(scene.trajectories):
         about["columns"] = ",".join(map(str, tracks_table(scene.trajectories)))
     with atomic_write(path) as new, new.open("wb") as stream:
