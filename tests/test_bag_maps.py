@@ -8,6 +8,7 @@ from rosbags.typesys import Stores
 from pedpred.command import main
 from pedpred.errors import SourceError
 from pedpred.ros import read_bag
+from pedpred.ros.planning import HORIZON
 from pedpred.storage.scenes import read_scene, write_map
 from tests.test_bag_definitions import Filled
 from tests.test_bags import Store, check
@@ -43,12 +44,13 @@ def test_costmaps_and_predicted_occupancy_are_no_maps(ros2, tmp_path, name):
     check(read_bag(bag(ros2, tmp_path / "hall", name, *others)))
 
 
-def test_a_bag_with_costmaps_alone_has_no_map_and_says_so(ros2, tmp_path, caplog):
-    path = bag(ros2, tmp_path / "hall", "/global_costmap/costmap")
+@pytest.mark.parametrize("name", ["/global_costmap/costmap", *(f"{at}{HORIZON}" for at in ("", "/robot"))])
+def test_a_bag_with_grids_that_are_no_maps_has_no_map_and_says_so(ros2, tmp_path, caplog, name):
+    path = bag(ros2, tmp_path / "hall", name)
     assert not read_bag(path).occupancy.occupied.any()
-    assert "/global_costmap/costmap" in caplog.text
+    assert name in caplog.text
     assert "--map-topic" in caplog.text
-    check(read_bag(path, map_topic="/global_costmap/costmap"))
+    check(read_bag(path, map_topic=name))
 
 
 def test_the_topic_map_comes_before_others_of_that_name(ros2, tmp_path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
@@ -19,6 +18,7 @@ from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import ADAPTERS, LABELLED
+from pedpred.ros.planning import NO_MAP
 from pedpred.ros.scene_messages import map_of_grid
 from pedpred.ros.storages import opened
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
@@ -29,8 +29,6 @@ _log = logging.getLogger(__name__)
 _GRID = TYPES[MAP]
 _REMEDY = f"A bag may hold {', '.join(sorted(ADAPTERS))} for people and {_GRID} for the map"
 _MAP_REMEDY = "Choose one: --map-topic"
-_NO_MAP = re.compile(r"costmap|^/predicted_occupancy/")
-"""Topics of grids that are not maps: costs for planners, and where people are going to be."""
 _TRANSFORMS = (TRANSFORMS, "tf/msg/tfMessage")
 _LONGEST_S = 5.0
 """Longest usual time between two detections of a person that can be seconds."""
@@ -183,7 +181,7 @@ def _map_topic(path: Path, connections: Sequence[Connection], topic: str | None)
     names = sorted({c.topic for c in grids})
     if topic is None:
         called_map = [name for name in names if name.rpartition("/")[2] == MAP[1:]]
-        others = [name for name in names if not _NO_MAP.search(name)]
+        others = [name for name in names if not NO_MAP.search(name)]
         chosen = [MAP] if MAP in names else called_map or others
         if len(chosen) > 1:
             raise SourceError(path, None, f"several topics carry a map: {brief(chosen)}", _MAP_REMEDY)

@@ -7,6 +7,7 @@ weights and covariances of every step, and every ROS installation reads this one
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -19,6 +20,8 @@ from pedpred.scenes.occupancy import FARTHEST_M
 PREDICTIONS, HORIZON = "/predictions", "/predicted_occupancy/horizon"
 PREDICTIONS_TYPE, GRID_TYPE = "sensor_msgs/msg/PointCloud2", TYPES[MAP]
 
+NO_MAP = re.compile(r"costmap|(^|/)predicted_occupancy/")
+"""In topics of grids that are no maps: costs for planners, and where people are going to be."""
 MOST_CELLS = 2**24
 """Of all steps of predicted occupancy together."""
 _DEVIATIONS, _MARGIN = 4.0, 1.5

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,7 +20,7 @@ from pedpred.files import check_output
 from pedpred.online import OnlinePredictor
 from pedpred.online.warming import warm_up
 from pedpred.ros.message_types import TRANSFORMS, serialize
-from pedpred.ros.planning import GRID_TYPE
+from pedpred.ros.planning import GRID_TYPE, NO_MAP
 from pedpred.ros.turned_maps import warm_up_turning
 from pedpred.ros2.arrivals import Arrivals
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
@@ -31,7 +30,6 @@ from pedpred.ros2.log import RosHandler
 from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, Answer, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, fields_of, unchangeable
 
-_NO_MAP = re.compile(r"costmap|predicted_occupancy/")
 _PEOPLE_DEPTH, _TF_DEPTH, _UPDATES_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 50, 10
 _RETRY_S, _DIAGNOSTICS_S, _PLACE_S = 0.02, 1.0, 60.0
 _log = logging.getLogger("pedpred.ros2")
@@ -113,7 +111,7 @@ class PedpredNode(LifecycleNode):
     def _configure(self) -> None:
         settings = self._settings()
         topic = self.resolve_topic_name("map")
-        if settings.use_map and _NO_MAP.search(topic):
+        if settings.use_map and NO_MAP.search(topic):
             rule = "costs are not a map: remap `map` to the topic of the map server, or set use_map to false"
             raise ConfigError("map", topic, rule)
         _message_class(settings.people_type)
