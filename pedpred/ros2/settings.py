@@ -75,7 +75,9 @@ class NodeSettings:
     )
     most_people: int = _told(1000, "of more people, those who came first are forecast, within about 0.3 s")
     occupancy_cell_m: float = _told(
-        0.0, "side of the cells of `predicted_occupancy`, m; 0: it is not published", True
+        0.0,
+        "side of the cells of `predicted_occupancy`, m; above 0.3 little is seen of people; 0: no grids",
+        True,
     )
     publish_markers: bool = _told(True, "publish `predictions/markers` for viewers", True)
     publish_people: bool = _told(True, "publish `predictions/people`, where people_msgs is installed", True)
