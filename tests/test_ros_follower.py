@@ -21,6 +21,7 @@ from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diag
 from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
 from pedpred.ros2.identities import UNNAMED_TYPES
 from pedpred.ros2.live_frames import KEPT_S, MOST_FRAMES, MOST_POSES, LiveFrames
+from pedpred.ros2.log import guarded
 from pedpred.ros2.outputs import MARKERS, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of, unchangeable
 from pedpred.scenes import OccupancyMap, Predictions
@@ -733,6 +734,17 @@ def test_no_file_that_was_put_aside_replaces_another_one(tmp_path):
         "hall.json.unused1": "second",
         "hall.json.unused2": "third",
     }
+
+
+def test_a_file_that_cannot_be_written_ends_nothing_and_is_said(tmp_path, caplog):
+    follower = follower_of(place_file=str(tmp_path))
+    for _ in range(2):
+        guarded("what was learned is not kept", follower.save_place)()
+    assert caplog.text.count(f"what was learned is not kept: {tmp_path}") == 2
+    guarded("message of 'map' left out", follower.map_came)(b"?")
+    assert "message of 'map' left out: message = '1 bytes', but it must be a nav_msgs/" in caplog.text
+    guarded("message of 'map' left out", follower.map_came)(None)
+    assert "message of 'map' left out: TypeError: " in caplog.text
 
 
 def test_without_a_name_nothing_is_written(tmp_path, monkeypatch):

@@ -4,10 +4,33 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
 from typing import Any
+
+from pedpred.errors import PedpredError
 
 EVERY_S = 5.0
 _MOST_KINDS = 1000
+_log = logging.getLogger(__name__)
+
+
+def guarded(lost: str, callback: Callable[..., None]) -> Callable[..., None]:
+    """A callback that logs every error and goes on: a bad message must not end the node.
+
+    Args:
+        lost: what there is not after an error, such as "message of 'map' left out".
+        callback: it may be called again after an error.
+    """
+
+    def called(*arguments: Any) -> None:
+        try:
+            callback(*arguments)
+        except Exception as problem:  # whatever is wrong with this message, the next one may be right
+            name, field = type(problem).__name__, str(getattr(problem, "field", "")).partition("[")[0]
+            text = "%s: " + ("" if isinstance(problem, PedpredError) else f"{name}: ")
+            _log.error(text + "%s", lost, problem, extra={"kind": (lost, name, field)})
+
+    return called
 
 
 class RosHandler(logging.Handler):

@@ -26,12 +26,13 @@ from pedpred.ros2.arrivals import Arrivals
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
 from pedpred.ros2.events import no_callbacks
 from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
-from pedpred.ros2.log import RosHandler
+from pedpred.ros2.log import RosHandler, guarded
 from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, Answer, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, fields_of, unchangeable
 
 _PEOPLE_DEPTH, _TF_DEPTH, _UPDATES_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 50, 10
 _RETRY_S, _DIAGNOSTICS_S, _PLACE_S = 0.02, 1.0, 60.0
+_NOT_KEPT, _NOT_EMPTIED = "what was learned is not kept", "topics are not emptied"
 _log = logging.getLogger("pedpred.ros2")
 _Done = TransitionCallbackReturn
 
@@ -145,12 +146,12 @@ class PedpredNode(LifecycleNode):
             _log.warning("people must be in the frame of the map: %s", problem)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._retry = self.create_timer(
-            _RETRY_S, self._guarded("answers", self._publish_answers), clock=steady
+            _RETRY_S, guarded("people left out", self._publish_answers), clock=steady
         )
         self._retry.cancel()  # each wake-up takes about a millisecond, so only while people wait
-        told = self._guarded("/diagnostics", self._diagnose)
-        kept = self._guarded("place_file", self._follower.save_place)
-        gone = self._guarded("cleared outputs", self._clear_outputs)
+        told = guarded("/diagnostics left out", self._diagnose)
+        kept = guarded(_NOT_KEPT, self._follower.save_place)
+        gone = guarded(_NOT_EMPTIED, self._clear_outputs)
         self._own += [
             self._retry,
             *(self.create_timer(_DIAGNOSTICS_S, each, clock=steady) for each in (gone, told)),
@@ -207,12 +208,12 @@ class PedpredNode(LifecycleNode):
         if self._retry is not None:
             self._retry.cancel()
         if self._people is not None:
-            self._guarded("cleared outputs", self._clear_outputs)(0.0)
+            guarded(_NOT_EMPTIED, self._clear_outputs)(0.0)
             self.destroy_subscription(self._people)
             self._people, self._arrivals = None, Arrivals()
             if self._follower is not None:
                 self._follower.forget_waiting()
-                self._guarded("place_file", self._follower.save_place)()
+                guarded(_NOT_KEPT, self._follower.save_place)()
 
     def _clean_up(self) -> None:
         self._forget_people()
@@ -227,7 +228,7 @@ class PedpredNode(LifecycleNode):
         made, silent = _message_class(kind), no_callbacks()
         self._own.append(
             self.create_subscription(
-                made, topic, self._guarded(topic, callback), qos, event_callbacks=silent, raw=True
+                made, topic, _listener(topic, callback), qos, event_callbacks=silent, raw=True
             )
         )
 
@@ -235,7 +236,7 @@ class PedpredNode(LifecycleNode):
         """Take people and what the middleware knows of their message: two arguments ask rclpy for it."""
         if (missed := self._arrivals.missed(about)) and self._follower is not None:
             self._follower.people_missed(missed)
-        self._guarded("people", self._people_came)(raw, about["received_timestamp"])
+        _listener("people", self._people_came)(raw, about["received_timestamp"])
 
     def _people_came(self, raw: bytes, received_ns: int) -> None:
         if self._follower is not None:
@@ -294,18 +295,9 @@ class PedpredNode(LifecycleNode):
         content = diagnostics_content(name, level, summary, values, now_ns)
         self._sinks["/diagnostics"].publish(serialize(DIAGNOSTICS_TYPE, content))
 
-    def _guarded(self, what: str, callback: Callable[..., None]) -> Callable[..., None]:
-        """A callback that logs every error and goes on: a bad message must not end the node."""
 
-        def called(*message: Any) -> None:
-            try:
-                callback(*message)
-            except Exception as problem:  # whatever is wrong with this message, the next one may be right
-                name, field = type(problem).__name__, str(getattr(problem, "field", "")).partition("[")[0]
-                text = "message of %r left out: " + ("" if isinstance(problem, PedpredError) else f"{name}: ")
-                _log.error(text + "%s", what, problem, extra={"kind": (what, name, field)})
-
-        return called
+def _listener(topic: str, callback: Callable[..., None]) -> Callable[..., None]:
+    return guarded(f"message of {topic!r} left out", callback)
 
 
 def _message_class(kind: str) -> Any:
