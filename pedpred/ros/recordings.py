@@ -127,7 +127,7 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
         trajectories = trajectories if transform is None else transform.moved(trajectories)
         occupancy = map_of_grid(grid, about.get("resolution_m"))
         dt_s = float(about.get("detection_dt_s") or trajectories.usual_interval_s())
-        remarks = {remark: about.get(remark) for remark in _REMARKS}
+        remarks: dict[str, Any] = {remark: about.get(remark) for remark in _REMARKS}
         return Scene(about.get("name", path.stem), trajectories, occupancy, dt_s, **remarks)
 
 
