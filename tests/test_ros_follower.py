@@ -747,6 +747,15 @@ def test_a_file_that_cannot_be_written_ends_nothing_and_is_said(tmp_path, caplog
     assert "message of 'map' left out: TypeError: " in caplog.text
 
 
+def test_a_tilde_is_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    follower = follower_of(place_file="~/hall.json", model="~/large")
+    follower.save_place()
+    assert [str(each.relative_to(tmp_path)) for each in tmp_path.rglob("*.json")] == ["home/hall.json"]
+    assert follower.settings.folder == tmp_path / "home/large"
+
+
 def test_without_a_name_nothing_is_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     follower = follower_of()

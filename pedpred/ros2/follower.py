@@ -174,8 +174,8 @@ class Follower:
 
     def load_place(self) -> None:
         """Go on with what the file of the place says, if there is one; what cannot be used is put aside."""
-        path = Path(self.settings.place_file)
-        if not self.settings.place_file or not path.exists():
+        path = self.settings.place
+        if path is None or not path.exists():
             return
         try:
             self._predictor.load_place(path)
@@ -192,8 +192,8 @@ class Follower:
         Raises:
             OutputError: it cannot be written.
         """
-        if self.settings.place_file:
-            self._predictor.save_place(self.settings.place_file)
+        if (path := self.settings.place) is not None:
+            self._predictor.save_place(path)
 
     def map_came(self, raw: bytes) -> None:
         """Use a nav_msgs/OccupancyGrid from now on; the same one again is ignored."""

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -117,11 +116,11 @@ class PedpredNode(LifecycleNode):
             raise ConfigError("map", topic, rule)
         _message_class(settings.people_type)
         _log.info("compiling what is not compiled yet: up to a minute")
-        warm_up(settings.model or None)
+        warm_up(settings.folder)
         warm_up_turning()
-        predictor = OnlinePredictor.load(settings.model or None, settings.online())
-        if settings.place_file:
-            check_output(Path(settings.place_file))
+        predictor = OnlinePredictor.load(settings.folder, settings.online())
+        if settings.place is not None:
+            check_output(settings.place)
         self._steps = predictor.protocol.horizon_steps
         self._follower = Follower(predictor, settings, self._is_heard)
         self._follower.load_place()

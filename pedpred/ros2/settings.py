@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
 from pedpred.errors import ValueRuleError
@@ -89,6 +90,16 @@ class NodeSettings:
             if getattr(self, name) not in choices:
                 raise ValueRuleError(name, getattr(self, name), f"it must be one of {', '.join(choices)}")
 
+    @property
+    def folder(self) -> Path | None:
+        """That of the model; None: the one of the package."""
+        return _given(self.model)
+
+    @property
+    def place(self) -> Path | None:
+        """The file of the place; None: there is none."""
+        return _given(self.place_file)
+
     def online(self) -> OnlineSettings:
         """How the predictor treats detections."""
         return OnlineSettings(
@@ -97,6 +108,11 @@ class NodeSettings:
             learn_trust=self.learn_trust,
             most_people=self.most_people,
         )
+
+
+def _given(path: str) -> Path | None:
+    """A path, if there is one; a shell leaves ~ as it is in `-p place_file:=~/hall.json`."""
+    return Path(path).expanduser() if path else None
 
 
 LIVE = frozenset(each.name for each in fields(NodeSettings) if each.metadata["live"])
