@@ -32,6 +32,7 @@ from tests.field_formats import (
     write_vadere,
     write_viswalk,
 )
+from tests.scenes import assert_same
 
 SUFFIXES = ("", ".data", ".txt", ".csv", ".xml", ".SQLITE")
 
@@ -149,8 +150,34 @@ def test_the_rate_is_asked_for_where_no_file_says_it(tmp_path):
     with pytest.raises(SourceError, match="--rate"):
         read_file(path)
     assert read_file(path, TableOptions(rate_hz=5.0)).detection_dt_s == pytest.approx(0.2)
-    with pytest.raises(SourceError, match=r"fps = 5, but --rate says 4"):
-        read_file(write_jupedsim(tmp_path), TableOptions(rate_hz=4.0))
+
+
+def _qtm_without_times(folder):
+    path = write_qtm(folder)
+    path.write_text(path.read_text().replace("\tTime\t", "\tOther\t"))
+    return path
+
+
+RATES = {
+    write_jupedsim: "fps",
+    write_archive: "fps",
+    write_drone: "frameRate",
+    _qtm_without_times: "FREQUENCY",
+}
+
+
+@pytest.mark.parametrize(("write", "name"), RATES.items())
+def test_another_rate_than_that_of_the_file_is_refused(tmp_path, write, name):
+    path = write(tmp_path)
+    assert_same(read_file(path, TableOptions(rate_hz=5.0)).trajectories, read_file(path).trajectories)
+    with pytest.raises(SourceError, match=rf"{name} = 5, but --rate says 4.*Leave --rate out"):
+        read_file(path, TableOptions(rate_hz=4.0))
+
+
+@pytest.mark.parametrize("write", [write_qtm, write_magni, write_sumo, write_viswalk, write_atc])
+def test_a_rate_is_called_unused_where_a_file_has_times(tmp_path, write, caplog):
+    read_file(write(tmp_path), TableOptions(rate_hz=4.0))
+    assert "so that --rate is not used" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -291,6 +318,15 @@ def test_the_files_of_a_drone_recording_lie_together(tmp_path):
     (tmp_path / "00_tracksMeta.csv").unlink()
     with pytest.raises(SourceError, match=r"00_tracksMeta\.csv: the file is missing.*lie together"):
         read_file(path)
+
+
+def test_a_rate_may_stand_for_a_lost_file_of_a_drone_recording(tmp_path):
+    path = write_drone(tmp_path)
+    whole = read_file(path).trajectories
+    (tmp_path / "00_recordingMeta.csv").unlink()
+    with pytest.raises(SourceError, match=r"00_recordingMeta\.csv: the file is missing.*--rate"):
+        read_file(path)
+    assert_same(read_file(path, TableOptions(rate_hz=5.0)).trajectories, whole)
 
 
 @pytest.mark.parametrize("write", [write_jupedsim, write_archive])

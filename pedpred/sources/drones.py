@@ -16,7 +16,7 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
-from pedpred.sources.rates import check_rate
+from pedpred.sources.rates import agreed_rate
 from pedpred.tables.options import TableOptions
 from pedpred.tables.text import Row, check_unique, check_width, number, read_numbers, text_lines
 
@@ -34,7 +34,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
 
     Args:
         path: NN_tracks.csv.
-        options: `rate_hz` replaces that of the recording.
+        options: `rate_hz` is used where NN_recordingMeta.csv is missing.
 
     Raises:
         SourceError: a file is missing or wrong, or nobody is a pedestrian.
@@ -46,7 +46,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     titles, rows = _opened(meta, ("trackId", "class"))
     who, kind = (titles.index(title) for title in ("trackId", "class"))
     pedestrians = {fields[who] for _, fields in rows if fields[kind].strip().lower() == "pedestrian"}
-    rate_hz = options.rate_hz or _rate_hz(path.with_name(path.name.replace("tracks", "recordingMeta")))
+    rate_hz = _rate_hz(path.with_name(path.name.replace("tracks", "recordingMeta")), options)
     titles, rows = _opened(path, tuple(_WANTED))
     at = titles.index("trackId")
     columns = read_numbers(path, (row for row in rows if row[1][at] in pedestrians), titles, _WANTED)
@@ -58,11 +58,14 @@ def read(path: Path, options: TableOptions) -> Trajectories:
         return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
 
 
-def _rate_hz(path: Path) -> float:
+def _rate_hz(path: Path, options: TableOptions) -> float:
+    """The rate that a file or the caller says; errors of `agreed_rate`."""
+    if not path.exists():
+        return agreed_rate(path, None, options, "the file is missing, which says the rate")
     titles, rows = _opened(path, ("frameRate",))
     line, fields = next(rows, (1, [""] * len(titles)))
     said = number(path, line, "frameRate", fields[titles.index("frameRate")])
-    return check_rate(path, line, "frameRate", said)
+    return agreed_rate(path, said, options, "no frameRate", "frameRate", line)
 
 
 def _opened(path: Path, needed: Sequence[str]) -> tuple[Sequence[str], Iterator[Row]]:

@@ -23,7 +23,7 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
-from pedpred.sources.rates import check_rate
+from pedpred.sources.rates import agreed_rate
 from pedpred.storage.tracks import MOST_NUMBERS
 from pedpred.tables.missing import MISSING
 from pedpred.tables.options import TableOptions
@@ -69,6 +69,8 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     lines, values = _values(path, export, used if clock is None else [clock, *used])
     if clock is not None and export.titles[clock] == "Time":
         time_s, values = values[:, 0], values[:, 1:]
+        if options.rate_hz is not None:
+            _log.warning("%s: times are in column Time, so that --rate is not used", path)
     else:
         frame = np.arange(len(values)) if clock is None else values[:, 0]
         time_s = frame / _rate_hz(path, export, options)
@@ -185,11 +187,7 @@ def _is_seen(position: np.ndarray) -> np.ndarray:
 
 
 def _rate_hz(path: Path, export: _Export, options: TableOptions) -> float:
-    said = next(iter(export.about.get("FREQUENCY", ())), "")
-    if options.rate_hz is not None:
-        return options.rate_hz
-    if not said:
-        raise SourceError(
-            path, None, "neither times nor FREQUENCY", "Say how many frames a second has: --rate"
-        )
-    return check_rate(path, None, "FREQUENCY", number(path, 1, "FREQUENCY", said))
+    """The rate that the file or the caller says; errors of `agreed_rate`."""
+    written = next(iter(export.about.get("FREQUENCY", ())), None)
+    said = None if written is None else number(path, 1, "FREQUENCY", written)
+    return agreed_rate(path, said, options, "neither times nor FREQUENCY", "FREQUENCY")

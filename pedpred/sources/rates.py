@@ -19,14 +19,23 @@ def check_rate(path: Path, line: int | None, name: str, rate_hz: float) -> float
     return rate_hz
 
 
-def agreed_rate(path: Path, said: float | None, options: TableOptions, missing: str) -> float:
-    """Return the rate that a file says as `fps`, or else the options.
+def agreed_rate(
+    path: Path,
+    said: float | None,
+    options: TableOptions,
+    missing: str,
+    name: str = "fps",
+    line: int | None = None,
+) -> float:
+    """Return the rate that a file says, or else the options.
 
     Args:
         path: of the file.
         said: by the file; None: nothing.
         options: what the user says.
         missing: what is wrong if nobody says it.
+        name: under which the file says it.
+        line: where it does.
 
     Raises:
         SourceError: nobody says it, both do and differ, or it is not a rate.
@@ -36,6 +45,6 @@ def agreed_rate(path: Path, said: float | None, options: TableOptions, missing: 
             raise SourceError(path, None, missing, "Say how many frames a second has: --rate")
         return options.rate_hz
     if options.rate_hz not in (None, said):
-        problem = f"fps = {said:g}, but --rate says {options.rate_hz:g}"
-        raise SourceError(path, None, problem, "Leave --rate out")
-    return check_rate(path, None, "fps", said)
+        problem = f"{name} = {said:g}, but --rate says {options.rate_hz:g}"
+        raise SourceError(path, line, problem, "Leave --rate out")
+    return check_rate(path, line, name, said)
