@@ -104,6 +104,22 @@ def test_lengths_in_another_unit_are_doubted_and_read_when_it_is_said(tmp_path, 
     np.testing.assert_allclose(positions(scene), wanted, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.parametrize(("said", "meant"), [("m", "cm"), ("cm", "mm"), ("m", "mm")])
+@pytest.mark.parametrize(
+    "head", ["frame,id,x_{0},y_{0}", "frame,id,x,y\n,,{0},{0}", "# in {0}\nframe,id,x,y", ""]
+)
+def test_titles_with_a_wrong_unit_are_to_be_corrected(tmp_path, said, meant, head):
+    """An option for another unit would be refused, since two are said; that for the same one insists."""
+    rows = [(int(frame), int(who), x, y) for who, frame, x, y in crowd(2, 6, 60)]
+    path, head = tmp_path / "hall.csv", head.format(said) or f"# x/{said} y/{said}"
+    text = [",".join(map(str, (*row[:2], *(value / UNITS[meant] for value in row[2:])))) for row in rows]
+    path.write_text("\n".join([head, *text]))
+    remedy = rf"lengths are {said}: correct them if lengths are {meant}, say --unit {said} if they are right"
+    with pytest.raises(SourceError, match=remedy):
+        read_file(path, TableOptions(rate_hz=RATE_HZ))
+    assert len(read_file(path, TableOptions(rate_hz=RATE_HZ, unit=said)).trajectories) == len(rows)
+
+
 def test_a_unit_that_is_said_is_believed(tmp_path, caplog):
     rows = crowd(2, 6, 60)
     path = write(tmp_path / "cars.txt", rows, scale=12.0)
@@ -293,3 +309,13 @@ def test_parts_of_a_picture_are_no_metres_without_a_word(tmp_path, caplog, title
     path.write_text(titles + "\n".join(rows))
     read_file(path, TableOptions(rate_hz=10.0))
     assert ("parts of a picture's width and height" in caplog.text) is warned
+    caplog.clear()
+    for said in (
+        "# lengths in m\n",
+        titles and f"{titles},,m,m,,\n",
+        titles and titles.replace("x,y", "x_m,y_m"),
+    ):
+        if said:
+            path.write_text((said if "," in said else said + titles) + "\n".join(rows))
+            read_file(path, TableOptions(rate_hz=10.0))
+    assert "parts of a picture" not in caplog.text, "where the unit is said"

@@ -117,6 +117,16 @@ def test_nobody_twice_is_said(tmp_path):
         read_file(write_table(tmp_path / "walk.csv", ROWS[:2]))
 
 
+@pytest.mark.parametrize("row", [None, "#0,1,1,1", "0,1,,"])
+def test_a_table_of_nobody_is_not_asked_for_other_ids(tmp_path, row):
+    (tmp_path / "walk.csv").write_text("\n".join(["time,id,x,y", *([row] if row else [])]))
+    with pytest.raises(
+        SourceError, match=r"walk\.csv: no detections: no row.*Name a file with tracks"
+    ) as refused:
+        read_file(tmp_path / "walk.csv")
+    assert "--columns" not in str(refused.value)
+
+
 def test_the_command_takes_columns_and_a_rate(tmp_path):
     path = tmp_path / "walk.csv"
     path.write_text("\n".join(";".join(map(str, (who, k, "a", x, y))) for k, who, x, y in ROWS))

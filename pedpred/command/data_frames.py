@@ -90,7 +90,7 @@ def predict(
     rows = of_people(_rows(values.values()), looked_at, chosen)
     people = tracks_in_rows(_TABLE, looked_at, rows, options)
     people = without_placeholders(_TABLE, people)
-    dt_s = checked_interval_s(_TABLE, people, titled=True, sure=unit is not None)
+    dt_s = checked_interval_s(_TABLE, people, titled=True, options=options)
     if isinstance(occupancy, str | Path):
         occupancy = map_at(Path(occupancy))
     scene = Scene("table", people, occupancy or OccupancyMap.free_around(people.position), dt_s)

@@ -21,11 +21,13 @@ _ARGUMENTS = {
     r"--unit\b": "unit",
     r"--scale, --homography, ": "",
     r"--scale if": "scale them if",
-    r"--scale [\d.]+, or give --homography \S+": "bring them to metres first",
+    r"Say how long .*: --scale [\d.]+, or give --homography \S+": "Bring them to metres first",
     r"make pixels of them, and give --scale or --homography": "bring them to metres first",
     r"--class chooses": "leave out the rows of others",
     r"leave --class out": "give all rows",
-    r"divide the file": "divide the table",
+    r"Name a file with tracks": "Give a table with tracks",
+    r"make a file for each": "make a table for each",
+    r"([Dd])ivide the file": r"\1ivide the table",
     r"; expected commas, .* between them": "",
 }
 """Options, and words about files, and what stands for them."""

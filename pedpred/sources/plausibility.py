@@ -104,6 +104,7 @@ def check_speeds(
     sure: bool = False,
     by_format: bool = False,
     any_unit: bool = True,
+    said: str | None = None,
 ) -> None:
     """Check that people move as fast as people do; otherwise lengths or times have another unit.
 
@@ -113,6 +114,7 @@ def check_speeds(
         sure: the caller has said the unit, so that impossible speeds are only warned about.
         by_format: the format says the unit, which its writer may not have known; warned about, too.
         any_unit: the caller may say the unit.
+        said: the unit that titles or comments say; None: metres, which nobody says.
 
     Raises:
         SourceError: they are impossible; the likely unit is named.
@@ -125,15 +127,20 @@ def check_speeds(
         cause = "are ids exchanged, or do false detections have the ids of people?"
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
     sure, doubt = sure or by_format, ""
-    likely = next((unit for unit in _LIKELY if usual_mps * UNITS[unit] <= _USUAL_MPS), "mm")
-    if by_format or not any_unit:
-        doubt = f": are lengths {likely} in place of metres?"
+    likely = _likely_unit(usual_mps, said or "m")
+    if by_format or not any_unit or said:
+        doubt = f": are lengths {likely} in place of {said or 'metres'}?"
     if usual_mps > FASTEST_MPS:
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
         if not sure:
             remedy = f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, --scale if "
             remedy += "they are pixels, or correct these, --rate, the unit of times or the order of --columns"
-            if not any_unit:
+            if said:
+                remedy = (
+                    f"Titles or comments say that lengths are {said}: correct them if lengths are {likely}, "
+                )
+                remedy += f"say --unit {said} if they are right, or correct --rate or the unit of times"
+            elif not any_unit:
                 remedy = (
                     f"Lengths are metres here: if they are {likely}, write them in metres, or into a table "
                 )
@@ -144,12 +151,21 @@ def check_speeds(
         speeds = (
             f"up to {usual_mps:.3g} m/s (1 % are faster), {np.median(speed_mps):.3g} m/s half of the time"
         )
-        ask = doubt if sure or not any_unit else f": say --unit {likely} if lengths are {likely}, or --unit m"
+        ask = (
+            doubt
+            if sure or said or not any_unit
+            else f": say --unit {likely} if lengths are {likely}, or --unit m"
+        )
         _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
     elif usual_mps < _SLOWEST_MPS:
         _log.warning(
             "%s: nobody moves faster than %.2g m/s; are lengths metres, times seconds?", path, usual_mps
         )
+
+
+def _likely_unit(usual_mps: float, said: str) -> str:
+    """The longest unit in which people would walk, if lengths were taken as another one."""
+    return next((unit for unit in _LIKELY if usual_mps * UNITS[unit] / UNITS[said] <= _USUAL_MPS), "mm")
 
 
 def check_degrees(path: Path, people: Trajectories, sure: bool = False) -> None:

@@ -38,6 +38,8 @@ from pedpred.tables.reading import read_table
 CELL_M, WALL_M = 0.05, 3.0
 """Of maps made from geometries, m: side of a cell, thickness of walls."""
 
+_NOBODY = "no detections: no row is left that says when somebody is where"
+_LEFT_OUT = "Name a file with tracks; warnings say which rows were left out"
 _ONCE = "A track needs several detections. If another column holds the ids, name all in order: --columns"
 
 
@@ -90,7 +92,7 @@ def read_file(path: Path, options: TableOptions | None = None, with_walls: bool 
     trajectories = without_placeholders(path, kind.read(path, options))
     titled = kind is _TABLE and options.columns is None
     any_unit = kind.any_unit and not is_of_pixels(options)
-    dt_s = checked_interval_s(path, trajectories, titled, options.unit is not None, any_unit)
+    dt_s = checked_interval_s(path, trajectories, titled, options, any_unit)
     walls = kind.walls(path) if with_walls else None
     if walls is None:
         return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
@@ -121,7 +123,7 @@ def format_of(path: Path, options: TableOptions | None = None) -> Format:
 
 
 def checked_interval_s(
-    path: Path, people: Trajectories, titled: bool, sure: bool, any_unit: bool = True
+    path: Path, people: Trajectories, titled: bool, options: TableOptions, any_unit: bool = True
 ) -> float:
     """Check that tracks can be those of people; return the usual time between two detections, s.
 
@@ -129,13 +131,17 @@ def checked_interval_s(
         path: the file, for errors.
         people: what was read from it.
         titled: its own titles say what its columns hold.
-        sure: the caller has said the unit of lengths.
+        options: with the unit of lengths that the caller has said, or the reader found.
         any_unit: the caller may say it.
 
     Raises:
-        SourceError: nobody is detected twice, times are not seconds, positions are degrees, titles are
-            exchanged, or people would move at impossible speeds.
+        SourceError: nobody is detected, or nobody twice, times are not seconds, positions are degrees,
+            titles are exchanged, or people would move at impossible speeds.
     """
+    if not len(people):
+        raise SourceError(path, None, _NOBODY, _LEFT_OUT)
+    sure = options.unit is not None
+    said = options.found.of_lengths if any_unit and not sure else None
     try:
         dt_s = people.usual_interval_s()
     except ValueRuleError as cause:
@@ -143,13 +149,13 @@ def checked_interval_s(
     check_clock(path, dt_s)
     doubt_whole_seconds(path, people, dt_s)
     check_degrees(path, people, sure)
-    if not sure and any_unit:
+    if not sure and said is None and any_unit:
         doubt_fractions(path, people)
     if titled:
         check_titles(path, people)
     if not sure:
         check_brief(path, people)
-    check_speeds(path, people, sure, any_unit=any_unit)
+    check_speeds(path, people, sure, any_unit=any_unit, said=said)
     return dt_s
 
 

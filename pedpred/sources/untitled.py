@@ -29,7 +29,7 @@ from pedpred.tables.ids import Ids
 from pedpred.tables.lines import lines_of, of_width
 from pedpred.tables.options import TableOptions
 from pedpred.tables.reading import in_metres, numbered
-from pedpred.tables.text import OWN_FILE, Row, is_number, read_numbers
+from pedpred.tables.text import OWN_FILE, OWN_VALUES, Row, is_number, read_numbers
 from pedpred.tables.titles import LENGTHS
 from pedpred.tables.units import PIXELS
 
@@ -73,7 +73,7 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         problem = f"without a header, column {_Y + 1} should be y, but it {moves[1]}"
         raise SourceError(path, None, problem, _IN_ORDER)
     x = columns["x_m"].copy()
-    unit = unit_of_lengths(path, lines.comments, options) or "m"
+    unit = unit_of_lengths(path, lines.comments, options)
     if unit == PIXELS and len(titles) > len(COLUMNS):
         problem = f"without a header, {len(titles)} columns in pixels may be those of boxes"
         raise SourceError(path, line, problem, _REMEDY.replace("time", "frame"))
@@ -97,8 +97,8 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     doubt_restarts(path, values)
     values = without_copies(path, without_untracked(path, values), options.names)
     shown = ", ".join(order if ids_first else order[::-1])
-    _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit, clock_is)
-    with translate_errors(partial(SourceError, path, None)):
+    _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit or "m", clock_is)
+    with translate_errors(partial(SourceError, path, None, remedy=OWN_VALUES)):
         position = np.stack([values["x_m"], values["y_m"]], axis=-1)
         people = Trajectories(values["time_s"], values["track_id"], position)
     check_places(path, people, _REMEDY)

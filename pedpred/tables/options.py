@@ -8,7 +8,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.fields import check_choice
 from pedpred.tables.names import TrackNames
 from pedpred.tables.titles import titles_of_tracks
-from pedpred.tables.units import UNITS
+from pedpred.tables.units import UNITS, FoundUnit
 
 SLOWEST_HZ, FASTEST_HZ = 1e-3, 1e6
 """Rates of frames that a table may have."""
@@ -26,6 +26,7 @@ class TableOptions:
         unit: of lengths, a key of `UNITS`; None: the file says it, or they are metres.
         pixel_m: side of a pixel, m, where people were annotated in a picture.
         names: of tracks whose ids are words; the reader adds them.
+        found: the unit of lengths that was read; the reader sets it.
         classes: who is a person, where a column holds classes; empty: whoever is called so.
     """
 
@@ -35,6 +36,7 @@ class TableOptions:
     pixel_m: float | None = None
     names: TrackNames = field(default_factory=TrackNames, compare=False)
     classes: tuple[str, ...] = ()
+    found: FoundUnit = field(default_factory=FoundUnit, compare=False)
 
     def __post_init__(self) -> None:
         if self.columns is not None:

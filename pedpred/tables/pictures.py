@@ -90,7 +90,7 @@ def on_ground(
         return _beneath(path, homography, np.stack([y, x], axis=-1), line)
     if options.pixel_m is None:
         remedy = "Say how long the side of a pixel is, in metres: --scale 0.03, or give --homography H.txt"
-        raise SourceError(path, None, "positions are in pixels, and the file does not say their size", remedy)
+        raise SourceError(path, None, "positions are in pixels, and their size is unknown", remedy)
     return np.float64(options.pixel_m) * np.stack([x, -y], axis=-1)
 
 

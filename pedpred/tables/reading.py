@@ -34,7 +34,7 @@ from pedpred.tables.ids import Ids
 from pedpred.tables.lines import Lines, lines_of, of_width
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import on_ground
-from pedpred.tables.text import OWN_FILE, Row, read_numbers
+from pedpred.tables.text import OWN_FILE, OWN_VALUES, Row, read_numbers
 from pedpred.tables.titles import (
     LENGTHS,
     REST,
@@ -175,7 +175,7 @@ def _read(
         problem = f"{titles[at['y_m']]} {moves[1]}, and {titles[moves[0]]} changes: y looks like a height"
         raise SourceError(path, None, problem, _HEIGHT)
     units |= {clock: None if dates.read_dates else _said(titles[at[clock]])}
-    with translate_errors(lambda problem: SourceError(path, None, problem)):
+    with translate_errors(lambda problem: SourceError(path, None, problem, OWN_VALUES)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
         if clock != "frame" and options.rate_hz:
             _log.warning("%s: times are in column %s, so that --rate is not used", path, titles[at[clock]])
@@ -202,11 +202,12 @@ def in_metres(
         path: the file, for errors.
         columns: with `line`, `x_m` and `y_m`, which are changed.
         units: of x and y; None: metres.
-        options: where pixels lie on the ground.
+        options: where pixels lie on the ground; takes the unit that was found.
 
     Raises:
         SourceError: positions are pixels, and nobody says where these lie.
     """
+    options.found.of_lengths = next((unit for name in LENGTHS if (unit := units[name])), None)
     if PIXELS in units.values():
         ground = on_ground(path, options, columns["x_m"], columns["y_m"], columns["line"])
         columns["x_m"], columns["y_m"] = ground.T.copy()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "inch": 0.0254}
 """Units of length by their names in files, m."""
 
@@ -32,3 +34,14 @@ TIME_WORDS = {
     for word in words.split()
 }
 """Word -> unit of time."""
+
+
+@dataclass
+class FoundUnit:
+    """The unit of lengths that titles, units below them, comments or the caller say, which readers set.
+
+    Attributes:
+        of_lengths: a key of `UNITS`, or `PIXELS`; None: nobody says it.
+    """
+
+    of_lengths: str | None = None
