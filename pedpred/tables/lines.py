@@ -86,6 +86,8 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
         rows = _rows(path, rest, None if comment else separator, comment, comments, len(titles))
         named = columns or (titles if has_titles else ())
         if has_titles:
+            if columns and _units_in(columns, titles):  # units in place of titles
+                rows = chain([(line, titles)], rows)
             named, rows = _with_units(named, rows)
         if has_titles and not columns:
             rows = rows if separator == "," else _without_numbers(named, rows)
@@ -158,10 +160,16 @@ def _count_above(texts: Sequence[str], columns: Sequence[str] | None) -> int:
             return 0 if _is_comment(text) else at
         fewest = 1 if columns and len(titles) == len(columns) else _FEWEST
         if not _is_comment(text) and _count_values(titles, columns) >= fewest:
-            before = titles_in(texts[at - 1]) if at else []
-            has_units = columns is not None and _units_in(columns, before) is not None
-            return max(at - (2 if has_units else 1), 0) if columns else 0
+            return _begin_of_header(texts[:at], columns) if columns else 0
     return 0
+
+
+def _begin_of_header(before: Sequence[str], columns: Sequence[str]) -> int:
+    """Where titles, and units below them, begin at the end of lines; both have a field for each column."""
+    begin = len(before)
+    if before and _units_in(columns, titles_in(before[-1])):
+        begin -= 1
+    return begin - (begin > 0 and len(titles_in(before[begin - 1])) == len(columns))
 
 
 def _count_values(fields: Sequence[str], columns: Sequence[str] | None) -> int:
