@@ -12,6 +12,7 @@ import pytest
 
 from pedpred.command import driving, main, prediction
 from pedpred.command import evaluation as measuring
+from pedpred.command.arguments import check, parser
 from pedpred.errors import OutputError
 from pedpred.files import check_output
 from tests.conftest import ROOT
@@ -71,6 +72,15 @@ def test_a_pipe_is_not_read_as_an_empty_file(here, capsys):
     os.mkfifo("walk.csv")
     for command in (["info"], ["predict"], ["evaluate"], ["convert", "-o", "new"]):
         assert "walk.csv: it is a pipe or device" in said(capsys, *command, "walk.csv")
+
+
+@pytest.mark.parametrize(("folder", "within"), [(".", ""), ("..", "deeper"), ("./", ""), ("../hall", "")])
+def test_an_output_is_called_after_the_folder_that_the_input_is(folder, within, tmp_path, monkeypatch):
+    (tmp_path / "hall/deeper").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "hall" / within)
+    arguments = parser().parse_args(["predict", folder])
+    check(arguments)
+    assert str(arguments.output) == "hall_forecasts.mcap"
 
 
 def test_an_input_is_never_the_output(here, capsys):

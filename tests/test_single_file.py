@@ -166,6 +166,11 @@ def test_the_name_of_an_output_says_what_it_is(tmp_path, command, name):
     assert not (tmp_path / name).exists()
 
 
+def test_a_folder_with_a_dot_in_its_name_is_told_so(tmp_path):
+    with pytest.raises(SystemExit, match=r"hall\.v2', but a name ends in \.mcap, or has no dot"):
+        main(["convert", "examples/crossing/tracks.csv", "-o", str(tmp_path / "hall.v2")])
+
+
 def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch):
     monkeypatch.setattr("pedpred.tables.text.MOST_NUMBERS", 20)
     write_table(tmp_path / "walk.csv", [(k / 2, *rest) for k, *rest in ROWS])

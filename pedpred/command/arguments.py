@@ -12,7 +12,7 @@ from typing import Any
 
 import pedpred
 from pedpred import command as package
-from pedpred.command.conversion import convert, info, layout_of, refuse_overwriting
+from pedpred.command.conversion import convert, info, layout_of, refuse_overwriting, stem_of
 from pedpred.command.driving import check_drive, drive
 from pedpred.command.evaluation import evaluate
 from pedpred.command.field_protocol import PROTOCOL
@@ -93,7 +93,7 @@ def check(arguments: argparse.Namespace) -> None:
     for path in inputs:
         check_input(path)
     if arguments.action is predict and arguments.output is None:
-        arguments.output = Path(f"{arguments.scene.stem}_forecasts.mcap")
+        arguments.output = Path(f"{stem_of(arguments.scene)}_forecasts.mcap")
     if output := getattr(arguments, "output", None):
         recording = output.suffix == ".mcap"
         _check_output(output, inputs, folder=arguments.action is convert and not recording)

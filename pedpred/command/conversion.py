@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -67,7 +68,7 @@ def convert(arguments: argparse.Namespace) -> None:
     """Write a scene as MCAP (a name that ends in .mcap) or as a scene folder."""
     if arguments.output.suffix not in ("", ".mcap"):
         raise ValueRuleError(
-            "output", str(arguments.output), "a name ends in .mcap, or is that of a scene folder"
+            "output", str(arguments.output), "a name ends in .mcap, or has no dot, as that of a scene folder"
         )
     refuse_overwriting(arguments.output, arguments.force)
     scene = read_given(arguments)
@@ -190,6 +191,11 @@ def _on_map_beside(scene: Scene, path: Path) -> Scene:
         return scene
     _log.info("%s has no obstacles: %s beside it is used; --no-map leaves it out", path.name, beside)
     return replace(scene, occupancy=ground)
+
+
+def stem_of(path: Path) -> str:
+    """What an output is called after an input; `.` and `..` are called as the folders are."""
+    return Path(os.path.abspath(path)).stem  # without following links
 
 
 def layout_of(recording: Path) -> Path:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pedpred.command.conversion import layout_of, read_given
+from pedpred.command.conversion import layout_of, read_given, stem_of
 from pedpred.driving.episodes import DriveSettings, Recording
 from pedpred.driving.figures import figures_of, summary
 from pedpred.driving.forecasters import NAMES, TRUTH
@@ -156,7 +156,7 @@ def check_drive(arguments: argparse.Namespace) -> None:
     _check_meaning(arguments)
     _check_braking(Robot(arguments.robot, arguments.radius_m, arguments.speed_mps), PlannerSettings())
     if arguments.table is None and arguments.record is None:
-        name = arguments.scene.stem if arguments.world is None else _worlds(arguments).name
+        name = stem_of(arguments.scene) if arguments.world is None else _worlds(arguments).name
         arguments.table = Path(f"{name}_drives.csv")
     if arguments.curves is not None and arguments.curves.suffix != ".png":
         raise ValueRuleError("--curves", str(arguments.curves), "the name of a picture ends in .png")
