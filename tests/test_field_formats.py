@@ -170,8 +170,25 @@ RATES = {
 def test_another_rate_than_that_of_the_file_is_refused(tmp_path, write, name):
     path = write(tmp_path)
     assert_same(read_file(path, TableOptions(rate_hz=5.0)).trajectories, read_file(path).trajectories)
+    assert len(read_file(path, TableOptions(rate_hz=4.99999)).trajectories) == len(PEOPLE), "fewer digits"
     with pytest.raises(SourceError, match=rf"{name} = 5, but --rate says 4.*Leave --rate out"):
         read_file(path, TableOptions(rate_hz=4.0))
+
+
+@pytest.mark.parametrize("write", [write_jupedsim, write_archive])
+def test_columns_that_a_file_names_are_not_named_again(tmp_path, write):
+    with pytest.raises(ValueRuleError, match=r"--columns = .*whose columns are known"):
+        read_file(write(tmp_path), TableOptions(columns=("time", "id", "x", "y")))
+
+
+def test_a_database_of_version_3_has_no_orientations(tmp_path):
+    path = write_jupedsim(tmp_path)
+    whole = read_file(path).trajectories
+    with sqlite3.connect(path) as database:
+        for column in ("ori_x", "ori_y"):
+            database.execute(f"ALTER TABLE trajectory_data DROP COLUMN {column}")
+    database.close()
+    assert_same(read_file(path).trajectories, whole)
 
 
 @pytest.mark.parametrize("write", [write_qtm, write_magni, write_sumo, write_viswalk, write_atc])
@@ -384,6 +401,16 @@ def without_ids(path):
         file.create_dataset("trajectory", data=rows).attrs["fps"] = 5.0
 
 
+def with_zstandard(path):
+    """As JuPedSim writes HDF5; needs a plugin."""
+    with h5py.File(path, "r+") as file:
+        kind, filters = file["trajectory"].id.get_type(), h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        del file["trajectory"]
+        filters.set_chunk((10,))
+        filters.set_filter(32015, h5py.h5z.FLAG_OPTIONAL, (3,))
+        h5py.h5d.create(file.id, b"trajectory", kind, h5py.h5s.create_simple((10,)), filters)
+
+
 def cut(path):
     path.write_bytes(path.read_bytes()[:-500])
 
@@ -394,6 +421,7 @@ def cut(path):
         (linked, "no data set 'trajectory'; there is trajectory"),
         (renamed, "no data set 'trajectory'; there is tracks"),
         (without_ids, "no column id; it has frame, x, y"),
+        (with_zstandard, r"a filter \(32015\), which is not read: bring them to gzip"),
         (cut, "HDF5: .*truncated"),
     ],
 )
@@ -418,6 +446,16 @@ def test_footsteps_are_sampled_as_often_as_asked(tmp_path):
     people = scene.trajectories.select(scene.trajectories.track_id == 1)
     assert scene.detection_dt_s == pytest.approx(0.05)
     np.testing.assert_allclose(people.position[:, 0], 1.0 + people.time_s, atol=1e-9)
+
+
+def test_footsteps_begin_at_zero_and_not_at_minus_zero(tmp_path):
+    path = write_vadere(tmp_path)
+    _, head, *steps = path.read_text().splitlines()
+    begin = min(float(step.split()[1]) for step in steps)
+    rows = [step.split() for step in steps]
+    rows = [[who, str(float(one) - begin), str(float(end) - begin), *rest] for who, one, end, *rest in rows]
+    time_s = read_file(lines(path, head, *map(" ".join, rows))).trajectories.time_s
+    assert not np.signbit(time_s).any()
 
 
 def test_nobody_is_invented_between_footsteps_that_do_not_meet(tmp_path, caplog):

@@ -90,7 +90,7 @@ def test_classes_that_are_numbers_are_asked_about(tmp_path, plain, caplog, capsy
         tracks(write(tmp_path, ["time,id,x,y"], WALK), classes=("7",))
     text = tmp_path / "walk.txt"
     text.write_text("".join(f"{who} {round(t / STEP_S)} {x} {y}\n" for t, who, x, y in WALK))
-    with pytest.raises(ValueRuleError, match="without a column of classes"):
+    with pytest.raises(ValueRuleError, match="without classes to choose from"):
         tracks(text, rate_hz=4.0, classes=("7",))
 
 
@@ -370,6 +370,15 @@ def test_a_remedy_for_rates_that_differ_works(tmp_path, comments, rate_hz, remed
         tracks(path, rate_hz=rate_hz)
     if rate_hz or len(comments) > 1:
         assert len(tracks(path, rate_hz=None if rate_hz else 4.0)) == len(WALK)
+
+
+@pytest.mark.parametrize(
+    "comments", [["# framerate: 30000/1001"], ["# fps: 29.97", "# framerate: 30000/1001"]]
+)
+def test_a_rate_with_fewer_digits_is_the_same(tmp_path, comments):
+    rows = [(round(7 * t / STEP_S), *row) for t, *row in WALK]
+    path = write(tmp_path, [*comments, "frame,id,x,y"], rows)
+    assert_same(tracks(path, rate_hz=29.97), tracks(path))
 
 
 @pytest.mark.parametrize("first", [0, 1])

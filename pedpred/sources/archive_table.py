@@ -40,6 +40,14 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
                 raise ValueError(f"'trajectory' has no column {name}; it has {', '.join(names)[:200]}")
         if table.external or table.is_virtual:
             raise ValueError("the data lie in another file")
+        filters = table.id.get_create_plist()
+        for number in range(filters.get_nfilters()):
+            code, *_, name = filters.get_filter(number)
+            if not h5py.h5z.filter_avail(code):
+                what = (
+                    f"the data are compressed with {name.decode() or 'a filter'} ({code}), which is not read"
+                )
+                raise ValueError(f"{what}: bring them to gzip with h5repack -f GZIP=4, or write SQLite")
         if table.ndim != 1:
             raise ValueError(f"'trajectory' has the shape {table.shape}, it must be a list of rows")
         if table.size > most_rows:

@@ -1,6 +1,6 @@
 """Databases of JuPedSim (SQLite): tables `trajectory_data`, `metadata` with `fps`, and `geometry` as WKT.
 
-Version 1 has one geometry; in version 2 it may change with time, and people may walk in each of them.
+Version 1 has one geometry; from version 2 on it may change with time, and people may walk in each of them.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pedpred.errors import SourceError
-from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions
+from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions, is_same_rate
 
 
 def check_rate(path: Path, line: int | None, name: str, rate_hz: float) -> float:
@@ -44,7 +44,7 @@ def agreed_rate(
         if options.rate_hz is None:
             raise SourceError(path, None, missing, "Say how many frames a second has: --rate")
         return options.rate_hz
-    if options.rate_hz not in (None, said):
+    if options.rate_hz is not None and not is_same_rate(options.rate_hz, said):
         problem = f"{name} = {said:g}, but --rate says {options.rate_hz:g}"
         raise SourceError(path, line, problem, "Leave --rate out")
     return check_rate(path, line, name, said)

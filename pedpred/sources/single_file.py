@@ -87,8 +87,10 @@ def read_file(path: Path, options: TableOptions | None = None, with_walls: bool 
         )
     if options.classes and kind is not _TABLE:
         raise ValueRuleError(
-            "--class", options.classes, f"{path} is {kind.name}, without a column of classes"
+            "--class", options.classes, f"{path} is {kind.name}, without classes to choose from"
         )
+    if options.columns is not None and kind is not _TABLE:
+        raise ValueRuleError("--columns", options.columns, f"{path} is {kind.name}, whose columns are known")
     trajectories = without_placeholders(path, kind.read(path, options))
     titled = kind is _TABLE and options.columns is None
     any_unit = kind.any_unit and not is_of_pixels(options)

@@ -84,7 +84,7 @@ def _sampled(path: Path, columns: dict[str, np.ndarray], rate_hz: float) -> Traj
         raise SourceError(path, None, f"{(high - low).sum():.3g} detections are too many", "Lower --rate")
     parts, left_out = [], 0
     for k, (begin, end) in enumerate(zip(first, last, strict=True)):
-        every, times = np.arange(low[k], high[k] + 1) / rate_hz, when[begin:end]
+        every, times = np.arange(low[k] + 0.0, high[k] + 1) / rate_hz, when[begin:end]
         at = every[_is_known(every, times, x[begin:end], y[begin:end])]
         left_out += len(every) - len(at)
         parts.append(

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pedpred.errors import SourceError
-from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions
+from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions, is_same_rate
 from pedpred.tables.pictures import is_of_pixels
 from pedpred.tables.units import LENGTH_WORDS, PIXELS
 
@@ -66,17 +66,18 @@ def frame_rate_hz(path: Path, comments: Sequence[str], stated_hz: float | None) 
     Raises:
         SourceError: they differ, or it is out of range.
     """
-    said = {_rate_hz(match) for comment in comments for match in _RATE.finditer(comment)}
-    rates = said
-    if stated_hz:
-        stated = {float(stated_hz)}
-        rates = stated if len(said) > 1 and stated <= said else said | stated
+    said: list[float] = []
+    for match in (match for comment in comments for match in _RATE.finditer(comment)):
+        if not any(is_same_rate(_rate_hz(match), rate) for rate in said):
+            said.append(_rate_hz(match))
+    stated = [float(stated_hz)] if stated_hz else []
+    rates = [rate for rate in said if any(is_same_rate(rate, other) for other in stated)] or [*said, *stated]
     if len(rates) > 1 or not all(SLOWEST_HZ <= rate <= FASTEST_HZ for rate in rates):
         found_hz = " and ".join(f"{rate:g}" for rate in sorted(rates))
         problem = f"frame rate {found_hz} Hz, expected one from 0.001 to 1000000 Hz"
         remedy = ", or say which: --rate" if len(said) > 1 else ", or leave --rate out" if stated_hz else ""
         raise SourceError(path, None, problem, f"Correct the comment{remedy}")
-    return rates.pop() if rates else None
+    return rates[0] if rates else None
 
 
 def _rate_hz(match: re.Match[str]) -> float:

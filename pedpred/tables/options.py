@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from pedpred.errors import ValueRuleError
@@ -14,6 +15,13 @@ SLOWEST_HZ, FASTEST_HZ = 1e-3, 1e6
 """Rates of frames that a table may have."""
 
 _LARGEST_PIXEL_M = 10.0
+_SAME_RATE = 1e-5
+"""Rates that differ by less than this share are one, such as 29.97 and 30000/1001."""
+
+
+def is_same_rate(one_hz: float, other_hz: float) -> bool:
+    """Whether two rates are one, written with more or fewer digits."""
+    return math.isclose(one_hz, other_hz, rel_tol=_SAME_RATE)
 
 
 @dataclass(frozen=True)
