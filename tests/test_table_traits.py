@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.sources.single_file import read_file
+from pedpred.tables import quotes
 from pedpred.tables.missing import MISSING
 from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
@@ -120,6 +121,15 @@ def test_a_quote_that_begins_no_field_or_is_not_closed_holds_nothing_together(tm
     assert_same(tracks(write(tmp_path, rows, ('# "quoted,a,b,c\ntime', *TITLES[1:], "note"))), plain)
     rows[3] = (*WALK[3], '"not closed')
     assert_same(tracks(write(tmp_path, rows, (*TITLES, "note"))), plain)
+
+
+def test_a_quote_that_is_not_closed_is_looked_at_once(monkeypatch):
+    looks = []
+    look = quotes._ends_inside
+    monkeypatch.setattr(quotes, "_ends_inside", lambda text: looks.append(text) or look(text))
+    written = [(k, f'{k},1,2.0,3.0,"a note{" " * (k % 3)}\n') for k in range(300)]
+    assert list(quotes.joined(written)) == written
+    assert len(looks) == len(written)
 
 
 def test_ids_with_underscores_are_words(tmp_path, plain):

@@ -15,6 +15,8 @@ _AFTER = {True: r"\s*(?:$|[;\t|,])", False: r"(?:$|\s)"}
 _WHOLE = {s: re.compile(rf'({_BEFORE[s]})"(?:[^"]|"")*"(?={_AFTER[s]})') for s in (True, False)}
 _OPENING = {signs: re.compile(rf'{before}"') for signs, before in _BEFORE.items()}
 """Quotes hold a field together where they begin and end it; by whether other signs than blanks separate."""
+_CLOSING = re.compile(r'"(?:$|[\s;|,])')
+"""What a line has in which a quote of an earlier one is closed."""
 _MOST_LINES = 100
 """A quote that is not closed within so many is none."""
 
@@ -32,16 +34,18 @@ def joined(
     while (first := ahead.popleft() if ahead else next(rest, None)) is not None:
         line, text = first
         if '"' in text and _ends_inside(text) and not is_comment(text):
+            parts = [text]
             for count in range(1, _MOST_LINES + 1):
                 if count > len(ahead) and (following := next(rest, None)) is not None:
                     ahead.append(following)
                 if count > len(ahead):
                     break
-                text = f"{text.rstrip()} {ahead[count - 1][1]}"
-                if '"' in ahead[count - 1][1] and not _ends_inside(text):
+                parts[-1] = parts[-1].rstrip()
+                parts.append(ahead[count - 1][1])
+                if _CLOSING.search(parts[-1]) and not _ends_inside(" ".join(parts)):
                     for _ in range(count):
                         ahead.popleft()
-                    first = line, text
+                    first = line, " ".join(parts)
                     break
         yield first
 
