@@ -279,6 +279,29 @@ def test_what_is_wrong_with_a_text_is_said(tmp_path, write, old, new, named):
         read_file(path, TableOptions(pixel_m=PIXEL_M) if write is write_stanford else None)
 
 
+@pytest.mark.parametrize(
+    ("write", "name", "person", "other"),
+    [
+        (write_drone, "00_tracksMeta.csv", "pedestrian", "bicycle"),
+        (write_stanford, "annotations.txt", '"Pedestrian"', '"Biker"'),
+        (write_sumo, "fcd.xml", "<person ", "<container "),
+    ],
+)
+def test_a_recording_without_pedestrians_is_not_called_wrong(tmp_path, write, name, person, other):
+    path = write(tmp_path)
+    (tmp_path / name).write_text((tmp_path / name).read_text().replace(person, other))
+    with pytest.raises(SourceError, match=r"Only pedestrians are read: name a recording with some$"):
+        read_file(path, TableOptions(pixel_m=PIXEL_M if write is write_stanford else None))
+
+
+def test_bodies_of_qtm_without_places_are_to_be_exported_again(tmp_path):
+    """6D data have titles such as `Helmet_1 X`, `Y` and `Z`."""
+    path = write_qtm(tmp_path)
+    path.write_text(re.sub(r"Helmet_\d - \d ([YZ])", r"\1", path.read_text()))
+    with pytest.raises(SourceError, match=r"no columns such as .*Export 3D data"):
+        read_file(path)
+
+
 def test_pixels_need_their_size_and_nothing_else_has_one(tmp_path):
     with pytest.raises(SourceError, match=r"pixels.*--scale 0\.03"):
         read_file(write_stanford(tmp_path))

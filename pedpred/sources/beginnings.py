@@ -15,6 +15,8 @@ from pedpred.tables.encodings import UTF_16
 _LOOKED_AT_BYTES = 2**16
 _PAIRS = 16  # bytes of which each second one is 0 in UTF-16
 _JSON = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*["}]|\[\s*[\[{"])')
+NO_PEDESTRIAN = "Only pedestrians are read: name a recording with some"
+"""What to do where a file is right, and nobody in it is a pedestrian."""
 _TABLE = "Save it as CSV with the columns time,id,x,y"
 _OTHERS = {
     (b"\x1f\x8b",): ("a gzip archive", "Unpack it"),

@@ -15,7 +15,7 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
-from pedpred.sources.beginnings import Beginning
+from pedpred.sources.beginnings import NO_PEDESTRIAN, Beginning
 from pedpred.sources.rates import agreed_rate
 from pedpred.tables.options import TableOptions
 from pedpred.tables.text import Row, check_unique, check_width, number, read_numbers, text_lines
@@ -51,7 +51,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     at = titles.index("trackId")
     columns = read_numbers(path, (row for row in rows if row[1][at] in pedestrians), titles, _WANTED)
     if not len(columns["line"]):
-        raise SourceError(path, None, f"nobody is a pedestrian, as {meta.name} says")
+        raise SourceError(path, None, f"nobody is a pedestrian, as {meta.name} says", NO_PEDESTRIAN)
     check_unique(path, columns, "track_id", "frame")
     with translate_errors(partial(SourceError, path, None)):
         position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)

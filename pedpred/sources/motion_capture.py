@@ -34,6 +34,7 @@ _QTM, _MAGNI = "NO_OF_FRAMES", "FILE_ID"
 _TITLE = re.compile(r"(?P<body>.+?)(?P<marker> - \d+ | Centroid_| )(?P<axis>[XY])")
 _PERSON = "Helmet"
 _MM = 1e-3
+_EXPORT = "Export 3D data, with the names of markers"
 _MOST_HEAD_LINES = 100
 
 
@@ -120,7 +121,7 @@ def _without_titles(
     before = {0: [], 1: ["Frame"], 2: ["Frame", "Time"]}.get(len(fields) - len(titles))
     if not names or before is None:
         problem = f"{len(fields)} columns, expected X, Y and Z of {len(names)} markers"
-        raise SourceError(path, first[0], problem, "Export 3D data, with the names of markers")
+        raise SourceError(path, first[0], problem, _EXPORT)
     titles = [*before, *titles]
     return _Export(about, titles, chain([(first[0], fields)], _rows(lines, len(titles))))
 
@@ -157,7 +158,7 @@ def _places(path: Path, export: _Export) -> dict[str, list[tuple[int, int]]]:
         centroid = [axes for kind, axes in markers.items() if "Centroid" in kind]
         places[body] = [(axes["X"], axes["Y"]) for axes in centroid or markers.values()]
     if not any(places.values()):
-        raise SourceError(path, None, "no columns such as 'Helmet_1 - 1 X' and 'Helmet_1 - 1 Y'")
+        raise SourceError(path, None, "no columns such as 'Helmet_1 - 1 X' and 'Helmet_1 - 1 Y'", _EXPORT)
     return {body: pairs for body, pairs in places.items() if pairs}
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
-from pedpred.sources.beginnings import Beginning
+from pedpred.sources.beginnings import NO_PEDESTRIAN, Beginning
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import on_ground
 from pedpred.tables.text import Row, check_unique, check_width, read_numbers, text_lines
@@ -47,7 +47,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     """
     columns = read_numbers(path, _pedestrians(path), _COLUMNS, _NAMES)
     if not len(columns["line"]):
-        raise SourceError(path, None, 'no row with the label "Pedestrian" that is not lost')
+        raise SourceError(path, None, 'no row with the label "Pedestrian" that is not lost', NO_PEDESTRIAN)
     check_unique(path, columns, "track_id", "frame")
     x, y = (columns[f"{axis}min"] / 2 + columns[f"{axis}max"] / 2 for axis in "xy")
     with translate_errors(partial(SourceError, path, None)):

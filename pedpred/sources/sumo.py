@@ -18,7 +18,7 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
-from pedpred.sources.beginnings import Beginning
+from pedpred.sources.beginnings import NO_PEDESTRIAN, Beginning
 from pedpred.tables.options import TableOptions
 from pedpred.tables.reading import tracks_in_rows
 from pedpred.tables.text import Row
@@ -43,7 +43,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     """
     people = tracks_in_rows(path, _COLUMNS, _rows(path), options)
     if not len(people):
-        raise SourceError(path, None, "no <person> in any <timestep>: people must walk in the simulation")
+        raise SourceError(path, None, "no <person> walks in any <timestep>", NO_PEDESTRIAN)
     order = np.lexsort((people.time_s, people.track_id))
     steps = np.diff(people.position[order], axis=0)[np.diff(people.track_id[order]) == 0]
     degrees = (np.abs(people.position) <= _DEGREES).all()
