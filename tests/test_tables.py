@@ -77,6 +77,13 @@ def test_a_comment_may_be_the_header(write):
     assert_same(read_table(write(["# a walk", *(f"#{h}" for h in lines(" ")[:1]), *lines(" ")[1:]])), TRACKS)
 
 
+@pytest.mark.parametrize("columns", [("time", "id", "x", "y"), ("time", "id", "x", "y", "a", "b")])
+def test_too_few_or_too_many_names_of_columns_are_no_fault_of_the_line(write, columns):
+    path = write([f"{k},1,{k},2,9" for k in range(3)])
+    with pytest.raises(SourceError, match=r"5 columns, expected [46].*--columns names all columns in order"):
+        read_table(path, TableOptions(columns))
+
+
 @given(row=st.integers(1, len(ROWS)), many=st.booleans(), separator=st.sampled_from(",;\t "))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separator):

@@ -35,6 +35,7 @@ _NO_UNIT = {"", "-", "--", "1", "none", "n/a", "m/s", "m/s2", "deg", "rad", "°"
 _FEWEST = 3
 """Numbers that a row has at least, and one with decimal commas and blanks between them."""
 _WIDTH = "Each line must have a value for each title, also where one is empty"
+_ALL = "--columns names all columns in order, with any other word for those that are not used"
 _COMMAS = "Where commas are decimal ones, separate values by semicolons"
 _log = logging.getLogger(__name__)
 
@@ -115,23 +116,32 @@ def has_header(path: Path) -> bool:
     return False
 
 
-def of_width(path: Path, rows: Iterable[Row], titles: Sequence[str]) -> Iterator[Row]:
+def of_width(
+    path: Path, rows: Iterable[Row], titles: Sequence[str], by_caller: bool = False
+) -> Iterator[Row]:
     """Check that each row has a field for each title; empty fields at the end may be there or not.
 
     A header that is repeated, as where files were joined, is left out, with a warning.
+
+    Args:
+        path: the file, for errors.
+        rows: its lines.
+        titles: of the columns.
+        by_caller: whether the caller has named them, and may have named too few.
 
     Raises:
         SourceError: one has not; it names the line.
     """
     width, header = len(titles), [title.strip() for title in titles]
     again = []
-    for line, fields in rows:
+    for count, (line, fields) in enumerate(rows):
         if len(fields) > width and not any(field.strip() for field in fields[width:]):
             fields = fields[:width]
         elif len(fields) == width - 1 and not titles[-1]:
             fields = [*fields, ""]
         if len(fields) != width:
-            check_width(path, line, fields, titles, f"{_WIDTH}. {_COMMAS}" if len(fields) > width else _WIDTH)
+            remedy = _ALL if by_caller and not count else _WIDTH
+            check_width(path, line, fields, titles, f"{remedy}. {_COMMAS}" if len(fields) > width else remedy)
         if fields[0].strip() == header[0] and [field.strip() for field in fields] == header:
             again.append(line)
         else:

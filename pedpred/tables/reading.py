@@ -71,12 +71,13 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
     if not lines.titles:
         raise SourceError(path, lines.line, f"no header, the first line is {lines.begins[:80]!r}", _NAME)
     _wanted(path, lines.titles)
+    named = options.columns is not None
 
     def rows() -> Iterable[Row]:
-        return of_width(path, lines_of(path, options.columns).rows, lines.titles)
+        return of_width(path, lines_of(path, options.columns).rows, lines.titles, named)
 
     chosen = people_in_rows(path, lines.titles, rows, options)
-    people = of_people(of_width(path, lines.rows, lines.titles), lines.titles, chosen)
+    people = of_people(of_width(path, lines.rows, lines.titles, named), lines.titles, chosen)
     return _read(path, lines.titles, people, options, lines, chosen[0] if chosen else None)
 
 
