@@ -360,8 +360,8 @@ def read_project(folder: Path) -> None:
 def make_learned_place(path: Path) -> None:
     untaught = Chain(trust=True).unlearned(STEPS).plain()
     untaught["trust"]["compared"] = [3.0, 40.0]
-    write_place(path, Chain(trust=True).unlearned(STEPS).relearned(untaught), "network")
+    write_place(path, Chain(trust=True).unlearned(STEPS).relearned(untaught), {}, "network")
 
 
 def read_learned_place(path: Path) -> dict[str, Any]:
-    return read_place(path, Chain(trust=True).unlearned(STEPS), "network").plain()
+    return read_place(path, Chain(trust=True).unlearned(STEPS), "network")[0].plain()
