@@ -13,9 +13,8 @@ import pandas as pd
 
 from pedpred.command.forecast_tables import forecast_table
 from pedpred.command.maps import map_at
-from pedpred.command.options_in_python import arguments_for_options
 from pedpred.command.prediction import robot_for
-from pedpred.errors import ValueRuleError
+from pedpred.errors import ValueRuleError, in_words_of_python
 from pedpred.online.replay import as_windows, replay_scene
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
 from pedpred.sources.single_file import checked_interval_s
@@ -38,7 +37,7 @@ _TABLE = Path("table")
 _METHOD = "pedpred"
 
 
-@arguments_for_options()
+@in_words_of_python()
 def predict(
     table: pd.DataFrame,
     occupancy: OccupancyMap | str | Path | None = None,

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, worded
 from pedpred.scenes import Trajectories
 from pedpred.tables.placeholders import FASTEST_MPS
+from pedpred.tables.titles import naming
 from pedpred.tables.units import UNITS
 
 _log = logging.getLogger(__name__)
@@ -37,7 +38,6 @@ _REGULAR, _IRREGULAR = 1e-3, 0.1
 _FEWEST_STEPS = 5
 _MOST_ROWS, _BLOCK_ROWS = 2**18, 2**16
 """How many rows are looked at for their titles, and how many at once for speeds, which bounds the memory."""
-_TITLES = "Correct the titles, or name all columns in order, such as --columns id,frame,x,y"
 _SPAN_S = 0.4
 """Speeds are measured over this time at least, so that noise and short steps do not count."""
 
@@ -133,18 +133,7 @@ def check_speeds(
     if usual_mps > FASTEST_MPS:
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
         if not sure:
-            remedy = f"Say --unit {likely} if lengths are {likely}, --unit m if they are metres, --scale if "
-            remedy += "they are pixels, or correct these, --rate, the unit of times or the order of --columns"
-            if said:
-                remedy = (
-                    f"Titles or comments say that lengths are {said}: correct them if lengths are {likely}, "
-                )
-                remedy += f"say --unit {said} if they are right, or correct --rate or the unit of times"
-            elif not any_unit:
-                remedy = (
-                    f"Lengths are metres here: if they are {likely}, write them in metres, or into a table "
-                )
-                remedy += f"(--unit {likely}). Or correct --scale, --homography, --rate or times"
+            remedy = _about_speeds(likely, said, any_unit)
             raise SourceError(path, None, problem, remedy)
         _log.warning("%s: %s%s", path, problem, doubt)
     elif usual_mps > _USUAL_MPS:
@@ -154,13 +143,33 @@ def check_speeds(
         ask = (
             doubt
             if sure or said or not any_unit
-            else f": say --unit {likely} if lengths are {likely}, or --unit m"
+            else f": say {_unit(likely)} if lengths are {likely}, or {_unit('m')}"
         )
         _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
     elif usual_mps < _SLOWEST_MPS:
         _log.warning(
             "%s: nobody moves faster than %.2g m/s; are lengths metres, times seconds?", path, usual_mps
         )
+
+
+def _about_speeds(likely: str, said: str | None, any_unit: bool) -> str:
+    """What to do about impossible speeds, if lengths are in the likely unit; see `check_speeds`."""
+    rate, unit = worded("--rate", "rate_hz"), "the unit of times"
+    if said:
+        correct = f"correct them if lengths are {likely}, say {_unit(said)} if they are right"
+        return f"Titles or comments say that lengths are {said}: {correct}, or correct {rate} or {unit}"
+    if not any_unit:
+        written = f"write them in metres, or into a table ({_unit(likely)})"
+        correct = f"Or correct {worded('--scale, --homography, ', '')}{rate} or times"
+        return f"Lengths are metres here: if they are {likely}, {written}. {correct}"
+    pixels = f"{worded('--scale', 'scale them')} if they are pixels"
+    say = f"Say {_unit(likely)} if lengths are {likely}, {_unit('m')} if they are metres, {pixels}"
+    columns = worded("--columns", "table.columns")
+    return f"{say}, or correct these, {rate}, {unit} or the order of {columns}"
+
+
+def _unit(unit: str) -> str:
+    return worded(f"--unit {unit}", f'unit="{unit}"')
 
 
 def _likely_unit(usual_mps: float, said: str) -> str:
@@ -184,7 +193,7 @@ def check_degrees(path: Path, people: Trajectories, sure: bool = False) -> None:
     if slow and not sure and largest[0] <= 90.0 and largest[1] <= 180.0:
         place = ", ".join(f"{value:.10g}" for value in people.position[0])
         problem = f"positions such as {place} look like degrees of longitude and latitude"
-        remedy = "Project them to metres first, such as to UTM; --unit m insists on metres"
+        remedy = f"Project them to metres first, such as to UTM; {_unit('m')} insists on metres"
         raise SourceError(path, None, problem, remedy)
 
 
@@ -197,7 +206,8 @@ def doubt_fractions(path: Path, people: Trajectories) -> None:
     """
     if len(people) and people.position.min() >= 0.0 and people.position.max() <= 1.0:
         text = "%s: all positions lie from 0 to 1: are they parts of a picture's width and height? %s"
-        _log.warning(text, path, "Then make pixels of them, and give --scale or --homography")
+        remedy = worded("make pixels of them, and give --scale or --homography", "bring them to metres first")
+        _log.warning(text, path, f"Then {remedy}")
 
 
 def check_titles(path: Path, people: Trajectories) -> None:
@@ -207,10 +217,11 @@ def check_titles(path: Path, people: Trajectories) -> None:
         SourceError: nobody moves like this, but people would if two titles were exchanged.
     """
     people = _begin_of(people)
+    remedy = f"Correct the titles, or name all columns in order, such as {naming('id,frame,x,y')}"
     if _are_exchanged(people):
         problem = "tracks jump; people would walk if the columns of ids and of times or frames were exchanged"
-        raise SourceError(path, None, problem, _TITLES)
-    check_places(path, people, _TITLES)
+        raise SourceError(path, None, problem, remedy)
+    check_places(path, people, remedy)
 
 
 def check_places(path: Path, people: Trajectories, remedy: str) -> None:

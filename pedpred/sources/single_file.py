@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import SourceError, ValueRuleError, worded
 from pedpred.files import translate_errors
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.sources import (
@@ -34,13 +34,12 @@ from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import is_of_pixels
 from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import read_table
+from pedpred.tables.titles import naming
 
 CELL_M, WALL_M = 0.05, 3.0
 """Of maps made from geometries, m: side of a cell, thickness of walls."""
 
 _NOBODY = "no detections: no row is left that says when somebody is where"
-_LEFT_OUT = "Name a file with tracks; warnings say which rows were left out"
-_ONCE = "A track needs several detections. If another column holds the ids, name all in order: --columns"
 
 
 @dataclass(frozen=True)
@@ -141,13 +140,15 @@ def checked_interval_s(
             titles are exchanged, or people would move at impossible speeds.
     """
     if not len(people):
-        raise SourceError(path, None, _NOBODY, _LEFT_OUT)
+        tracks = worded("Name a file with tracks", "Give a table with tracks")
+        raise SourceError(path, None, _NOBODY, f"{tracks}; warnings say which rows were left out")
     sure = options.unit is not None
     said = options.found.of_lengths if any_unit and not sure else None
     try:
         dt_s = people.usual_interval_s()
     except ValueRuleError as cause:
-        raise SourceError(path, None, str(cause), _ONCE) from cause
+        remedy = f"If another column holds the ids, name all in order: {naming()}"
+        raise SourceError(path, None, str(cause), f"A track needs several detections. {remedy}") from cause
     check_clock(path, dt_s)
     doubt_whole_seconds(path, people, dt_s)
     check_degrees(path, people, sure)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, worded
 from pedpred.scenes import Trajectories
-from pedpred.tables.clocks import IN_SECONDS
+from pedpred.tables.clocks import other_times
 
 _LONGEST_S = 5.0
 """Longest usual time between two detections of a pedestrian that can be seconds."""
@@ -29,7 +29,7 @@ def check_clock(path: Path, dt_s: float) -> None:
     for least, unit in _TOO_LONG.items():
         if dt_s >= least:
             problem = f"a track is usually detected every {dt_s:g} s: this looks like {unit}"
-            raise SourceError(path, None, problem, IN_SECONDS)
+            raise SourceError(path, None, problem, other_times())
 
 
 def check_brief(path: Path, people: Trajectories) -> None:
@@ -56,7 +56,7 @@ def check_brief(path: Path, people: Trajectories) -> None:
             f"all of it lasts {np.ptp(people.time_s):.3g} s, in which people move at {speed_mps:.3g} m/s"
         )
         raise SourceError(
-            path, None, f"{problem}: times look like {(likely or list(_LONGER)[-1:])[0]}", IN_SECONDS
+            path, None, f"{problem}: times look like {(likely or list(_LONGER)[-1:])[0]}", other_times()
         )
 
 
@@ -75,4 +75,4 @@ def doubt_whole_seconds(path: Path, people: Trajectories, dt_s: float) -> None:
     way_m = np.linalg.norm(np.diff(people.position[order], axis=0)[same], axis=1)
     if np.percentile(way_m, 99) < _SLOW_MPS:
         text = "%s: times are whole numbers, and people hardly move from one to the next: are they frames? %s"
-        _log.warning(text, path, "Then call the column frame, and give --rate")
+        _log.warning(text, path, f"Then call the column frame, and give {worded('--rate', 'rate_hz')}")

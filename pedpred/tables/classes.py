@@ -7,7 +7,7 @@ import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from pedpred.errors import SourceError, brief
+from pedpred.errors import SourceError, brief, worded
 from pedpred.tables.missing import MISSING
 
 PERSON_CLASSES = ("person", "people", "pedestrian", "human")
@@ -74,9 +74,12 @@ def classes_of_people(
     if wanted:
         listed = f"the columns of classes hold {brief({t: sorted(values) for t, values in columns.items()})}"
         problem = f"no row is of class {', '.join(wanted)}; {listed if columns else 'no column has classes'}"
-        raise SourceError(path, None, problem, "Name a class that is there, or leave --class out")
+        raise SourceError(
+            path, None, problem, worded("Name a class that is there, or leave --class out", "Give all rows")
+        )
     for title, classes in columns.items():
         if len(classes) > 1 or not all(one.isdecimal() for one in classes):
-            text = "%s: column %s holds %s, no words for people: all rows are read; --class chooses"
+            choice = worded("--class chooses", "leave out the rows of others")
+            text = f"%s: column %s holds %s, no words for people: all rows are read; {choice}"
             _log.warning(text, path, title, ", ".join(sorted(classes)[: 2 * _TOLD]))
     return None

@@ -6,14 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, worded
 from pedpred.scenes.scene import LATEST_S
 from pedpred.tables.titles import REST
 from pedpred.tables.units import PER_SECOND
 
-IN_SECONDS = "Times are seconds; call the column time_ms, time_us or time_ns, or frame and give --rate"
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
 _LONG_AGO_S = 1e8  # Unix times are later
+
+
+def other_times() -> str:
+    """What to do where times are no seconds."""
+    rate = worded("--rate", "rate_hz")
+    return f"Times are seconds; call the column time_ms, time_us or time_ns, or frame and give {rate}"
 
 
 def add_rest(columns: dict[str, np.ndarray], unit: str | None) -> bool:
@@ -56,7 +61,8 @@ def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_
     if "frame" in columns:
         if rate_hz is None:
             problem = "frame numbers, but no rate, and no comment says the frame rate"
-            raise SourceError(path, None, problem, "Say how many frames a second has: --rate")
+            remedy = f"Say how many frames a second has: {worded('--rate', 'rate_hz')}"
+            raise SourceError(path, None, problem, remedy)
         columns["time_s"] = columns.pop("frame") / rate_hz
     elif unit is not None:
         columns["time_s"] = columns["time_s"] / PER_SECOND[unit]
@@ -65,4 +71,4 @@ def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_
         looks = next(
             (unit for unit, parts in _PARTS.items() if largest >= _LONG_AGO_S * parts), "milliseconds"
         )
-        raise SourceError(path, None, f"the time {largest:.10g} looks like {looks}", IN_SECONDS)
+        raise SourceError(path, None, f"the time {largest:.10g} looks like {looks}", other_times())

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, worded
 from pedpred.tables.missing import MISSING
 from pedpred.tables.text import AS_TIMES, Row
 
@@ -214,7 +214,12 @@ class Dates:
         if self._latest_s is not None and time_s < self._latest_s - half_s:
             ended = "the evening" if half_s == _HALF_DAY_S else "the end of an hour"
             problem = f"{self._title} goes back from {ended} to {text[:5]}"
-            raise SourceError(self._path, line, problem, "Write dates with the times, or divide the file")
+            raise SourceError(
+                self._path,
+                line,
+                problem,
+                f"Write dates with the times, or divide the {worded('file', 'table')}",
+            )
         self._latest_s = time_s
         return time_s
 

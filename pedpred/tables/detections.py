@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, worded
 from pedpred.tables.missing import MISSING
 from pedpred.tables.names import TrackNames
 from pedpred.tables.text import Row
+from pedpred.tables.titles import naming
 
 _FEW, _MOST_RESTARTS = 10, 20
 _log = logging.getLogger(__name__)
@@ -91,14 +92,15 @@ def without_copies(path: Path, columns: dict[str, np.ndarray], names: TrackNames
         row = one[first]
         who, time_s = names.column(columns["track_id"][row : row + 1])[0], columns["time_s"][row]
         problem = f"track_id {who} and time_s {time_s:.10g} again, first in line {before}, at another place"
-        remedy = "Remove one of the lines. If it was recorded in several runs, make a file for each"
+        apart = f"If it was recorded in several runs, make a {worded('file', 'table')} for each"
+        remedy = f"Remove one of the lines. {apart}"
         many = 3 * len(pair) > len(columns["line"]) > _FEW
         if many and len(np.unique(columns["track_id"])) == 1:
             problem += ": all lines have this id"
-            remedy = "If another column holds the ids, name all in order: --columns time,id,x,y"
+            remedy = f"If another column holds the ids, name all in order: {naming('time,id,x,y')}"
         elif many:
             problem += f", as in {len(pair)} of {len(order)} lines: times are too coarse"
-            remedy = "Write times with more decimals, or name all columns in order: --columns frame,id,x,y"
+            remedy = f"Write times with more decimals, or name all in order: {naming('frame,id,x,y')}"
         raise SourceError(path, line, problem, remedy)
     copies = _Count(int(again.sum()), int(columns["line"][other[again]].min(initial=2**62)))
     if not copies.rows:

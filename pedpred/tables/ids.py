@@ -13,7 +13,9 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.tables.missing import MISSING
 from pedpred.tables.text import OWN_FILE, Row, is_number, whole_number
+from pedpred.tables.titles import naming
 
+_OTHERS = "If another column holds them, name all in order:"
 _LONGEST_NAME, _MOST_NAMES = 200, 500_000
 _FEW_FRACTIONS = 0.25  # more are not errors
 _LONGEST_PLAIN = 18  # digits that fit into 64 bits
@@ -39,7 +41,7 @@ class Ids:
 
     path: Path
     title: str
-    remedy: str = "Ids are whole numbers or words. If another column holds them, name all in order: --columns"
+    remedy: str = field(default_factory=lambda: f"Ids are whole numbers or words. {_OTHERS} {naming()}")
     plain_rows: int = 0
     later: dict[str, int] = field(default_factory=dict)
     first_lines: array[int] = field(default_factory=lambda: array("q"))

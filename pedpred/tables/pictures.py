@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import SourceError, ValueRuleError, worded
 from pedpred.files import translate_errors
 from pedpred.geometry import Homography
 from pedpred.tables.options import TableOptions
@@ -89,7 +89,10 @@ def on_ground(
     if homography is not None:
         return _beneath(path, homography, np.stack([y, x], axis=-1), line)
     if options.pixel_m is None:
-        remedy = "Say how long the side of a pixel is, in metres: --scale 0.03, or give --homography H.txt"
+        remedy = worded(
+            "Say how long the side of a pixel is, in metres: --scale 0.03, or give --homography H.txt",
+            "Bring them to metres first",
+        )
         raise SourceError(path, None, "positions are in pixels, and their size is unknown", remedy)
     return np.float64(options.pixel_m) * np.stack([x, -y], axis=-1)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import SourceError, ValueRuleError, worded
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.tables.classes import classes_of_people, label_of
@@ -43,13 +43,12 @@ from pedpred.tables.titles import (
     columns_of_recordings,
     is_part_of_time,
     meaning_of,
+    naming,
     numbered_pairs,
     titles_of_tracks,
 )
 from pedpred.tables.units import PIXELS, UNITS
 
-_HEIGHT = "Name the columns in order, such as --columns time,id,x,height,y"
-_NAME = "Name all columns in order, such as --columns time,id,x,y"
 _LONG = "Write a line per person and instant, with columns such as time,id,x,y"
 _PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
 _LONGEST_TITLES, _SHOWN_NAMES, _MOST_RECORDINGS = 200, 3, 500
@@ -69,7 +68,7 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
     options = options or TableOptions()
     lines = lines_of(path, options.columns)
     if not lines.titles:
-        raise SourceError(path, lines.line, f"no header, the first line is {lines.begins[:80]!r}", _NAME)
+        raise SourceError(path, lines.line, f"no header, the first line is {lines.begins[:80]!r}", _named())
     _wanted(path, lines.titles)
     named = options.columns is not None
 
@@ -113,9 +112,8 @@ def people_in_rows(
         values = sorted(set(counts[title]) - {""})
         if 1 < len(values) <= _MOST_RECORDINGS:
             shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
-            text = (
-                "%s: column %s holds %s: all are read as one recording; divide the file if they are several"
-            )
+            part = f"divide the {worded('file', 'table')} if they are several"
+            text = f"%s: column %s holds %s: all are read as one recording; {part}"
             if is_part_of_time(title):
                 text += ", or write one column of times if they are parts of these"
             _log.warning(text, path, title, shown)
@@ -139,6 +137,10 @@ def tracks_in_rows(
         SourceError: columns are missing, or a value is wrong; it names the line.
     """
     return _read(path, header, of_width(path, rows, header), options)
+
+
+def _named(columns: str = "time,id,x,y") -> str:
+    return f"Name all columns in order, such as {naming(columns)}"
 
 
 def _read(
@@ -174,12 +176,13 @@ def _read(
     in_metres(path, columns, units, options)
     if moves := still.moving_column():
         problem = f"{titles[at['y_m']]} {moves[1]}, and {titles[moves[0]]} changes: y looks like a height"
-        raise SourceError(path, None, problem, _HEIGHT)
+        raise SourceError(path, None, problem, _named("time,id,x,height,y"))
     units |= {clock: None if dates.read_dates else _said(titles[at[clock]])}
     with translate_errors(lambda problem: SourceError(path, None, problem, OWN_VALUES)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
         if clock != "frame" and options.rate_hz:
-            _log.warning("%s: times are in column %s, so that --rate is not used", path, titles[at[clock]])
+            text = f"%s: times are in column %s, so that {worded('--rate', 'rate_hz')} is not used"
+            _log.warning(text, path, titles[at[clock]])
         if REST in at and not add_rest(columns, _said(titles[at[REST]])):
             del wanted[titles[at[REST]]]
         set_time(path, columns, units[clock], rate_hz)
@@ -224,7 +227,9 @@ def _wanted(path: Path, titles: Sequence[str]) -> dict[str, str]:
     except ValueRuleError as cause:
         pairs = numbered_pairs(titles)
         if len(pairs) < 2 or any((said := meaning_of(title)) and said.name in LENGTHS for title in titles):
-            raise SourceError(path, None, cause.rule, f"Rename columns in the file. Or: {_NAME}") from cause
+            raise SourceError(
+                path, None, cause.rule, f"Rename columns in the {worded('file', 'table')}. Or: {_named()}"
+            ) from cause
         shown = " and ".join(", ".join(pair) for pair in pairs[:2])
         problem = f"columns {shown} are those of several people, or corners of boxes"
         raise SourceError(path, None, problem, _LONG) from cause
@@ -281,13 +286,15 @@ def _units(path: Path, wanted: Mapping[str, str], stated: str | None) -> dict[st
     units = {unit for unit in said.values() if unit}
     if stated and units - {stated}:
         named = " and ".join(sorted(units | {stated}))
-        remedy = "Correct titles, comments or --unit"
+        remedy = worded("Correct titles, comments or --unit", "Correct titles or unit")
         raise SourceError(path, None, f"lengths are said to be {named}", remedy)
     if not stated and None in said.values() and units - {"m"}:
         bare = next(titles[name] for name, unit in said.items() if unit is None)
         other = next(title for title in titles.values() if title != bare)
         problem = f"column {other} has the unit {units.pop()}, column {bare} has none"
-        raise SourceError(path, None, problem, "Write the unit into both titles, or give --unit")
+        raise SourceError(
+            path, None, problem, f"Write the unit into both titles, or give {worded('--unit', 'unit')}"
+        )
     return {name: unit or stated for name, unit in said.items()}
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError, brief
+from pedpred.errors import SourceError, brief, worded
 from pedpred.files import translate_errors
 from pedpred.storage.tracks import MOST_NUMBERS
 from pedpred.tables.encodings import decoded_lines
@@ -161,7 +161,9 @@ def read_numbers(
     while block := list(islice(rows, _BLOCK_ROWS)):
         count += len(block)
         if count > most_rows:
-            raise SourceError(path, block[-1][0], f"more than {most_rows} rows", "Divide the file")
+            raise SourceError(
+                path, block[-1][0], f"more than {most_rows} rows", f"Divide the {worded('file', 'table')}"
+            )
         for line, fields in block:
             check_width(path, line, fields, titles, remedy)
         lines = [line for line, _ in block]

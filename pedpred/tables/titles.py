@@ -12,7 +12,7 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pedpred.errors import ValueRuleError
+from pedpred.errors import ValueRuleError, worded
 from pedpred.storage.tracks import TRACK_COLUMNS
 from pedpred.tables.units import LENGTH_WORDS, PER_SECOND, PIXELS, TIME_WORDS
 
@@ -223,6 +223,12 @@ def _clock(meant: dict[str, Meaning]) -> tuple[str, str]:
     return next((clock for clock in clocks if clock in said), clocks[0])
 
 
+def naming(columns: str = "") -> str:
+    """What names all columns in order, such as these: an option, or an attribute of a data frame."""
+    attribute = f"table.columns = {columns.split(',')}" if columns else "table.columns"
+    return worded(f"--columns {columns}".rstrip(), attribute)
+
+
 def _rest_of_stamp(meant: dict[str, Meaning]) -> list[str]:
     """The only column of times in a part of a second beside one in seconds."""
     units = [(title, m.unit) for title, m in meant.items() if m.name == "time_s" and m.unit in PARTS]
@@ -236,4 +242,6 @@ def _missing(name: str, titles: Sequence[str]) -> str:
     listed = " | ".join(titles)[:200]
     if name in LENGTHS and (degrees := [title for title in titles if _DEGREES & set(_words(title))]):
         return f"{rule}. {degrees[0]} is in degrees: project positions to metres first. Found were {listed}"
-    return f"{rule}. Found were {listed}; expected commas, semicolons, tabs or blanks between them"
+    return f"{rule}. Found were {listed}" + worded(
+        "; expected commas, semicolons, tabs or blanks between them", ""
+    )
