@@ -230,9 +230,8 @@ def test_a_recording_of_something_else_is_named(tmp_path, topics, message):
         read_recording(path)
 
 
-def test_people_of_others_need_no_tags(tmp_path):
-    path = tmp_path / "theirs.mcap"
-    people = [{"name": "7", "position": {"x": 1.0, "y": 2.0}, "velocity": {"x": 0.5}}]
+def write_theirs(path, people):
+    """A recording of others: two cells of a map, and the same people after 3, 4 and 5 s."""
     info = {"resolution": 0.1, "width": 2, "height": 1, "origin": {"orientation": {"w": 1.0}}}
     with path.open("wb") as stream, Writer(stream) as writer:
         schemas = {kind: writer.register_msgdef(kind, definition(kind)) for kind in TYPES.values()}
@@ -240,6 +239,12 @@ def test_people_of_others_need_no_tags(tmp_path):
         for sec in (3, 4, 5):
             message = {"header": {"stamp": {"sec": sec}}, "people": people}
             writer.write_message(PEOPLE, schemas[TYPES[PEOPLE]], message, log_time=sec)
+
+
+def test_people_of_others_need_no_tags(tmp_path):
+    path = tmp_path / "theirs.mcap"
+    people = [{"name": "7", "position": {"x": 1.0, "y": 2.0}, "velocity": {"x": 0.5}}]
+    write_theirs(path, people)
     scene = read_recording(path)
     assert (scene.name, scene.detection_dt_s, scene.occupancy.resolution_m) == ("theirs", 1.0, 0.1)
     np.testing.assert_array_equal(scene.trajectories.time_s, [3, 4, 5])
@@ -254,13 +259,7 @@ def test_what_is_not_known_of_everybody_is_unknown(tmp_path, caplog, velocity):
         {"name": "7", "position": {"x": 1.0, "y": 2.0}, "tagnames": ["group_id"], "tags": [str(2**62 + 1)]},
         {"name": "8", "position": {"x": 3.0, "y": 2.0}, "velocity": velocity},
     ]
-    info = {"resolution": 0.1, "width": 2, "height": 1, "origin": {"orientation": {"w": 1.0}}}
-    with path.open("wb") as stream, Writer(stream) as writer:
-        schemas = {kind: writer.register_msgdef(kind, definition(kind)) for kind in TYPES.values()}
-        writer.write_message(MAP, schemas[TYPES[MAP]], {"info": info, "data": [-1, 100]}, log_time=0)
-        for sec in (3, 4, 5):
-            message = {"header": {"stamp": {"sec": sec}}, "people": people}
-            writer.write_message(PEOPLE, schemas[TYPES[PEOPLE]], message, log_time=sec)
+    write_theirs(path, people)
     people = read_recording(path).trajectories
     assert people.track_id.tolist() == [7, 8] * 3
     assert people.group_id is None

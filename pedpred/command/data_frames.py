@@ -16,7 +16,7 @@ from pedpred.command.maps import map_at
 from pedpred.command.prediction import robot_for
 from pedpred.errors import ValueRuleError, in_words_of_python
 from pedpred.online.replay import as_windows, replay_scene
-from pedpred.scenes import OccupancyMap, Scene, checked_placement
+from pedpred.scenes import OccupancyMap, Scene, Trajectories, checked_placement
 from pedpred.sources.single_file import checked_interval_s
 from pedpred.tables.dates import column_of_days
 from pedpred.tables.ids import is_plain
@@ -71,6 +71,24 @@ def predict(
     _check_kind("occupancy", occupancy, OccupancyMap | str | Path | None, "an OccupancyMap, a path or None")
     _check_kind("rate_hz", rate_hz, Real | None, "a number or None")
     _check_kind("model", model, str | PathLike | None, "a path or None")
+    people, dt_s, ids = _people_in(table, rate_hz, unit)
+    if isinstance(occupancy, str | Path):
+        occupancy = map_at(Path(occupancy))
+    scene = Scene("table", people, occupancy or OccupancyMap.free_around(people.position), dt_s)
+    checked_placement(scene)
+    predictor = robot_for(scene, None if model is None else Path(model))
+    windows = as_windows(scene, replay_scene(scene, predictor), _METHOD, predictor.protocol)
+    forecasts = forecast_table(windows, _METHOD)
+    return forecasts.assign(track=ids.loc[forecasts["track"]].array)
+
+
+def _people_in(
+    table: pd.DataFrame, rate_hz: float | None, unit: str | None
+) -> tuple[Trajectories, float, pd.Series]:
+    """Read the people, the usual time between two detections, s, and the ids by track number.
+
+    See `predict`.
+    """
     titles = [str(title) for title in table.columns]
     named = titles_of_tracks(titles)
     looked_at = [title for title in dict.fromkeys(titles) if title in {*named, *_others(titles)}]
@@ -90,16 +108,7 @@ def predict(
     people = tracks_in_rows(_TABLE, looked_at, rows, options)
     people = without_placeholders(_TABLE, people)
     dt_s = checked_interval_s(_TABLE, people, titled=True, options=options)
-    if isinstance(occupancy, str | Path):
-        occupancy = map_at(Path(occupancy))
-    scene = Scene("table", people, occupancy or OccupancyMap.free_around(people.position), dt_s)
-    checked_placement(scene)
-    predictor = robot_for(scene, None if model is None else Path(model))
-    windows = as_windows(scene, replay_scene(scene, predictor), _METHOD, predictor.protocol)
-    forecasts = forecast_table(windows, _METHOD)
-    order = np.argsort(numbers)
-    whose = order[np.searchsorted(numbers, forecasts["track"].to_numpy(), sorter=order)]
-    return forecasts.assign(track=ids.take(whose))
+    return people, dt_s, pd.Series(ids, index=numbers)
 
 
 def _check_kind(field: str, value: object, kind: Any, called: str) -> None:

@@ -143,9 +143,10 @@ class People:
         Raises:
             ValueRuleError: people and map are in different frames, and how they lie is unknown.
         """
-        frames = {
-            each.frame for each in self._instants if each.ids
-        }  # that of a message of nobody says nothing
+        with_people = [
+            each for each in self._instants if each.ids
+        ]  # the frame of a message of nobody says nothing
+        frames = {each.frame for each in with_people}
         tree = FrameTree() if frames <= {grid or MAP_FRAME} else transforms()
         targets = {frame: _target(frame, grid, tree, transform) for frame in frames}
         check_frames(set(targets.values()), grid, transform)

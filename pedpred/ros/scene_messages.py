@@ -119,9 +119,8 @@ def _unturned(message: Any, resolution_m: str | None) -> tuple[OccupancyMap, flo
     _check_values(data)
     cells = data.reshape(info.height, info.width).T
     origin = np.array([info.origin.position.x, info.origin.position.y])
-    return OccupancyMap(
-        blocked(cells), origin, float(resolution_m or str(np.float32(info.resolution)))
-    ), yaw_rad
+    side_m = float(resolution_m or str(np.float32(info.resolution)))
+    return OccupancyMap(blocked(cells), origin, side_m), yaw_rad
 
 
 def blocked(data: np.ndarray) -> np.ndarray:
