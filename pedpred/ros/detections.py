@@ -143,10 +143,8 @@ class People:
         Raises:
             ValueRuleError: people and map are in different frames, and how they lie is unknown.
         """
-        with_people = [
-            each for each in self._instants if each.ids
-        ]  # the frame of a message of nobody says nothing
-        frames = {each.frame for each in with_people}
+        # the frame of a message of nobody says nothing
+        frames = {each.frame for each in self._instants if each.ids}
         tree = FrameTree() if frames <= {grid or MAP_FRAME} else transforms()
         targets = {frame: _target(frame, grid, tree, transform) for frame in frames}
         check_frames(set(targets.values()), grid, transform)
