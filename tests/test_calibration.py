@@ -10,6 +10,7 @@ from pedpred.evaluation import EvaluationSettings, Scores, summarise_methods
 from pedpred.geometry import rotate, rotated_covariance
 from pedpred.metrics.calibration import (
     COARSE,
+    FINE,
     REGIONS,
     coverage,
     describe,
@@ -50,6 +51,24 @@ def test_turning_the_world_changes_neither_distance_nor_surprise(seed, angle):
     np.testing.assert_allclose(after, before, rtol=1e-6)
     nll = [negative_log_likelihood(before, sigma) for sigma in (covariance, turned)]
     np.testing.assert_allclose(*nll, rtol=1e-6, atol=1e-9)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32 - 1), st.floats(-7.0, 7.0))
+def test_turning_the_world_changes_no_region_of_several_modes(seed, angle):
+    rng = np.random.default_rng(seed)
+    forecast, truth = some_modes(rng, 20, np.array([0.5, 0.3, 0.2])), rng.normal(size=(20, 1, 2))
+    turn = np.full((20, 3, 1), angle)
+    turned = Predictions(
+        rotate(forecast.point, turn[:, 0]), rotate(forecast.path, turn), forecast.weight, 0.3,
+        rotated_covariance(forecast.covariance, np.full(20, angle)),
+    )  # fmt: skip
+    for points in (COARSE, FINE):
+        before = share_inside(forecast, truth, points)
+        after = share_inside(turned, rotate(truth, turn[:, 0]), points)
+        assert (
+            np.mean(np.abs(after - before) < 1e-9) > 0.98
+        )  # but where a point is exactly as likely as the truth
 
 
 def test_turning_by_a_right_angle_swaps_the_axes():

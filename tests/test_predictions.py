@@ -111,6 +111,20 @@ def test_the_energy_score_is_least_for_the_true_spread():
     assert scores[1.0] < min(scores[0.5], scores[2.0])
 
 
+def test_the_energy_score_of_gaussians_by_hand():
+    """E|Z| = s sqrt(pi / 2) of a round Gaussian with deviation s; between independent X, X' it is sqrt(2) s."""
+    rng = np.random.default_rng(3)
+    truth = rng.normal(size=(20000, 1, 2))
+    covariance = np.tile(np.eye(2), (20000, 2, 1, 1, 1))
+    path = np.zeros((20000, 2, 1, 2))
+    both = Predictions(path[:, 0], path, np.tile([0.7, 0.3], (20000, 1)), 0.3, covariance)
+    one = Predictions.single(path[:, 0], 0.3, covariance[:, 0])
+    for given_ in (one, both):
+        assert value("energy_score_m", given_, truth).mean() == pytest.approx(np.sqrt(np.pi) / 2, abs=0.005)
+    far = value("energy_score_m", one, truth + np.array([1000.0, 0.0])).mean()
+    assert far == pytest.approx(1000 - np.sqrt(np.pi) / 2, abs=0.05)
+
+
 def test_windows_are_read_as_they_were_written(tmp_path):
     rng = np.random.default_rng(4)
     methods = {"one": drawn_predictions(rng, modes=1), "many": drawn_predictions(rng)}

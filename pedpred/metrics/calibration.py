@@ -154,19 +154,28 @@ def describe(row, x, y, xx, xy, yy, weight):  # pragma: no cover (compiled)
 
 @compiled
 def share_reached(modes, points, limits):  # pragma: no cover (compiled)
-    """`share_inside` of one truth; with limits, any value on the same side of each, which is faster."""
-    here = left = 0.0
+    """`share_inside` of one truth; with limits, any value on the same side of each, which is faster.
+
+    The points of a mode begin in the direction of the mean of all modes, so that they turn with the world.
+    """
+    here = left = middle_x = middle_y = 0.0
+    rest = modes[:, 8].sum()
     for mode in range(len(modes)):
         here += _density(0.0, 0.0, modes[mode])
         left += modes[mode, 5]
+        middle_x += modes[mode, 8] * modes[mode, 0] / rest
+        middle_y += modes[mode, 8] * modes[mode, 1] / rest
     if len(modes) == 1:
         return 1.0 - here / left
-    reached, rest = 0.0, modes[:, 8].sum()
+    reached = 0.0
     for mode in range(len(modes)):
         component, inside = modes[mode], 0.0
+        cos, sin = _direction(middle_x, middle_y, component)
         for k in range(len(points.offset)):
-            x = component[0] + component[2] * points.offset[k, 0]
-            y = component[1] + component[3] * points.offset[k, 0] + component[4] * points.offset[k, 1]
+            u = cos * points.offset[k, 0] - sin * points.offset[k, 1]
+            v = sin * points.offset[k, 0] + cos * points.offset[k, 1]
+            x = component[0] + component[2] * u
+            y = component[1] + component[3] * u + component[4] * v
             at_point = component[5] * points.density[k]
             if at_point > here or _denser(x, y, modes, mode, at_point, left - component[5], here):
                 inside += points.mass[k]
@@ -193,10 +202,24 @@ def _denser(x, y, modes_there, excluded, density, left, here):  # pragma: no cov
 
 
 @compiled
+def _standardised(x, y, component):  # pragma: no cover (compiled)
+    """A point as seen from a mode, L^-1 (x - mu)."""
+    u = (x - component[0]) * component[6]
+    return u, (y - component[1] - component[3] * u) * component[7]
+
+
+@compiled
+def _direction(x, y, component):  # pragma: no cover (compiled)
+    """Unit vector from a mode to a point, standardised; any if it is there."""
+    u, v = _standardised(x, y, component)
+    length = math.hypot(u, v)
+    return (u / length, v / length) if length > 1e-9 else (1.0, 0.0)
+
+
+@compiled
 def _density(x, y, component):  # pragma: no cover (compiled)
     """Density of a mode at a point, up to the factor 2 pi."""
-    u = (x - component[0]) * component[6]
-    v = (y - component[1] - component[3] * u) * component[7]
+    u, v = _standardised(x, y, component)
     away = 0.5 * (u * u + v * v)
     return component[5] * math.exp(-away) if away < 40.0 else 0.0  # below rounding
 

@@ -1,4 +1,4 @@
-"""The sums over pairs of draws behind the energy score."""
+"""The expectations behind the energy score."""
 
 from __future__ import annotations
 
@@ -11,45 +11,47 @@ from pedpred.compiled import compiled
 
 @compiled
 def energy_scores(
-    path: np.ndarray, root: np.ndarray, weight: np.ndarray, noise: np.ndarray, truth: np.ndarray
+    path: np.ndarray, covariance: np.ndarray, weight: np.ndarray, points: np.ndarray, truth: np.ndarray
 ) -> np.ndarray:  # pragma: no cover (compiled)
     """E|X - y| - E|X - X'| / 2, mean over the steps; see `pedpred.metrics.table.energy_score`.
 
-    X and X' run over the modes and the draws of each; X' is shifted by one draw, which makes it independent.
+    The difference of independent X and X' of modes i and j is Gaussian too: its mean is mu_i - mu_j, its
+    covariance Sigma_i + Sigma_j.
 
     Args:
         path: modes, m. [W, K, P, 2]
-        root: Cholesky factors of their covariances; zeros without, m. [W, K, P, 2, 2]
+        covariance: of them; zeros without, m^2. [W, K, P, 2, 2]
         weight: of the modes. [W, K]
-        noise: standard normal numbers, a pair for each draw. [D, 2]
+        points: of equal probability, for a standard Gaussian. [N, 2]
         truth: m. [W, P, 2]
 
     Returns:
         m. [W]
     """
     windows, modes, steps = path.shape[:3]
-    draws = len(noise)
-    drawn = np.empty((modes, draws, steps, 2))
     scores = np.zeros(windows)
     for w in range(windows):
-        for k in range(modes):
-            far = 0.0
-            for d in range(draws):
-                for p in range(steps):
-                    for axis in range(2):
-                        factor = root[w, k, p, axis]
-                        moved = factor[0] * noise[d, 0] + factor[1] * noise[d, 1]
-                        drawn[k, d, p, axis] = path[w, k, p, axis] + moved
-                    x, y = drawn[k, d, p, 0] - truth[w, p, 0], drawn[k, d, p, 1] - truth[w, p, 1]
-                    far += math.sqrt(x * x + y * y)
-            scores[w] += weight[w, k] * far / (draws * steps)
-        for i in range(modes):
-            for j in range(modes):
-                apart = 0.0
-                for d in range(draws):
-                    for p in range(steps):
-                        x = drawn[i, d, p, 0] - drawn[j, d - 1, p, 0]
-                        y = drawn[i, d, p, 1] - drawn[j, d - 1, p, 1]
-                        apart += math.sqrt(x * x + y * y)
-                scores[w] -= 0.5 * weight[w, i] * weight[w, j] * apart / (draws * steps)
+        for p in range(steps):
+            for i in range(modes):
+                mean, sigma = path[w, i, p], covariance[w, i, p]
+                scores[w] += weight[w, i] * _mean_length(mean - truth[w, p], sigma, points) / steps
+                for j in range(i + 1):
+                    pairs = 0.5 if i == j else 1.0  # (i, j) and (j, i)
+                    apart = _mean_length(mean - path[w, j, p], sigma + covariance[w, j, p], points)
+                    scores[w] -= pairs * weight[w, i] * weight[w, j] * apart / steps
     return scores
+
+
+@compiled
+def _mean_length(mean, sigma, points):  # pragma: no cover (compiled)
+    """E|Z| of a Gaussian Z, or |mean| where sigma is zero, m."""
+    if sigma[0, 0] == 0.0:
+        return math.hypot(mean[0], mean[1])
+    a = math.sqrt(sigma[0, 0])  # Cholesky factor (a, 0; b, c)
+    b = sigma[1, 0] / a
+    c = math.sqrt(sigma[1, 1] - b * b)
+    length = 0.0
+    for k in range(len(points)):
+        x, y = mean[0] + a * points[k, 0], mean[1] + b * points[k, 0] + c * points[k, 1]
+        length += math.sqrt(x * x + y * y)
+    return length / len(points)

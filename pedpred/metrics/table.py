@@ -14,12 +14,10 @@ from typing import Literal
 import numpy as np
 
 from pedpred.errors import ShapeError
-from pedpred.metrics.calibration import mixture_nll
+from pedpred.metrics.calibration import FINE, mixture_nll
 from pedpred.metrics.energy import energy_scores
 from pedpred.metrics.paths import displacement, too_close
 from pedpred.scenes import OccupancyMap, Predictions
-
-_DRAWS = 32  # of each mode's Gaussian, for the energy score
 
 
 @dataclass(frozen=True)
@@ -112,15 +110,13 @@ def energy_score(predictions: Predictions, truth: np.ndarray, scene: MetricScene
     """Energy score of the positions, mean over the steps, m (Gneiting & Raftery 2007, sec. 4.3, beta = 1).
 
     ES = E|X - y| - E|X - X'| / 2 (their sign reversed), with X, X' drawn independently from the forecast
-    and y the truth. The expectations run over the weighted modes; within a mode over draws of its Gaussian
-    where it has one, the same standard normal numbers for all windows. ES of a single path without
-    covariance equals its ADE.
+    and y the truth. The expectations run over the weighted modes; within a mode over points that stand for
+    its Gaussian where it has one. ES of a single path without covariance equals its ADE.
     """
-    noise, root = np.zeros((1, 2)), np.zeros((*predictions.path.shape, 2))
-    if predictions.covariance is not None:
-        noise = np.random.default_rng(0).standard_normal((_DRAWS, 2))
-        root = np.linalg.cholesky(predictions.covariance)
-    return energy_scores(predictions.path, root, predictions.weight, noise, truth)
+    covariance = predictions.covariance
+    if covariance is None:
+        covariance = np.zeros((*predictions.path.shape, 2))
+    return energy_scores(predictions.path, covariance, predictions.weight, FINE.offset, truth)
 
 
 def in_obstacle(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
