@@ -3,12 +3,13 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from omegaconf import DictConfig
 
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.config import configured, plain, stage
 from pedpred.evaluation.scores import Resampling, pool_scores, read_scores
-from pedpred.evaluation.summary import summarise_methods
+from pedpred.evaluation.summary import coverages, summarise_methods
 from pedpred.fields import parsed
 from pedpred.files import write_json
 from stages.literature import networks_of
@@ -27,13 +28,15 @@ def figures_of(cfg: DictConfig, name: str, settings: Resampling) -> dict[str, An
         }
         if not pools:
             continue
-        spread = {
-            network: [float(pools.pop(f"{network}_{s}").values["ade_m"].mean()) for s in cfg.literature.seeds]
+        seeds = {
+            network: [pools.pop(f"{network}_{s}") for s in cfg.literature.seeds]
             for network in networks_of(cfg)
         }
         figures[scene] = summarise_methods(pools, STRONGEST, settings)
-        for network, errors_m in spread.items():
-            figures[scene][network]["ade_m_of_seeds"] = errors_m
+        for network, scores in seeds.items():
+            errors_m = [float(each.values["ade_m"].mean()) for each in scores]
+            regions = coverages(np.concatenate([each.inside for each in scores]))
+            figures[scene][network] |= {"ade_m_of_seeds": errors_m} | regions
     return figures
 
 

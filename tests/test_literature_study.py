@@ -1,6 +1,7 @@
 """The comparison with the literature: windows in company, paths that cover a forecast, folds, tables."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,11 +9,13 @@ import torch
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from omegaconf import OmegaConf
 
-from pedpred.baselines.present_motion import PRESENT_MOTION
+from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.command import field_protocol
 from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.evaluation import MetricSettings
+from pedpred.evaluation.scores import Resampling, Scores, write_scores
 from pedpred.forecasting.tensors import predictions_of
 from pedpred.literature.measures import BEST_ADE, mean_scores, measure
 from pedpred.literature.mixing import RecordingShare
@@ -26,6 +29,7 @@ from pedpred.report.methods import Methods
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
+from stages.gather_literature import figures_of
 from stages.literature import comparison_of
 from tests.conftest import ROOT, raw_folder
 from tests.exported import LSTM_ROWS, NETWORK, WIDTHS, forecaster_of
@@ -230,6 +234,23 @@ def test_what_is_measured():
     assert (spread.values[BEST_ADE] < spread.values["ade_m"]).mean() > 0.9
     both = mean_scores([scores, replace(scores, values={k: v + 1 for k, v in scores.values.items()})])
     np.testing.assert_allclose(both.values["ade_m"], scores.values["ade_m"] + 0.5)
+
+
+def test_coverage_is_that_of_all_seeds(tmp_path, monkeypatch):
+    """One network's regions hold every truth, the other's none: half, though the mean share is above 0.5."""
+    monkeypatch.chdir(tmp_path)
+    track, values = np.arange(4), {"ade_m": np.ones(4)}
+    seeds = [
+        Scores(track, values, np.ones((4, 2)), np.full((4, 2), share), np.zeros((4, 2)))
+        for share in (0.1, 0.99)
+    ]
+    named = {STRONGEST: seeds[0], "lstm": mean_scores(seeds), "lstm_0": seeds[0], "lstm_1": seeds[1]}
+    for name, each in named.items():
+        write_scores(each, Path("data/literature/a/a", name, "one.parquet"))
+    study = {"seeds": [0, 1], "folds": {"a": {"test": ["a"]}}, "scenes": {"a": ["one"]}}
+    study |= {"networks": ["lstm"], "memoryless": []}
+    figures = figures_of(OmegaConf.create({"literature": study}), "a", Resampling(bootstrap=10))["a"]["lstm"]
+    assert [figures[f"per_step_coverage_{share}"] for share in (50, 90, 95)] == [[0.5, 0.5]] * 3
 
 
 def test_the_command_measures_the_windows_of_the_pipeline():

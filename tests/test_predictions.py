@@ -112,7 +112,7 @@ def test_the_energy_score_is_least_for_the_true_spread():
 
 
 def test_the_energy_score_of_gaussians_by_hand():
-    """E|Z| = s sqrt(pi / 2) of a round Gaussian with deviation s; between independent X, X' it is sqrt(2) s."""
+    """E|Z| = s sqrt(pi / 2) of a round Gaussian with deviation s; X - X' of two has sqrt(2) s."""
     rng = np.random.default_rng(3)
     truth = rng.normal(size=(20000, 1, 2))
     covariance = np.tile(np.eye(2), (20000, 2, 1, 1, 1))

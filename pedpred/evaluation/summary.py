@@ -116,10 +116,14 @@ def _per_step(scores: Scores) -> dict[str, Any]:
     values |= {f"per_step_q{q}_m": quartile for q, quartile in zip((25, 50, 75), quartiles, strict=True)}
     if scores.nll.shape[1]:
         values["per_step_nll"] = scores.nll.mean(axis=0)
-    if scores.inside.shape[1]:
-        for share in REGIONS:
-            values[f"per_step_coverage_{100 * share:.0f}"] = coverage(scores.inside, share)
-    return values
+    return values | coverages(scores.inside)
+
+
+def coverages(inside: np.ndarray) -> dict[str, Any]:
+    """Coverage of the reported regions at each step; none without covariances. inside: [W, P] or [W, 0]."""
+    if not inside.shape[1]:
+        return {}
+    return {f"per_step_coverage_{100 * share:.0f}": _plain(coverage(inside, share)) for share in REGIONS}
 
 
 def _plain(value: Any) -> Any:

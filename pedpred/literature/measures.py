@@ -44,8 +44,11 @@ def measure(windows: WindowSet, forecaster: Forecaster, samples: int, settings: 
 
 
 def mean_scores(scores: Sequence[Scores]) -> Scores:
-    """The mean over networks that differ in their seed alone, window by window."""
+    """The mean over networks that differ in their seed alone, window by window; without shares in regions.
+
+    Whether a region holds the truth is a question to each network: a mean share answers it for none.
+    """
     first = scores[0]
     values = {key: np.mean([each.values[key] for each in scores], axis=0) for key in first.values}
-    steps = {n: np.mean([getattr(each, n) for each in scores], axis=0) for n in ("error_m", "inside", "nll")}
-    return replace(first, values=values, **steps)
+    steps = {n: np.mean([getattr(each, n) for each in scores], axis=0) for n in ("error_m", "nll")}
+    return replace(first, values=values, inside=first.inside[:, :0], **steps)
