@@ -39,7 +39,7 @@ class MetricSettings:
 
     together: bool = True
     learning: bool = True
-    trust: bool = False
+    trust: bool = True
     moving_mps: float = 0.3
     collision_m: float = 0.2
     miss_m: float = 2.0

@@ -43,7 +43,9 @@ def energy_scores(
 
 
 @compiled
-def _mean_length(mean, sigma, points):  # pragma: no cover (compiled)
+def _mean_length(
+    mean: np.ndarray, sigma: np.ndarray, points: np.ndarray
+) -> float:  # pragma: no cover (compiled)
     """E|Z| of a Gaussian Z, or |mean| where sigma is zero, m."""
     if sigma[0, 0] == 0.0:
         return math.hypot(mean[0], mean[1])
