@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 from omegaconf import DictConfig
 
-from pedpred.config import stage, stage_key
+from pedpred.config import one_of, stage, stage_key
 from pedpred.models.forecaster import forecaster
 from pedpred.models.lstm.features import LstmFeatures
 from stages.trials import evaluate, metric_settings, tested_sets
@@ -18,11 +18,11 @@ def main(cfg: DictConfig) -> None:
 
     `networks` is `main`, for the sets of all folds that train nothing, or `folds/<fold>`.
     """
-    name, fold = stage_key(cfg), cfg.networks.removeprefix("folds/")
-    where = next(rows[name].where for rows in cfg.methods.values() if name in rows)
-    folds = [each for study in cfg.folds.values() for each in study.values() if "train" not in each]
-    if fold != cfg.networks:
-        folds = [cfg.folds.real[fold]]
+    name, methods = stage_key(cfg), {**cfg.methods.networks, **cfg.methods.memoryless}
+    where = one_of("name", name, methods).where
+    untrained = [each for study in cfg.folds.values() for each in study.values() if "train" not in each]
+    tested = {"main": untrained} | {f"folds/{fold}": [test] for fold, test in cfg.folds.real.items()}
+    folds = one_of("networks", cfg.networks, tested)
     chain, models = metric_settings(cfg), Path(cfg.networks, name)
     choices = {link: getattr(chain, link) for link in ("together", "learning", "trust")}
     network = forecaster(Path("models", models), Path("models/autoencoder"), **choices)

@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 
 from pedpred.config import part
 from pedpred.errors import PedpredError
-from stages import features, pretrain_autoencoder, train
+from stages import evaluate, features, pretrain_autoencoder, train
 from stages.config import PARTS, check_layouts, check_parts, layout_names, main
 from stages.simulate import read_layouts
 from tests.conftest import ROOT
@@ -253,6 +253,18 @@ STAGES = [
     (pretrain_autoencoder, {}, "autoencoder", "clip_norm", 0),
     (features, {"kind": "real", "name": "eth"}, "features.lstm", "grid_cells", 61),
 ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"name": "lstn", "networks": "main"}, "'name' = 'lstn': choose one of lstm_nogrid, lstm"),
+        ({"name": "lstm", "networks": "mein"}, "'networks' = 'mein': choose one of main, folds/without_eth"),
+    ],
+)
+def test_an_evaluation_names_what_can_be_evaluated(arguments, message):
+    with pytest.raises(PedpredError, match=message):
+        evaluate.main.__wrapped__(OmegaConf.create(PARAMS | arguments))
 
 
 @pytest.mark.parametrize(("stage", "arguments", "part", "key", "value"), STAGES)
