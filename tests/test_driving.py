@@ -361,6 +361,29 @@ def test_walls_and_people_hide_who_is_behind_them():
     ]
 
 
+@given(seed=st.integers(0, 10_000), cell_m=st.sampled_from([0.01, 0.02, 0.05, 0.1]))
+@settings(max_examples=40, deadline=None)
+def test_a_wall_one_cell_thick_hides_whatever_the_size_of_its_cells(seed, cell_m):
+    """Also where its cells touch by corners alone; but nobody before it, or who leans on it."""
+    rng = np.random.default_rng(seed)
+    cells, corner = round(8.0 / cell_m), np.full(2, -4.0) + rng.uniform(0.0, cell_m, 2)
+    straight, aslant = (np.zeros((cells, cells), bool) for _ in range(2))
+    straight[round(5.0 / cell_m)] = True
+    np.fill_diagonal(aslant[round(1.0 / cell_m) :], True)  # along y = x - 1 m, m
+    alone = replace(EXACT, body_m=0.0)  # people do not hide each other
+    state = (*rng.uniform(-0.3, 0.3, 2), 0.0, 0.0, 0.0)
+    across, along = rng.uniform(-1.0, 1.0, (2, 50))
+    behind = np.stack([rng.uniform(1.5, 3.0, 50), across], axis=1)
+    before = np.stack([rng.uniform(0.4, 0.9, 50), across], axis=1)
+    beside = np.stack([np.full(50, corner[0] + 5.1), 0.2 * across], axis=1)
+    ground = OccupancyMap(straight, corner, cell_m)
+    assert not visible(state, behind, ground, alone).any()
+    assert visible(state, before, ground, alone).all()
+    assert visible(state, beside, ground, alone).all()
+    behind = np.stack([1.0 + along, along - 0.6], axis=1)
+    assert not visible(state, behind, OccupancyMap(aslant, corner, cell_m), alone).any()
+
+
 # Recorded people and episodes
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pedpred.fields import check_ranges
+from pedpred.models.mixture.features.beams import obstacle_distances
 from pedpred.scenes import OccupancyMap
 
 _BEFORE_M = 0.2  # a ray ends so far in front of a person's middle: people stand beside walls
-_SAMPLE_M = 0.1
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,8 @@ def visible(
 ) -> np.ndarray:
     """Whether the middle of each person is seen from the robot. [N] bool.
 
+    A wall hides whoever is behind it by more than 0.2 m, however small the cells of the map are.
+
     Args:
         state: of the robot: x, y, heading, ...
         position: of the people, world frame, m; NaN: not there. [N, 2]
@@ -71,16 +73,15 @@ def visible(
     away = position - np.array(state[:2])
     distance = np.hypot(away[:, 0], away[:, 1])
     seen = distance <= sensor.range_m
-    turned = np.arctan2(away[:, 1], away[:, 0]) - state[2]
+    towards = np.arctan2(away[:, 1], away[:, 0])
+    turned = towards - state[2]
     seen &= np.abs((turned + np.pi) % (2 * np.pi) - np.pi) <= 0.5 * sensor.view_rad + 1e-9
     rows = np.flatnonzero(seen)
     if not sensor.occluded or not len(rows):
         return seen
-    samples = max(2, math.ceil(float(distance[rows].max()) / _SAMPLE_M))
-    reach = np.maximum(1.0 - _BEFORE_M / np.maximum(distance[rows], 1e-9), 0.0)
-    share = np.linspace(0.0, 1.0, samples) * reach[:, None]
-    rays = np.array(state[:2]) + share[..., None] * away[rows, None]
-    hidden = occupancy.is_occupied(rays).any(axis=1)
+    eye = np.broadcast_to(np.array(state[:2]), (len(rows), 2))
+    free_m = obstacle_distances(occupancy, eye, towards[rows], 1, float(distance[rows].max()))[:, 0]
+    hidden = free_m < distance[rows] - _BEFORE_M
     there = np.isfinite(distance)
     unit = away[rows] / np.maximum(distance[rows], 1e-9)[:, None]
     along = unit @ away[there].T
