@@ -17,6 +17,7 @@ from pedpred.driving.planner import Planner, PlannerSettings
 from pedpred.driving.risk import Steps, contact_m, expected, overlap
 from pedpred.driving.robot import KINDS, Robot, advance
 from pedpred.driving.sensor import Faults, SensorSettings, visible
+from pedpred.driving.tracked import TrackedPeople
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import Forecast, OccupancyMap, Predictions, Scene, Trajectories
@@ -324,6 +325,17 @@ def test_mirrored_worlds_give_mirrored_drives(predictor, kind, method):
 def test_no_detection_is_no_error(predictor, method):
     blind = replace(CALM, sensor=replace(EXACT, range_m=0.01))
     assert driven(predictor, method, episode_to((0.0, 0.0), CROSSING), blind).reached
+
+
+def test_who_comes_back_after_the_longest_gap_of_a_track_is_no_new_person(predictor):
+    """Whatever the last digit of the clock says; after one more instant it is somebody new, who stands."""
+    lost = round(predictor.protocol.lost_after_s / DT_S)
+    for first in range(1, 60):
+        for gap, moves in ((lost, True), (lost + 1, False)):
+            people = TrackedPeople(predictor)
+            for tick in (first - 1, first, first + gap):
+                seen = people.follow(tick * DT_S, np.array([7]), np.array([[0.1 * tick, 0.0]]))
+            assert np.isclose(seen.velocity[0, 0], 0.0) != moves
 
 
 def test_social_forces_turn_to_the_goal_around_a_wall(predictor):

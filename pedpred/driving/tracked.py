@@ -33,7 +33,8 @@ class TrackedPeople:
         """
         frame = Frame.checked(time_s, track_id, position)
         people = self._people
-        people = people.select(frame.time_s - people.seen_s <= self._protocol.lost_after_s)
+        longest_s = self._protocol.lost_after_s + TIME_TOLERANCE_S
+        people = people.select(frame.time_s - people.seen_s <= longest_s)
         people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
         self._people, self._lives = people, self._lives + len(frame.track_id)
         self._rows = np.flatnonzero(people.seen_s >= time_s - self._max_age_s - TIME_TOLERANCE_S)
