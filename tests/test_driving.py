@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pedpred.driving.course import course_to, route, walls_of
@@ -251,6 +251,44 @@ def test_the_cost_of_a_manoeuvre_does_not_depend_on_those_assessed_before_it(see
     together = planner.costs(commands, state, people, 0.2)
     alone = [planner.costs(one[None], state, people, 0.2)[0] for one in commands]
     np.testing.assert_array_equal(together, alone)
+
+
+class Offered(Planner):
+    """Keeps the manoeuvres that it chooses among."""
+
+    def costs(self, commands, *others):
+        self.commands = commands
+        return super().costs(commands, *others)
+
+
+COURSE = course_to(np.array([4.0, 0.0]), walls_of(empty_map()), Robot().radius_m)
+NO_PATHS = Predictions(np.zeros((0, 10, 2)), np.zeros((0, 1, 10, 2)), np.zeros((0, 1)), 0.3)
+NOBODY_THERE = Forecast(0.0, np.zeros(0, np.int64), np.zeros((0, 10, 2)), NO_PATHS)
+FAST = {"horizon_s": st.floats(1.0, 10.0), "dt_s": st.floats(0.05, 0.45), "braking_mps2": st.floats(0.1, 5.0)}
+
+
+@given(**FAST, share=st.one_of(st.just(1.0), st.floats(0.1, 2.0)))
+@settings(deadline=None, max_examples=25)
+def test_manoeuvres_have_full_speed_and_end_in_standstill_or_the_robot_is_refused(
+    horizon_s, dt_s, braking_mps2, share
+):
+    planner = PlannerSettings(horizon_s=horizon_s, dt_s=dt_s)
+    most_mps = braking_mps2 * dt_s * (round(horizon_s / dt_s) - 2)
+    assume(0.5 < most_mps < 5.0)
+    robot = Robot(speed_mps=share * most_mps, braking_mps2=braking_mps2)
+    if share > 1.0 + 1e-6:
+        with pytest.raises(ValueRuleError, match=r"^speed_mps = .* end in standstill: it must be at most"):
+            DriveSettings(robot, planner)
+        return
+    plans = Offered(robot, COURSE, DriveSettings(robot, planner).planner)
+    fastest = 0.0, 0.0, 0.0, robot.speed_mps, 0.0
+    plans.command(fastest, NOBODY_THERE, 0.03)
+    assert plans.commands[:, 0, 0].max() == robot.speed_mps
+    for commands in plans.commands:
+        state = fastest
+        for a, b in commands:
+            state = advance(state, float(a), float(b), robot.limits, dt_s)
+        assert state[3] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_no_manoeuvre_is_offered_twice():

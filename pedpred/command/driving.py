@@ -17,7 +17,7 @@ from pedpred.command.conversion import layout_of, read_given, stem_of
 from pedpred.driving.episodes import DriveSettings, Recording
 from pedpred.driving.figures import figures_of, summary
 from pedpred.driving.forecasters import NAMES, TRUTH
-from pedpred.driving.planner import PlannerSettings
+from pedpred.driving.planner import PlannerSettings, check_braking
 from pedpred.driving.robot import Robot
 from pedpred.driving.runs import Models, Places, Runner, checksum, run
 from pedpred.driving.sensor import SensorSettings
@@ -154,7 +154,7 @@ def check_drive(arguments: argparse.Namespace) -> None:
     if (arguments.scene is None) == (arguments.world is None):
         raise ValueRuleError("scene", str(arguments.scene), "name either a scene or --world")
     _check_meaning(arguments)
-    _check_braking(Robot(arguments.robot, arguments.radius_m, arguments.speed_mps), PlannerSettings())
+    _check_braking(Robot(arguments.robot, arguments.radius_m, arguments.speed_mps))
     if arguments.table is None and arguments.record is None:
         name = stem_of(arguments.scene) if arguments.world is None else _worlds(arguments).name
         arguments.table = Path(f"{name}_drives.csv")
@@ -187,16 +187,16 @@ def check_drive(arguments: argparse.Namespace) -> None:
     arguments.episode = arguments.episode or 0
 
 
-def _check_braking(robot: Robot, planner: PlannerSettings) -> None:
-    """Check that a manoeuvre can have a step at full speed and end in standstill.
+def _check_braking(robot: Robot) -> None:
+    """Check that the robot can brake within a manoeuvre.
 
     Raises:
-        ValueRuleError: the robot is too fast for that.
+        ValueRuleError: it is too fast for that.
     """
-    most_mps = robot.braking_mps2 * (planner.horizon_s - 2 * planner.dt_s)
-    if robot.speed_mps > most_mps + 1e-9:
-        rule = f"manoeuvres of {planner.horizon_s:g} s end in standstill: it must be at most {most_mps:g}"
-        raise ValueRuleError("--speed-mps", robot.speed_mps, rule)
+    try:
+        check_braking(robot, PlannerSettings())
+    except ValueRuleError as cause:
+        raise ValueRuleError("--speed-mps", cause.value, cause.rule) from cause
 
 
 def _check_meaning(arguments: argparse.Namespace) -> None:

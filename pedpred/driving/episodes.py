@@ -20,7 +20,7 @@ from pedpred.driving.course import (
     walls_of,
 )
 from pedpred.driving.people import Crowd, RecordedPeople, Replay, Window
-from pedpred.driving.planner import PlannerSettings
+from pedpred.driving.planner import PlannerSettings, check_braking
 from pedpred.driving.robot import Robot
 from pedpred.driving.sensor import Faults, SensorSettings
 from pedpred.driving.walkers import Walkers
@@ -223,6 +223,9 @@ class DriveSettings:
         episodes: which are drawn.
         seed: of all random numbers.
         shown: whether the forecaster is told where the robot is, as one more person.
+
+    Raises:
+        ValueRuleError: the robot brakes for longer than a manoeuvre lasts.
     """
 
     robot: Robot = Robot()  # noqa: RUF009
@@ -231,6 +234,9 @@ class DriveSettings:
     episodes: EpisodeSettings = EpisodeSettings()
     seed: int = 0
     shown: bool = False
+
+    def __post_init__(self) -> None:
+        check_braking(self.robot, self.planner)
 
 
 class Recording:

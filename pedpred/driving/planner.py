@@ -24,6 +24,7 @@ from pedpred.compiled import compiled
 from pedpred.driving.course import Course, ahead_at, value_at
 from pedpred.driving.risk import Expected, Steps, contact_m, expected, risk_at, within_reach
 from pedpred.driving.robot import Robot, advance
+from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges
 from pedpred.scenes import Forecast
 
@@ -62,6 +63,28 @@ class PlannerSettings:
         check_ranges(self, {"risk": "[0, 1)", "dt_s": "[0.05, 0.5]", "horizon_s": "[1, 10]"})
         names = [name for name in vars(self) if name not in ("risk", "dt_s", "horizon_s")]
         check_ranges(self, dict.fromkeys(names, "[0, 100]"))
+
+
+def check_braking(robot: Robot, planner: PlannerSettings) -> None:
+    """Check that a manoeuvre can have a step at full speed and end in standstill.
+
+    Raises:
+        ValueRuleError: the robot is too fast for that.
+    """
+    if _hold(robot, planner) < 1:
+        most_mps = robot.braking_mps2 * planner.dt_s * (_count(planner) - 2)
+        rule = f"manoeuvres of {planner.horizon_s:g} s end in standstill: it must be at most {most_mps:g}"
+        raise ValueRuleError("speed_mps", robot.speed_mps, rule)
+
+
+def _count(planner: PlannerSettings) -> int:
+    """Steps of a manoeuvre."""
+    return round(planner.horizon_s / planner.dt_s)
+
+
+def _hold(robot: Robot, planner: PlannerSettings) -> int:
+    """Steps of a manoeuvre after which it brakes; so many are left as it needs from full speed, and one."""
+    return _count(planner) - math.ceil(robot.braking_s() / planner.dt_s - 1e-9) - 1
 
 
 class _Weights(NamedTuple):
@@ -148,9 +171,9 @@ class Planner:
 
     def __init__(self, robot: Robot, course: Course, settings: PlannerSettings):
         self._robot, self._course, self._settings = robot, course, settings
-        count = round(settings.horizon_s / settings.dt_s)
+        count = _count(settings)
         self._steps = Steps(settings.dt_s, count)
-        self._hold = count - math.ceil(robot.braking_s() / settings.dt_s) - 1
+        self._hold = _hold(robot, settings)
         self._first = min(round(settings.first_s / settings.dt_s), self._hold)
         radius_m = robot.radius_m
         self._weights = _Weights(
