@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+import pedpred
 from pedpred.command import main
 from pedpred.driving.figures import Episodes, equal_time, figures_of, summary
 from pedpred.driving.measures import Measures
@@ -67,6 +68,14 @@ def test_drives_of_other_settings_are_not_added(tmp_path):
         driven(tmp_path / "table.csv", *options, "--seed", "1")
     (tmp_path / "table.csv").write_text("place,robot\nhere,there\n")
     with pytest.raises(SystemExit, match="line 2 is not a row"):
+        driven(tmp_path / "table.csv", *options)
+
+
+def test_drives_of_another_version_are_not_added(tmp_path, monkeypatch):
+    options = "--episodes", "1", "--method", "standing"
+    driven(tmp_path / "table.csv", *options)
+    monkeypatch.setattr(pedpred, "__version__", "0.0.1", raising=False)
+    with pytest.raises(SystemExit, match=r"another recording, .* or version"):
         driven(tmp_path / "table.csv", *options)
 
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Protocol
 
@@ -73,8 +74,12 @@ class Places(Protocol):
 
 
 def checksum(places: Places, settings: DriveSettings, model: Path) -> str:
-    """Identify everything that a row of the table depends on, besides its condition and episode."""
+    """Identify everything that a row of the table depends on, besides its condition and episode.
+
+    Code of other packages, such as the tracker's, is known by the version of the installation alone.
+    """
     digest = hashlib.sha256(repr(replace(settings, planner=replace(settings.planner, risk=0.0))).encode())
+    digest.update(import_module("pedpred").__version__.encode())  # the root is no layer to import from
     digest.update(places.digest())
     digest.update(repr(published_forces()).encode())
     files = [*sorted(model.iterdir()), *sorted(Path(__file__).parent.glob("*.py"))]
