@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import yaml
 
+from pedpred.driving import worlds
 from pedpred.driving.episodes import DriveSettings
 from pedpred.driving.forecasters import NAMES, forecaster_of
 from pedpred.driving.loop import ROBOT, drive
+from pedpred.driving.robot import Robot
 from pedpred.driving.worlds import CHANGES, KINDS, TRAINED_ON, Worlds, draw_world, ranges
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
@@ -122,6 +124,14 @@ def test_people_who_react_walk_to_goals_of_their_world(corridor):
     there = np.isfinite(near).all(axis=0)
     assert there.any()
     assert np.mean(near[-1][there] < near[0][there]) > 0.7
+
+
+def test_where_no_world_has_an_episode_the_reasons_are_said(monkeypatch):
+    monkeypatch.setattr(worlds, "_DRAWS", 2)
+    wide = DriveSettings(Robot(radius_m=3.0))
+    words = r"world = 'corridor', but in 2 worlds no way of .* of radius 3 m meets anybody\. Of 400 tried: "
+    with pytest.raises(ValueRuleError, match=words + r".*\d+ too near walls"):
+        Worlds("corridor", react=True).draw(0, wide)
 
 
 def test_an_unknown_kind_is_refused():

@@ -131,6 +131,23 @@ class Episode:
         return replace(self, walkers=walkers, faults=Faults.draw(self.ticks, len(walkers.track_id), rng))
 
 
+class NobodyMetError(ValueRuleError):
+    """No episode is found where one is asked for.
+
+    Attributes:
+        refused: reason -> so many ways that were tried are not driven because of it.
+    """
+
+    def __init__(
+        self, field: str, value: str, drives: DriveSettings, refused: Counter[str], where: str = ""
+    ) -> None:
+        (low_m, high_m), radius_m = drives.episodes.distance_m, drives.robot.radius_m
+        reasons = ", ".join(f"{count} {why}" for why, count in refused.most_common())
+        rule = f"{where}no way of {low_m:g} to {high_m:g} m of a robot of radius {radius_m:g} m meets anybody"
+        super().__init__(field, value, f"{rule}. Of {refused.total()} tried: {reasons}")
+        self.refused = refused
+
+
 def draw_episode(
     place: Place, number: int, drives: DriveSettings, tries: int = _TRIES, last_s: float = np.inf
 ) -> Episode:
@@ -147,7 +164,7 @@ def draw_episode(
         last_s: no episode begins later, s from the start of the recording.
 
     Raises:
-        ValueRuleError: no such episode is found.
+        NobodyMetError: no such episode is found.
     """
     robot, planner, settings = drives.robot, drives.planner, drives.episodes
     rng = np.random.default_rng([drives.seed, number])
@@ -188,9 +205,7 @@ def draw_episode(
         return Episode(
             number, tick, start, heading, course, float(lengths[-1]), watching, window, faults, ticks
         )
-    reasons = ", ".join(f"{count} {why}" for why, count in refused.most_common())
-    rule = f"no way of {low_m:g} to {high_m:g} m of a robot of radius {robot.radius_m:g} m meets anybody"
-    raise ValueRuleError("scene", place.name, f"{rule}. Of {refused.total()} tried: {reasons}")
+    raise NobodyMetError("scene", place.name, drives, refused)
 
 
 def _has_room(walls: Walls, start: np.ndarray, goal: np.ndarray, robot: Robot) -> bool:

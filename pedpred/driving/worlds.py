@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import zlib
+from collections import Counter
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.driving.episodes import DriveSettings, Episode, Place, draw_episode
+from pedpred.driving.episodes import DriveSettings, Episode, NobodyMetError, Place, draw_episode
 from pedpred.driving.walkers import Walkers, with_robot
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.fields import parsed
@@ -86,8 +87,9 @@ class Worlds:
         People are the same, until they meet the robot, whether they react or not.
 
         Raises:
-            ValueRuleError: in no world that was tried a robot meets anybody.
+            NobodyMetError: in no world that was tried a robot meets anybody.
         """
+        refused = Counter[str]()
         for attempt in range(_DRAWS):
             key = [settings.seed, zlib.crc32(self.kind.encode()), number, attempt]
             scene, walkers = draw_world(self.kind, key, settings.robot.radius_m, settings.planner.dt_s)
@@ -95,7 +97,11 @@ class Worlds:
             try:
                 place = Place.of(scene, settings.planner.dt_s)
                 episode = draw_episode(place, number, settings, _TRIES, last_s)
-            except ValueRuleError:  # nobody walks there, or nobody can be met
+            except NobodyMetError as cause:
+                refused += cause.refused
+                continue
+            except ValueRuleError as cause:  # as where nobody walks
+                refused[cause.rule] += 1
                 continue
             if self.react:
                 at_s = (
@@ -107,7 +113,7 @@ class Worlds:
                 walkers.advance(round(at_s / settings.planner.dt_s))
                 episode = episode.among(walkers, settings, key)
             return place, episode
-        raise ValueRuleError("--world", self.kind, f"in {_DRAWS} worlds nobody can be met")
+        raise NobodyMetError("world", self.kind, settings, refused, f"in {_DRAWS} worlds ")
 
 
 def draw_world(kind: str, key: list[int], radius_m: float, dt_s: float) -> tuple[Scene, Walkers]:
