@@ -1,6 +1,6 @@
 """Everything that people read about the results: Markdown pages, their pictures, and `reports/index.html`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -54,10 +54,13 @@ def replays_of(
     return [replay(*one, shown, methods) for one in tested]
 
 
-def drives_of() -> Section:
-    """Read what is known of drives; a section without blocks where nobody drove."""
+def drives_of(places: Iterable[str]) -> Section:
+    """Read what is known of drives at rows of conf/driving; a section without blocks where nobody drove.
+
+    Files of a row that was taken out stay until somebody deletes them.
+    """
     known, drives = metrics_now(Path("reports/metrics/driving")), Path("data/drives")
-    driven = [name for name, figures in known.items() if figures and (drives / name).exists()]
+    driven = [name for name in sorted(places) if known.get(name) and (drives / name).exists()]
     return drives_section({name: (known[name], read_shown(drives / name)) for name in driven})
 
 
@@ -78,7 +81,7 @@ def main(cfg: DictConfig) -> None:
     places = places_section(list(evaluated.values()), methods)
     write_pictures(list(places.pictures), out / "places")
     texts = [(out / f"{study}.md").read_text() for study in pages]
-    drives = drives_of()
+    drives = drives_of(cfg.driving.places)
     write_pictures(list(drives.pictures), out / "drives")
     driven = [drives.markdown("drives")] if drives.blocks else []
     walking = Path("reports/simulation.md").read_text()

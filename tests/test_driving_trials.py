@@ -15,13 +15,13 @@ from pedpred.driving.shown import choose_episodes
 from pedpred.driving.table import Condition, Row, read_table, write_table
 from pedpred.driving.trials import TrialPlace, TrialSettings, drive_block, write_trial
 from pedpred.errors import ValueRuleError
-from pedpred.files import read_json
+from pedpred.files import read_json, write_json
 from pedpred.report.canvas import png_bytes
 from pedpred.report.drives import LABELS, answer, drives_section, read_shown
 from pedpred.ros import read_recording
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import write_scene
-from stages import drive
+from stages import drive, report
 from tests.conftest import ROOT
 
 DEFAULT = (ROOT / "models/online/default").as_posix()
@@ -73,6 +73,21 @@ def test_a_page_shows_curves_figures_and_episodes(rows, tmp_path):
     np.testing.assert_allclose(np.sort(people.time_s), np.sort(scene.trajectories.time_s), atol=1e-6)
     robot = scene.trajectories.position[scene.trajectories.track_id == scene.trajectories.track_id.max()]
     assert np.hypot(*np.diff(robot, axis=0).T).max() < 0.15  # m within 0.1 s
+
+
+def test_the_report_shows_rows_of_the_configuration_alone(tmp_path, monkeypatch):
+    """Figures and drives of a row that was taken out are still there: DVC does not delete them."""
+    monkeypatch.chdir(tmp_path)
+    rows = made_rows({m: [0, 1, 0] for m in LABELS}, {m: [8.0, 9.0, 7.0] for m in LABELS})
+    folder = Path("reports/metrics/driving")
+    for name in ("corridor", "gone"):
+        write_table(Path("data/drives", name, "table.csv"), rows)
+        write_json(Path("data/drives", name, "shown.json"), {})
+        write_json(folder / f"{name}.json", figures_of(rows))
+    write_json(folder / "unavailable.json", {})
+    section = report.drives_of(["corridor", "unavailable", "not_driven_yet"])
+    assert [picture.name for picture in section.pictures] == ["corridor_curves"]
+    assert report.drives_of([]).blocks == []
 
 
 def test_the_stage_at_the_smallest_scale_writes_table_and_figures(tmp_path, monkeypatch):
