@@ -94,6 +94,27 @@ def text(contents):
     return render_page(contents)
 
 
+class Controls(HTMLParser):
+    """Attributes of what people can move or switch, in the order of the page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        if tag in ("input", "select"):
+            self.found.append(dict(attrs))
+
+
+def test_controls_begin_as_written_and_the_time_reaches_every_instant(text):
+    """A browser that loads the page again keeps what was set, unless told not to; the player begins anew."""
+    controls = Controls(text).found
+    assert {one.get("type") for one in controls} == {"checkbox", "radio", "range", None}
+    assert {one.get("autocomplete") for one in controls} == {"off"}
+    assert [one["step"] for one in controls if one.get("type") == "range"] == ["any"]
+
+
 # What the player gets
 
 
@@ -273,6 +294,15 @@ def test_the_page_loads_alone_and_fits(visit_at, width, scheme):
     colours = "[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]"
     paper, ink = (sum(map(int, re.findall(r"\d+", c)[:3])) for c in visit.page.evaluate(colours))
     assert (paper > ink) == (scheme == "light")
+
+
+def test_a_page_without_plots_over_the_horizon_plays(browser, text, tmp_path):
+    bare = re.sub(r'<div class="bar legend".*?</div>', "", text, flags=re.DOTALL)
+    assert bare != text
+    (tmp_path / "index.html").write_text(bare)
+    visit = Visit(browser, tmp_path / "index.html", 1280, "light")
+    assert visit.problems == []
+    visit.context.close()
 
 
 def test_the_player_plays_scrubs_and_changes_scene(visit_at):

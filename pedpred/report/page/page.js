@@ -18,7 +18,7 @@ for (const kind of ["pointerover", "focusin", "click"]) {
 document.addEventListener("scroll", () => showTip(null), { passive: true, capture: true });
 
 // Methods can be taken out of the plots.
-document.querySelector(".legend").addEventListener("change", ({ target }) => {
+document.querySelector(".legend")?.addEventListener("change", ({ target }) => {
   for (const group of document.querySelectorAll(`[data-method="${target.value}"]`)) {
     group.toggleAttribute("hidden", !target.checked);
   }
