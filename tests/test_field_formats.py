@@ -14,6 +14,7 @@ from pedpred.sources.single_file import FORMATS, format_of, read_file
 from pedpred.storage.scenes import read_scene
 from pedpred.tables.options import TableOptions
 from tests.field_formats import (
+    BINARY,
     OPTIONS,
     PEOPLE,
     PIXEL_M,
@@ -71,6 +72,60 @@ def test_a_format_is_read_to_the_value(tmp_path, name):
     np.testing.assert_allclose(people.time_s - start_s, PEOPLE.time_s, atol=1e-6)
     np.testing.assert_array_equal(ids, PEOPLE.track_id)
     np.testing.assert_allclose(people.position, PEOPLE.position, atol=1e-3 if start_s else 1e-4)
+
+
+def with_a_copy(folder, name, moved=False):
+    """A recording with one detection twice, the second time perhaps at another place."""
+    if name in BINARY:
+        frame, who, x, y = ROWS[5]
+        return WRITERS[name](folder, [*ROWS, (frame, who, x + moved, y)])
+    path = WRITERS[name](folder)
+    rows = path.read_text().splitlines()
+    if name == "SUMO FCD":
+        place = rows[5].index('<person id="ped')
+        again = rows[5][place : rows[5].index("/>", place) + 2]
+        rows[5] = rows[5].replace(again, again + (again.replace('x="', 'x="1') if moved else again))
+    else:
+        at = len(rows) // 2 + 3
+        x = _MOVED.get(name, "")
+        assert not moved or re.search(x, rows[at])
+        rows.insert(at + 1, re.sub(x, r"\g<1>9", rows[at], count=1) if moved else rows[at])
+    return lines(path, *rows)
+
+
+_MOVED = {
+    "Stanford Drone Dataset": r"^(\d+ )\d",
+    "drone recording (inD, rounD, uniD)": r"^((?:\d+,){4})\d",
+    "Vadere": r"^(\S+ \S+ \S+ )\d",
+    "PTV Viswalk": r"^(\d+;[^;]+;)\d",
+    "ATC shopping centre": r"^([^,]+,\d+,)\d",
+    "KITTI tracking labels": r"(1.70 0.60 0.80 )-?\d",
+    "motion capture (THÖR, THÖR-MAGNI, QTM)": r"^(\S+\t\S+\t)\d",
+    "motion capture, THÖR-MAGNI": r"^((?:[^,]*,){8})\d",
+}
+"""What comes before x in a line of a text, and its first digit."""
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_detection_that_is_written_twice_counts_once(tmp_path, name, caplog):
+    whole = read_file(WRITERS[name](tmp_path), OPTIONS.get(name)).trajectories
+    caplog.clear()
+    assert_same(read_file(with_a_copy(tmp_path, name), OPTIONS.get(name)).trajectories, whole)
+    assert caplog.text.count("that repeat another one are left out") == 1
+
+
+@pytest.mark.parametrize("name", [name for name in WRITERS if not name.startswith("motion capture")])
+def test_a_person_at_two_places_in_one_instant_is_refused(tmp_path, name):
+    with pytest.raises(SourceError, match=r"again, first in (line|row) .*, at another place"):
+        read_file(with_a_copy(tmp_path, name, moved=True), OPTIONS.get(name))
+
+
+@pytest.mark.parametrize("write", [write_qtm, write_magni])
+def test_of_frames_of_motion_capture_at_one_time_the_first_counts_with_a_warning(tmp_path, write, caplog):
+    name = next(name for name, writer in WRITERS.items() if writer is write)
+    whole = read_file(write(tmp_path)).trajectories
+    assert_same(read_file(with_a_copy(tmp_path, name, moved=True)).trajectories, whole)
+    assert "with other values, are left out: 1, the first in line" in caplog.text
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -207,7 +262,10 @@ def test_a_rate_is_called_unused_where_a_file_has_times(tmp_path, write, caplog)
             r"row 3 .*pos_x = 'far' is not a number",
         ),
         ("UPDATE trajectory_data SET id = 1.5 WHERE frame = 2", r"id = 1.5 is not a whole number"),
-        ("UPDATE trajectory_data SET id = 1", "must be unique"),
+        (
+            "UPDATE trajectory_data SET id = 1",
+            "row 2: track_id 1 and frame 1 again, first in row 1, at another place",
+        ),
         ("DELETE FROM trajectory_data", "trajectory_data is empty"),
         (
             "UPDATE metadata SET value = 'fast' WHERE key = 'fps'",

@@ -46,6 +46,12 @@ def test_trajnet_may_miss_positions(tmp_path, nowhere, caplog):
     assert "rows without a position are missing detections" in caplog.text
 
 
+def test_a_detection_of_trajnet_that_is_written_twice_counts_once(tmp_path, caplog):
+    path = write_ndjson(tmp_path / "walk.ndjson", [*ROWS, ROWS[1]])
+    assert_same(read_ndjson(path), TRACKS)
+    assert "rows that repeat another one are left out: 1 row" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [

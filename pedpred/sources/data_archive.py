@@ -22,6 +22,7 @@ from pedpred.sources.geometry_wkt import parse_wkt
 from pedpred.sources.rates import agreed_rate
 from pedpred.sources.walls import Walls
 from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.detections import without_copies
 from pedpred.tables.options import TableOptions
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -55,10 +56,13 @@ def read(path: Path, options: TableOptions) -> Trajectories:
         raise SourceError(path, None, "no detections, trajectory is empty")
     said = float(about["fps"]) if about["fps"] else None
     rate_hz = agreed_rate(path, said, options, "trajectory has no fps")
-    frame, track_id = (whole[name].astype(np.int64) for name in ("frame", "id"))
-    position = np.stack([columns[name].astype(np.float64) for name in ("x", "y")], axis=1)
+    rows = {"line": np.arange(1, len(whole["id"]) + 1)}
+    rows |= {"frame": whole["frame"].astype(np.int64), "track_id": whole["id"].astype(np.int64)}
+    rows |= {f"{name}_m": columns[name].astype(np.float64) for name in ("x", "y")}
+    rows = without_copies(path, rows, clock="frame", counted="row")
+    position = np.stack([rows["x_m"], rows["y_m"]], axis=1)
     with translate_errors(partial(SourceError, path, None)):
-        return Trajectories(frame / rate_hz, track_id, position)
+        return Trajectories(rows["frame"] / rate_hz, rows["track_id"], position)
 
 
 def read_walls(path: Path) -> Walls | None:

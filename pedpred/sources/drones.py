@@ -17,8 +17,9 @@ from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import NO_PEDESTRIAN, Beginning
 from pedpred.sources.rates import agreed_rate
+from pedpred.tables.detections import without_copies
 from pedpred.tables.options import TableOptions
-from pedpred.tables.text import Row, check_unique, check_width, number, read_numbers, text_lines
+from pedpred.tables.text import Row, check_width, number, read_numbers, text_lines
 
 _WANTED = {"trackId": "track_id", "frame": "frame", "xCenter": "x_m", "yCenter": "y_m"}
 
@@ -52,7 +53,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     columns = read_numbers(path, (row for row in rows if row[1][at] in pedestrians), titles, _WANTED)
     if not len(columns["line"]):
         raise SourceError(path, None, f"nobody is a pedestrian, as {meta.name} says", NO_PEDESTRIAN)
-    check_unique(path, columns, "track_id", "frame")
+    columns = without_copies(path, columns, clock="frame")
     with translate_errors(partial(SourceError, path, None)):
         position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
         return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)

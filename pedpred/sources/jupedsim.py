@@ -27,8 +27,9 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.sources.geometry_xml import read_xml
 from pedpred.sources.walls import occupancy_of
 from pedpred.tables.comments import MOST_COMMENTS, NO_RATE, frame_rate_hz, unit_of_lengths
+from pedpred.tables.detections import without_copies
 from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions
-from pedpred.tables.text import Row, check_unique, read_numbers, text_rows
+from pedpred.tables.text import Row, read_numbers, text_rows
 from pedpred.tables.units import PIXELS, UNITS
 
 COLUMNS = ("id", "frame", "x", "y")
@@ -107,7 +108,7 @@ def read_tracks(path: Path, rate_hz: float | None = None) -> Trajectories:
     titles = (*COLUMNS, "z", *(f"column_{n}" for n in range(6, len(first) + 1)))[: len(first)]
     wanted = dict(zip(COLUMNS, _NAMES, strict=True))
     columns = read_numbers(path, chain([(line, first)], rows), titles, wanted)
-    check_unique(path, columns, "track_id", "frame")
+    columns = without_copies(path, columns, clock="frame")
     unit = unit_of_lengths(path, comments, TableOptions()) or "m"
     if unit == PIXELS:
         raise SourceError(path, None, "lengths are said to be pixels", "Write them in metres")

@@ -22,6 +22,7 @@ from pedpred.sources.geometry_wkt import parse_wkt
 from pedpred.sources.rates import agreed_rate
 from pedpred.sources.walls import Walls
 from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.detections import without_copies
 from pedpred.tables.options import TableOptions
 
 MAGIC = b"SQLite format 3\0"
@@ -47,9 +48,9 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     """
     with _opened(path) as database:
         _check_columns(path, database, "trajectory_data", list(_COLUMNS))
-        rows = database.execute("SELECT frame, id, pos_x, pos_y FROM trajectory_data")
+        found = database.execute("SELECT frame, id, pos_x, pos_y FROM trajectory_data")
         parts, count = [], 0
-        while block := rows.fetchmany(_BLOCK_ROWS):
+        while block := found.fetchmany(_BLOCK_ROWS):
             parts.append(_numbers(path, block, count))
             count += len(block)
             if count > MOST_NUMBERS // len(_COLUMNS):
@@ -60,7 +61,11 @@ def read(path: Path, options: TableOptions) -> Trajectories:
             raise SourceError(path, None, "no detections, trajectory_data is empty")
         rate_hz = _rate_hz(path, database, options)
         (frame, track_id), position = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
-        return Trajectories(frame / rate_hz, track_id, position.T)
+        rows = {"line": np.arange(1, count + 1), "frame": frame, "track_id": track_id}
+        rows |= {"x_m": position[0], "y_m": position[1]}
+        rows = without_copies(path, rows, clock="frame", counted="row")
+        position = np.stack([rows["x_m"], rows["y_m"]], axis=-1)
+        return Trajectories(rows["frame"] / rate_hz, rows["track_id"], position)
 
 
 def read_walls(path: Path) -> Walls | None:

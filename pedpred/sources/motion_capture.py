@@ -78,7 +78,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
         values = values[:, 0 if clock is None else 1 :]
     if not np.isfinite(time_s).all():
         raise SourceError(path, int(lines[~np.isfinite(time_s)][0]), "the time is missing")
-    _, first = np.unique(time_s, return_index=True)  # some frames of THOR-MAGNI are there twice
+    first = _first_frames(path, lines, time_s, values)
     parts = []
     for number_, (body, pairs) in enumerate(places.items()):
         seen = [values[first][:, [used.index(column) for column in pair]] for pair in pairs]
@@ -89,6 +89,27 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     options.names.of_number.update(enumerate(places, start=1))
     with translate_errors(partial(SourceError, path, None)):
         return Trajectories(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def _first_frames(path: Path, lines: np.ndarray, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Rows of the first frame at each time, by time; some frames of THOR-MAGNI are there twice.
+
+    Args:
+        path: the file, for messages.
+        lines: of the frames. [F]
+        time_s: likewise. [F]
+        values: likewise. [F, C]
+    """
+    _, first, which = np.unique(time_s, return_index=True, return_inverse=True)
+    same = ((values == values[first[which]]) | np.isnan(values)).all(axis=-1)
+    again = np.delete(np.arange(len(time_s)), first)
+    for rows, what in (
+        (again[same[again]], "frames that repeat another one are left out"),
+        (again[~same[again]], "frames at the time of an earlier one, and with other values, are left out"),
+    ):
+        if len(rows):
+            _log.warning("%s: %s: %d, the first in line %d", path, what, len(rows), lines[rows[0]])
+    return first
 
 
 def _opened(path: Path) -> _Export:

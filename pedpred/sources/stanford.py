@@ -17,9 +17,10 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import NO_PEDESTRIAN, Beginning
+from pedpred.tables.detections import without_copies
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import on_ground
-from pedpred.tables.text import Row, check_unique, check_width, read_numbers, text_lines
+from pedpred.tables.text import Row, check_width, read_numbers, text_lines
 
 _COLUMNS = ("track", "xmin", "ymin", "xmax", "ymax", "frame", "lost", "occluded", "generated", "label")
 _NAMES = {"track": "track_id", "frame": "frame"} | {name: name for name in _COLUMNS[1:5]}
@@ -48,7 +49,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     columns = read_numbers(path, _pedestrians(path), _COLUMNS, _NAMES)
     if not len(columns["line"]):
         raise SourceError(path, None, 'no row with the label "Pedestrian" that is not lost', NO_PEDESTRIAN)
-    check_unique(path, columns, "track_id", "frame")
+    columns = without_copies(path, columns, clock="frame")
     x, y = (columns[f"{axis}min"] / 2 + columns[f"{axis}max"] / 2 for axis in "xy")
     with translate_errors(partial(SourceError, path, None)):
         position = on_ground(path, options, x, y, columns["line"])

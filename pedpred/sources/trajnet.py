@@ -19,9 +19,9 @@ from pedpred.files import translate_errors
 from pedpred.plain import parse_json
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
-from pedpred.tables.detections import with_positions
+from pedpred.tables.detections import with_positions, without_copies
 from pedpred.tables.options import TableOptions
-from pedpred.tables.text import Row, check_unique, read_numbers, text_lines
+from pedpred.tables.text import Row, read_numbers, text_lines
 
 _FIELDS = {"f": "frame", "p": "track_id", "x": "x_m", "y": "y_m"}
 _LINE = '{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}'
@@ -63,7 +63,7 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
     columns = read_numbers(path, rows, tuple(_FIELDS), _FIELDS)
     if not len(columns["line"]):
         raise SourceError(path, None, f"no line with a track, such as {_LINE}", _OTHERS)
-    check_unique(path, columns, "track_id", "frame")
+    columns = without_copies(path, columns, clock="frame")
     position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
     with translate_errors(partial(SourceError, path, None)):
         by_frame = Trajectories(columns["frame"], columns["track_id"], position)

@@ -21,6 +21,7 @@ from pedpred.scenes import Trajectories
 from pedpred.scenes.scene import LATEST_S
 from pedpred.sources.beginnings import Beginning
 from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.detections import without_copies
 from pedpred.tables.options import TableOptions
 from pedpred.tables.text import read_numbers, text_rows
 
@@ -61,6 +62,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     if not len(columns["line"]):
         raise SourceError(path, None, "no footsteps")
     with translate_errors(partial(SourceError, path, None)):
+        columns = without_copies(path, columns, clock="begin_s")
         return _sampled(path, columns, options.rate_hz or _USUAL_HZ)
 
 

@@ -25,13 +25,15 @@ class _Count:
 
     rows: int = 0
     first_line: int | None = None
+    counted: str = "line"
 
     def add(self, line: int) -> None:
         self.rows += 1
         self.first_line = self.first_line or line
 
     def __str__(self) -> str:
-        return f"{self.rows} {'row' if self.rows == 1 else 'rows'}, the first in line {self.first_line}"
+        what = "row" if self.rows == 1 else "rows"
+        return f"{self.rows} {what}, the first in {self.counted} {self.first_line}"
 
 
 def without_other_rows(path: Path, rows: Iterable[Row], used: Sequence[int]) -> Iterator[Row]:
@@ -65,21 +67,29 @@ def with_positions(path: Path, rows: Iterable[Row], places: Sequence[int], who: 
         _log.warning("%s: rows without a position are missing detections, and left out: %s", path, missing)
 
 
-def without_copies(path: Path, columns: dict[str, np.ndarray], names: TrackNames) -> dict[str, np.ndarray]:
+def without_copies(
+    path: Path,
+    columns: dict[str, np.ndarray],
+    names: TrackNames | None = None,
+    clock: str = "time_s",
+    counted: str = "line",
+) -> dict[str, np.ndarray]:
     """Leave out rows that say the same as an earlier one.
 
     Args:
         path: the file, for errors.
-        columns: [M] each, with `line`, `time_s`, `track_id`.
+        columns: [M] each, with `line`, `track_id` and the clock.
         names: of tracks, for errors.
+        clock: the column of times, or of frames where the format has these.
+        counted: what `line` counts, a row where the file is no text.
 
     Raises:
         SourceError: somebody is at two places at once; it names both lines.
     """
-    order = np.lexsort((columns["time_s"], columns["track_id"]))  # stable: the earlier line comes first
+    order = np.lexsort((columns[clock], columns["track_id"]))  # stable: the earlier line comes first
     one, other = order[:-1], order[1:]
     again = (columns["track_id"][one] == columns["track_id"][other]) & (
-        columns["time_s"][one] == columns["time_s"][other]
+        columns[clock][one] == columns[clock][other]
     )
     same = np.ones_like(again)
     for name, column in columns.items():
@@ -90,19 +100,22 @@ def without_copies(path: Path, columns: dict[str, np.ndarray], names: TrackNames
         first = int(pair[np.argmin(columns["line"][other[pair]])])
         line, before = (int(columns["line"][row]) for row in (other[first], one[first]))
         row = one[first]
-        who, time_s = names.column(columns["track_id"][row : row + 1])[0], columns["time_s"][row]
-        problem = f"track_id {who} and time_s {time_s:.10g} again, first in line {before}, at another place"
+        who = (names or TrackNames()).column(columns["track_id"][row : row + 1])[0]
+        when = f"{clock} {columns[clock][row]:.10g}"
+        problem = f"track_id {who} and {when} again, first in {counted} {before}, at another place"
         apart = f"If it was recorded in several runs, make a {worded('file', 'table')} for each"
-        remedy = f"Remove one of the lines. {apart}"
-        many = 3 * len(pair) > len(columns["line"]) > _FEW
+        remedy = f"Remove one of the {counted}s. {apart}"
+        many = clock == "time_s" and 3 * len(pair) > len(columns["line"]) > _FEW
         if many and len(np.unique(columns["track_id"])) == 1:
             problem += ": all lines have this id"
             remedy = f"If another column holds the ids, name all in order: {naming('time,id,x,y')}"
         elif many:
             problem += f", as in {len(pair)} of {len(order)} lines: times are too coarse"
             remedy = f"Write times with more decimals, or name all in order: {naming('frame,id,x,y')}"
+        if counted != "line":
+            raise SourceError(path, None, f"{counted} {line}: {problem}", remedy)
         raise SourceError(path, line, problem, remedy)
-    copies = _Count(int(again.sum()), int(columns["line"][other[again]].min(initial=2**62)))
+    copies = _Count(int(again.sum()), int(columns["line"][other[again]].min(initial=2**62)), counted)
     if not copies.rows:
         return columns
     _log.warning("%s: rows that repeat another one are left out: %s", path, copies)
