@@ -18,6 +18,7 @@ from tests.field_formats import (
     OPTIONS,
     PEOPLE,
     PIXEL_M,
+    RATE_HZ,
     ROWS,
     UNIX_S,
     WRITERS,
@@ -56,6 +57,51 @@ def test_the_last_marker_of_qtm_may_be_hidden_where_columns_have_no_titles(tmp_p
     rows = ["\t".join([*row[2 - columns_before : -4], "", "", ""]) + ends for row in data]
     people = read_file(lines(path, *head, *rows)).trajectories
     np.testing.assert_allclose(people.position, PEOPLE.position, atol=1e-6)
+
+
+def decimal_commas(text):
+    return re.sub(r"(?<=\d)\.(?=\d)", ",", text)
+
+
+@pytest.mark.parametrize("separator", ["\t", ";"])
+@pytest.mark.parametrize("titled", [True, False])
+def test_motion_capture_may_have_decimal_commas(tmp_path, separator, titled):
+    path = write_qtm(tmp_path)
+    text = path.read_text()
+    if not titled:
+        text = re.sub(r"^Frame\tTime.*\n", "", text, flags=re.MULTILINE)
+    path.write_text(
+        decimal_commas(text.replace("FREQUENCY\t5\n", "FREQUENCY\t5.0\n")).replace("\t", separator)
+    )
+    np.testing.assert_allclose(read_file(path).trajectories.position, PEOPLE.position, atol=1e-6)
+    path.write_text(path.read_text().replace("1800,000", "1800.000", 1))
+    with pytest.raises(SourceError, match=r"numbers have commas in line .* and points in line"):
+        read_file(path)
+
+
+def test_a_table_of_motion_capture_may_come_from_a_spreadsheet_with_decimal_commas(tmp_path):
+    path = write_magni(tmp_path)
+    path.write_text(decimal_commas(path.read_text().replace(",", ";")))
+    np.testing.assert_allclose(read_file(path).trajectories.position, PEOPLE.position, atol=1e-6)
+
+
+@pytest.mark.parametrize("hidden", [(0,), (0, 1), (7,), (7, 8, 9), (0, 12)])
+def test_frames_of_motion_capture_in_which_nobody_is_seen_take_their_time(tmp_path, hidden):
+    """Where frames have no numbers, blank lines count."""
+    path = write_qtm(tmp_path)
+    head, data = [], []
+    for row in path.read_text().splitlines():
+        if row[0].isdecimal():
+            data.append("\t".join(row.split("\t")[2:]))
+        elif not row.startswith("Frame\t"):
+            head.append(row)
+    for k in hidden:
+        data[k] = "\t" * data[k].count("\t")
+    found = read_file(lines(path, *head, *data)).trajectories
+    seen = np.unique(found.time_s) * RATE_HZ
+    wanted = np.delete(np.arange(20), hidden)
+    np.testing.assert_allclose(seen - seen[0], wanted - wanted[0], atol=1e-6)
+    assert len(found) == 2 * len(wanted)
 
 
 def test_a_drone_recording_with_another_name_is_told_what_it_lacks(tmp_path):

@@ -25,6 +25,7 @@ from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.rates import agreed_rate
 from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.tables.decimals import has_decimal_comma, with_decimal_points
 from pedpred.tables.missing import MISSING
 from pedpred.tables.options import TableOptions
 from pedpred.tables.text import Row, check_width, is_number, number, text_lines
@@ -49,8 +50,8 @@ class _Export:
 
 def fits(begins: Beginning) -> bool:
     """Whether a file begins as such an export does."""
-    words = {re.split(r"[\t,]", line, maxsplit=1)[0] for line in begins.lines[:_MOST_HEAD_LINES]}
-    return begins.line().startswith(f"{_QTM}\t") or {_MAGNI, "BODY_NAMES"} <= words
+    words = {re.split(r"[\t;,]", line, maxsplit=1)[0] for line in begins.lines[:_MOST_HEAD_LINES]}
+    return begins.line().startswith((f"{_QTM}\t", f"{_QTM};")) or {_MAGNI, "BODY_NAMES"} <= words
 
 
 def read(path: Path, options: TableOptions) -> Trajectories:
@@ -73,7 +74,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
         if options.rate_hz is not None:
             _log.warning("%s: times are in column Time, so that --rate is not used", path)
     else:
-        frame = np.arange(len(values)) if clock is None else values[:, 0]
+        frame = _frames_by_lines(export, lines) if clock is None else values[:, 0]
         time_s = frame / _rate_hz(path, export, options)
         values = values[:, 0 if clock is None else 1 :]
     if not np.isfinite(time_s).all():
@@ -112,6 +113,14 @@ def _first_frames(path: Path, lines: np.ndarray, time_s: np.ndarray, values: np.
     return first
 
 
+def _frames_by_lines(export: _Export, lines: np.ndarray) -> np.ndarray:
+    """Frames of lines without numbers; nothing is seen in blank lines, if the header says so many frames."""
+    said = next(iter(export.about.get(_QTM, ())), "0")
+    from_first = lines - lines[0]
+    blank_count = is_number(said) and from_first[-1] < float(said)
+    return from_first if blank_count else np.arange(len(lines))
+
+
 def _opened(path: Path) -> _Export:
     """Read what is above the data.
 
@@ -125,7 +134,7 @@ def _opened(path: Path) -> _Export:
         if any(_TITLE.fullmatch(field) for field in fields):
             titles = fields if fields[-1] else fields[:-1]
             return _Export(about, titles, _rows(lines, len(titles)))
-        if is_number(fields[0]) or line > _MOST_HEAD_LINES:
+        if _is_data(fields) or line > _MOST_HEAD_LINES:
             return _without_titles(path, about, (line, fields), lines)
         about[fields[0]] = [field for field in fields[1:] if field]
     raise SourceError(path, None, "no data below the header")
@@ -155,10 +164,17 @@ def _rows(lines: Iterator[tuple[int, str]], width: int) -> Iterator[Row]:
 
 
 def _split(text: str) -> list[str]:
-    """Fields between tabs, or between commas where there is no tab."""
+    """Fields between tabs, semicolons or commas, the first of them that is there."""
     text = text.rstrip("\r\n")
-    fields = text.split("\t") if "\t" in text else next(csv.reader([text]), [""])
+    separator = next((sign for sign in "\t;" if sign in text), ",")
+    fields = text.split("\t") if separator == "\t" else next(csv.reader([text], delimiter=separator), [""])
     return [field.strip() for field in fields]
+
+
+def _is_data(fields: Sequence[str]) -> bool:
+    """Whether fields are numbers, of which some may be missing, and not a name with its values."""
+    said = [field for field in fields if field.lower() not in MISSING]
+    return bool(said) and all(is_number(field) or has_decimal_comma(field) for field in said)
 
 
 def _places(path: Path, export: _Export) -> dict[str, list[tuple[int, int]]]:
@@ -187,8 +203,8 @@ def _values(path: Path, export: _Export, used: Sequence[int]) -> tuple[np.ndarra
     """Lines [F] and the numbers of some columns [F, C]; NaN where a field says nothing."""
     lines: list[int] = []
     values: list[np.ndarray] = []
-    for line, fields in export.rows:
-        check_width(path, line, fields, export.titles)
+    checked = _of_width(path, export)
+    for line, fields in with_decimal_points(path, checked, used, separator="\t"):
         if (len(values) + 1) * len(used) > MOST_NUMBERS:
             raise SourceError(path, line, f"more than {MOST_NUMBERS} numbers", "Divide the file")
         written = [fields[column] for column in used]
@@ -203,6 +219,13 @@ def _values(path: Path, export: _Export, used: Sequence[int]) -> tuple[np.ndarra
     return np.array(lines), np.array(values)
 
 
+def _of_width(path: Path, export: _Export) -> Iterator[Row]:
+    """The lines of the data, which have a field for each title; errors of `check_width`."""
+    for line, fields in export.rows:
+        check_width(path, line, fields, export.titles)
+        yield line, fields
+
+
 def _is_seen(position: np.ndarray) -> np.ndarray:
     """Whether a marker is seen: it is neither missing nor exactly at the origin. [F] bool."""
     return np.isfinite(position).all(axis=-1) & position.any(axis=-1)
@@ -211,5 +234,5 @@ def _is_seen(position: np.ndarray) -> np.ndarray:
 def _rate_hz(path: Path, export: _Export, options: TableOptions) -> float:
     """The rate that the file or the caller says; errors of `agreed_rate`."""
     written = next(iter(export.about.get("FREQUENCY", ())), None)
-    said = None if written is None else number(path, 1, "FREQUENCY", written)
+    said = None if written is None else number(path, 1, "FREQUENCY", written.replace(",", "."))
     return agreed_rate(path, said, options, "neither times nor FREQUENCY", "FREQUENCY")
