@@ -16,6 +16,7 @@ from pedpred.tables.options import TableOptions
 from tests.field_formats import (
     BINARY,
     OPTIONS,
+    PATHS,
     PEOPLE,
     PIXEL_M,
     RATE_HZ,
@@ -102,6 +103,29 @@ def test_frames_of_motion_capture_in_which_nobody_is_seen_take_their_time(tmp_pa
     wanted = np.delete(np.arange(20), hidden)
     np.testing.assert_allclose(seen - seen[0], wanted - wanted[0], atol=1e-6)
     assert len(found) == 2 * len(wanted)
+
+
+@pytest.mark.parametrize("write", [write_qtm, write_magni, write_atc])
+@pytest.mark.parametrize(
+    ("faster", "named"),
+    [
+        (10.0, r"Lengths of this format are mm: .*write a table \(time,id,x,y\), and give its unit: --unit"),
+        (4.0, "which is running: does the file hold mm"),
+        (0.001, "are lengths mm, times seconds"),
+    ],
+)
+def test_doubts_about_speeds_name_the_unit_of_the_format(tmp_path, monkeypatch, caplog, write, faster, named):
+    paths = {who: faster * path for who, path in PATHS.items()}
+    monkeypatch.setattr("tests.field_formats.PATHS", paths)
+    monkeypatch.setattr("tests.field_formats.ROWS", [(k, who, *paths[who][k - 1]) for k, who, *_ in ROWS])
+    path = write(tmp_path)
+    try:
+        read_file(path)
+        said = caplog.text
+    except SourceError as error:
+        said = str(error)
+    assert re.search(named, said)
+    assert "metres" not in said
 
 
 def test_a_drone_recording_with_another_name_is_told_what_it_lacks(tmp_path):

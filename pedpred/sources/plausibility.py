@@ -16,7 +16,7 @@ from pedpred.errors import SourceError, worded
 from pedpred.scenes import Trajectories
 from pedpred.tables.placeholders import FASTEST_MPS
 from pedpred.tables.titles import naming
-from pedpred.tables.units import UNITS
+from pedpred.tables.units import PIXELS, UNITS
 
 _log = logging.getLogger(__name__)
 _CLEAR = 2.0
@@ -103,7 +103,7 @@ def check_speeds(
     trajectories: Trajectories,
     sure: bool = False,
     by_format: bool = False,
-    any_unit: bool = True,
+    fixed: str | None = None,
     said: str | None = None,
 ) -> None:
     """Check that people move as fast as people do; otherwise lengths or times have another unit.
@@ -113,7 +113,7 @@ def check_speeds(
         trajectories: what was read from it, taken as metres and seconds.
         sure: the caller has said the unit, so that impossible speeds are only warned about.
         by_format: the format says the unit, which its writer may not have known; warned about, too.
-        any_unit: the caller may say the unit.
+        fixed: the unit that the format has, or pixels; None: the caller may say it.
         said: the unit that titles or comments say; None: metres, which nobody says.
 
     Raises:
@@ -128,12 +128,14 @@ def check_speeds(
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
     sure, doubt = sure or by_format, ""
     likely = _likely_unit(usual_mps, said or "m")
-    if by_format or not any_unit or said:
+    if fixed in UNITS and fixed != "m":
+        doubt = f": does the file hold {fixed}, as the format does, and seconds?"
+    elif by_format or fixed or said:
         doubt = f": are lengths {likely} in place of {said or 'metres'}?"
     if usual_mps > FASTEST_MPS:
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
         if not sure:
-            remedy = _about_speeds(likely, said, any_unit)
+            remedy = _about_speeds(likely, said, fixed)
             raise SourceError(path, None, problem, remedy)
         _log.warning("%s: %s%s", path, problem, doubt)
     elif usual_mps > _USUAL_MPS:
@@ -142,25 +144,31 @@ def check_speeds(
         )
         ask = (
             doubt
-            if sure or said or not any_unit
+            if sure or said or fixed
             else f": say {_unit(likely)} if lengths are {likely}, or {_unit('m')}"
         )
         _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
     elif usual_mps < _SLOWEST_MPS:
-        _log.warning(
-            "%s: nobody moves faster than %.2g m/s; are lengths metres, times seconds?", path, usual_mps
-        )
+        unit = fixed if fixed in UNITS and fixed != "m" else "metres"
+        text = "%s: nobody moves faster than %.2g m/s; are lengths %s, times seconds?"
+        _log.warning(text, path, usual_mps, unit)
 
 
-def _about_speeds(likely: str, said: str | None, any_unit: bool) -> str:
+def _about_speeds(likely: str, said: str | None, fixed: str | None) -> str:
     """What to do about impossible speeds, if lengths are in the likely unit; see `check_speeds`."""
     rate, unit = worded("--rate", "rate_hz"), "the unit of times"
     if said:
         correct = f"correct them if lengths are {likely}, say {_unit(said)} if they are right"
         return f"Titles or comments say that lengths are {said}: {correct}, or correct {rate} or {unit}"
-    if not any_unit:
+    if fixed in UNITS and fixed != "m":
+        table = "write a table (time,id,x,y), and give its unit: --unit"
+        return (
+            f"Lengths of this format are {fixed}: if they are others here, {table}. Or correct ids or times"
+        )
+    if fixed:
         written = f"write them in metres, or into a table ({_unit(likely)})"
-        correct = f"Or correct {worded('--scale, --homography, ', '')}{rate} or times"
+        ground = worded("--scale, --homography, ", "") if fixed == PIXELS else ""
+        correct = f"Or correct {ground}{rate} or times"
         return f"Lengths are metres here: if they are {likely}, {written}. {correct}"
     pixels = f"{worded('--scale', 'scale them')} if they are pixels"
     say = f"Say {_unit(likely)} if lengths are {likely}, {_unit('m')} if they are metres, {pixels}"

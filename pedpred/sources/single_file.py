@@ -35,6 +35,7 @@ from pedpred.tables.pictures import is_of_pixels
 from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import read_table
 from pedpred.tables.titles import naming
+from pedpred.tables.units import PIXELS
 
 CELL_M, WALL_M = 0.05, 3.0
 """Of maps made from geometries, m: side of a cell, thickness of walls."""
@@ -51,7 +52,7 @@ class Format:
         fits: whether a file that begins like this has the format.
         read: the detections.
         walls: the geometry inside the file; None: it has none.
-        any_unit: whether lengths may be other than metres, so that `--unit` has a meaning.
+        unit: of its lengths; None: any, so that `--unit` has a meaning.
         pixels: whether positions are pixels, or may be.
     """
 
@@ -59,7 +60,7 @@ class Format:
     fits: Callable[[Beginning], bool]
     read: Callable[[Path, TableOptions], Trajectories]
     walls: Callable[[Path], Walls | None] = lambda path: None
-    any_unit: bool = False
+    unit: str | None = "m"
     pixels: bool = False
 
 
@@ -78,7 +79,7 @@ def read_file(path: Path, options: TableOptions | None = None, with_walls: bool 
     """
     options = options or TableOptions()
     kind = format_of(path, options)
-    if options.unit is not None and not kind.any_unit:
+    if options.unit is not None and kind.unit is not None:
         raise ValueRuleError("--unit", options.unit, f"{path} is {kind.name}, whose unit is known")
     if options.pixel_m is not None and not kind.pixels:
         raise ValueRuleError(
@@ -92,8 +93,8 @@ def read_file(path: Path, options: TableOptions | None = None, with_walls: bool 
         raise ValueRuleError("--columns", options.columns, f"{path} is {kind.name}, whose columns are known")
     trajectories = without_placeholders(path, kind.read(path, options))
     titled = kind is _TABLE and options.columns is None
-    any_unit = kind.any_unit and not is_of_pixels(options)
-    dt_s = checked_interval_s(path, trajectories, titled, options, any_unit)
+    unit = PIXELS if is_of_pixels(options) else kind.unit
+    dt_s = checked_interval_s(path, trajectories, titled, options, unit)
     walls = kind.walls(path) if with_walls else None
     if walls is None:
         return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
@@ -124,7 +125,7 @@ def format_of(path: Path, options: TableOptions | None = None) -> Format:
 
 
 def checked_interval_s(
-    path: Path, people: Trajectories, titled: bool, options: TableOptions, any_unit: bool = True
+    path: Path, people: Trajectories, titled: bool, options: TableOptions, fixed: str | None = None
 ) -> float:
     """Check that tracks can be those of people; return the usual time between two detections, s.
 
@@ -133,7 +134,7 @@ def checked_interval_s(
         people: what was read from it.
         titled: its own titles say what its columns hold.
         options: with the unit of lengths that the caller has said, or the reader found.
-        any_unit: the caller may say it.
+        fixed: the unit that the format has, or pixels; None: the caller may say it.
 
     Raises:
         SourceError: nobody is detected, or nobody twice, times are not seconds, positions are degrees,
@@ -143,7 +144,7 @@ def checked_interval_s(
         tracks = worded("Name a file with tracks", "Give a table with tracks")
         raise SourceError(path, None, _NOBODY, f"{tracks}; warnings say which rows were left out")
     sure = options.unit is not None
-    said = options.found.of_lengths if any_unit and not sure else None
+    said = options.found.of_lengths if fixed is None and not sure else None
     try:
         dt_s = people.usual_interval_s()
     except ValueRuleError as cause:
@@ -152,18 +153,18 @@ def checked_interval_s(
     check_clock(path, dt_s)
     doubt_whole_seconds(path, people, dt_s)
     check_degrees(path, people, sure)
-    if not sure and said is None and any_unit:
+    if not sure and said is None and fixed is None:
         doubt_fractions(path, people)
     if titled:
         check_titles(path, people)
     if not sure:
         check_brief(path, people)
-    check_speeds(path, people, sure, any_unit=any_unit, said=said)
+    check_speeds(path, people, sure, fixed=fixed, said=said)
     return dt_s
 
 
-_TEXT = Format("text without titles", lambda begins: False, read_untitled, any_unit=True, pixels=True)
-_TABLE = Format("table", lambda begins: False, read_table, any_unit=True, pixels=True)
+_TEXT = Format("text without titles", lambda begins: False, read_untitled, unit=None, pixels=True)
+_TABLE = Format("table", lambda begins: False, read_table, unit=None, pixels=True)
 """What other texts are, with and without a header."""
 
 FORMATS = (
@@ -172,11 +173,11 @@ FORMATS = (
     Format("SUMO FCD", sumo.fits, sumo.read),
     Format("Stanford Drone Dataset", stanford.fits, stanford.read, pixels=True),
     Format("drone recording (inD, rounD, uniD)", drones.fits, drones.read),
-    Format("motion capture (THÖR, THÖR-MAGNI, QTM)", motion_capture.fits, motion_capture.read),
+    Format("motion capture (THÖR, THÖR-MAGNI, QTM)", motion_capture.fits, motion_capture.read, unit="mm"),
     Format("Vadere", vadere.fits, vadere.read),
-    Format("PTV Viswalk", viswalk.fits, viswalk.read, any_unit=True),
+    Format("PTV Viswalk", viswalk.fits, viswalk.read, unit=None),
     Format("KITTI tracking labels", kitti.fits, kitti.read),
-    Format("ATC shopping centre", atc.fits, atc.read),
+    Format("ATC shopping centre", atc.fits, atc.read, unit="mm"),
     Format("TrajNet++", trajnet.fits, trajnet.read_ndjson),
 )
 """The first one that fits is used; where none does, a file is a text or a table."""
