@@ -22,6 +22,7 @@ from tests.field_formats import (
     RATE_HZ,
     ROWS,
     UNIX_S,
+    WKT,
     WRITERS,
     lines,
     write_archive,
@@ -342,6 +343,10 @@ def test_a_rate_is_called_unused_where_a_file_has_times(tmp_path, write, caplog)
             "fps in the table metadata: could not convert string to float: 'fast'",
         ),
         ("UPDATE metadata SET value = '0' WHERE key = 'fps'", "fps = 0 is not a rate"),
+        (
+            "UPDATE metadata SET value = '4' WHERE key = 'version'",
+            "version '4' .* is not known, only 1, 2, 3",
+        ),
         ("DROP TABLE trajectory_data; CREATE VIEW trajectory_data AS SELECT 1 AS frame", "without a table"),
     ],
 )
@@ -581,6 +586,48 @@ def test_an_archive_that_is_not_as_it_should_be_is_refused(tmp_path, change, mes
     change(path)
     with pytest.raises(SourceError, match=message):
         read_file(path)
+
+
+def write_schema(folder, version=2, regions=(WKT,)):
+    """As `jupedsim.Hdf5TrajectoryWriter` does, but without its compression: every 20th step of 10 ms."""
+    path = folder / "simulation.h5"
+    kinds = [("frame", "<u8"), ("id", "<u8"), ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("region_id", "<u8")]
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"schema_version": version, "producer": "JuPedSim", "producer_version": "2.0.0"})
+        file.attrs.update({"dt": 0.01, "every_nth_frame": 20, "created": "2026-01-01T00:00:00+00:00"})
+        given = np.array([(k, who, x, y, 0.0, 0) for k, who, x, y in ROWS], np.dtype(kinds, align=True))
+        file.create_dataset("trajectory", data=given, maxshape=(None,), shuffle=True)
+        kinds = np.dtype([("id", "<u8"), ("wkt", h5py.string_dtype())], align=True)
+        file.create_dataset("regions", data=np.array(list(enumerate(regions)), kinds))
+    return path
+
+
+@pytest.mark.parametrize("parts", [1, 2])
+def test_hdf5_of_jupedsim_has_its_time_step_and_its_regions(tmp_path, parts):
+    halves = ("POLYGON ((0 0, 6 0, 6 8, 0 8, 0 0))", "POLYGON ((6 0, 12 0, 12 8, 6 8, 6 0))")
+    wkt = (WKT,) if parts == 1 else halves
+    scene, whole = (
+        read_file(path) for path in (write_schema(tmp_path, regions=wkt), write_jupedsim(tmp_path, wkt=wkt))
+    )
+    np.testing.assert_allclose(scene.trajectories.position, whole.trajectories.position, atol=1e-6)
+    np.testing.assert_allclose(scene.trajectories.time_s, whole.trajectories.time_s)
+    np.testing.assert_array_equal(scene.occupancy.occupied, whole.occupancy.occupied)
+
+
+def test_hdf5_of_jupedsim_may_have_a_list_of_geometries(tmp_path):
+    """Version 1: people may walk in each of them."""
+    path = write_archive(tmp_path)
+    larger = "POLYGON ((0 0, 20 0, 20 8, 0 8, 0 0))"
+    with h5py.File(path, "a") as file:
+        file.attrs["schema_version"] = 1
+        file.create_group("geometry").create_dataset("wkt", data=[WKT, larger], dtype=h5py.string_dtype())
+    whole = read_file(write_jupedsim(tmp_path, wkt=(WKT, larger)))
+    np.testing.assert_array_equal(read_file(path).occupancy.occupied, whole.occupancy.occupied)
+
+
+def test_hdf5_of_jupedsim_with_another_version_is_refused(tmp_path):
+    with pytest.raises(SourceError, match=r"simulation\.h5: .*schema_version 3 .* is not known, only 1, 2"):
+        read_file(write_schema(tmp_path, version=3))
 
 
 def test_an_archive_without_a_rate_asks_for_it(tmp_path):

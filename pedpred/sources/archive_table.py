@@ -8,20 +8,30 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+if TYPE_CHECKING:
+    import h5py
+
 COLUMNS = ("id", "frame", "x", "y")
 _MOST_BYTES = 8 * 2**30
+_SCHEMAS = (1, 2)
+"""Versions of JuPedSim's own HDF5 files; those of the archive have none."""
+_MOST_REGIONS = 1000
 
 
 def copy_table(archive: Path, out: Path, most_rows: int) -> None:
     """Copy the columns of the data set `trajectory`, its `fps` and the file's `wkt_geometry`.
 
+    Version 2 of JuPedSim's own files has the time step and how many of them a frame has in place of `fps`,
+    and regions; version 1 has a list of geometries where these change.
+
     Args:
-        archive: of the Pedestrian Dynamics Data Archive.
+        archive: of the Pedestrian Dynamics Data Archive, or of JuPedSim.
         out: a Parquet file with these columns; `fps` and `wkt`, empty if unknown, are its metadata.
         most_rows: of the table.
 
@@ -31,15 +41,20 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
     import h5py  # heavy, and for these files alone
 
     with h5py.File(archive, "r") as file:
-        if not isinstance(file.get("trajectory", getlink=True), h5py.HardLink):
-            raise ValueError(f"no data set 'trajectory'; there is {', '.join(map(str, file))[:200]}")
-        table = file["trajectory"]
-        names = (isinstance(table, h5py.Dataset) and table.dtype.names) or ()
+        schema = file.attrs.get("schema_version")
+        if schema is not None and schema not in _SCHEMAS:
+            known = ", ".join(map(str, _SCHEMAS))
+            raise ValueError(f"schema_version {schema} of JuPedSim is not known, only {known}")
+        texts = []
+        if schema == 2:
+            texts = _own(file, "regions").fields("wkt")[:_MOST_REGIONS]
+        elif schema == 1 and "geometry" in file:
+            texts = _own(file, "geometry", "wkt")[:_MOST_REGIONS]
+        table = _own(file, "trajectory")
+        names = table.dtype.names or ()
         for name in COLUMNS:
             if name not in names:
                 raise ValueError(f"'trajectory' has no column {name}; it has {', '.join(names)[:200]}")
-        if table.external or table.is_virtual:
-            raise ValueError("the data lie in another file")
         filters = table.id.get_create_plist()
         for number in range(filters.get_nfilters()):
             code, *_, name = filters.get_filter(number)
@@ -58,11 +73,34 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
                 raise ValueError(f"column {name} has the type {values.dtype}, which is not a number")
             columns[name] = values.astype(values.dtype.newbyteorder("="), copy=False)
         said = table.attrs.get("fps", file.attrs.get("fps", ()))
+        if schema == 2:
+            said = 1 / (float(file.attrs["dt"]) * float(file.attrs["every_nth_frame"]))
         fps = np.ravel(np.asarray(said, dtype=np.float64))[:1].tolist()
         geometry = file.attrs.get("wkt_geometry", "")
         wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)
+        wkt = "\n".join(text.decode() for text in texts) or wkt
     about = {"fps": "".join(map(repr, fps)), "wkt": wkt}
     pq.write_table(pa.table(columns).replace_schema_metadata(about), out, compression="none")
+
+
+def _own(file: h5py.File, *names: str) -> h5py.Dataset:
+    """The data set under some names, one within the other, which lies in this file.
+
+    Raises:
+        ValueError: there is none, or its data lie in another file.
+    """
+    import h5py  # see above
+
+    found = file
+    for name in names:
+        if not isinstance(found, h5py.Group) or not isinstance(found.get(name, getlink=True), h5py.HardLink):
+            raise ValueError(f"no data set {'/'.join(names)!r}; there is {', '.join(map(str, file))[:200]}")
+        found = found[name]
+    if not isinstance(found, h5py.Dataset):
+        raise ValueError(f"{'/'.join(names)!r} is no data set")
+    if found.external or found.is_virtual:
+        raise ValueError("the data lie in another file")
+    return found
 
 
 def main() -> None:

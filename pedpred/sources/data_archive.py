@@ -1,4 +1,7 @@
-"""HDF5 files of the Pedestrian Dynamics Data Archive: data set `trajectory` with `fps`, geometry as WKT."""
+"""HDF5 files of the Pedestrian Dynamics Data Archive: data set `trajectory` with `fps`, geometry as WKT.
+
+Those that JuPedSim writes itself have the same (schema version 1), or a time step and regions (version 2).
+"""
 
 from __future__ import annotations
 

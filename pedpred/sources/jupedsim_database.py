@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -27,6 +28,7 @@ from pedpred.tables.options import TableOptions
 
 MAGIC = b"SQLite format 3\0"
 _COLUMNS = {"frame": "integer", "id": "integer", "pos_x": "real", "pos_y": "real"}
+_VERSIONS = ("1", "2", "3")
 _BLOCK_ROWS, _MOST_GEOMETRIES = 2**14, 1000
 _LONGEST_VALUE_BYTES, _MOST_STEPS, _STEPS_AT_ONCE = 2**24, 500, 10**6
 
@@ -48,6 +50,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     """
     with _opened(path) as database:
         _check_columns(path, database, "trajectory_data", list(_COLUMNS))
+        _check_version(path, database)
         found = database.execute("SELECT frame, id, pos_x, pos_y FROM trajectory_data")
         parts, count = [], 0
         while block := found.fetchmany(_BLOCK_ROWS):
@@ -129,6 +132,27 @@ def _check_columns(path: Path, database: sqlite3.Connection, table: str, columns
             raise SourceError(path, None, problem, "JuPedSim writes it")
 
 
+def _check_version(path: Path, database: sqlite3.Connection) -> None:
+    """Check that the version is known, if the file says one.
+
+    Raises:
+        SourceError: columns may mean something else in this version.
+    """
+    version = _about(path, database, "version")
+    if version is not None and str(version).strip() not in _VERSIONS:
+        problem = f"version {brief(version)} in the table metadata is not known, only {', '.join(_VERSIONS)}"
+        raise SourceError(path, None, problem, "Save the tracks as CSV with the columns time,id,x,y")
+
+
+def _about(path: Path, database: sqlite3.Connection, key: str) -> Any:
+    """What the table metadata says; None: nothing."""
+    if "metadata" not in _tables(database):
+        return None
+    _check_columns(path, database, "metadata", ["key", "value"])
+    row = database.execute("SELECT value FROM metadata WHERE key = ?", (key,)).fetchone()
+    return None if row is None else row[0]
+
+
 def _numbers(path: Path, block: list[tuple[object, ...]], before: int) -> tuple[np.ndarray, np.ndarray]:
     """Frames and ids [2, M] int64, positions [2, M] float64."""
     for row, values in enumerate(block):
@@ -145,12 +169,9 @@ def _numbers(path: Path, block: list[tuple[object, ...]], before: int) -> tuple[
 def _rate_hz(path: Path, database: sqlite3.Connection, options: TableOptions) -> float:
     """The rate that the file or the caller says; errors of `agreed_rate`."""
     said = None
-    if "metadata" in _tables(database):
-        _check_columns(path, database, "metadata", ["key", "value"])
-        row = database.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
-        if row is not None:
-            try:
-                said = float(row[0])
-            except (TypeError, ValueError) as cause:
-                raise SourceError(path, None, f"fps in the table metadata: {cause}") from cause
+    if (written := _about(path, database, "fps")) is not None:
+        try:
+            said = float(written)
+        except (TypeError, ValueError) as cause:
+            raise SourceError(path, None, f"fps in the table metadata: {cause}") from cause
     return agreed_rate(path, said, options, "no fps in the table metadata")
