@@ -2,10 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from benchmarks.noise import by_place
 from pedpred.errors import FileError, ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import write_scene
@@ -51,6 +55,22 @@ def test_files_that_count_frames_are_read_at_their_rate(project):
     Path("walk.csv").write_text("frame,id,x,y\n" + FRAMES)
     (scene,) = recordings([Path("walk.csv")], 10.0)
     assert scene.detection_dt_s == pytest.approx(0.1)
+
+
+@settings(max_examples=8)
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from(["walk", "eth"])), min_size=1, unique=True))
+def test_recordings_have_names_of_their_own(named):
+    with TemporaryDirectory() as folder:
+        files = [Path(folder, inner, f"{name}.csv") for inner, name in named]
+        for file in files:
+            file.parent.mkdir(exist_ok=True)
+            file.write_text("time,id,x,y\n" + FRAMES)
+        read = list(recordings(files))
+        assert len({scene.name for scene in read}) == len(files)
+        table = by_place(
+            [{"place": s.name, "noise, m": 0.0, "network": 1, "network / best": 1} for s in read]
+        )
+        assert len(table) == len(files)
 
 
 @pytest.mark.parametrize("named", [[], ["eth"]])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from pedpred.command.conversion import read_any
@@ -32,6 +33,8 @@ def recording(place: str) -> Scene:
 def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[Scene]:
     """Read files; without any, all places that were recorded, or stand in for those.
 
+    Each has a name of its own: one whose name an earlier one has is numbered, `walk (file 2)`.
+
     Args:
         files: or scene folders, all that `pedpred evaluate` reads.
         rate_hz: frames per second, where files count frames, Hz.
@@ -42,10 +45,14 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
     """
     if rate_hz is not None and all(path.is_dir() for path in files):
         raise ValueRuleError("--rate", rate_hz, "it is that of files that count frames: name some")
-    for path in files:
+    names: set[str] = set()
+    for number, path in enumerate(files, start=1):
         scene = read_any(path, options=TableOptions(rate_hz=rate_hz) if path.is_file() else None)
         if scene.unavailable is not None:
             raise FileError(path, "", "its recording is not available", scene.unavailable)
+        if scene.name in names:
+            scene = replace(scene, name=f"{scene.name} (file {number})")
+        names.add(scene.name)
         yield scene
     if files:
         return
