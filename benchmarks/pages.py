@@ -9,6 +9,7 @@ from numbers import Number
 from pathlib import Path
 from typing import Any
 
+from pedpred.files import write_text
 from tools.readme import filled
 
 PAGE = Path("docs/robustness.md")
@@ -26,9 +27,14 @@ def markdown(rows: Sequence[dict[str, Any]]) -> str:
 def put(mark: str, rows: Sequence[dict[str, Any]], page: Path = PAGE) -> None:
     """Replace the table of this name on a page; without rows it stays, and that is said."""
     if rows:
-        page.write_text(filled(page.read_text(), {mark: markdown(rows)}))
+        fill(page, mark, markdown(rows))
     else:
         print(f"{page}: the table '{mark}' stays as it is, since nothing is there to write", file=sys.stderr)
+
+
+def fill(page: Path, mark: str, table: str) -> None:
+    """Write a table between its marks on a page; who reads it meanwhile sees the old page or the new one."""
+    write_text(page, filled(page.read_text(encoding="utf-8"), {mark: table}))
 
 
 def _cell(value: object) -> str:

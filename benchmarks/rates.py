@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.pages import fill
 from benchmarks.timing import tell
 from pedpred import OnlinePredictor
 from pedpred.errors import user_errors
 from pedpred.scenes import Trajectories
 from tools.arguments import positive
 from tools.places import recordings
-from tools.readme import filled
 
 NOISE_M, SPEED_MPS, SECONDS, WARM_S = 0.03, 1.3, 8.0, 4.0
 _AHEAD_S = 0.3 * np.arange(1, 11)
@@ -156,7 +156,7 @@ def main() -> None:
     table = table_of(walks)
     print(f"\nADE over 3 s, m\n{table}")
     if given.write:
-        _PAGE.write_text(filled(_PAGE.read_text(), {"rates": table}))
+        fill(_PAGE, "rates", table)
         return
     measured = {name: errors_m(instants) for name, instants in STREAMS.items()}
     usual = measured["10 Hz"][0]

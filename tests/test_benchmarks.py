@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from benchmarks import driving, driving_curves, online
+from benchmarks import dependencies, driving, driving_curves, online, pages, rates
 from benchmarks.beside import busy, slowdown
 from benchmarks.learners import cases
 from benchmarks.pages import put
@@ -75,6 +75,24 @@ def test_a_benchmark_that_measured_nothing_says_so_and_leaves_the_page(tmp_path,
     assert told.out == "\nerrors\n  nothing could be measured\n"
     assert f"{page}: the table 'bias' stays as it is" in told.err
     assert "old" in page.read_text()
+
+
+@pytest.mark.parametrize("benchmark", [pages, rates, dependencies])
+def test_who_reads_a_page_while_a_benchmark_writes_it_sees_a_whole_one(benchmark, tmp_path, monkeypatch):
+    page, old = tmp_path / "page.md", "<!-- table: rates -->\nold\n<!-- end -->\n| package |\n"
+    page.write_text(old)
+    if benchmark is pages:
+        monkeypatch.setattr(benchmark, "main", lambda: put("rates", [{"frames": "new"}], page), raising=False)
+    else:
+        monkeypatch.setattr(benchmark, {rates: "_PAGE", dependencies: "PAGE"}[benchmark], page)
+        monkeypatch.setattr(
+            benchmark, {rates: "table_of", dependencies: "table"}[benchmark], lambda *_: "new"
+        )
+    monkeypatch.setattr("sys.argv", ["benchmark", "--write"])
+    with page.open() as reader:
+        benchmark.main()
+        assert reader.read() == old
+    assert "new" in page.read_text()
 
 
 @pytest.mark.parametrize("given", ["--variant modes", "--variant modes_wide --variant kalman", "--risk 0.1"])
