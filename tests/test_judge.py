@@ -140,6 +140,19 @@ def test_a_folder_without_a_model_is_refused_before_anything_is_measured(
     assert not capsys.readouterr().out
 
 
+@pytest.mark.parametrize("judged", [True, False])
+def test_a_folder_cut_between_its_files_is_refused_before_anything_is_measured(
+    judged, tmp_path, monkeypatch, capsys, model, mixture
+):
+    monkeypatch.chdir(ROOT)
+    cut = tmp_path / "cut"
+    shutil.copytree(model[0], cut)
+    shutil.copy(mixture[0] / "network.onnx", cut)
+    with pytest.raises(SystemExit, match=rf"not those of one model\..* `git restore {cut}`"):
+        judge.main([str(cut)] if judged else [str(model[0]), "--replace", str(cut)])
+    assert not capsys.readouterr().out
+
+
 def test_it_fails_and_writes_what_it_found(tmp_path, monkeypatch, capsys, model):
     monkeypatch.chdir(ROOT)
     found = [below("eth", "ADE", 3.0, 2.0)]

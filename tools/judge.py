@@ -31,9 +31,9 @@ from typing import Any
 from omegaconf import DictConfig
 
 from pedpred.config import read_params
-from pedpred.errors import ValueRuleError, user_errors
+from pedpred.errors import StorageError, ValueRuleError, user_errors
 from pedpred.files import atomic_write, check_output, write_json
-from pedpred.online.network import ABOUT, GRAPH, read_origin
+from pedpred.online.network import ABOUT, GRAPH, read_description
 from tools.arguments import output
 from tools.judgement import Judgement
 from tools.verdicts import Verdict, got_worse
@@ -70,10 +70,26 @@ def folder_at(revision: str, folder: Path, scratch: Path) -> Path | None:
     return scratch / folder.name
 
 
+def check_whole(folder: Path) -> None:
+    """Refuse what is no model before minutes of measuring.
+
+    Raises:
+        StorageError: a file is missing or altered, or they are of two models, as after a kill in `install`.
+    """
+    try:
+        read_description(folder)
+    except StorageError as error:
+        if error.field != "checksum":
+            raise
+        problem = f"{GRAPH} and {ABOUT} are not those of one model"
+        remedy = f"If a replacement was interrupted: `git restore {folder}`; else export or copy it again"
+        raise StorageError(error.path, error.field, problem, remedy) from error
+
+
 def install(model: Path, folder: Path) -> None:
     """Copy a model folder over another one, if it is there.
 
-    Each file is replaced atomically; a kill between the two leaves a folder that is refused by checksum.
+    Each file is replaced atomically; a kill between the two leaves a folder that `check_whole` refuses.
     """
     for name in (GRAPH, ABOUT):
         with atomic_write(folder / name) as new:
@@ -154,13 +170,14 @@ def main(arguments: list[str] | None = None) -> None:
     if options.replace:
         check_output(options.replace, folder=True)
     params = read_params(Path())
+    check_whole(options.folder)
     judgement = Judgement(options.folder, params)
     with tempfile.TemporaryDirectory() as scratch:
         against = options.replace if options.replace and options.replace.exists() else None
         if options.against:
             against = folder_at(options.against, options.folder, Path(scratch))
         if against is not None:
-            read_origin(against)  # what is no model is refused before minutes of measuring
+            check_whole(against)
         verdicts = printed(judgement.verdicts(against))
     if options.out is not None:
         record: dict[str, Any] = {
