@@ -63,6 +63,18 @@ def test_a_metric_that_should_be_high_is_worse_when_it_falls(monkeypatch):
     assert (fallen["hall", "lstm", "hit_rate"], risen["hall", "lstm", "hit_rate"]) == ("worse", "better")
 
 
+def test_a_figure_that_moved_without_an_earlier_interval_is_listed_and_not_judged():
+    unknown = {"ade_m_ci95": [None, None]}
+    before = changed(**unknown)
+    assert set(verdicts(before, before).values()) == {"same"}
+    moved = changes(before, changed(ade_m=0.7))
+    assert [change.verdict for change in moved].count("unjudged") == 1
+    assert "| 0.500 (no interval), 10 windows | 0.700 (0.450 to 0.550)" in changes_table(moved)
+    assert "1 moved without an interval" in changes_table(moved)
+    assert verdicts(before)["hall", "lstm", "ade_m"] == "same"
+    assert verdicts(changed(ade_m=0.7, **unknown))["hall", "lstm", "ade_m"] == "worse"
+
+
 def test_new_and_vanished_entries_are_named():
     after = {"sim": {"hall": {"cv": ENTRY, "mine": ENTRY}}}
     found = verdicts(after)

@@ -1,11 +1,13 @@
 """Which metrics moved, and whether by more than their intervals allow.
 
-A figure `x` is judged by the earlier 95 % interval `x_ci95` beside it: it moved when it lies outside.
+A figure `x` is judged by the earlier 95 % interval `x_ci95` beside it: it moved when it lies outside. The
+interval may be null, where no replicate had a value, as for a metric of one person in a small bootstrap.
 """
 
 from __future__ import annotations
 
 import subprocess
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -17,6 +19,7 @@ from pedpred.files import read_json, translate_errors
 from pedpred.metrics import METRICS
 from pedpred.plain import parse_json
 from pedpred.report.document import NOTHING, markdown_table
+from pedpred.report.measures import bounds_of
 from pedpred.report.tables import interval
 
 _GAP = "_minus_reference"
@@ -26,10 +29,10 @@ Metrics = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure with its 95 % interval, and the number of windows behind it."""
+    """One figure with its 95 % interval, None if it is null, and the number of windows behind it."""
 
     value: float
-    bounds: tuple[float, float]
+    bounds: tuple[float, float] | None
     windows: int
 
 
@@ -43,9 +46,14 @@ class Change:
 
     @property
     def verdict(self) -> str:
-        """`new`, `vanished`, `worse` or `better` beyond the earlier interval, `within` it, or `same`."""
+        """`new`, `vanished`, `worse` or `better` beyond the earlier interval, `within` it, or `same`.
+
+        What moved without an earlier interval is `unjudged`.
+        """
         if self.before is None or self.after is None:
             return "new" if self.before is None else "vanished"
+        if self.before.bounds is None:
+            return "same" if self.after.value == self.before.value else "unjudged"
         low, high = self.before.bounds
         if not low <= self.after.value <= high:
             better = METRICS[self.name[-1].removesuffix(_GAP)].better
@@ -102,14 +110,15 @@ def changes_table(changes: list[Change]) -> str:
     counted = [change for change in changes if change.verdict not in ("same", "within")]
     known = {change.name[:3] for change in changes if change.before is not None}
     shown = [c for c in counted if c.verdict != "new" or c.name[:3] not in known]
-    shown.sort(key=lambda change: ("worse", "vanished", "better", "new").index(change.verdict))
+    shown.sort(key=lambda change: ("worse", "vanished", "unjudged", "better", "new").index(change.verdict))
     rows = [[*c.name, _worded(c.before), _worded(c.after), c.verdict] for c in shown]
     header = ["file", "scene", "method", "figure", "before (95 % interval)", "now (95 % interval)", "verdict"]
-    count = {v: sum(c.verdict == v for c in changes) for v in ("worse", "better", "within", "same")}
+    count = Counter(change.verdict for change in changes)
     count_line = (
         f"{len(changes)} figures: {count['worse']} worse and {count['better']} better than their earlier "
         f"interval, {count['within']} moved within it, {count['same']} unchanged, "
-        f"{len(counted) - count['worse'] - count['better']} new or vanished."
+        f"{count['new'] + count['vanished']} new or vanished"
+        f"{', {} moved without an interval'.format(count['unjudged']) if count['unjudged'] else ''}."
     )
     return f"{markdown_table(header, rows, texts=7)}\n\n{count_line}" if rows else count_line
 
@@ -121,14 +130,15 @@ def _figures(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str,
     for key, value in node.items():
         if len(path) < 3:
             yield from _figures(value, (*path, key))
-        elif key.removesuffix(_GAP) in METRICS and (bounds := node.get(f"{key}_ci95")):
-            yield (*path, key), Figure(value, tuple(bounds), node["windows"])
+        elif key.removesuffix(_GAP) in METRICS and f"{key}_ci95" in node:
+            yield (*path, key), Figure(value, bounds_of(node, key), node["windows"])
 
 
 def _worded(figure: Figure | None) -> str:
     if figure is None:
         return NOTHING
-    return f"{figure.value:.3f} ({interval(figure.bounds)}), {figure.windows} windows"
+    bounds = interval(figure.bounds) if figure.bounds else "no interval"
+    return f"{figure.value:.3f} ({bounds}), {figure.windows} windows"
 
 
 def _git(folder: Path, wording: Callable[[str], PedpredError], *arguments: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
 from pedpred.report.document import NOTHING
-from pedpred.report.measures import Figures, Result
+from pedpred.report.measures import Figures, Result, bounds_of
 from pedpred.report.methods import Methods
 
 Verdict = Literal["met", "missed", "not measured"]
@@ -120,7 +120,7 @@ def better_than(one: float, other: float) -> str:
 
 def in_the_noise(metrics: Mapping[str, Any]) -> bool:
     """Whether the interval of the paired difference to the reference includes zero."""
-    interval = metrics.get("ade_m_minus_reference_ci95")
+    interval = bounds_of(metrics, "ade_m_minus_reference")
     return interval is not None and interval[0] <= 0.0 <= interval[1]
 
 

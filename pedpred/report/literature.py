@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.report.document import NOTHING, Block, Cell, Row, Section, Table, Text
-from pedpred.report.measures import Figures
+from pedpred.report.measures import Figures, bounds_of
 from pedpred.report.methods import Methods
 from pedpred.report.tables import interval
 
@@ -105,7 +105,7 @@ def _row(
             continue
         errors.append([float(metrics[key]) for key in keys])
         for key, error in zip(keys, errors[-1], strict=True):
-            bounds, place = metrics.get(f"{key}_ci95"), f"literature.{entries[scene]}.{name}.{key}"
+            bounds, place = bounds_of(metrics, key), f"literature.{entries[scene]}.{name}.{key}"
             cells.append(Cell(f"{error:.3f}", place, remark=f"95 % {interval(bounds)} m" if bounds else ""))
     means = np.mean(errors, axis=0) if len(errors) == len(SCENES) else ()
     first = [Cell(f"{mean:.3f}", strong=True) for mean in means] or [Cell(NOTHING)] * len(keys)

@@ -43,6 +43,12 @@ class Result:
         return any(metrics.get("noncausal") for metrics in self.figures.values())
 
 
+def bounds_of(metrics: Mapping[str, Any], key: str) -> tuple[float, float] | None:
+    """The 95 % interval of a figure; None where there is none, or no replicate had a value."""
+    bounds = metrics.get(f"{key}_ci95")
+    return None if bounds is None or None in bounds else tuple(bounds)
+
+
 def read_metrics(path: Path) -> dict[str, Figures]:
     """Read a metric file.
 

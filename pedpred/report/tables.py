@@ -10,7 +10,7 @@ from pedpred.metrics.calibration import REGIONS, shown_steps
 from pedpred.report.charts import whiskers
 from pedpred.report.document import NOTHING, Cell, Row, Table
 from pedpred.report.findings import Finding
-from pedpred.report.measures import Figures, Result
+from pedpred.report.measures import Figures, Result, bounds_of
 from pedpred.report.methods import Methods
 
 FIRST = (
@@ -107,7 +107,7 @@ def metric_cell(place: str, name: str, key: str, metrics: Mapping[str, Any], sho
     if value is None:
         return Cell(NOTHING)
     text = f"{100.0 * value:.2f} %" if unit == "%" else f"{value:.{2 if unit == 'nats' else 3}f}"
-    bounds, scale = metrics.get(f"{key}_ci95"), 100.0 if unit == "%" else 1.0
+    bounds, scale = bounds_of(metrics, key), 100.0 if unit == "%" else 1.0
     words = interval([scale * end for end in bounds], digits=2 if unit == "%" else 3) if bounds else ""
     where = f"{place}.{name}.{key}"
     if shown:
@@ -117,7 +117,7 @@ def metric_cell(place: str, name: str, key: str, metrics: Mapping[str, Any], sho
 
 def gap_cell(place: str, name: str, metrics: Mapping[str, Any], methods: Methods) -> Cell:
     """Paired difference of the ADE to the reference method with its interval, signed, m."""
-    bounds = metrics.get(f"{_GAP}_ci95")
+    bounds = bounds_of(metrics, _GAP)
     if name == methods.reference.key or metrics.get(_GAP) is None or bounds is None:
         return Cell(NOTHING)
     text, where = f"{metrics[_GAP]:+.3f}", f"{place}.{name}.{_GAP}"
