@@ -152,6 +152,14 @@ def test_boxes_and_whiskers_lie_at_their_values():
 # What stands on the page
 
 
+def test_figures_of_box_plots_can_be_read_without_pointing_at_boxes(contents, text):
+    for result in (result for own in contents.evaluated for result in own.results):
+        for metrics in result.figures.values():
+            quartiles = zip(*(metrics[f"per_step_q{q}_m"] for q in (25, 50, 75)), strict=True)
+            for mean, ends in zip(metrics["per_step_m"], quartiles, strict=True):
+                assert f">{mean:.3f} ({', '.join(f'{end:.3f}' for end in ends)})</td>" in text
+
+
 class Figures(HTMLParser):
     """Collects the text of every element that names its place in the metrics, and all addresses."""
 

@@ -29,6 +29,7 @@ class Box:
     median: float
     mean: float
     tip: str
+    figures: str  # mean, and quartiles with the median between them, m
 
     @property
     def middle(self) -> float:
@@ -46,6 +47,7 @@ class BoxPlot:
     x_ticks: Sequence[tuple[float, str]]  # px, label
     y_ticks: Sequence[tuple[float, str]]
     boxes: Mapping[str, Sequence[Box]]
+    labels: Mapping[str, str]  # of the methods
     beyond: str
 
 
@@ -104,7 +106,8 @@ def box_plot(figures: Figures, title: str, dt_s: float, methods: Methods) -> Box
     for rank, name in enumerate(names):
         lefts = slot * (np.arange(steps) + 0.1) + rank * wide
         boxes[name] = _boxes(methods[name].label, figures[name], lefts, 0.88 * wide, top, dt_s)
-    return BoxPlot(title, width, height, x_ticks, y_ticks, boxes, methods[cut].label if cut else "")
+    labels = {name: methods[name].label for name in names}
+    return BoxPlot(title, width, height, x_ticks, y_ticks, boxes, labels, labels[cut] if cut else "")
 
 
 def _boxes(
@@ -119,5 +122,6 @@ def _boxes(
             f"{label} at {(k + 1) * dt_s:.1f} s: mean {mean:.3f} m, median {median:.3f} m, "
             f"quartiles {low:.3f} and {high:.3f} m"
         )
-        boxes.append(Box(round(lefts[k], 1), round(width, 1), upper, bottom, middle, dot, tip))
+        figures = f"{mean:.3f} ({low:.3f}, {median:.3f}, {high:.3f})"
+        boxes.append(Box(round(lefts[k], 1), round(width, 1), upper, bottom, middle, dot, tip, figures))
     return boxes
