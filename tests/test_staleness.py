@@ -123,6 +123,19 @@ def test_a_change_that_nothing_reads_is_refused(graph):
         stale(graph, "README.md")
 
 
+@pytest.mark.parametrize(
+    "change", ["conf", "conf/worlds/varied.yaml", "conf/folds", "conf/driven", "conf/config.yaml"]
+)
+def test_what_params_are_composed_of_is_changed_by_its_keys(graph, change):
+    with pytest.raises(ValueRuleError, match=r"params\.yaml is composed of it: name the key that changes"):
+        stale(graph, change)
+
+
+def test_a_file_of_conf_that_stages_read_themselves_is_a_change(graph):
+    assert "report" in families(graph, "conf/ablations")
+    assert "simulate" in families(graph, "conf/layouts")
+
+
 @pytest.mark.parametrize("change", ["", "features.lstm.gird_cells", "features[", "features..lstm", "..."])
 def test_what_is_neither_a_file_nor_a_key_is_refused_as_such(graph, change, tmp_path, monkeypatch):
     (tmp_path / "params.yaml").write_text("features: {lstm: {grid_cells: 3, rest: null}}")

@@ -103,15 +103,30 @@ def _is_key(change: str) -> bool:
     return True
 
 
+def _in_conf(change: str) -> list[str]:
+    """The parts of a path from conf/ on; none for other paths and for keys."""
+    parts = Path(os.path.relpath(change)).parts
+    return list(parts) if parts[:1] == ("conf",) else []
+
+
+def _is_composed(change: str) -> bool:
+    """Whether a path of conf/ reaches stages through keys of params.yaml, even if some read it as a file."""
+    parts = _in_conf(change)
+    return bool(parts) and (len(parts) == 1 or _is_key(parts[1]))
+
+
 def stale(graph: nx.DiGraph, change: str) -> set[str]:
     """Names of the stages that a change makes stale.
 
     Raises:
-        ValueRuleError: no stage reads what is changed.
+        ValueRuleError: no stage reads what is changed, or it reaches stages through keys of params.yaml.
     """
     if not change or not (Path(change).exists() or _is_key(change)):
         raise ValueRuleError("change", change, "there is no such file or key of params.yaml")
     first = [stage for stage in graph if reads(stage, change) and stage.name != CHECK]
+    if _is_composed(change) or (not first and _in_conf(change)):
+        rule = "params.yaml is composed of it: name the key that changes, such as features.lstm.grid_cells"
+        raise ValueRuleError("change", change, rule)
     if not first:
         raise ValueRuleError(
             "change", change, "no stage reads it; a file, or a key of params.yaml, is needed"
