@@ -39,5 +39,5 @@ def fill(page: Path, mark: str, table: str) -> None:
 
 def _cell(value: object) -> str:
     if not isinstance(value, float):
-        return str(value)
+        return str(value).replace("|", "\\|")
     return f"{value:.3f}" if math.isfinite(value) else "-"

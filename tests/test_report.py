@@ -3,15 +3,19 @@
 import dataclasses
 import io
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from PIL import Image
 
+from benchmarks import pages
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.fields import parsed
 from pedpred.geometry import Homography, rotate
@@ -21,7 +25,7 @@ from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.canvas import avif_bytes, png_bytes
 from pedpred.report.curves import by_stage, training_figure
-from pedpred.report.document import Picture, Pictures, Section, join_pages
+from pedpred.report.document import Picture, Pictures, Section, join_pages, markdown_table
 from pedpred.report.error_plots import horizon_figure, horizon_table
 from pedpred.report.findings import Expectation, judge_expectations, sum_up
 from pedpred.report.gallery import Evaluated, draw_gallery
@@ -35,7 +39,7 @@ from pedpred.report.regions import ellipse_outline, region_outlines
 from pedpred.report.sections import answer
 from pedpred.report.situation import draw_situation
 from pedpred.report.snapshots import angular_cell_edges, draw_angular_grid, grid_image
-from pedpred.report.tables import calibration_table, further_table, metrics_table
+from pedpred.report.tables import calibration_table, further_table, gap_cell, metric_cell, metrics_table
 from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
 from tests.forecasts import METHODS, PAPER, windows_with
 
@@ -139,6 +143,20 @@ def test_what_was_not_evaluated_is_not_judged():
     assert {finding.verdict for _, finding in found} == {"not measured"}
     assert "could be checked" in sum_up(found)
     assert "was not evaluated" in answer(result_of(metrics), METHODS)
+
+
+@given(st.lists(st.sampled_from(["a|b", "|", "eth", "1"]), min_size=3, max_size=3))
+def test_a_name_with_a_bar_does_not_break_a_table(cells):
+    for table in (markdown_table(cells, [cells]), pages.markdown([dict(zip("abc", cells, strict=True))])):
+        lines = table.split("\n")
+        assert {len(re.findall(r"(?<!\\)\|", line)) for line in lines} == {4}
+
+
+def test_a_figure_without_an_interval_stands_alone():
+    unknown = {key: 0.5 for key in ("moving_ade_m", "ade_m_minus_reference")}
+    unknown |= {f"{key}_ci95": [None, None] for key in unknown}
+    assert metric_cell("here", "lstm", "moving_ade_m", unknown).tip == ""
+    assert gap_cell("here", "lstm", unknown, METHODS).text == "-"
 
 
 def test_a_table_row_holds_its_figures():

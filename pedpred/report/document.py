@@ -143,7 +143,8 @@ Block = Section | Table | Text | Pictures
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> str:
     """Write a Markdown table; the first `texts` columns are text, the others are figures."""
     rule = ["---"] * texts + ["---:"] * (len(header) - texts)
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in [header, rule, *rows])
+    lines = [[cell.replace("|", "\\|") for cell in cells] for cells in [header, rule, *rows]]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
 def join_pages(pages: Sequence[str]) -> str:
