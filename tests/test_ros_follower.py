@@ -314,6 +314,26 @@ def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
     assert not follower.occupancy.occupied.any()
 
 
+@given(st.lists(st.sampled_from(["free", "blocked", "update"]), max_size=8))
+@settings(max_examples=15, deadline=None)
+def test_a_map_that_comes_twice_is_one_map(events):
+    """A latched publisher is heard by two subscriptions, and other messages may come between the copies."""
+    doubled, plain = follower_of(use_map=True), follower_of(use_map=True)
+    maps = {
+        name: serialize(GRID, map_message(OccupancyMap(np.full((4, 5), full), np.zeros(2), 0.5), 0))
+        for name, full in (("free", False), ("blocked", True))
+    }
+    sizes = {"x": 1, "y": 1, "width": 2, "height": 1}
+    update = serialize(UPDATE_TYPE, {"header": header(0, "map"), "data": np.int8([100, 0]), **sizes})
+    for sent_ns, event in enumerate(("free", *events), start=1):
+        if event != "update":
+            last = maps[event], sent_ns
+        for follower in (doubled, plain):
+            follower.map_update_came(update) if event == "update" else follower.map_came(*last)
+        doubled.map_came(*last)
+        np.testing.assert_array_equal(doubled.occupancy.occupied, plain.occupancy.occupied)
+
+
 def test_a_frame_of_the_robot_is_none_for_forecasts():
     follower = follower_of(map_frame="robot1/base_link")
     answered(follower, people(1.0, "robot1/base_link", anna=(1.0, 0.0)))

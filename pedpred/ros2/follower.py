@@ -95,11 +95,16 @@ class _Waiting:
 
 @dataclass
 class _Map:
-    """The map in use; `frame` is that of the forecasts, also before a map comes."""
+    """The map in use; `frame` is that of the forecasts, also before a map comes.
+
+    Of the whole map that came last, `raw` are the bytes, and `sent_ns` when they were sent, if that is known.
+    """
 
     frame: str
     occupancy: OccupancyMap | None = None
     raw: bytes = b""
+    sent_ns: int = 0
+    is_updated: bool = False
     grid: Any = None
     told: str = "none"
 
@@ -195,9 +200,16 @@ class Follower:
         if (path := self.settings.place) is not None:
             self._predictor.save_place(path)
 
-    def map_came(self, raw: bytes) -> None:
-        """Use a nav_msgs/OccupancyGrid from now on; the same one again is ignored."""
-        if raw == self._map.raw:
+    def map_came(self, raw: bytes, sent_ns: int = 0) -> None:
+        """Use a nav_msgs/OccupancyGrid from now on; it takes updates back, unless it came before them already.
+
+        Args:
+            raw: the message.
+            sent_ns: when the publisher sent it, by its clock; several subscriptions bring it several times.
+        """
+        is_copy = sent_ns != 0 and sent_ns == self._map.sent_ns
+        if raw == self._map.raw and (is_copy or not self._map.is_updated):
+            self._map.sent_ns = sent_ns
             return
         message = self._decoded(raw, TYPES[MAP])
         occupancy, frame = map_of_grid(message), frame_name(message.header.frame_id)
@@ -206,7 +218,7 @@ class Follower:
             self._predictor.reset()
             self.load_place()
         self._predictor.set_map(occupancy)
-        self._map = _Map(frame, occupancy, raw, message, told_map(occupancy))
+        self._map = _Map(frame, occupancy, raw, sent_ns, grid=message, told=told_map(occupancy))
         _log.info("map of %.1f x %.1f m in %r: %s", *occupancy.extent_m, frame, self._map.told)
 
     def map_update_came(self, raw: bytes) -> None:
@@ -220,7 +232,7 @@ class Follower:
             occupancy = map_of_grid(grid)
             self._predictor.set_map(occupancy)
             self._map.occupancy, self._map.told = occupancy, told_map(occupancy)
-        self._map.grid, self._map.raw = grid, b""  # the whole map takes the change back, should it come again
+        self._map.grid, self._map.is_updated = grid, True
 
     def transforms_came(self, raw: bytes, clock_s: float, fixed: bool) -> None:
         """Take a tf2_msgs/TFMessage; `fixed` if it is of /tf_static."""

@@ -131,16 +131,17 @@ class PedpredNode(LifecycleNode):
                 _latched(1),
                 _sensor(1),
             ):  # the first hears no volatile map, the second none of before
-                self._listen(GRID_TYPE, "map", self._follower.map_came, qos)
+                self._listen(GRID_TYPE, "map", self._map_heard, qos)
             try:
-                self._listen(
-                    UPDATE_TYPE, f"{topic}_updates", self._follower.map_update_came, _reliable(_UPDATES_DEPTH)
-                )
+                updates = f"{topic}_updates"
+                heard = _listener(updates, self._follower.map_update_came)
+                self._listen(UPDATE_TYPE, updates, heard, _reliable(_UPDATES_DEPTH))
             except ConfigError as problem:
                 _log.info("updates of the map are not heard: %s", problem)
         try:
-            self._listen(TRANSFORMS, "/tf", self._moving_came, _reliable(_TF_DEPTH))
-            self._listen(TRANSFORMS, "/tf_static", self._fixed_came, _latched(_TF_DEPTH))
+            self._listen(TRANSFORMS, "/tf", _listener("/tf", self._moving_came), _reliable(_TF_DEPTH))
+            fixed = _listener("/tf_static", self._fixed_came)
+            self._listen(TRANSFORMS, "/tf_static", fixed, _latched(_TF_DEPTH))
         except ConfigError as problem:
             _log.warning("people must be in the frame of the map: %s", problem)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -223,12 +224,10 @@ class PedpredNode(LifecycleNode):
             (self.destroy_lifecycle_publisher if lasting else self.destroy_publisher)(sink)
         self._own, self._sinks, self._follower, self._retry = [], {}, None, None
 
-    def _listen(self, kind: str, topic: str, callback: Callable[[bytes], None], qos: QoSProfile) -> None:
+    def _listen(self, kind: str, topic: str, callback: Callable[..., None], qos: QoSProfile) -> None:
         made, silent = _message_class(kind), no_callbacks()
         self._own.append(
-            self.create_subscription(
-                made, topic, _listener(topic, callback), qos, event_callbacks=silent, raw=True
-            )
+            self.create_subscription(made, topic, callback, qos, event_callbacks=silent, raw=True)
         )
 
     def _people_heard(self, raw: bytes, about: dict[str, Any]) -> None:
@@ -243,6 +242,11 @@ class PedpredNode(LifecycleNode):
             clock_ns = self.get_clock().now().nanoseconds
             self._follower.people_came(raw, clock_ns, time.monotonic(), waited_s)
             self._publish_answers()
+
+    def _map_heard(self, raw: bytes, about: dict[str, Any]) -> None:
+        """Take a map and when it was sent; see `_people_heard`."""
+        if self._follower is not None:
+            _listener("map", self._follower.map_came)(raw, about["source_timestamp"])
 
     def _moving_came(self, raw: bytes) -> None:
         self._transforms_came(raw, fixed=False)
