@@ -15,6 +15,7 @@ from pedpred.errors import PedpredError
 from pedpred.online import OnlinePredictor
 from pedpred.ros import assignment
 from pedpred.ros.assignment import NearestTracks
+from pedpred.ros.detections import Instant
 from pedpred.ros.message_types import serialize
 from pedpred.ros.people import TrackNumbers
 from pedpred.ros.planning import HORIZON, MOST_CELLS, fitting_ground, grid_messages, grid_topic
@@ -22,6 +23,7 @@ from pedpred.ros.scene_messages import header
 from pedpred.ros2.arrivals import Arrivals
 from pedpred.ros2.diagnostics import Latencies, diagnose, told_values
 from pedpred.ros2.follower import UPDATE_TYPE, Counts
+from pedpred.ros2.identities import Identities
 from pedpred.ros2.log import RosHandler
 from pedpred.ros2.outputs import MARKERS
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
@@ -311,6 +313,14 @@ def test_one_message_with_the_same_id_twice_changes_nobodys_number(caplog):
     assert "of a track that was there already" in caplog.text
 
 
+def test_warnings_name_people_as_the_messages_do(caplog):
+    follower = follower_of(most_people=2)
+    answered(follower, named(1.0, "ada", "7"))
+    answered(follower, named(1.1, "ada", "7", "eve", "8f1c-22", "9", ""))
+    assert "most_people is 2: tracks ['#1', " in caplog.text
+    assert all(f"'{name}'" in caplog.text for name in ("eve", "8f1c-22", "9"))
+
+
 def test_who_has_no_id_among_others_is_forecast_under_a_number_that_stays(caplog):
     follower, found = follower_of(), []
     for k in range(10):
@@ -318,6 +328,25 @@ def test_who_has_no_id_among_others_is_forecast_under_a_number_that_stays(caplog
     assert len(found[0]) == 3
     assert all(one == found[0] for one in found)
     assert "have no id" in caplog.text
+
+
+@given(st.lists(NAMES | st.sampled_from(["#1", "#2", "##1"]), min_size=1, max_size=8))
+@settings(max_examples=50, deadline=None)
+def test_nobody_is_called_as_somebody_else(names):
+    """Not in one message; in the next one, too, everybody who was there is called the same."""
+    called = Identities("auto", PEOPLE)
+    once = list(dict.fromkeys(name for name in names if name))
+    once += [""] * names.count("")
+    place = np.array([[5.0 * n, 0.0] for n in range(len(once))])
+    told = []
+    for time_s in (1.0, 1.1):
+        numbers = called.number(
+            Instant(time_s, time_s, "map", tuple(once), np.c_[place, place[:, :1]]), place
+        )
+        told.append([called.name(number) for number in numbers.tolist()])
+    assert len(set(told[0])) == len(once)
+    assert told[0] == told[1]
+    assert all(name in ("", shown) for name, shown in zip(once, told[0], strict=True))
 
 
 @pytest.mark.parametrize("first", [0, 12])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,9 @@ class OnlinePredictor:
     together (`pedpred.forecasting.selection`), and trust in it and its regions learn from what people did
     (`pedpred.forecasting.trust`, `pedpred.forecasting.regions`). One object serves one stream; it is not
     thread-safe. A copy (`copy.deepcopy`, `pickle`) goes on by itself.
+
+    Attributes:
+        name: what a track is called in warnings; its number, unless somebody knows better.
     """
 
     def __init__(self, folder: Path | str, settings: OnlineSettings | None = None):
@@ -59,6 +63,7 @@ class OnlinePredictor:
         self._bank = KalmanBank.around(self._about.tracker, learns)
         self._chain = Chain(noise_m=self._settings.detection_noise_m, trust=self._settings.learn_trust)
         self._map = _NO_MAP
+        self.name: Callable[[int], object] = int
         self.reset()
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -208,10 +213,13 @@ class OnlinePredictor:
         most = self._settings.most_people
         kept, taken = keep_to_limit(people, frame, most)
         if len(taken) < len(frame):
-            named = brief(np.setdiff1d(frame.track_id, taken.track_id, assume_unique=True).tolist())
+            named = self._named(np.setdiff1d(frame.track_id, taken.track_id, assume_unique=True))
             text = "%d of %d people at %s s left out, since most_people is %d: tracks %s"
             _LOG.warning(text, len(frame) - len(taken), len(frame), frame.time_s, most, named)
         return kept, taken
+
+    def _named(self, track_id: np.ndarray) -> str:
+        return brief([self.name(track) for track in track_id.tolist()])
 
     def _made_up(self, people: People, until_s: float) -> People:
         """People after the steps that were due before a frame, each at its own instant."""
@@ -276,7 +284,7 @@ class OnlinePredictor:
         if not answer.sound.all():
             stays = np.ones(len(people), bool)
             stays[person[~answer.sound]] = False
-            named = people.track_id[~stays].tolist()
+            named = self._named(people.track_id[~stays])
             _LOG.warning("no forecast at %s s for tracks %s: they are forgotten", time_s, named)
             person, keep = (np.cumsum(stays) - 1)[person[answer.sound]], keep[answer.sound]
             people = people.select(stays)

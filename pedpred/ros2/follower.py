@@ -140,6 +140,7 @@ class Follower:
         self._map = _Map(frame_name(settings.map_frame))
         self._waiting: deque[_Waiting] = deque()
         self._identities = Identities(settings.identities, settings.people_type)
+        predictor.name = self._identities.name
         self._named: dict[int, str] = {}
         self._is_behind = False
         self._latest: Forecast | None = None

@@ -49,9 +49,16 @@ class Identities:
         return self._names
 
     def name(self, number: int) -> str:
-        """The name of a person of that number, or what stands for it: #1 is nobody's number."""
-        without = f"#{number - _NAMELESS}" if number < _NAMELESS // 2 else str(number)
-        return self._names.get(number, without)
+        """The name of a person of that number, or what stands for it: #1 is nobody's number.
+
+        Those who are there have different ones: if somebody is named #1, the first one without a name is ##1.
+        """
+        if number in self._names or number >= _NAMELESS // 2:
+            return self._names.get(number, str(number))
+        without = f"#{number - _NAMELESS}"
+        while without in self._used_s:
+            without = f"#{without}"
+        return without
 
     def number(self, one: Instant, place: np.ndarray) -> np.ndarray:
         """Number the people of a message. [D] int64.
