@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.rates import STREAMS, WARM_S, errors_m, queue
+from pedpred.errors import PedpredError
+from pedpred.geometry import rotate
 from pedpred.metrics.calibration import share_inside
 from pedpred.online import OnlinePredictor
 from pedpred.scenes.occupancy import FARTHEST_M
@@ -164,6 +166,36 @@ def test_regions_of_walkers_do_not_learn_from_furniture():
                 kept.append(share_inside(forecast.predictions.select(np.arange(6)), after))
         shares.append([(np.concatenate(kept) <= share).mean() for share in (0.5, 0.9, 0.95)])
     np.testing.assert_allclose(shares[1], shares[0], atol=0.05)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-3.0, 3.0), st.integers(1, 59))
+@settings(max_examples=6, deadline=None)
+def test_a_correction_of_the_world_moves_everything_and_changes_nothing(seed, turn_rad, at):
+    """Forecasts, their regions and what is learned go on as if the world had been there from the start."""
+    rng = np.random.default_rng(seed)
+    shift = rng.normal(0.0, 5.0, 2)
+    robot, other = OnlinePredictor.load(), OnlinePredictor.load()
+    start, speed = rng.uniform(-6.0, 6.0, (5, 2)), rng.normal(0.0, 0.8, (5, 2))
+    for k in range(60):
+        seen = start + speed * k / 10 + rng.normal(0.0, 0.02, (5, 2))
+        there = rotate(seen, np.float64(turn_rad)) + shift
+        if k == at:
+            robot.correct(turn_rad, shift)
+        found = robot.update(k / 10, np.arange(5), there if k >= at else seen)
+        wanted = other.update(k / 10, np.arange(5), there)
+        if k >= at:
+            for name in ("path", "covariance", "weight"):
+                one, two = (getattr(forecast.predictions, name) for forecast in (found, wanted))
+                np.testing.assert_allclose(one, two, atol=2e-3)
+            np.testing.assert_allclose(found.velocity, wanted.velocity, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("turn_rad", "shift"), [(np.nan, [0, 0]), (0.0, [np.inf, 0]), ("x", [0, 0]), (0, [0])]
+)
+def test_a_correction_that_is_none_is_refused(turn_rad, shift):
+    with pytest.raises(PedpredError, match="turn_rad" if shift == [0, 0] else "shift"):
+        OnlinePredictor.load().correct(turn_rad, shift)
 
 
 def test_who_cannot_be_forecast_is_left_out_and_named(folder, monkeypatch, caplog):

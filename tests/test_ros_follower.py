@@ -103,6 +103,31 @@ def test_who_stands_has_no_speed_seen_from_a_robot_that_drives_and_turns():
         np.testing.assert_allclose(list(eve["position"].values()), STANDING[:2], atol=0.05)
 
 
+@pytest.mark.parametrize("identities", ["given", "assigned"])
+@pytest.mark.parametrize(("jump_m", "jump_rad"), [(0.3, 0.0), (1.0, 0.1), (8.0, 2.0)])
+def test_nobody_moves_because_the_localisation_jumps(identities, jump_m, jump_rad, caplog):
+    """Where it lies on the map, not who is there, is what a robot has learned. With wheels that slip, too."""
+    caplog.set_level("INFO")
+    follower = follower_of(identities=identities)
+    for k in range(50):
+        at_s = 100.0 + k / 10
+        lies = Rotation.from_euler("z", jump_rad * (k > 25)), np.array([jump_m * (k > 25), 0.01 * k, 0.0])
+        moved = transforms(
+            transform("odom", "base_link", *robot(at_s), at_s), transform("map", "odom", *lies, at_s)
+        )
+        follower.transforms_came(moved, at_s, False)
+        walking = np.array([8.0 - 0.1 * k, 3.0, 0.0])
+        places = {"1": seen(STANDING, at_s), "2": seen(walking, at_s)}
+        answers = answered(follower, people(at_s, "base_link", **places))
+        eve, bob = answers["predictions/people"]["people"]
+        assert (eve["name"], bob["name"]) == ("1", "2")
+        if k > 5:
+            assert np.hypot(*eve["velocity"].values()) < 0.15
+            velocity = lies[0].apply([-1.0, 0.0, 0.0])[:2]
+            np.testing.assert_allclose([*bob["velocity"].values()][:2], velocity, atol=0.2)
+    assert caplog.text.count("the localisation has moved 'odom'") == 1
+
+
 def test_places_that_a_table_cannot_hold_are_told(caplog):
     for x in (1e4, 4e5):
         assert "rounded" not in caplog.text

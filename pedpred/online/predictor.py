@@ -16,6 +16,7 @@ from pedpred.files import check_input, check_output, given_path
 from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
+from pedpred.online.correction import Correction
 from pedpred.online.frame import Frame
 from pedpred.online.limit import keep_to_limit
 from pedpred.online.network import ExportedNetwork, ModelDescription, network_checksum, read_description
@@ -160,6 +161,24 @@ class OnlinePredictor:
         if not isinstance(checked, OccupancyMap):
             raise ValueRuleError("occupancy", checked, "it must be an OccupancyMap")
         self._map = occupancy
+
+    def correct(self, turn_rad: float, shift: np.ndarray) -> None:
+        """Move all people known so far, as where a robot finds that it is elsewhere on its map.
+
+        Its earlier detections then lie elsewhere, too: without this, everybody seems to have run there. The
+        map stays, and so does the last forecast.
+
+        Args:
+            turn_rad: what was at p in the world frame is at p, turned about the origin by this angle, rad,
+            shift: plus this, m. [2]
+
+        Raises:
+            ValueRuleError, ShapeError: one is not a number or out of range, or the shift has no two of them.
+        """
+        correction = Correction.checked(turn_rad, shift)
+        place = correction.of_place(Place(self._trust, self._regions))
+        self._people = correction.of_people(self._people)
+        self._trust, self._regions = place.trust, place.regions
 
     def update(
         self, time_s: float, track_id: np.ndarray, position: np.ndarray, velocity: np.ndarray | None = None

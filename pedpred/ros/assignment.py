@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pedpred.geometry import rotate
 from pedpred.tracking.matching import cheapest_pairs, distances_m
 from pedpred.tracking.tracks import LOST_AFTER_S
 
@@ -57,6 +58,11 @@ class NearestTracks:
         self._next += len(new)
         self._add(track_id[new], position[new], time_s)
         return track_id
+
+    def correct(self, turn_rad: float, shift: np.ndarray) -> None:
+        """Move everybody: what was at p is at p, turned about the origin, plus the shift, m. [2]."""
+        turn = np.float64(turn_rad)
+        self._position, self._velocity = rotate(self._position, turn) + shift, rotate(self._velocity, turn)
 
     def _move(self, person: np.ndarray, position: np.ndarray, gap_s: np.ndarray, time_s: float) -> None:
         later = gap_s > 0

@@ -40,6 +40,11 @@ def is_robots(frame: str) -> bool:
     return frame.rpartition("/")[2] in ("base_link", "base_footprint")
 
 
+def is_odometrys(frame: str) -> bool:
+    """Whether a frame has the name of one in which a robot never jumps, while it may on the map (REP 105)."""
+    return frame.rpartition("/")[2].startswith("odom")
+
+
 class FrameTree:
     """Poses of frames in their parents, over time."""
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from pedpred.errors import PedpredError, ValueRuleError
 from pedpred.files import translate_errors
+from pedpred.geometry import rotate
 from pedpred.online import OnlinePredictor
 from pedpred.ros.decoding import Connection, Decoder
 from pedpred.ros.detections import Instant
@@ -28,7 +29,7 @@ from pedpred.ros.planning import PREDICTIONS_TYPE, predictions_message, tell_rou
 from pedpred.ros.scene_messages import blocked, map_of_grid, updated_grid
 from pedpred.ros2.identities import Identities
 from pedpred.ros2.latched import Latched, nobody
-from pedpred.ros2.live_frames import LiveFrames
+from pedpred.ros2.live_frames import LiveFrames, Pose
 from pedpred.ros2.outputs import (
     NAMES,
     PEOPLE,
@@ -49,6 +50,9 @@ _GONE_S = 1.5 * LOST_AFTER_S
 _CAUGHT_UP = 0.1
 """Once people had to wait too long, all are left out until some wait less than this share of that time: when
 forecasts take longer than messages need to come, late ones would be late for ever."""
+_JUMPS_MPS = 0.5
+"""Faster changes of where the odometry lies on the map are jumps of the localisation, whose tracks move with
+it; in slower ones the localisation makes good for wheels that slip, so that people are where they seem."""
 _log = logging.getLogger(__name__)
 
 
@@ -145,6 +149,7 @@ class Follower:
         self._is_behind = False
         self._latest: Forecast | None = None
         self._shown: tuple[Forecast, _Waiting] | None = None
+        self._odometry: Pose | None = None
         self._views = Views(self._latched, clock)
         self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
         self.came_s = -np.inf
@@ -202,7 +207,7 @@ class Follower:
             self._predictor.save_place(path)
 
     def map_came(self, raw: bytes, sent_ns: int = 0) -> None:
-        """Use a nav_msgs/OccupancyGrid from now on; it takes updates back, unless it came before them already.
+        """Use a nav_msgs/OccupancyGrid from now on; it takes updates back, unless it came before them.
 
         Args:
             raw: the message.
@@ -217,6 +222,7 @@ class Follower:
         if frame != self._map.frame:
             _log.warning("the map is in %r, forecasts were in %r: all are forgotten", frame, self._map.frame)
             self._predictor.reset()
+            self._odometry = None
             self.load_place()
         self._predictor.set_map(occupancy)
         self._map = _Map(frame, occupancy, raw, sent_ns, grid=message, told=told_map(occupancy))
@@ -344,6 +350,7 @@ class Follower:
         one = waiting.instant
         with self.counts.refusing():
             place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
+            self._follow_localisation(one, place, frame)
             track_id = self._identities.number(one, place)
             times_s = np.full(len(place), one.stamp_s)
             kept, left_out = find_usable(times_s, track_id, place, self._identities.name)
@@ -364,6 +371,23 @@ class Follower:
                 "no map has come: forecasts go through walls. Publish `map`, or set use_map to false"
             )
         yield from self._contents(forecast, waiting.time_ns, frame)
+
+    def _follow_localisation(self, one: Instant, place: np.ndarray, frame: str) -> None:
+        """Move all tracks with the robot's odometry where that has jumped on the map: nobody has moved."""
+        before, longest_s = self._odometry, self._predictor.protocol.lost_after_s
+        after_s = one.stamp_s - before.time_s if before is not None else np.inf
+        if not one.ids or -longest_s <= after_s <= TIME_TOLERANCE_S:
+            return
+        now = self._odometry = self._frames.odometry(one.frame, frame, one.stamp_s)
+        if now is None or before is None or now.frame != before.frame or abs(after_s) > longest_s:
+            return
+        turn_rad, shift = now.since(before)
+        moved_m = np.hypot(*(rotate(place, np.float64(turn_rad)) + shift - place).T)
+        if (moved_m > _JUMPS_MPS * after_s).any():
+            self._predictor.correct(turn_rad, shift)
+            self._identities.correct(turn_rad, shift)
+            text = "the localisation has moved %r by %.2f m in %r, and all tracks with it"
+            _log.info(text, now.frame, np.hypot(*(now.origin - before.origin)), frame)
 
     def _jumped(self, stamp_s: float) -> bool:
         """Whether the predictor has forgotten all, as time has jumped since the last forecast."""

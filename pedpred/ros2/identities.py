@@ -80,6 +80,10 @@ class Identities:
             return self._first + self._nearest.assign(one.stamp_s, place)
         return self._named(one, place)
 
+    def correct(self, turn_rad: float, shift: np.ndarray) -> None:
+        """See `NearestTracks.correct`."""
+        self._nearest.correct(turn_rad, shift)
+
     def _judge(self, one: Instant) -> None:
         """Decide whether ids say who is who; if not, and they are asked for, say so.
 

@@ -1,0 +1,105 @@
+"""The world frame is corrected: a robot finds that it, and all that it saw, is elsewhere on its map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pedpred.arrays import real_number, real_numbers
+from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.forecasting.chain import Place
+from pedpred.forecasting.detections import Detections
+from pedpred.forecasting.regions import Regions
+from pedpred.forecasting.trust import Trust
+from pedpred.geometry import rotate
+from pedpred.online.people import People
+from pedpred.scenes import rule_of
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What was at p in the world frame is now at p, turned about the origin, plus a shift.
+
+    Attributes:
+        turn_rad: counter-clockwise, rad.
+        shift: m. [2]
+    """
+
+    turn_rad: float
+    shift: np.ndarray
+
+    @classmethod
+    def checked(cls, turn_rad: Any, shift: Any) -> Correction:
+        """Convert the arguments.
+
+        Raises:
+            ValueRuleError, ShapeError: something is not a number or out of range, or of another shape.
+        """
+        turn, moved = real_number("turn_rad", turn_rad), real_numbers("shift", shift)
+        if moved.shape != (2,):
+            raise ShapeError("shift", moved.shape, "(2,)")
+        for name, value in (("turn_rad", np.asarray(turn)), ("shift", moved)):
+            rule, valid = rule_of("position", value)
+            if not valid.all():
+                raise ValueRuleError(name, value.tolist(), rule)
+        return cls(turn, moved.astype(np.float64))
+
+    def of_people(self, people: People) -> People:
+        """People, as they are now; what a filter says of its errors has no direction."""
+        past, filters = people.past, people.filters
+        heading_rad = np.angle(np.exp(1j * (people.heading_rad + self.turn_rad)))
+        return replace(
+            people,
+            detection=self._places(people.detection),
+            position=self._places(people.position),
+            velocity=self._vectors(people.velocity),
+            heading_rad=heading_rad,
+            past=past
+            | {
+                "trail": self._places(past["trail"]),
+                "last_velocity": self._vectors(past["last_velocity"]),
+            },
+            filters=filters
+            | {
+                "position": self._places(filters["position"]),
+                "velocity": self._vectors(filters["velocity"]),
+            },
+        )
+
+    def of_place(self, place: Place) -> Place:
+        """What was learned, and the forecasts and detections to learn from, as they are now."""
+        return Place(
+            place.trust and self._of_trust(place.trust), place.regions and self._of_regions(place.regions)
+        )
+
+    def _of_trust(self, trust: Trust) -> Trust:
+        waiting = tuple(
+            one._replace(point=self._places(one.point), apart=self._vectors(one.apart))
+            for one in trust.waiting
+        )
+        return replace(trust, waiting=waiting, detections=self._of_detections(trust.detections))
+
+    def _of_regions(self, regions: Regions) -> Regions:
+        waiting = tuple(
+            one._replace(path=self._places(one.path), covariance=self._matrices(one.covariance))
+            for one in regions.waiting
+        )
+        known = tuple(map(self._of_detections, regions.detections))
+        return replace(regions, waiting=waiting, detections=known)
+
+    def _of_detections(self, known: Detections) -> Detections:
+        return replace(known, position=self._places(known.position))
+
+    def _vectors(self, vectors: np.ndarray) -> np.ndarray:
+        return rotate(vectors, np.float64(self.turn_rad))
+
+    def _places(self, places: np.ndarray) -> np.ndarray:
+        return self._vectors(places) + self.shift
+
+    def _matrices(self, covariance: np.ndarray) -> np.ndarray:
+        """Turned covariances. [..., 2, 2]."""
+        turn = rotate(np.eye(2), np.float64(self.turn_rad))  # its rows are the turned axes
+        turned: np.ndarray = turn.T @ covariance @ turn
+        return turned
