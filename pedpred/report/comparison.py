@@ -114,11 +114,11 @@ def changes_table(changes: list[Change]) -> str:
     rows = [[*c.name, _worded(c.before), _worded(c.after), c.verdict] for c in shown]
     header = ["file", "scene", "method", "figure", "before (95 % interval)", "now (95 % interval)", "verdict"]
     count = Counter(change.verdict for change in changes)
+    unjudged = f", {count['unjudged']} moved without an interval" if count["unjudged"] else ""
     count_line = (
         f"{len(changes)} figures: {count['worse']} worse and {count['better']} better than their earlier "
         f"interval, {count['within']} moved within it, {count['same']} unchanged, "
-        f"{count['new'] + count['vanished']} new or vanished"
-        f"{', {} moved without an interval'.format(count['unjudged']) if count['unjudged'] else ''}."
+        f"{count['new'] + count['vanished']} new or vanished{unjudged}."
     )
     return f"{markdown_table(header, rows, texts=7)}\n\n{count_line}" if rows else count_line
 
