@@ -161,7 +161,7 @@ def _about_speeds(likely: str, said: str | None, fixed: str | None) -> str:
         correct = f"correct them if lengths are {likely}, say {_unit(said)} if they are right"
         return f"Titles or comments say that lengths are {said}: {correct}, or correct {rate} or {unit}"
     if fixed in UNITS and fixed != "m":
-        table = "write a table (time,id,x,y), and give its unit: --unit"
+        table = f"write a table (time,id,x,y), and give its {worded('unit: --unit', 'unit')}"
         return (
             f"Lengths of this format are {fixed}: if they are others here, {table}. Or correct ids or times"
         )
