@@ -18,10 +18,11 @@ def main(cfg: DictConfig) -> None:
 
     `networks` is `main`, for the sets of all folds that train nothing, or `folds/<fold>`.
     """
-    name, methods = stage_key(cfg), {**cfg.methods.networks, **cfg.methods.memoryless}
-    where = one_of("name", name, methods).where
+    name, rows = stage_key(cfg), {key: row for group in cfg.methods.values() for key, row in group.items()}
+    where = one_of("name", name, rows).where
     untrained = [each for study in cfg.folds.values() for each in study.values() if "train" not in each]
-    tested = {"main": untrained} | {f"folds/{fold}": [test] for fold, test in cfg.folds.real.items()}
+    real = cfg.folds.real if "real" in cfg.folds else {}
+    tested = {"main": untrained} | {f"folds/{key}": [fold] for key, fold in real.items()}
     folds = one_of("networks", cfg.networks, tested)
     chain, models = metric_settings(cfg), Path(cfg.networks, name)
     choices = {link: getattr(chain, link) for link in ("together", "learning", "trust")}

@@ -258,7 +258,7 @@ STAGES = [
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"name": "lstn", "networks": "main"}, "'name' = 'lstn': choose one of lstm_nogrid, lstm"),
+        ({"name": "lstn", "networks": "main"}, "'name' = 'lstn': choose one of .*lstm_nogrid, lstm"),
         ({"name": "lstm", "networks": "mein"}, "'networks' = 'mein': choose one of main, folds/without_eth"),
     ],
 )
