@@ -106,6 +106,15 @@ def test_frames_of_motion_capture_in_which_nobody_is_seen_take_their_time(tmp_pa
     assert len(found) == 2 * len(wanted)
 
 
+def doubt_of(path, caplog):
+    """What is said of a file that is read, or the error of one that is not."""
+    try:
+        read_file(path)
+    except SourceError as error:
+        return str(error)
+    return caplog.text
+
+
 @pytest.mark.parametrize("write", [write_qtm, write_magni, write_atc])
 @pytest.mark.parametrize(
     ("faster", "named"),
@@ -120,11 +129,7 @@ def test_doubts_about_speeds_name_the_unit_of_the_format(tmp_path, monkeypatch, 
     monkeypatch.setattr("tests.field_formats.PATHS", paths)
     monkeypatch.setattr("tests.field_formats.ROWS", [(k, who, *paths[who][k - 1]) for k, who, *_ in ROWS])
     path = write(tmp_path)
-    try:
-        read_file(path)
-        said = caplog.text
-    except SourceError as error:
-        said = str(error)
+    said = doubt_of(path, caplog)
     assert re.search(named, said)
     assert "metres" not in said
 
@@ -450,11 +455,7 @@ def test_pixels_need_their_size_and_nothing_else_has_one(tmp_path):
 @pytest.mark.parametrize("write", [write_jupedsim, write_archive, write_sumo])
 def test_a_unit_that_cannot_be_given_is_no_remedy(tmp_path, caplog, write, factor, named):
     path = write(tmp_path, [(k, who, factor * x, factor * y) for k, who, x, y in ROWS])
-    try:
-        read_file(path)
-        said = caplog.text
-    except SourceError as error:
-        said = str(error)
+    said = doubt_of(path, caplog)
     assert re.search(named, said)
     assert "ay --unit" not in said
 

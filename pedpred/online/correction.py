@@ -13,7 +13,7 @@ from pedpred.forecasting.chain import Place
 from pedpred.forecasting.detections import Detections
 from pedpred.forecasting.regions import Regions
 from pedpred.forecasting.trust import Trust
-from pedpred.geometry import rotate
+from pedpred.geometry import rotate, rotated_covariance
 from pedpred.online.people import People
 from pedpred.scenes import rule_of
 
@@ -83,7 +83,7 @@ class Correction:
 
     def _of_regions(self, regions: Regions) -> Regions:
         waiting = tuple(
-            one._replace(path=self._places(one.path), covariance=self._matrices(one.covariance))
+            one._replace(path=self._places(one.path), covariance=self._covariances(one.covariance))
             for one in regions.waiting
         )
         known = tuple(map(self._of_detections, regions.detections))
@@ -98,8 +98,5 @@ class Correction:
     def _places(self, places: np.ndarray) -> np.ndarray:
         return self._vectors(places) + self.shift
 
-    def _matrices(self, covariance: np.ndarray) -> np.ndarray:
-        """Turned covariances. [..., 2, 2]."""
-        turn = rotate(np.eye(2), np.float64(self.turn_rad))  # its rows are the turned axes
-        turned: np.ndarray = turn.T @ covariance @ turn
-        return turned
+    def _covariances(self, covariance: np.ndarray) -> np.ndarray:
+        return rotated_covariance(covariance, np.full(len(covariance), self.turn_rad))

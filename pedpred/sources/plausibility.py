@@ -128,8 +128,8 @@ def check_speeds(
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
     sure, doubt = sure or by_format, ""
     likely = _likely_unit(usual_mps, said or "m")
-    if fixed in UNITS and fixed != "m":
-        doubt = f": does the file hold {fixed}, as the format does, and seconds?"
+    if other := _other_than_metres(fixed):
+        doubt = f": does the file hold {other}, as the format does, and seconds?"
     elif by_format or fixed or said:
         doubt = f": are lengths {likely} in place of {said or 'metres'}?"
     if usual_mps > FASTEST_MPS:
@@ -149,9 +149,8 @@ def check_speeds(
         )
         _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
     elif usual_mps < _SLOWEST_MPS:
-        unit = fixed if fixed in UNITS and fixed != "m" else "metres"
         text = "%s: nobody moves faster than %.2g m/s; are lengths %s, times seconds?"
-        _log.warning(text, path, usual_mps, unit)
+        _log.warning(text, path, usual_mps, other or "metres")
 
 
 def _about_speeds(likely: str, said: str | None, fixed: str | None) -> str:
@@ -160,10 +159,10 @@ def _about_speeds(likely: str, said: str | None, fixed: str | None) -> str:
     if said:
         correct = f"correct them if lengths are {likely}, say {_unit(said)} if they are right"
         return f"Titles or comments say that lengths are {said}: {correct}, or correct {rate} or {unit}"
-    if fixed in UNITS and fixed != "m":
+    if other := _other_than_metres(fixed):
         table = f"write a table (time,id,x,y), and give its {worded('unit: --unit', 'unit')}"
         return (
-            f"Lengths of this format are {fixed}: if they are others here, {table}. Or correct ids or times"
+            f"Lengths of this format are {other}: if they are others here, {table}. Or correct ids or times"
         )
     if fixed:
         written = f"write them in metres, or into a table ({_unit(likely)})"
@@ -174,6 +173,11 @@ def _about_speeds(likely: str, said: str | None, fixed: str | None) -> str:
     say = f"Say {_unit(likely)} if lengths are {likely}, {_unit('m')} if they are metres, {pixels}"
     columns = worded("--columns", "table.columns")
     return f"{say}, or correct these, {rate}, {unit} or the order of {columns}"
+
+
+def _other_than_metres(fixed: str | None) -> str | None:
+    """The unit that a format has, if it is a length and not metres."""
+    return fixed if fixed in UNITS and fixed != "m" else None
 
 
 def _unit(unit: str) -> str:
