@@ -128,7 +128,10 @@ def additions():
             "conf/methods/networks.yaml": {"toy:": Instead(f"toy: {json.dumps(NETWORK | READS)}")},
         },
         "metric": {
-            "pedpred/metrics/table.py": {"_DRAWS": inspect.getsource(metric.overshoot), "METRICS:": entry}
+            "pedpred/metrics/table.py": {
+                '"""(predictions': inspect.getsource(metric.overshoot),
+                "METRICS:": entry,
+            }
         },
         "source": {
             "pedpred/sources/toy.py": {"": inspect.getsource(source)},

@@ -4,6 +4,7 @@ import hashlib
 import inspect
 import pickle
 import time
+from collections import Counter
 from pathlib import Path
 
 import dask
@@ -12,6 +13,7 @@ from distributed import LocalCluster
 from joblib import parallel_config
 
 from pedpred import errors
+from pedpred.driving.episodes import DriveSettings
 from pedpred.workers import in_parallel
 from stages.simulate import simulate_into
 from tests.simulated import SETTINGS, short
@@ -71,6 +73,7 @@ def subclasses(kind):
 @pytest.mark.parametrize("kind", subclasses(errors.PedpredError))
 def test_an_error_crosses_the_border_of_a_process(kind):
     arguments = {"path": Path("a.txt"), "tried": {"b": "it is empty"}}
+    arguments |= {"drives": DriveSettings(), "refused": Counter({"nobody comes near": 2})}
     names = list(inspect.signature(kind).parameters) if kind is not errors.PedpredError else []
     error = kind(*(arguments.get(name, name) for name in names))
     other = pickle.loads(pickle.dumps(error))  # noqa: S301
