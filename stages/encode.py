@@ -1,4 +1,4 @@
-"""encode_simulated, encode_real: the frozen encoder's output for every crop that a network is trained on."""
+"""encode_simulated, encode_real, encode_far: the frozen encoder's output for every crop that is trained on."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 import torch
 from omegaconf import DictConfig
 
-from pedpred.config import stage, stage_key
+from pedpred.config import stage
+from pedpred.errors import ConfigError
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.encoding import encode, load_encoder
@@ -29,14 +30,18 @@ def embed_into(out: Path, features: Path, shard: str, made_with: RowFormat, enco
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read data/features/<kind>/<name> and models/autoencoder, write data/embeddings/<kind>/<name>."""
-    name = stage_key(cfg)
+    """Read models/autoencoder and all rows below the folder `rows`, write embeddings to the same places in `out`."""
+    rows, out = Path(cfg.rows), Path(cfg.out)
+    folders = sorted(path.parent for path in rows.rglob("manifest.json"))
+    if not folders:
+        raise ConfigError("rows", cfg.rows, "name a folder that stages.features or the like has written")
     encoder = load_encoder(Path("models/autoencoder"))
-    features = Path("data/features", cfg.kind, name)
-    out = Path(cfg.get("out", f"data/embeddings/{cfg.kind}/{name}"))
-    made_with, shards = read_manifest(features)
-    tasks = [(out, features, shard, made_with, encoder) for shard in shards]
-    in_parallel(embed_into, tasks, f"embeddings of {name}", "scene")
+    tasks = []
+    for features in folders:
+        made_with, shards = read_manifest(features)
+        folder = out / features.relative_to(rows)
+        tasks += [(folder, features, shard, made_with, encoder) for shard in shards]
+    in_parallel(embed_into, tasks, f"embeddings of {rows}", "scene")
 
 
 if __name__ == "__main__":

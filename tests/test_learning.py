@@ -16,10 +16,12 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.models.contract import Loss, detach, mean_over, reset, velocity_distance
 from pedpred.models.lstm.autoencoder import (
     GridAutoencoder,
+    GridEncoder,
     intersection_over_union,
     read_autoencoder,
     reconstruction_loss,
 )
+from pedpred.models.lstm.encoding import encode
 from pedpred.models.registry import load_network, parse_settings, plain_settings
 from pedpred.models.rolling import rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
@@ -340,6 +342,17 @@ def test_an_auto_encoder_on_disk_knows_whether_it_is_tied(tmp_path, tied):
     with torch.no_grad():
         other.encoder.conv1.weight.zero_()
     assert bool((other(crops) == 0).all()) == tied
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.lists(st.integers(0, 5), max_size=30))
+def test_a_crop_has_the_same_embedding_whatever_it_is_encoded_with(which):
+    encoder = GridEncoder(16)
+    different = np.random.default_rng(0).integers(0, 256, (6, 2 * 32), dtype=np.uint8)[
+        :, ::2
+    ]  # not contiguous
+    alone = np.concatenate([encode(encoder, crop[None]) for crop in different])
+    np.testing.assert_allclose(encode(encoder, different[which]), alone[which], rtol=1e-5, atol=1e-6)
 
 
 def test_autoencoder_learns_and_repeats():

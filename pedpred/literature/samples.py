@@ -52,10 +52,12 @@ def even_draws(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @compiled
 def _cover(path, root, upto, share, noise, rounds, chosen):  # pragma: no cover (compiled)
-    """Lloyd's algorithm per window. Writes into `chosen`."""
+    """Lloyd's algorithm per window, until nothing changes. Writes into `chosen`."""
     draws, (count, steps) = len(share), chosen.shape[1:3]
     paths = np.empty((draws, steps, 2))
     nearest = np.empty(draws, np.int64)
+    centres = np.empty((steps, 2, count))  # centres last: distances to all of them at once
+    away = np.empty(count)
     for w in range(len(path)):
         for d in range(draws):
             k = 0
@@ -66,28 +68,33 @@ def _cover(path, root, upto, share, noise, rounds, chosen):  # pragma: no cover 
                     paths[d, p, axis] = path[w, k, p, axis]
                     for other in range(axis + 1):
                         paths[d, p, axis] += root[w, k, p, axis, other] * noise[d, other]
-        centres = chosen[w]
         for c in range(count):
-            centres[c] = paths[c * draws // count]
+            chosen[w, c] = paths[c * draws // count]
+        nearest[:] = -1
         for _ in range(rounds):
+            for c in range(count):
+                for p in range(steps):
+                    centres[p, 0, c], centres[p, 1, c] = chosen[w, c, p]
+            changed = False
             for d in range(draws):
-                least = np.inf
-                for c in range(count):
-                    away = 0.0
-                    for p in range(steps):
-                        x, y = paths[d, p, 0] - centres[c, p, 0], paths[d, p, 1] - centres[c, p, 1]
-                        away += np.sqrt(x * x + y * y)
-                        if away >= least:
-                            break
-                    if away < least:
-                        least, nearest[d] = away, c
+                away[:] = 0.0
+                for p in range(steps):
+                    x, y = paths[d, p]
+                    for c in range(count):
+                        dx, dy = x - centres[p, 0, c], y - centres[p, 1, c]
+                        away[c] += np.sqrt(dx * dx + dy * dy)
+                least = away.argmin()
+                changed |= least != nearest[d]
+                nearest[d] = least
+            if not changed:
+                break
             for c in range(count):
                 taken = 0
                 for d in range(draws):
                     if nearest[d] == c:
                         if taken == 0:
-                            centres[c] = 0.0
+                            chosen[w, c] = 0.0
                         taken += 1
-                        centres[c] += paths[d]
+                        chosen[w, c] += paths[d]
                 if taken > 0:
-                    centres[c] /= taken
+                    chosen[w, c] /= taken

@@ -93,13 +93,11 @@ class NetworkForecaster:
     def _inputs(
         self, request: ForecastRequest, instants: list[tuple[np.ndarray, np.ndarray]]
     ) -> list[Tensors]:
-        """The network's inputs at some lists of rows and times; equal crops are encoded once."""
+        """The network's inputs at some lists of rows and times."""
         stored = [request.inputs(self.features, row, time_s) for row, time_s in instants]
         channels = [self.features.channels(columns) for columns in stored]
         if self.encoder is not None:
-            crops = np.concatenate([columns["occupancy"] for columns in stored])
-            different, index = np.unique(crops, axis=0, return_inverse=True)
-            embedded = encode(self.encoder, different)[index.ravel()]
+            embedded = encode(self.encoder, np.concatenate([columns["occupancy"] for columns in stored]))
             parts = np.split(embedded, np.cumsum([len(row) for row, _ in instants])[:-1])
             for columns, part in zip(channels, parts, strict=True):
                 columns[EMBEDDED] = part
