@@ -1,4 +1,4 @@
-"""encode_simulated, encode_real, encode_far: the frozen encoder's output for every crop that is trained on."""
+"""encode_simulated, encode_real, encode_far: the frozen encoder's output for all crops to train on."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def embed_into(out: Path, features: Path, shard: str, made_with: RowFormat, enco
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Read models/autoencoder and all rows below the folder `rows`, write embeddings to the same places in `out`."""
+    """Read models/autoencoder and all rows below the folder `rows`, write their embeddings below `out`."""
     rows, out = Path(cfg.rows), Path(cfg.out)
     folders = sorted(path.parent for path in rows.rglob("manifest.json"))
     if not folders:
