@@ -12,7 +12,7 @@ from typing import Any
 
 import pedpred
 from pedpred import command as package
-from pedpred.command.conversion import convert, info, layout_of, refuse_overwriting, stem_of
+from pedpred.command.conversion import convert, info, refuse_overwriting, stem_of, written_to
 from pedpred.command.driving import check_drive, drive
 from pedpred.command.evaluation import evaluate
 from pedpred.command.field_protocol import PROTOCOL
@@ -57,8 +57,8 @@ def parser() -> argparse.ArgumentParser:
     _model(command, _TRACKER)
     grid = "also write the predicted occupancy of every step, in cells of this size, m"
     command.add_argument("--grid", type=_number(float, 0.01, 10.0), metavar="M", help=grid)
-    noise = "standard deviation of a detection's coordinate, which ellipses are not to include, m (default 0)"
-    command.add_argument("--detection-noise-m", type=_number(float, 0.0, 10.0), default=0.0, help=noise)
+    noise = "standard deviation of a detection's coordinate, which ellipses are not to include, m"
+    _add_number(command.add_argument, "--detection-noise-m", _number(float, 0.0, 10.0), 0.0, noise)
     command = _add(commands, evaluate, scenes="+")
     _model(command, f"{_TRACKER}; or `tune`: fit it to the recording itself")
     _conditions(command)
@@ -95,18 +95,14 @@ def check(arguments: argparse.Namespace) -> None:
     if arguments.action is predict and arguments.output is None:
         arguments.output = Path(f"{stem_of(arguments.scene)}_forecasts.mcap")
     if output := getattr(arguments, "output", None):
-        recording = output.suffix == ".mcap"
-        _check_output(output, inputs, folder=arguments.action is convert and not recording)
-        if recording:
-            _check_output(layout_of(output), inputs)
+        for path in written_to(output):
+            _check_output(path, inputs, folder=arguments.action is convert and output.suffix != ".mcap")
         refuse_overwriting(output, arguments.force)
     if arguments.action is drive:
         check_drive(arguments)
-        outputs = [arguments.table, arguments.curves, arguments.record]
-        if arguments.record is not None and arguments.record.suffix == ".mcap":
-            outputs.append(layout_of(arguments.record))
-        for output in filter(None, outputs):
-            _check_output(output, inputs)
+        recorded = () if arguments.record is None else written_to(arguments.record)
+        for path in filter(None, (arguments.table, arguments.curves, *recorded)):
+            _check_output(path, inputs)
         if arguments.record is not None:
             refuse_overwriting(arguments.record, arguments.force)
     if figures := getattr(arguments, "json", None):
@@ -154,6 +150,13 @@ def _number(kind: type, least: float, most: float) -> Callable[[str], float]:
         return value
 
     return number
+
+
+def _add_number(
+    add: Callable[..., object], name: str, number: Callable[[str], float], usual: float, what: str
+) -> None:
+    """Add an option that is a number; its help says what it is, and its usual value."""
+    add(name, type=number, default=usual, help=f"{what} (default {usual:g})")
 
 
 def _named(text: str) -> tuple[str, Path]:
@@ -244,15 +247,12 @@ def _conditions(command: argparse.ArgumentParser) -> None:
 
 def _measures(command: argparse.ArgumentParser) -> None:
     command.add_argument("--json", type=named_path, help="write all figures there")
-    usual = EvaluationSettings()
-    slow = f"slower pedestrians count as standing, m/s (default {usual.moving_mps:g})"
-    speed, near_m = _number(float, 1e-6, 1e6), _number(float, 1e-6, 1e6)
-    command.add_argument("--moving-mps", type=speed, default=usual.moving_mps, help=slow)
-    near = f"forecast paths nearer than this collide, m (default {usual.collision_m:g})"
-    command.add_argument("--collision-m", type=near_m, default=usual.collision_m, help=near)
-    samples, seed = _number(int, 1, 100_000), _number(int, 0, 2**63)
-    command.add_argument("--samples", type=samples, default=1000, help="bootstrap replicates (default 1000)")
-    command.add_argument("--seed", type=seed, default=0, help="of the bootstrap (default 0)")
+    add, usual, positive = command.add_argument, EvaluationSettings(), _number(float, 1e-6, 1e6)
+    _add_number(add, "--moving-mps", positive, usual.moving_mps, "slower pedestrians count as standing, m/s")
+    near = "forecast paths nearer than this collide, m"
+    _add_number(add, "--collision-m", positive, usual.collision_m, near)
+    _add_number(add, "--samples", _number(int, 1, 100_000), 1000, "bootstrap replicates")
+    _add_number(add, "--seed", _number(int, 0, 2**63), 0, "of the bootstrap")
 
 
 def _drives(command: argparse.ArgumentParser) -> None:
@@ -265,33 +265,25 @@ def _drives(command: argparse.ArgumentParser) -> None:
     table = "drives are kept there, and not repeated (default: NAME_drives.csv in the current folder)"
     of_tables = _about(command, "tables")
     of_tables("--table", type=named_path, metavar="CSV", help=table)
-    of_tables("--episodes", type=_number(int, 1, 1e6), default=100, help="number (default 100)")
+    _add_number(of_tables, "--episodes", _number(int, 1, 1e6), 100, "number")
     command.add_argument("--method", choices=NAMES, action="append", help="may be repeated (default: all)")
     limit = "limits of the probability to overlap somebody, one or several (default 0.02 0.05 0.1 0.2 0.4)"
     rate = _number(float, 0.0, 0.99)
     command.add_argument("--risk", type=rate, action="extend", nargs="+", metavar="P", help=limit)
-    seed = "of episodes and sensor (default 0)"
-    command.add_argument("--seed", type=_number(int, 0, 2**63), default=0, help=seed)
+    _add_number(command.add_argument, "--seed", _number(int, 0, 2**63), 0, "of episodes and sensor")
     add_model(command)
     other = "also drive with all modes of this model folder, under this name in the table; may be repeated"
     command.add_argument("--compare", type=_named, action="append", metavar="NAME=FOLDER", help=other)
-    robot, sensor = Robot(), SensorSettings()
-    command.add_argument("--robot", choices=KINDS, default=robot.kind, help=f"(default {robot.kind})")
-    length = _number(float, 0.05, 10.0)
-    radius = f"of the robot, m (default {robot.radius_m:g})"
-    command.add_argument("--radius-m", type=length, default=robot.radius_m, help=radius)
-    speed = f"its largest speed, m/s (default {robot.speed_mps:g})"
-    command.add_argument("--speed-mps", type=length, default=robot.speed_mps, help=speed)
-    reach = f"of its sensor, m (default {sensor.range_m:g})"
-    command.add_argument("--range-m", type=_number(float, 0.1, 1000.0), default=sensor.range_m, help=reach)
-    view = "field of view, degrees (default 360)"
-    command.add_argument("--view-deg", type=_number(float, 1.0, 360.0), default=360.0, help=view)
-    noise = f"standard deviation of a detection's coordinate, m (default {sensor.noise_m:g})"
-    command.add_argument("--noise-m", type=_number(float, 0.0, 10.0), default=sensor.noise_m, help=noise)
-    missed = f"share of missing detections (default {sensor.missed:g})"
-    command.add_argument("--missed", type=_number(float, 0.0, 0.99), default=sensor.missed, help=missed)
-    processes = "worker processes (default 1)"
-    of_tables("--processes", type=_number(int, 1, 1000), default=1, help=processes)
+    robot, sensor, add = Robot(), SensorSettings(), command.add_argument
+    add("--robot", choices=KINDS, default=robot.kind, help=f"(default {robot.kind})")
+    length, noise = _number(float, 0.05, 10.0), "standard deviation of a detection's coordinate, m"
+    _add_number(add, "--radius-m", length, robot.radius_m, "of the robot, m")
+    _add_number(add, "--speed-mps", length, robot.speed_mps, "its largest speed, m/s")
+    _add_number(add, "--range-m", _number(float, 0.1, 1000.0), sensor.range_m, "of its sensor, m")
+    _add_number(add, "--view-deg", _number(float, 1.0, 360.0), 360.0, "field of view, degrees")
+    _add_number(add, "--noise-m", _number(float, 0.0, 10.0), sensor.noise_m, noise)
+    _add_number(add, "--missed", _number(float, 0.0, 0.99), sensor.missed, "share of missing detections")
+    _add_number(of_tables, "--processes", _number(int, 1, 1000), 1, "worker processes")
     picture = "draw collisions over the time to the goal there, a curve for each method"
     of_tables("--curves", type=named_path, metavar="NAME.png", help=picture)
     record = "write one episode instead: of one method (default: modes) as MCAP, or a picture of several"

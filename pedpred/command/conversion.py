@@ -70,9 +70,8 @@ def convert(arguments: argparse.Namespace) -> None:
         raise ValueRuleError(
             "output", str(arguments.output), "a name ends in .mcap, or has no dot, as that of a scene folder"
         )
-    refuse_overwriting(arguments.output, arguments.force)
     scene = read_given(arguments)
-    if arguments.scene.is_file() and not _is_named(arguments.scene):
+    if _is_tracks(arguments.scene):
         scene = replace(scene, name=arguments.output.stem)
     _log.info("%s: %s", scene.name, placement(scene.trajectories.position, scene.occupancy))
     if arguments.output.suffix == ".mcap":
@@ -121,8 +120,7 @@ def _options(arguments: argparse.Namespace) -> PictureOptions:
         options = PictureOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
     if arguments.homography is None:
         return options
-    is_tracks = not arguments.scene.is_dir() and not _is_named(arguments.scene)
-    if not is_tracks or not format_of(arguments.scene, options).pixels:
+    if not _is_tracks(arguments.scene) or not format_of(arguments.scene, options).pixels:
         rule = f"the positions in {arguments.scene} are not pixels"
         raise ValueRuleError("--homography", str(arguments.homography), rule)
     with _with_options_for_fields():
@@ -143,20 +141,18 @@ def _kind(arguments: argparse.Namespace) -> str:
     """The format as which the scene was read."""
     if arguments.scene.is_dir() and not is_bag(arguments.scene):
         return "scene folder"
-    if not _is_named(arguments.scene):
+    if _is_tracks(arguments.scene):
         return format_of(arguments.scene, _options(arguments)).name
     return (
         "ROS bag" if _is_foreign(arguments.scene) or arguments.topic is not None else "recording of pedpred"
     )
 
 
-def _is_named(path: Path) -> bool:
-    """Whether a file is a recording or a bag, which have names of their own."""
-    return (
-        is_bag(path)
-        or path.suffix == ".mcap"
-        or (path.is_file() and Beginning.of(path).raw.startswith(MCAP0_MAGIC))
-    )
+def _is_tracks(path: Path) -> bool:
+    """Whether a path is a file of tracks; recordings and bags are none, and have names of their own."""
+    if path.is_dir() or is_bag(path) or path.suffix == ".mcap":
+        return False
+    return not (path.is_file() and Beginning.of(path).raw.startswith(MCAP0_MAGIC))
 
 
 def _is_foreign(path: Path) -> bool:
@@ -170,7 +166,7 @@ def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
     if arguments.map is not None and is_geometry(arguments.map):
         return read_ground(arguments.map, read_walls(arguments.map), CELL_M, WALL_M, edges, _OPEN_END_M)
     inside = None
-    if edges and arguments.map is None and arguments.scene.is_file() and not _is_named(arguments.scene):
+    if edges and arguments.map is None and _is_tracks(arguments.scene):
         inside = format_of(arguments.scene, _options(arguments)).walls(arguments.scene)
     if inside is not None:
         return read_ground(arguments.scene, inside, CELL_M, WALL_M, edges, _OPEN_END_M)
@@ -183,7 +179,7 @@ def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
 def _on_map_beside(scene: Scene, path: Path) -> Scene:
     """A scene without obstacles, on the map of the map.yaml beside its file if there is one."""
     beside = path.with_name(_MAP_BESIDE)
-    if not path.is_file() or _is_named(path) or not beside.exists():
+    if not _is_tracks(path) or not beside.exists():
         return scene
     ground = map_at(beside)
     if placement(scene.trajectories.position, ground).outside > _MOST_OUTSIDE:
@@ -203,9 +199,14 @@ def layout_of(recording: Path) -> Path:
     return recording.with_suffix(".foxglove.json")
 
 
+def written_to(path: Path) -> list[Path]:
+    """What is written for an output: a layout for Foxglove beside a recording, too."""
+    return [path, layout_of(path)] if path.suffix == ".mcap" else [path]
+
+
 def refuse_overwriting(path: Path, force: bool) -> None:
-    """End the command if an output, or the layout beside a recording, exists and `--force` is not given."""
-    for output in (path, layout_of(path)) if path.suffix == ".mcap" else (path,):
+    """End the command if something is there that would be written, and `--force` is not given."""
+    for output in written_to(path):
         if (output.exists() or output.is_symlink()) and not force:
             sys.exit(f"{output} is there already; --force replaces it")
 
@@ -245,7 +246,7 @@ def read_any(
         ValueRuleError: an option has no meaning for the format.
     """
     options = options or TableOptions()
-    is_tracks = not path.is_dir() and not _is_named(path)
+    is_tracks = _is_tracks(path)
     if is_tracks or (path.is_dir() and not is_bag(path)):
         for name, value in {"--topic": topic, "--map-topic": map_topic}.items():
             if value:
