@@ -352,7 +352,8 @@ def test_wrong_predictions_of_trajnet_are_refused_with_the_reason(text, message,
 
 
 def test_times_that_are_no_seconds_are_refused_before_a_replay(tmp_path, model, monkeypatch):
-    monkeypatch.setattr("pedpred.command.prediction.replay_scene", lambda *given: pytest.fail("replay"))
+    replay = "pedpred.command.prediction.replay_with_progress"
+    monkeypatch.setattr(replay, lambda *given: pytest.fail("replay"))
     (tmp_path / "walk.csv").write_text("time,id,x,y\n" + "".join(f"{400 * k},1,{k},0\n" for k in range(9)))
     with pytest.raises(SystemExit, match="looks like milliseconds"):
         main(

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import argparse
 import logging
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-
-import numpy as np
-from tqdm import tqdm
 
 from pedpred.command.conversion import layout_of, read_given
 from pedpred.command.forecast_tables import SUFFIXES, write_forecasts
@@ -17,11 +13,11 @@ from pedpred.errors import StorageError, ValueRuleError
 from pedpred.fields import parsed
 from pedpred.files import read_yaml, translate_errors
 from pedpred.online import OnlinePredictor, OnlineSettings
-from pedpred.online.replay import as_windows, replay_scene
+from pedpred.online.replay import as_windows, replay_with_progress
 from pedpred.online.settings import MOST_PEOPLE
 from pedpred.ros import check_recordable, write_recording
 from pedpred.ros.foxglove import write_layout
-from pedpred.scenes import Forecast, Scene
+from pedpred.scenes import Scene
 from pedpred.tables.names import TrackNames
 from pedpred.tracking import KalmanSettings
 
@@ -46,7 +42,7 @@ def predict(arguments: argparse.Namespace) -> None:
     predictor = robot_for(scene, arguments.model, tracker, arguments.detection_noise_m, arguments.trust)
     if not is_table:
         check_recordable(scene, predictor.protocol.horizon_steps, arguments.grid)
-    windows = as_windows(scene, _with_progress(scene, predictor), _METHOD, predictor.protocol)
+    windows = as_windows(scene, replay_with_progress(scene, predictor), _METHOD, predictor.protocol)
     if is_table:
         write_forecasts(windows, _METHOD, arguments.output, names)
         _log.info("%s: forecasts in %s", scene.name, arguments.output)
@@ -95,9 +91,3 @@ def read_tracker(path: Path) -> KalmanSettings:
     with translate_errors(wording):
         settings: KalmanSettings = parsed(KalmanSettings, plain)
         return settings
-
-
-def _with_progress(scene: Scene, predictor: OnlinePredictor) -> Iterator[Forecast]:
-    """Yield the forecasts of a replay, with a progress bar."""
-    frames = len(np.unique(scene.trajectories.time_s))
-    yield from tqdm(replay_scene(scene, predictor), total=frames, desc=f"replay {scene.name}", unit="frame")

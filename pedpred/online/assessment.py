@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from tqdm import tqdm
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.errors import ValueRuleError
@@ -19,7 +18,7 @@ from pedpred.forecasting.chain import instant_blocks
 from pedpred.metrics import METRICS, Metric
 from pedpred.online.batch import predictions_in_blocks
 from pedpred.online.predictor import OnlinePredictor
-from pedpred.online.replay import predictions_at, replay_scene
+from pedpred.online.replay import predictions_at, replay_with_progress
 from pedpred.scenes import Forecast, Predictions, Scene
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -116,9 +115,7 @@ def _replayed(
     seen: Scene, predictor: OnlinePredictor, request: ForecastRequest
 ) -> Iterator[tuple[np.ndarray, Predictions]]:
     """Forecasts of a network with memory, frame by frame; see `predictions_in_blocks`."""
-    frames = len(np.unique(seen.trajectories.time_s))
-    replay = tqdm(replay_scene(seen, predictor), total=frames, desc=f"replay {seen.name}", unit="frame")
-    forecasts, sizes = iter(replay), request.sizes
+    forecasts, sizes = replay_with_progress(seen, predictor), request.sizes
     track_id, time_s = (getattr(request.table, name)[request.rows] for name in ("track_id", "time_s"))
     order = np.argsort(time_s, kind="stable")
     for begin, end in instant_blocks(time_s[order]):

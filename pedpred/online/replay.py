@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+from tqdm import tqdm
 
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.features import ForecastProtocol
@@ -27,12 +28,17 @@ def replay_scene(
     predictor.reset()
     predictor.set_map(scene.occupancy)
     trajectories = scene.trajectories
+    velocity = trajectories.velocity if true_velocities else None
     instants, first = np.unique(trajectories.time_s, return_index=True)
     for now, rows in zip(instants, np.split(np.arange(len(trajectories)), first[1:]), strict=True):
-        velocity = (
-            trajectories.velocity[rows] if true_velocities and trajectories.velocity is not None else None
-        )
-        yield predictor.update(float(now), trajectories.track_id[rows], trajectories.position[rows], velocity)
+        true = None if velocity is None else velocity[rows]
+        yield predictor.update(float(now), trajectories.track_id[rows], trajectories.position[rows], true)
+
+
+def replay_with_progress(scene: Scene, predictor: OnlinePredictor) -> Iterator[Forecast]:
+    """Yield the forecasts of `replay_scene`, with a progress bar."""
+    frames = len(np.unique(scene.trajectories.time_s))
+    yield from tqdm(replay_scene(scene, predictor), total=frames, desc=f"replay {scene.name}", unit="frame")
 
 
 def predictions_at(
