@@ -17,7 +17,7 @@ import numpy as np
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.conversion import read_given
 from pedpred.command.field_protocol import assess_windows, field_table
-from pedpred.command.foreign import ForeignForecasts, by_name, names_of_files, read_forecasts, steps_of_tables
+from pedpred.command.foreign import ForeignForecasts, names_of_files, read_forecasts, steps_of_tables
 from pedpred.command.prediction import read_tracker, robot_for
 from pedpred.command.tables import SHOWN, caution, remark, table, verdict
 from pedpred.errors import ValueRuleError
@@ -53,7 +53,9 @@ def evaluate(arguments: argparse.Namespace) -> None:
     )
     tracker = read_tracker(arguments.tracker) if isinstance(arguments.tracker, Path) else arguments.tracker
     steps_s = steps_of_tables(arguments.forecasts, arguments.step_s)
-    foreign = by_name([read_forecasts(path, steps_s.get(path)) for path in arguments.forecasts], ALWAYS)
+    others = [read_forecasts(path, steps_s.get(path)) for path in arguments.forecasts]
+    names_of_others = names_of_files([(one.source.stem, one.source) for one in others], taken=ALWAYS)
+    foreign = dict(zip(names_of_others, others, strict=True))
     each: list[tuple[str, Path, dict[str, Scores], Placement]] = []
     for path in arguments.scene:
         one = copy.copy(arguments)

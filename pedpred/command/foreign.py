@@ -137,20 +137,6 @@ class ForeignForecasts:
         return rows
 
 
-def by_name(forecasts: Sequence[ForeignForecasts], taken: Collection[str]) -> dict[str, ForeignForecasts]:
-    """Name forecasts after their files; where a name is taken or appears twice, with the file's path.
-
-    Args:
-        forecasts: of different files.
-        taken: names of other methods.
-
-    Raises:
-        ValueRuleError: two files still have one name.
-    """
-    names = names_of_files([(one.source.stem, one.source) for one in forecasts], taken)
-    return dict(zip(names, forecasts, strict=True))
-
-
 def steps_of_tables(files: Sequence[Path], steps_s: Sequence[float]) -> dict[Path, float]:
     """Say what is the time between two steps of each table of forecasts; of others, files tell it.
 
