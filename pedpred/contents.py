@@ -12,6 +12,11 @@ import numpy as np
 
 _MODULES = ("math", "numpy")
 """Modules that loops may read: what is in them changes with a version of Python or numpy only."""
+_CODE = (
+    *("co_code", "co_exceptiontable", "co_flags", "co_argcount", "co_kwonlyargcount"),
+    *("co_names", "co_varnames", "co_freevars", "co_cellvars"),
+)
+"""What of a function's code counts besides its constants; Python 3.10 has no table of exceptions."""
 _PLAIN = (int, float, complex, str, bytes, bool, type(None), type(Ellipsis), np.generic)
 _FIRST: dict[FunctionType, Any] = {}
 """What each loop was when it was first asked for; compiled code may contain that from then on."""
@@ -69,17 +74,7 @@ def _code(code: CodeType, documentation: str | None = None) -> tuple[Any, ...]:
     consts = list(code.co_consts)
     if documentation is not None and consts[:1] == [documentation]:
         consts[0] = ""
-    return (
-        *(
-            code.co_code,
-            getattr(code, "co_exceptiontable", b""),
-            code.co_flags,
-            code.co_argcount,
-            code.co_kwonlyargcount,
-        ),
-        *(code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars),
-        [_value(const, code.co_name) for const in consts],
-    )
+    return *(getattr(code, part, b"") for part in _CODE), [_value(const, code.co_name) for const in consts]
 
 
 def _value(value: Any, where: str) -> Any:

@@ -56,22 +56,21 @@ def parsed(kind: type, plain: Any, path: str = "") -> Any:
         raise ValueRuleError(field_path(path, cause.field), cause.value, cause.rule) from cause
 
 
-def parsed_together(kinds: Sequence[type], plain: Any, path: str = "") -> list[Any]:
+def parsed_together(kinds: Sequence[type], plain: Any) -> list[Any]:
     """Make several dataclasses from one dictionary that holds the fields of all of them.
 
     Args:
         kinds: dataclasses whose fields have different names; see `parsed`.
         plain: field name -> value.
-        path: as in `parsed`.
 
     Raises:
         ValueRuleError: a field is unknown to all of them, missing or breaks its rule.
     """
     fields_of = [[field.name for field in fields(kind)] for kind in kinds]
     known = [name for names in fields_of for name in names]
-    check_names(known, plain, path, f"the fields are {', '.join(known)}")
+    check_names(known, plain, "", f"the fields are {', '.join(known)}")
     parts = ({name: plain[name] for name in names if name in plain} for names in fields_of)
-    return [parsed(kind, part, path) for kind, part in zip(kinds, parts, strict=True)]
+    return [parsed(kind, part) for kind, part in zip(kinds, parts, strict=True)]
 
 
 def parsed_each(kind: type, plain: Any, path: str = "") -> dict[str, Any]:

@@ -12,7 +12,7 @@ from pedpred.evaluation import EvaluationSettings, Scores, summarise_methods
 from pedpred.metrics import METRICS
 from pedpred.scenes import Placement
 
-SHOWN = (*("ade_m", "fde_m", "moving_ade_m", "standing_ade_m", "nll", "obstacle_share", "collision_share"),)
+SHOWN = ("ade_m", "fde_m", "moving_ade_m", "standing_ade_m", "nll", "obstacle_share", "collision_share")
 """Metrics in the table, in its order."""
 _NOISY = 2.0
 """Constant velocity errs more than the Kalman filter by this factor where steps are noise."""

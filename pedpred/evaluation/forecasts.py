@@ -129,10 +129,10 @@ def read_windows(path: Path) -> EvaluationWindows:
             name: () for field in _PLAIN for name in PAIRS.get(field, (field,))
         }
         shapes |= {name: (-1,) for name in _GRIDS if name in types} | {"truth": (steps, 2)}
-        for method in (name.removeprefix(_POINT) for name in types if name.startswith(_POINT)):
+        methods = [name.removeprefix(_POINT) for name in types if name.startswith(_POINT)]
+        for method in methods:
             shapes |= _prediction_shapes(method, modes.get(method, 1), steps, types)
         columns = join_pairs(read_columns(path, shapes))
-        methods = [name.removeprefix(_POINT) for name in columns if name.startswith(_POINT)]
         plain: dict[str, Any] = {name: columns[name] for name in _PLAIN}
         return EvaluationWindows(
             **plain,
