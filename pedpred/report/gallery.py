@@ -78,9 +78,8 @@ def draw_gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     if unknown:
         raise ValueRuleError("forecasts of scene", unknown[0], f"only {sorted(scenes)} are known")
     horizons, snapshots = [], []
-    shared: dict[
-        str, dict[str, EvaluationWindows]
-    ] = {}  # places without a camera picture share their instants
+    # places without a camera picture share their instants
+    shared: dict[str, dict[str, EvaluationWindows]] = {}
     for result in results:
         suffix = f"_{result.name}" if len(results) > 1 else ""
         recorded = {name: windows[name] for name in tested[result.name] if name in windows}

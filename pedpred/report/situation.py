@@ -113,6 +113,12 @@ def _with_present(windows: EvaluationWindows, paths: np.ndarray, rows: np.ndarra
     return np.concatenate([windows.position[rows, None], paths], axis=1)
 
 
+def drawn_points(windows: EvaluationWindows, rows: np.ndarray, methods: Sequence[Method]) -> np.ndarray:
+    """The present, the true path and the point forecasts of some windows, world frame, m: [n, points, 2]."""
+    paths = [windows.truth, *(windows.predictions[method.key].point for method in methods)]
+    return _with_present(windows, np.concatenate([path[rows] for path in paths], axis=1), rows)
+
+
 def _draw_person(axes: Axes, ends: np.ndarray, name: str, focus: bool) -> None:
     """A circle at the start of the arrow `ends` ([2, 2], in the axes' coordinates)."""
     style: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 9, "shrinkA": 0, "shrinkB": 0}

@@ -16,7 +16,7 @@ from pedpred.report.canvas import FAINT, INK, OBSTACLE, blank, styled
 from pedpred.report.instants import Instant
 from pedpred.report.methods import Method, Methods
 from pedpred.report.plan import draw_ground, extent_around, obstacle_image, quarter_turns_of, turn_points
-from pedpred.report.situation import draw_situation, legend_handles
+from pedpred.report.situation import draw_situation, drawn_points, legend_handles
 from pedpred.scenes import Scene
 
 _PERSON = "#D55E00"
@@ -107,8 +107,7 @@ def _draw_plan(
     axes: Axes, scene: Scene, windows: EvaluationWindows, instant: Instant, shown: Sequence[Method]
 ) -> None:
     turns, rows = quarter_turns_of(scene.camera), instant.rows
-    paths = [windows.truth, *(windows.predictions[method.key].point for method in shown)]
-    people = np.concatenate([windows.position[rows, None], *(path[rows] for path in paths)], axis=1)
+    people = drawn_points(windows, rows, shown)
     _, whole = obstacle_image(scene.occupancy, turns)
     draw_ground(axes, scene.occupancy, turns, extent_around(turn_points(people, turns), _MARGIN_M, whole))
     draw_situation(axes, scene, windows, instant, shown, lambda points: turn_points(points, turns))

@@ -17,7 +17,7 @@ from pedpred.report.instants import Instant
 from pedpred.report.measures import Figures, Result
 from pedpred.report.methods import Method, Methods
 from pedpred.report.plan import draw_ground
-from pedpred.report.situation import draw_situation, legend_handles, reading_of_modes
+from pedpred.report.situation import draw_situation, drawn_points, legend_handles, reading_of_modes
 from pedpred.scenes import Scene
 
 RANKS = (0.1, 0.35, 0.65, 0.9)
@@ -42,9 +42,7 @@ def wall_windows(windows: EvaluationWindows, scene: Scene, methods: Methods) -> 
     _, first = np.unique(windows.track_id[order], return_index=True)
     rows = order[first][share[order[first]] > 0]
     rows = rows[np.argsort(windows.ade_m(methods.main.key)[rows], kind="stable")]
-    return (
-        rows[np.unique(np.round(np.array(RANKS) * max(len(rows) - 1, 0)).astype(int))] if len(rows) else rows
-    )
+    return rows[np.unique(np.round(np.array(RANKS) * (len(rows) - 1)).astype(int))] if len(rows) else rows
 
 
 def wall_caption(scene: Scene, windows: EvaluationWindows, methods: Methods) -> str:
@@ -63,8 +61,7 @@ def wall_caption(scene: Scene, windows: EvaluationWindows, methods: Methods) -> 
 def wall_figure(scene: Scene, windows: EvaluationWindows, rows: np.ndarray, methods: Methods) -> Figure:
     """Draw windows side by side at one scale: the main method's forecast, the straight one and the truth."""
     shown = (methods.main, methods.simple[0])
-    paths = [windows.truth, *(windows.predictions[method.key].point for method in shown)]
-    points = np.concatenate([windows.position[rows, None], *(path[rows] for path in paths)], axis=1)
+    points = drawn_points(windows, rows, shown)
     middle = (points.min(axis=1) + points.max(axis=1)) / 2
     half_m = np.ptp(points, axis=1).max() / 2 + _MARGIN_M
     figure = blank(2.7 * len(rows), 3.4)
@@ -146,7 +143,8 @@ def gains_figure(gained: Sequence[Gain], methods: Methods) -> Figure:
     main, straight = methods.main.label, methods.simple[0].label
     axes.set_xscale("symlog", linthresh=0.1)
     axes.set_yscale("log")
-    ticks = [tick for tick in (0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0) if _within(tick, axes.get_ylim())]
+    low, high = axes.get_ylim()
+    ticks = [tick for tick in (0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0) if low <= tick <= high]
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_yticks([], minor=True)
     axes.set(xlabel=f"points of {straight} in obstacles [%]", ylabel=f"ADE {main} / best simple method")
@@ -168,7 +166,3 @@ def _draw_names(axes: Axes, gained: Sequence[Gain]) -> None:
         names = "\n".join(gain.name for gain in of_share[share])
         at = (100 * share, max(gain.bounds[1] for gain in of_share[share]))
         axes.annotate(names, at, (0, 4), textcoords="offset points", ha=side, fontsize=8, linespacing=1.0)
-
-
-def _within(value: float, bounds: tuple[float, float]) -> bool:
-    return bounds[0] <= value <= bounds[1]
