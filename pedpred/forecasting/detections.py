@@ -65,7 +65,7 @@ class Detections:
             Positions, NaN between detections too far apart [Q, 2]; their variance in units of a detection's
             [Q].
         """
-        return _at(*self._rows_of(person), self.time_s, self.position, time_s)
+        return _at(*self.rows_of(person), self.time_s, self.position, time_s)
 
     def lines(self, person: np.ndarray, time_s: float, spans_s: np.ndarray) -> Lines:
         """Fit lines to the latest detections of some tracks.
@@ -75,14 +75,14 @@ class Detections:
             time_s: when the lines give a position, s.
             spans_s: how long before the last detection those begin that a line is fitted to, s. [L]
         """
-        begin, end = self._rows_of(person)
+        begin, end = self.rows_of(person)
         some = end > begin
         followed_s = np.zeros(len(person))
         followed_s[some] = self.time_s[end[some] - 1] - self.time_s[begin[some]]
         position, velocity = _lines(begin, end, self.time_s, self.position, time_s, spans_s)
         return Lines(position, velocity, followed_s, end - begin)
 
-    def _rows_of(self, person: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def rows_of(self, person: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First row and end of the detections of some tracks. [Q] each."""
         begin, end = (np.searchsorted(self.person, person, side) for side in ("left", "right"))
         return begin, end

@@ -150,7 +150,7 @@ class Regions:
         known = Detections.join(parts)
         here = self._compared(time_s, known)
         scaled = here.scaled(forecasts)
-        first, end = (np.searchsorted(known.person, person, side) for side in ("left", "right"))
+        first, end = known.rows_of(person)
         rows = np.flatnonzero(seen & (end - first >= KNOWN))
         here = here._keeping(time_s, person[rows], rows, scaled)
         return replace(here, looked_s=time_s, detections=(known.since(time_s - LATELY_S),)), scaled

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -74,13 +74,7 @@ class People:
 
     def select(self, rows: np.ndarray) -> People:
         """Some of them (mask or indices)."""
-        kept: dict[str, Any] = {
-            f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in _NAMED
-        }
-        named: dict[str, Any] = {
-            f: {name: values[rows] for name, values in getattr(self, f).items()} for f in _NAMED
-        }
-        return People(**kept, **named)
+        return _array_by_array(lambda values: values[rows], self)
 
     def at(self, rows: np.ndarray, time_s: float) -> Pedestrians:
         """Estimated positions of some of them at an instant."""
@@ -95,16 +89,19 @@ class People:
     def together(self, others: People) -> People:
         """Both groups, by track."""
         order = np.argsort(np.concatenate([self.track_id, others.track_id]))
+        return _array_by_array(lambda *both: np.concatenate(both)[order], self, others)
 
-        def joined(mine: np.ndarray, theirs: np.ndarray) -> np.ndarray:
-            return np.concatenate([mine, theirs])[order]
 
-        plain = [f.name for f in fields(self) if f.name not in _NAMED]
-        values: dict[str, Any] = {name: joined(getattr(self, name), getattr(others, name)) for name in plain}
-        named: dict[str, Any] = {
-            f: {k: joined(v, getattr(others, f)[k]) for k, v in getattr(self, f).items()} for f in _NAMED
-        }
-        return People(**values, **named)
+def _array_by_array(made: Callable[..., np.ndarray], *groups: People) -> People:
+    """People each of whose arrays is made from those of some groups."""
+    values: dict[str, Any] = {}
+    for name in (field.name for field in fields(People)):
+        of_groups = [getattr(group, name) for group in groups]
+        if name in _NAMED:
+            values[name] = {key: made(*(arrays[key] for arrays in of_groups)) for key in of_groups[0]}
+        else:
+            values[name] = made(*of_groups)
+    return People(**values)
 
 
 def register_detections(

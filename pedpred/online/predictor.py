@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import StorageError, ValueRuleError, brief
-from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surroundings
+from pedpred.features import ForecastProtocol, Neighbours, Surroundings
 from pedpred.files import check_input, check_output, given_path
 from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
@@ -144,8 +144,7 @@ class OnlinePredictor:
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
         self._trust, self._regions = place.trust, place.regions
         none, answer = np.zeros(0, int), self._network.nobody()
-        nobody = self._people.at(none, 0.0), answer.predictions, answer.velocities
-        self._last = self._forecast(self._people, place, none, *nobody, 0.0)[1]
+        _, self._last = self._forecast(self._people, place, none, answer.predictions, answer.velocities, 0.0)
 
     def _nobody(self) -> People:
         past_s = self._about.features.past_s(self.protocol.dt_s)
@@ -220,8 +219,8 @@ class OnlinePredictor:
         people = people.select(~lost) if lost.any() else people
         people, frame = self._within_limit(people, frame)
         people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
-        people, rows, observers, predictions, velocities = self._predicted(people, now)
-        place, forecast = self._forecast(people, place, rows, observers, predictions, velocities, now)
+        people, rows, predictions, velocities = self._predicted(people, now)
+        place, forecast = self._forecast(people, place, rows, predictions, velocities, now)
         self._trust, self._regions = place.trust, place.regions
         self._lives += len(frame.track_id)
         self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
@@ -259,26 +258,20 @@ class OnlinePredictor:
         gone = due > people.seen_s + self.protocol.lost_after_s
         return np.where(gone, np.inf, due)
 
-    def _predicted(
-        self, people: People, time_s: float
-    ) -> tuple[People, np.ndarray, Pedestrians, Predictions, np.ndarray]:
+    def _predicted(self, people: People, time_s: float) -> tuple[People, np.ndarray, Predictions, np.ndarray]:
         """Forecast everybody present; those whose step is due now take it.
 
         Returns:
-            People afterwards; rows of those present; where they are, predictions and velocities, see `_step`.
+            People afterwards; rows of those present; their predictions and velocities, see `_step`.
         """
         due = self._due(people) <= time_s + TIME_TOLERANCE_S
         person = np.flatnonzero(due | self._present(people, time_s))
-        people, person, observers, predictions, velocities = self._step(people, person, time_s, due[person])
+        people, person, predictions, velocities = self._step(people, person, time_s, due[person])
         present = self._present(people, time_s)[person]
         if not present.all():
-            person, predictions, velocities = (
-                person[present],
-                predictions.select(present),
-                velocities[present],
-            )
-            observers = people.at(person, time_s)
-        return people, person, observers, predictions, velocities
+            person, velocities = person[present], velocities[present]
+            predictions = predictions.select(present)
+        return people, person, predictions, velocities
 
     def _present(self, people: People, time_s: float) -> np.ndarray:
         """Who was detected at most `max_age_s` ago. [N] bool."""
@@ -286,16 +279,15 @@ class OnlinePredictor:
 
     def _step(
         self, people: People, person: np.ndarray, time_s: float, keep: np.ndarray
-    ) -> tuple[People, np.ndarray, Pedestrians, Predictions, np.ndarray]:
+    ) -> tuple[People, np.ndarray, Predictions, np.ndarray]:
         """Run the network for some people.
 
         Returns:
             People after the step of those to `keep`, without those for whom the network gave no forecast;
-            rows of those for whom it gave one; where they are; predictions and velocities of `Answer`.
+            rows of those for whom it gave one; predictions and velocities of `Answer`.
         """
-        observers = people.at(person, time_s)
         if len(person):
-            inputs = self._inputs(people, person, observers, time_s)
+            inputs = self._inputs(people, person, time_s)
             memory = {name: values[person] for name, values in people.memory.items()}
             answer = self._network.step(inputs, memory)
         else:
@@ -307,17 +299,15 @@ class OnlinePredictor:
             _LOG.warning("no forecast at %s s for tracks %s: they are forgotten", time_s, named)
             person, keep = (np.cumsum(stays) - 1)[person[answer.sound]], keep[answer.sound]
             people = people.select(stays)
-            observers = people.at(person, time_s)
         if keep.any():
             people = people.stepped(
                 person[keep], {name: after[keep] for name, after in answer.memory.items()}
             )
-        return people, person, observers, answer.predictions, answer.velocities
+        return people, person, answer.predictions, answer.velocities
 
-    def _inputs(
-        self, people: People, person: np.ndarray, observers: Pedestrians, time_s: float
-    ) -> dict[str, np.ndarray]:
+    def _inputs(self, people: People, person: np.ndarray, time_s: float) -> dict[str, np.ndarray]:
         """The network's inputs for some people, name -> [R, ...] float32."""
+        observers = people.at(person, time_s)
         lately = time_s - people.seen_s <= self._settings.max_age_s + TIME_TOLERANCE_S
         everybody = lately.all() and len(observers) == len(people)
         crowd = observers if everybody else people.at(np.flatnonzero(lately), time_s)
@@ -333,12 +323,12 @@ class OnlinePredictor:
         people: People,
         place: Place,
         rows: np.ndarray,
-        observers: Pedestrians,
         predictions: Predictions,
         velocities: np.ndarray,
         time_s: float,
     ) -> tuple[Place, Forecast]:
         """What is given for some people, and what is learned from it."""
+        observers = people.at(rows, time_s)
         position, heading = observers.position, observers.heading_rad
         world = rotate(velocities.astype(np.float64), heading[:, None])
         there = predictions.in_world(position, heading)
