@@ -188,20 +188,15 @@ def test_forecasts_turn_with_the_world(seed, turn):
 
 @given(st.lists(st.lists(st.integers(0, 9), unique=True), max_size=8))
 def test_detections_of_instants_are_joined_one_by_one_as_all_at_once(people):
-    parts = [
-        Detections(
-            np.full(len(ids), 1.0 * k),
-            np.array(ids, np.int64),
-            np.random.default_rng(k).normal(size=(len(ids), 2)),
-        )
-        for k, ids in enumerate(people)
-    ]
-    known = Detections.none()
-    for part in parts:
-        known = known.with_later(part)
-    expected = Detections.join(tuple(parts))
-    for name in ("time_s", "person", "position"):
-        np.testing.assert_array_equal(getattr(known, name), getattr(expected, name))
+    known, rng = Detections.none(), np.random.default_rng(0)
+    person = np.concatenate([np.zeros(0, np.int64), *people]).astype(np.int64)
+    time_s = np.repeat(1.0 * np.arange(len(people)), list(map(len, people)))
+    position = rng.normal(size=(len(person), 2))
+    for now in np.unique(time_s):
+        known = known.with_later(now, person[time_s == now], position[time_s == now])
+    order = np.lexsort((time_s, person))
+    for name, values in {"time_s": time_s, "person": person, "position": position}.items():
+        np.testing.assert_array_equal(getattr(known, name), values[order])
 
 
 def test_people_who_are_not_detected_teach_nothing():

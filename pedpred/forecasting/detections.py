@@ -18,7 +18,13 @@ NEAR_S, _MANY = 0.2, 3
 
 @dataclass(frozen=True)
 class Detections:
-    """Where people were at some instants, world frame: time_s [M], person [M], position, m [M, 2]."""
+    """Where people were at some instants, world frame, sorted by person and time.
+
+    Attributes:
+        time_s: [M]
+        person: [M]
+        position: m. [M, 2]
+    """
 
     time_s: np.ndarray
     person: np.ndarray
@@ -29,25 +35,14 @@ class Detections:
         """Of nobody."""
         return cls(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2)))
 
-    @classmethod
-    def join(cls, parts: tuple[Detections, ...]) -> Detections:
-        """All of them, sorted by person and time; instants rise from part to part."""
-        every = (cls.none(), *parts)
-        time_s, person, position = (
-            np.concatenate([getattr(part, name) for part in every])
-            for name in ("time_s", "person", "position")
-        )
-        order = np.argsort(person, kind="stable")
-        return cls(time_s[order], person[order], position[order])
-
-    def with_later(self, later: Detections) -> Detections:
-        """What `join` gives of these, which are sorted, and those of one later instant, in less time."""
-        order = np.argsort(later.person)
-        at = np.searchsorted(self.person, later.person[order], "right")
+    def with_later(self, time_s: float, person: np.ndarray, position: np.ndarray) -> Detections:
+        """Those of a later instant, too, each person's once: sorted by person and time, as these are."""
+        order = np.argsort(person)
+        at = np.searchsorted(self.person, person[order], "right")
         return Detections(
-            np.insert(self.time_s, at, later.time_s[order]),
-            np.insert(self.person, at, later.person[order]),
-            np.insert(self.position, at, later.position[order], axis=0),
+            np.insert(self.time_s, at, time_s),
+            np.insert(self.person, at, person[order]),
+            np.insert(self.position, at, position[order], axis=0),
         )
 
     def since(self, time_s: float) -> Detections:

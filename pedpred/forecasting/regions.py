@@ -72,7 +72,7 @@ class Regions:
         made: number of forecasts kept so far.
         waiting: for their time.
         taught: what may be taken back.
-        detections: of the last seconds; in parts whose instants rise.
+        detections: of the last seconds.
     """
 
     steps: np.ndarray
@@ -83,7 +83,7 @@ class Regions:
     made: int = 0
     waiting: tuple[Waiting, ...] = ()
     taught: Taught = field(default_factory=Taught.nothing)
-    detections: tuple[Detections, ...] = ()
+    detections: Detections = field(default_factory=Detections.none)
 
     @classmethod
     def unlearned(cls, steps: int, noise_m: float = 0.0, on_lines: bool = False) -> Regions:
@@ -99,7 +99,9 @@ class Regions:
 
     def without_people(self) -> Regions:
         """What was learned, with nobody to learn from."""
-        return replace(self, looked_s=-np.inf, waiting=(), taught=Taught.nothing(), detections=())
+        return replace(
+            self, looked_s=-np.inf, waiting=(), taught=Taught.nothing(), detections=Detections.none()
+        )
 
     def plain(self) -> dict[str, Any]:
         """What was learned, as lists of numbers."""
@@ -142,18 +144,15 @@ class Regions:
         """
         if forecasts.covariance is None:
             return self, forecasts
-        parts = self.detections
-        if seen.any():
-            parts += (Detections(np.full(int(seen.sum()), time_s), person[seen], detection[seen]),)
+        known = self.detections.with_later(time_s, person[seen], detection[seen])
         if time_s < self.looked_s + EVERY_S - TIME_TOLERANCE_S:
-            return replace(self, detections=parts), self.scaled(forecasts)
-        known = Detections.join(parts)
+            return replace(self, detections=known), self.scaled(forecasts)
         here = self._compared(time_s, known)
         scaled = here.scaled(forecasts)
         first, end = known.rows_of(person)
         rows = np.flatnonzero(seen & (end - first >= KNOWN))
         here = here._keeping(time_s, person[rows], rows, scaled)
-        return replace(here, looked_s=time_s, detections=(known.since(time_s - LATELY_S),)), scaled
+        return replace(here, looked_s=time_s, detections=known.since(time_s - LATELY_S)), scaled
 
     def scaled(self, predictions: Predictions) -> Predictions:
         """Predictions whose regions are as learned so far."""

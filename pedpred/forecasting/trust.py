@@ -135,8 +135,7 @@ class Trust:
         Returns:
             Everything afterwards, and the forecasts with other paths.
         """
-        new = Detections(np.full(int(seen.sum()), time_s), person[seen], detection[seen])
-        known = self.detections.with_later(new)
+        known = self.detections.with_later(time_s, person[seen], detection[seen])
         here = replace(self, detections=known)
         looks = time_s >= self.looked_s + EVERY_S - TIME_TOLERANCE_S
         if not looks and not here.weights.any():

@@ -86,8 +86,7 @@ class Correction:
             one._replace(path=self._places(one.path), covariance=self._covariances(one.covariance))
             for one in regions.waiting
         )
-        known = tuple(map(self._of_detections, regions.detections))
-        return replace(regions, waiting=waiting, detections=known)
+        return replace(regions, waiting=waiting, detections=self._of_detections(regions.detections))
 
     def _of_detections(self, known: Detections) -> Detections:
         return replace(known, position=self._places(known.position))
