@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,11 +14,13 @@ from pedpred.errors import ValueRuleError
 Range = tuple[float, float]
 """Smallest and largest value."""
 
+Kind = TypeVar("Kind")
+
 LARGEST_SEED = 2**32 - 1
 """Of the generators of all random numbers."""
 
 
-def parsed(kind: type, plain: Any, path: str = "") -> Any:
+def parsed(kind: type[Kind], plain: Any, path: str = "") -> Kind:
     """Make a dataclass from a dictionary of its fields.
 
     Fields whose metadata hold a function `parse` are made by `parse(value, path)`; those that hold `each`
@@ -32,7 +34,7 @@ def parsed(kind: type, plain: Any, path: str = "") -> Any:
     Raises:
         ValueRuleError: a field is unknown, missing or breaks its rule.
     """
-    known = {field.name: field for field in fields(kind)}
+    known = {field.name: field for field in fields(kind)}  # type: ignore[arg-type]  # it is a dataclass
     what = f"the fields of {kind.__name__} are {', '.join(known)}"
     check_names(known, plain, path, what)
     values = dict(plain)
@@ -73,7 +75,7 @@ def parsed_together(kinds: Sequence[type], plain: Any) -> list[Any]:
     return [parsed(kind, part) for kind, part in zip(kinds, parts, strict=True)]
 
 
-def parsed_each(kind: type, plain: Any, path: str = "") -> dict[str, Any]:
+def parsed_each(kind: type[Kind], plain: Any, path: str = "") -> dict[str, Kind]:
     """Make dataclasses from a dictionary whose names are free and whose entries are dictionaries of fields.
 
     Raises:

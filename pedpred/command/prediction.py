@@ -89,5 +89,4 @@ def read_tracker(path: Path) -> KalmanSettings:
     plain = read_yaml(path, wording)
     plain.pop("kind", None)  # as rows of conf/trackers have it
     with translate_errors(wording):
-        settings: KalmanSettings = parsed(KalmanSettings, plain)
-        return settings
+        return parsed(KalmanSettings, plain)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.online.trials import RATES_HZ, Move, World, crowded, standing_people, straight_walkers
+from pedpred.online.trials import CROWD, RATES_HZ, Move, World, crowded, standing_people, straight_walkers
 from pedpred.scenes import Forecast
 
 KNOWN = 3
@@ -91,8 +91,8 @@ def turned_gap_m(folder: Path, rng: np.random.Generator) -> float:
 
 def renamed_gap_m(folder: Path, rng: np.random.Generator) -> float:
     """Change of forecasts when ids and the order of detections change, m."""
-    world, order = crowded(rng), rng.permutation(8)
-    names = replace(world, track_id=rng.permutation(1000)[:8])
+    world, order = crowded(rng), rng.permutation(CROWD)
+    names = replace(world, track_id=rng.permutation(1000)[:CROWD])
     other = replace(names, position=names.position[:, order], track_id=names.track_id[order])
     largest_m = 0.0
     pairs = zip(world.forecasts(folder), other.forecasts(folder), strict=True)
@@ -106,7 +106,7 @@ def renamed_gap_m(folder: Path, rng: np.random.Generator) -> float:
 def far_gap_m(folder: Path, rng: np.random.Generator) -> float:
     """Change of forecasts when a person 30 m away jumps and another one comes and goes, m."""
     world = crowded(rng)
-    frames, people = world.position.shape[:2]
+    frames = len(world.time_s)
     beyond = np.abs(world.position).max() + _FAR_M  # jumps that end here do not cross the crowd
     far = beyond + rng.uniform(0.0, _FAR_M, (frames, 2, 2))
     far[:, 1] = far[0, 1]
@@ -116,7 +116,7 @@ def far_gap_m(folder: Path, rng: np.random.Generator) -> float:
         position=np.concatenate([world.position, far], axis=1),
         track_id=np.append(world.track_id, [2000, 2001]),  # the largest
     )
-    largest_m, near = 0.0, np.arange(people)
+    largest_m, near = 0.0, np.arange(CROWD)
     pairs = zip(world.forecasts(folder), with_far.forecasts(folder), strict=True)
     for (_, _, one), (_, _, two) in pairs:
         paths = two.predictions.select(near)

@@ -14,6 +14,8 @@ from pedpred.scenes import Forecast, OccupancyMap
 
 RATES_HZ = (2.0, 2.5, 5.0, 10.0, 15.0)
 SPEEDS_MPS = (0.3, 2.5)
+CROWD = 8
+"""People in a world of `crowded`."""
 _APART_M = 60.0
 
 
@@ -132,11 +134,11 @@ def standing_people(rng: np.random.Generator, people: int, noise_m: float, rate_
     return World(time_s, position, np.arange(people), free_ground())
 
 
-def crowded(rng: np.random.Generator, people: int = 8, frames: int = 12) -> World:
-    """People among blocks, within 20 m; about a third of them stand, some of those exactly."""
-    velocity = rng.normal(0.0, 0.8, (people, 2)) * (rng.random((people, 1)) > 0.3)
-    sway = rng.normal(0.0, 0.02, (frames, people, 2)) * (rng.random((people, 1)) > 0.2)
-    time_s = np.arange(frames) / rng.choice(RATES_HZ)
-    position = rng.uniform(-4.0, 4.0, (people, 2)) + time_s[:, None, None] * velocity + sway
+def crowded(rng: np.random.Generator) -> World:
+    """`CROWD` people among blocks, within 20 m; about a third of them stand, some of those exactly."""
+    velocity = rng.normal(0.0, 0.8, (CROWD, 2)) * (rng.random((CROWD, 1)) > 0.3)
+    sway = rng.normal(0.0, 0.02, (12, CROWD, 2)) * (rng.random((CROWD, 1)) > 0.2)
+    time_s = np.arange(len(sway)) / rng.choice(RATES_HZ)
+    position = rng.uniform(-4.0, 4.0, (CROWD, 2)) + time_s[:, None, None] * velocity + sway
     blocks = OccupancyMap(rng.random((60, 60)) < 0.02, np.array([-6.0, -6.0]), 0.2)
-    return World(time_s, position, rng.permutation(1000)[:people], blocks)
+    return World(time_s, position, rng.permutation(1000)[:CROWD], blocks)

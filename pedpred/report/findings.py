@@ -66,8 +66,7 @@ class Paper:
         Raises:
             ValueRuleError: a field is unknown or breaks its rule.
         """
-        paper: Paper = parsed(cls, plain)
-        return paper
+        return parsed(cls, plain)
 
     def about(self, result: Result) -> bool:
         """Whether the publication says something about a test set."""
