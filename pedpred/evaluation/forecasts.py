@@ -57,9 +57,9 @@ class EvaluationWindows:
     truth: np.ndarray
     predictions: dict[str, Predictions]
     dt_s: float
-    grid_cells: int
-    grid_resolution_m: float
-    max_range_m: float
+    grid_cells: int = 0
+    grid_resolution_m: float = 0.0
+    max_range_m: float = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -111,7 +111,4 @@ def as_windows(
         truth=truth,
         predictions={method: predictions},
         dt_s=dt_s,
-        grid_cells=0,
-        grid_resolution_m=0.0,
-        max_range_m=0.0,
     )
