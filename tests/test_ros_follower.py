@@ -128,6 +128,28 @@ def test_nobody_moves_because_the_localisation_jumps(identities, jump_m, jump_ra
     assert caplog.text.count("the localisation has moved 'odom'") == 1
 
 
+@pytest.mark.parametrize("behind_s", [0.0, 0.03, 0.2])
+def test_people_of_a_second_camera_are_forecast_whichever_stamps_come_first(behind_s):
+    """Also where the localisation jumps in between; the table has the stamp of its forecasts."""
+    follower = follower_of()
+    for k in range(40):
+        at_s, late_s = 100.0 + 0.1 * k, 100.0 + 0.1 * k - behind_s
+        lies = Rotation.identity(), np.array([0.4 * (k > 25), 0.0, 0.0])
+        pose = transform("map", "odom", *lies, at_s), transform("odom", "base_link", *robot(at_s), at_s)
+        follower.transforms_came(transforms(*pose), at_s, False)
+        answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        if k < 3:
+            continue
+        walking = np.array([8.0 - late_s + 100.0, 3.0, 0.0])
+        answers = answered(follower, people(late_s, "base_link", bob=seen(walking, late_s)))
+        told = {one["name"]: one["velocity"]["x"] for one in answers["predictions/people"]["people"]}
+        assert told.keys() == {"eve", "bob"}
+        if k > 10:
+            np.testing.assert_allclose([told["eve"], told["bob"]], [0.0, -1.0], atol=0.2)
+        assert answers["predictions"]["header"] == header(round(at_s * 1e9))
+    assert follower.counts.left_out == 0
+
+
 def test_places_that_a_table_cannot_hold_are_told(caplog):
     for x in (1e4, 4e5):
         assert "rounded" not in caplog.text

@@ -18,7 +18,6 @@ import numpy as np
 
 from pedpred.errors import PedpredError, ValueRuleError
 from pedpred.files import translate_errors
-from pedpred.geometry import rotate
 from pedpred.online import OnlinePredictor
 from pedpred.ros.decoding import Connection, Decoder
 from pedpred.ros.detections import Instant
@@ -29,7 +28,7 @@ from pedpred.ros.planning import PREDICTIONS_TYPE, predictions_message, tell_rou
 from pedpred.ros.scene_messages import blocked, map_of_grid, updated_grid
 from pedpred.ros2.identities import Identities
 from pedpred.ros2.latched import Latched, nobody
-from pedpred.ros2.live_frames import LiveFrames, Pose
+from pedpred.ros2.live_frames import LiveFrames, Pose, moved
 from pedpred.ros2.outputs import (
     NAMES,
     PEOPLE,
@@ -148,6 +147,7 @@ class Follower:
         self._named: dict[int, str] = {}
         self._is_behind = False
         self._latest: Forecast | None = None
+        self._time_ns = 0
         self._shown: tuple[Forecast, _Waiting] | None = None
         self._odometry: Pose | None = None
         self._views = Views(self._latched, clock)
@@ -350,7 +350,7 @@ class Follower:
         one = waiting.instant
         with self.counts.refusing():
             place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
-            self._follow_localisation(one, place, frame)
+            place = self._follow_localisation(one, place, frame)
             track_id = self._identities.number(one, place)
             times_s = np.full(len(place), one.stamp_s)
             kept, left_out = find_usable(times_s, track_id, place, self._identities.name)
@@ -361,6 +361,9 @@ class Follower:
             self.counts.late += 1
             return
         self.counts.jumps += self._jumped(one.stamp_s)
+        if self._latest is not None and forecast.time_s == self._latest.time_s:  # it has more people
+            waiting = replace(waiting, time_ns=self._time_ns)
+        self._time_ns = waiting.time_ns
         self._latest, self._shown = forecast, (forecast, waiting)
         self.counts.without_forecast += len(np.setdiff1d(track_id, forecast.track_id))
         self.counts.forecasts += 1
@@ -372,22 +375,32 @@ class Follower:
             )
         yield from self._contents(forecast, waiting.time_ns, frame)
 
-    def _follow_localisation(self, one: Instant, place: np.ndarray, frame: str) -> None:
-        """Move all tracks with the robot's odometry where that has jumped on the map: nobody has moved."""
+    def _follow_localisation(self, one: Instant, place: np.ndarray, frame: str) -> np.ndarray:
+        """Move all tracks with the robot's odometry where that has jumped on the map: nobody has moved.
+
+        Returns:
+            The places as the latest localisation has them, which knows more than that of late people. [n, 2]
+        """
         before, longest_s = self._odometry, self._predictor.protocol.lost_after_s
         after_s = one.stamp_s - before.time_s if before is not None else np.inf
-        if not one.ids or -longest_s <= after_s <= TIME_TOLERANCE_S:
-            return
-        now = self._odometry = self._frames.odometry(one.frame, frame, one.stamp_s)
+        if not one.ids:
+            return place
+        now = self._frames.odometry(one.frame, frame, one.stamp_s)
+        is_late = -longest_s <= after_s <= TIME_TOLERANCE_S
+        if not is_late:
+            self._odometry = now
         if now is None or before is None or now.frame != before.frame or abs(after_s) > longest_s:
-            return
+            return place
+        if is_late:
+            return moved(place, *before.since(now))
         turn_rad, shift = now.since(before)
-        moved_m = np.hypot(*(rotate(place, np.float64(turn_rad)) + shift - place).T)
+        moved_m = np.hypot(*(moved(place, turn_rad, shift) - place).T)
         if (moved_m > _JUMPS_MPS * after_s).any():
             self._predictor.correct(turn_rad, shift)
             self._identities.correct(turn_rad, shift)
             text = "the localisation has moved %r by %.2f m in %r, and all tracks with it"
             _log.info(text, now.frame, np.hypot(*(now.origin - before.origin)), frame)
+        return place
 
     def _jumped(self, stamp_s: float) -> bool:
         """Whether the predictor has forgotten all, as time has jumped since the last forecast."""

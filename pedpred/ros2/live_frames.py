@@ -36,6 +36,11 @@ class Pose:
         return turn_rad, self.origin - rotate(before.origin, np.float64(turn_rad))
 
 
+def moved(place: np.ndarray, turn_rad: float, shift: np.ndarray) -> np.ndarray:
+    """Places turned about the origin, then shifted, m. [N, 2]."""
+    return rotate(place, np.float64(turn_rad)) + shift
+
+
 class LiveFrames:
     """A tree of frames that forgets what is older than `KEPT_S`, and a frame whose time goes back.
 
@@ -105,7 +110,7 @@ class LiveFrames:
         if frame == target or not len(place):
             return place[:, :2]
         instant = np.full(len(place), time_s)
-        moved = self._tree.placed(place, instant, frame, target, (-np.inf, np.inf))
-        if flat := lacks_height(moved).sum():
+        here = self._tree.placed(place, instant, frame, target, (-np.inf, np.inf))
+        if flat := lacks_height(here).sum():
             _log.warning("%d people have no height in %r, which is tilted: give heights", flat, frame)
-        return moved[:, :2]
+        return here[:, :2]
