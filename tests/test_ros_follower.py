@@ -128,6 +128,38 @@ def test_nobody_moves_because_the_localisation_jumps(identities, jump_m, jump_ra
     assert caplog.text.count("the localisation has moved 'odom'") == 1
 
 
+@pytest.mark.parametrize("jump_m", [0.0, 0.6])
+@pytest.mark.parametrize(
+    ("odometry", "base", "fixed", "frame"),
+    [
+        ("vio", "base_link", "camera", "camera"),
+        ("vio", "r2/base_footprint", "r2/base_link", "r2/base_link"),
+        ("r2_odom", "body", "lidar", "lidar"),
+        ("camera_init", "base_link", "camera", "camera_init"),
+        ("", "r2", "base_link", "base_link"),
+        ("", "base_link", "camera", "camera"),
+    ],
+)
+def test_odometry_is_where_the_base_moves_whatever_it_is_called(odometry, base, fixed, frame, jump_m):
+    """Without any, as where the robot's base itself is located, no track moves with the robot."""
+    follower = follower_of()
+    still = Rotation.identity(), np.zeros(3)
+    follower.transforms_came(transforms(transform(base, fixed, *still)), 0.0, True)
+    for k in range(40):
+        at_s = 100.0 + k / 10
+        shift = np.array([jump_m * (k > 25), 0.0, 0.0])
+        poses = [
+            transform(odometry, base, *robot(at_s), at_s),
+            transform("map", odometry, still[0], shift, at_s),
+        ]
+        if not odometry:
+            poses = [transform("map", base, *robot(at_s), at_s)]
+        follower.transforms_came(transforms(*poses), at_s, False)
+        here = STANDING if frame == odometry else seen(STANDING, at_s)
+        (eve,) = answered(follower, people(at_s, frame, eve=here))["predictions/people"]["people"]
+        assert np.hypot(*eve["velocity"].values()) < 0.05
+
+
 @pytest.mark.parametrize("behind_s", [0.0, 0.03, 0.2])
 def test_people_of_a_second_camera_are_forecast_whichever_stamps_come_first(behind_s):
     """Also where the localisation jumps in between; the table has the stamp of its forecasts."""

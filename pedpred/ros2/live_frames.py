@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
-from itertools import takewhile
 from typing import Any
 
 import numpy as np
 
 from pedpred.geometry import rotate
-from pedpred.ros.frame_tree import LONGEST_GAP_S, FrameTree, frame_name, is_odometrys, lacks_height
+from pedpred.ros.frame_tree import LONGEST_GAP_S, FrameTree, frame_name, lacks_height
 from pedpred.ros.scene_messages import seconds
 from pedpred.tracking.tracks import LOST_AFTER_S
 
@@ -97,8 +96,7 @@ class LiveFrames:
 
         The localisation alone moves it.
         """
-        below = takewhile(lambda name: name != target, self._tree.chain(frame))
-        if not (odometry := next(filter(is_odometrys, below), "")):
+        if not (odometry := self._tree.odometry(frame, target)):
             return None
         ends = self.placed(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), time_s, odometry, target)
         if not np.isfinite(ends).all():
