@@ -187,11 +187,11 @@ class OnlinePredictor:
     ) -> Forecast:
         """Add the detections of one instant; return a forecast of each person, whose arrays are read-only.
 
-        Of a frame that is not later than the last one, but by at most 0.25 s earlier, as of a second camera,
-        people count who were not detected since; of all there are forecasts at the time of the last one again.
-        Where nobody counts, it is dropped, with a warning, and the last forecast returned again. A person who is not detected is extrapolated for `max_age_s`, and forgotten after the model's
-        `lost_after_s`. If time jumps by more than that, forward or backward, all tracks are deleted: twice
-        after a false stamp.
+        Of a frame that is at most 0.25 s earlier than the last one, or no later, as of a second camera, those
+        count who were not detected since; forecasts are at the time of the last one again. Where nobody
+        counts, it is dropped, with a warning, and the last forecast returned. A person who is not detected is
+        extrapolated for `max_age_s`, and forgotten after the model's `lost_after_s`. If time jumps by more
+        than that, forward or backward, all tracks are deleted: twice after a false stamp.
         An id that jumps farther than anybody can move is a new person. People for whom the network gives no
         valid forecast are left out, named in a warning and forgotten. Of more than `most_people`, those who
         came first are followed; the others are left out and named in a warning.

@@ -22,13 +22,14 @@ from pedpred.online import OnlinePredictor
 from pedpred.ros.decoding import Connection, Decoder
 from pedpred.ros.detections import Instant
 from pedpred.ros.frame_tree import frame_name
+from pedpred.ros.localisation import JUMPS_MPS, Poses, moved
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import find_usable
 from pedpred.ros.planning import PREDICTIONS_TYPE, predictions_message, tell_rounding
 from pedpred.ros.scene_messages import blocked, map_of_grid, updated_grid
 from pedpred.ros2.identities import Identities
 from pedpred.ros2.latched import Latched, nobody
-from pedpred.ros2.live_frames import LiveFrames, Pose, moved
+from pedpred.ros2.live_frames import LiveFrames
 from pedpred.ros2.outputs import (
     NAMES,
     PEOPLE,
@@ -49,9 +50,6 @@ _GONE_S = 1.5 * LOST_AFTER_S
 _CAUGHT_UP = 0.1
 """Once people had to wait too long, all are left out until some wait less than this share of that time: when
 forecasts take longer than messages need to come, late ones would be late for ever."""
-_JUMPS_MPS = 0.5
-"""Faster changes of where the odometry lies on the map are jumps of the localisation, whose tracks move with
-it; in slower ones the localisation makes good for wheels that slip, so that people are where they seem."""
 _log = logging.getLogger(__name__)
 
 
@@ -149,7 +147,7 @@ class Follower:
         self._latest: Forecast | None = None
         self._time_ns = 0
         self._shown: tuple[Forecast, _Waiting] | None = None
-        self._odometry: Pose | None = None
+        self._odometry: Poses | None = None
         self._views = Views(self._latched, clock)
         self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
         self.came_s = -np.inf
@@ -382,7 +380,7 @@ class Follower:
             The places as the latest localisation has them, which knows more than that of late people. [n, 2]
         """
         before, longest_s = self._odometry, self._predictor.protocol.lost_after_s
-        after_s = one.stamp_s - before.time_s if before is not None else np.inf
+        after_s = one.stamp_s - before.time_s[0] if before is not None else np.inf
         if not one.ids:
             return place
         now = self._frames.odometry(one.frame, frame, one.stamp_s)
@@ -395,11 +393,12 @@ class Follower:
             return moved(place, *before.since(now))
         turn_rad, shift = now.since(before)
         moved_m = np.hypot(*(moved(place, turn_rad, shift) - place).T)
-        if (moved_m > _JUMPS_MPS * after_s).any():
-            self._predictor.correct(turn_rad, shift)
-            self._identities.correct(turn_rad, shift)
+        if (moved_m > JUMPS_MPS * after_s).any():
+            correction = float(turn_rad[0]), shift[0]
+            self._predictor.correct(*correction)
+            self._identities.correct(*correction)
             text = "the localisation has moved %r by %.2f m in %r, and all tracks with it"
-            _log.info(text, now.frame, np.hypot(*(now.origin - before.origin)), frame)
+            _log.info(text, now.frame, np.hypot(*(now.origin - before.origin)[0]), frame)
         return place
 
     def _jumped(self, stamp_s: float) -> bool:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from pedpred.geometry import rotate
 from pedpred.ros.frame_tree import LONGEST_GAP_S, FrameTree, frame_name, lacks_height
+from pedpred.ros.localisation import ALWAYS, Poses, find_poses
 from pedpred.ros.scene_messages import seconds
 from pedpred.tracking.tracks import LOST_AFTER_S
 
@@ -18,26 +17,6 @@ MOST_POSES, MOST_FRAMES = 10_000, 1000
 """Of an edge, such as 10 s at 1000 Hz; and frames that move, such as one per person."""
 _BETWEEN = 200  # transforms between two clean-ups
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Pose:
-    """How a frame lies on the ground of another one at some time: its origin, m [2], and direction, rad."""
-
-    frame: str
-    time_s: float
-    origin: np.ndarray
-    yaw_rad: float
-
-    def since(self, before: Pose) -> tuple[float, np.ndarray]:
-        """By how much what does not move in the frame has moved in the other one: turn, rad, and shift, m."""
-        turn_rad = float(np.angle(np.exp(1j * (self.yaw_rad - before.yaw_rad))))
-        return turn_rad, self.origin - rotate(before.origin, np.float64(turn_rad))
-
-
-def moved(place: np.ndarray, turn_rad: float, shift: np.ndarray) -> np.ndarray:
-    """Places turned about the origin, then shifted, m. [N, 2]."""
-    return rotate(place, np.float64(turn_rad)) + shift
 
 
 class LiveFrames:
@@ -91,24 +70,17 @@ class LiveFrames:
         """Say what is missing to bring people from one frame into another; empty if nothing is."""
         return "" if frame == target else self._tree.lack(frame, target, time_s)
 
-    def odometry(self, frame: str, target: str, time_s: float) -> Pose | None:
-        """How the robot's odometry that people are seen from lies in another frame; None where there is none.
-
-        The localisation alone moves it.
-        """
-        if not (odometry := self._tree.odometry(frame, target)):
-            return None
-        ends = self.placed(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), time_s, odometry, target)
-        if not np.isfinite(ends).all():
-            return None
-        return Pose(odometry, time_s, ends[0], float(np.arctan2(*(ends[1] - ends[0])[::-1])))
+    def odometry(self, frame: str, target: str, time_s: float) -> Poses | None:
+        """How the odometry that people are seen from lies in another frame; None where that is unknown."""
+        poses = find_poses(self._tree, frame, target, np.array([time_s]))
+        return poses if poses is not None and np.isfinite(poses.yaw_rad).all() else None
 
     def placed(self, place: np.ndarray, time_s: float, frame: str, target: str) -> np.ndarray:
         """Places of one instant in another frame, m. [N, 3] -> [N, 2]."""
         if frame == target or not len(place):
             return place[:, :2]
         instant = np.full(len(place), time_s)
-        here = self._tree.placed(place, instant, frame, target, (-np.inf, np.inf))
+        here = self._tree.placed(place, instant, frame, target, ALWAYS)
         if flat := lacks_height(here).sum():
             _log.warning("%d people have no height in %r, which is tilted: give heights", flat, frame)
         return here[:, :2]
