@@ -128,6 +128,37 @@ def test_nobody_moves_because_the_localisation_jumps(identities, jump_m, jump_ra
     assert caplog.text.count("the localisation has moved 'odom'") == 1
 
 
+@pytest.mark.parametrize("others", [0, 1, 6])
+def test_ids_of_two_trackers_that_are_the_same_are_told_and_people_followed(others, caplog):
+    """Else each is somebody new, who stands, in every message."""
+    follower = follower_of()
+    for k in range(60):
+        at_s = 100.0 + 0.1 * k
+        alone = {f"{2 + n}": (0.13 * k, 5.0 + n) for n in range(others)}
+        answered(follower, people(at_s, **{"1": (0.13 * k, 0.0)}, **alone))
+        answers = answered(follower, people(at_s + 0.04, **{"1": (40.0, 0.12 * k), "2": (30.0, -0.12 * k)}))
+    velocity = [
+        tuple(one["velocity"][axis] for axis in "xy") for one in answers["predictions/people"]["people"]
+    ]
+    expected = [(0.0, -1.2), (0.0, 1.2)] + [(1.3, 0.0)] * (1 + others)
+    np.testing.assert_allclose(sorted(velocity, key=lambda v: (round(v[0]), v[1])), expected, atol=0.2)
+    assert "do two trackers give the same ids?" in caplog.text
+
+
+@pytest.mark.parametrize("odd", [0, 30])
+def test_who_jumps_now_and_then_costs_nobody_the_id(odd, caplog):
+    """Neither one of many, nor all at once, as where the localisation of a tracker jumps."""
+    follower, rng = follower_of(), np.random.default_rng(odd)
+    for k in range(60):
+        shift = np.array([0.0, 20.0 * (k > 30)]) if odd else np.zeros(2)
+        places = {str(n): shift + np.array([0.1 * k, 2.0 * n]) for n in range(12)}
+        places["5"] = rng.uniform(-50, 50, 2) if not odd else places["5"]
+        answers = answered(follower, people(100.0 + 0.1 * k, **places))
+    assert {one["name"] for one in answers["predictions/people"]["people"]} == set(places)
+    assert set(rows_of(answers["predictions"])["track_id"]) == set(range(12))
+    assert "ids do not stay" not in caplog.text
+
+
 @pytest.mark.parametrize("jump_m", [0.0, 0.6])
 @pytest.mark.parametrize(
     ("odometry", "base", "fixed", "frame"),
