@@ -386,6 +386,24 @@ def test_a_map_in_another_frame_begins_anew_and_the_same_map_changes_nothing(cap
     assert {pair.key: pair.value for pair in status.values}["map"] == "4 x 5 cells, 100.0 % blocked"
 
 
+def test_a_map_without_a_frame_silences_nobody(caplog):
+    """It is where forecasts are; people without one are left out, since they may be in a sensor's."""
+    follower = follower_of(use_map=True, map_frame="/hall")
+    content = map_message(OccupancyMap(np.ones((4, 5), bool), np.zeros(2), 0.5), 0)
+    content["header"]["frame_id"] = ""
+    follower.map_came(serialize(GRID, content))
+    answers = answered(follower, people(1.0, "hall", anna=(1.0, 0.0)))
+    assert answers["predictions"]["header"]["frame_id"] == "hall"
+    assert follower.occupancy is not None
+    assert "the map names no frame (header.frame_id): it is taken to be in 'hall'" in caplog.text
+    assert answered(follower, people(1.1, "", anna=(1.0, 0.0))) == {}
+    assert list(follower.answers(1.0)) == []
+    assert "people in '' left out: they name no frame (header.frame_id)" in caplog.text
+    for name in ("", "/"):
+        with pytest.raises(ValueRuleError, match="map_frame"):
+            NodeSettings(map_frame=name)
+
+
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.5])
 def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
     """As if the map had come whole, also where it is turned; one that does not fit changes nothing."""

@@ -217,6 +217,9 @@ class Follower:
             return
         message = self._decoded(raw, TYPES[MAP])
         occupancy, frame = map_of_grid(message), frame_name(message.header.frame_id)
+        if not frame:
+            frame = self._map.frame
+            _log.warning("the map names no frame (header.frame_id): it is taken to be in %r", frame)
         if frame != self._map.frame:
             _log.warning("the map is in %r, forecasts were in %r: all are forgotten", frame, self._map.frame)
             self._predictor.reset()

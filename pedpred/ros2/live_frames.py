@@ -68,7 +68,9 @@ class LiveFrames:
 
     def lack(self, frame: str, target: str, time_s: float) -> str:
         """Say what is missing to bring people from one frame into another; empty if nothing is."""
-        return "" if frame == target else self._tree.lack(frame, target, time_s)
+        if frame == target:
+            return ""
+        return self._tree.lack(frame, target, time_s) if frame else "they name no frame (header.frame_id)"
 
     def odometry(self, frame: str, target: str, time_s: float) -> Poses | None:
         """How the odometry that people are seen from lies in another frame; None where that is unknown."""

@@ -10,6 +10,7 @@ from typing import Any
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges
 from pedpred.online import OnlineSettings
+from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.people import ADAPTERS
 from pedpred.tables.classes import PERSON_CLASSES
 
@@ -89,6 +90,8 @@ class NodeSettings:
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ValueRuleError(name, getattr(self, name), f"it must be one of {', '.join(choices)}")
+        if not frame_name(self.map_frame):
+            raise ValueRuleError("map_frame", self.map_frame, "it must name a frame, such as map")
 
     @property
     def folder(self) -> Path | None:
