@@ -159,6 +159,31 @@ def test_who_jumps_now_and_then_costs_nobody_the_id(odd, caplog):
     assert "ids do not stay" not in caplog.text
 
 
+@pytest.mark.parametrize("frame", ["map", "camera"])
+@pytest.mark.parametrize("storey_m", [0.0, 4.0, None])
+def test_who_is_on_another_floor_is_left_out_where_that_is_wanted(storey_m, frame):
+    """Heights are those above the robot's base, wherever it is, or above 0 where nobody knows."""
+    for floor_m, expected in ((0.0, {"up", "eve", "low"}), (2.5, {"eve", "low"})):
+        follower, height_m = follower_of(floor_m=floor_m), storey_m or 0.0
+        for k in range(5):
+            at_s = 100.0 + 0.1 * k
+            turn, offset = robot(at_s)[0], robot(at_s)[1] + np.array([0.0, 0.0, height_m])
+            base = "base_link" if storey_m is not None else "trolley"
+            poses = [
+                transform("map", base, turn, offset, at_s),
+                transform(base, "camera", Rotation.identity(), (0.0, 0.0, 1.2), at_s),
+            ]
+            follower.transforms_came(transforms(*poses), at_s, False)
+            heights = {"up": 4.5, "eve": 1.7, "low": -0.3}
+            places = {name: (float(n), 1.0, height_m + z) for n, (name, z) in enumerate(heights.items())}
+            if frame == "camera":
+                places = {n: turn.inv().apply(p - offset) - [0.0, 0.0, 1.2] for n, p in places.items()}
+            answers = answered(follower, people(at_s, frame, **places))
+            assert {one["name"] for one in answers["predictions/people"]["people"]} == expected
+        told = told_values(follower, Latencies())["left out: people of other floors"]
+        assert told == (5 if floor_m else 0)
+
+
 @pytest.mark.parametrize("jump_m", [0.0, 0.6])
 @pytest.mark.parametrize(
     ("odometry", "base", "fixed", "frame"),

@@ -177,15 +177,27 @@ class FrameTree:
         """
         above = set(self.chain(target))
         below = [name for name in self.chain(frame) if name not in above]
-        bases = {parent for name in self._samples if is_robots(name) for parent in self._moves_in(name)}
+        bases = {parent for base in self._bases() for parent in self._moves_in(base)}
         named = (name for name in below if _is_odometrys(name))
         return next((name for name in below if name in bases), next(named, ""))
 
+    def base(self, frame: str) -> str:
+        """The robot's base that a frame belongs to, else the only one that there is; empty: there is none."""
+        bases = self._bases()
+        mine = [name for name in self.chain(frame) if name in bases]
+        return mine[-1] if mine else "".join(bases if len(bases) == 1 else ())
+
+    def _bases(self) -> set[str]:
+        """The bases of all robots; of one within another the upper one."""
+        return {
+            [name for name in self.chain(base) if is_robots(name)][-1]
+            for base in self._samples
+            if is_robots(base)
+        }
+
     def _moves_in(self, base: str) -> list[str]:
-        """The frame in which a robot moves; none where its base has no parent."""
-        chain = self.chain(base)
-        highest = max(row for row, name in enumerate(chain) if is_robots(name))
-        moving = (edge[1] for edge in pairwise(chain[highest:]) if edge not in self._fixed)
+        """The frame in which a base moves; none where it has no parent."""
+        moving = (edge[1] for edge in pairwise(self.chain(base)) if edge not in self._fixed)
         return list(islice(moving, 1))
 
     def _end(self, frame: str, top: str) -> str:

@@ -69,6 +69,7 @@ class Counts:
     without_forecast: int = 0
     detections: int = 0
     others: int = 0
+    elsewhere: int = 0
 
     @property
     def left_out(self) -> int:
@@ -146,6 +147,7 @@ class Follower:
         self._is_behind = False
         self._latest: Forecast | None = None
         self._time_ns = 0
+        self._floor_m = 0.0
         self._shown: tuple[Forecast, _Waiting] | None = None
         self._odometry: Poses | None = None
         self._views = Views(self._latched, clock)
@@ -350,7 +352,7 @@ class Follower:
     def _answered(self, waiting: _Waiting, frame: str) -> Iterator[Answer]:
         one = waiting.instant
         with self.counts.refusing():
-            place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
+            one, place = self._on_this_floor(one, frame)
             place = self._follow_localisation(one, place, frame)
             track_id = self._identities.number(one, place)
             times_s = np.full(len(place), one.stamp_s)
@@ -375,6 +377,21 @@ class Follower:
                 "no map has come: forecasts go through walls. Publish `map`, or set use_map to false"
             )
         yield from self._contents(forecast, waiting.time_ns, frame)
+
+    def _on_this_floor(self, one: Instant, frame: str) -> tuple[Instant, np.ndarray]:
+        """A message without the people of other floors, and the places of the others, m. [n, 2]."""
+        place, most_m = self._frames.placed(one.place, one.stamp_s, one.frame, frame), self.settings.floor_m
+        if not most_m or not len(place):
+            return one, place[:, :2]
+        now_m = self._frames.floor_m(one.frame, frame, one.stamp_s)
+        self._floor_m = now_m if np.isfinite(now_m) else self._floor_m
+        away = np.abs(place[:, 2] - self._floor_m) > most_m
+        if away.any():
+            self.counts.elsewhere += int(away.sum())
+            text = "left out: %d people more than %g m above or below %.2f m, where the robot is"
+            _log.info(text, away.sum(), most_m, self._floor_m)
+        ids = tuple(name for name, gone in zip(one.ids, away, strict=True) if not gone)
+        return replace(one, ids=ids, place=one.place[~away]), place[~away, :2]
 
     def _follow_localisation(self, one: Instant, place: np.ndarray, frame: str) -> np.ndarray:
         """Move all tracks with the robot's odometry where that has jumped on the map: nobody has moved.

@@ -77,12 +77,18 @@ class LiveFrames:
         poses = find_poses(self._tree, frame, target, np.array([time_s]))
         return poses if poses is not None and np.isfinite(poses.yaw_rad).all() else None
 
+    def floor_m(self, frame: str, target: str, time_s: float) -> float:
+        """How high the robot stands that people are seen from; NaN if that is unknown, m."""
+        if not (base := self._tree.base(frame)) or self._tree.lack(base, target, time_s):
+            return np.nan
+        return float(self._tree.placed(np.zeros((1, 3)), np.array([time_s]), base, target, ALWAYS)[0, 2])
+
     def placed(self, place: np.ndarray, time_s: float, frame: str, target: str) -> np.ndarray:
-        """Places of one instant in another frame, m. [N, 3] -> [N, 2]."""
+        """Places of one instant in another frame, m. [N, 3]."""
         if frame == target or not len(place):
-            return place[:, :2]
+            return place
         instant = np.full(len(place), time_s)
         here = self._tree.placed(place, instant, frame, target, ALWAYS)
         if flat := lacks_height(here).sum():
             _log.warning("%d people have no height in %r, which is tilted: give heights", flat, frame)
-        return here[:, :2]
+        return here

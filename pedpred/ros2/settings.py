@@ -26,7 +26,7 @@ _RANGES = {
     "occupancy_cell_m": "[0, 100]",
     "most_people": "[1, 100000]",
 }
-_RANGES |= {"max_age_s": "[0, 60]"}
+_RANGES |= {"max_age_s": "[0, 60]", "floor_m": "[0, 1000]"}
 
 
 def _told(default: Any, text: str, live: bool = False) -> Any:
@@ -71,6 +71,12 @@ class NodeSettings:
         "",
         "a JSON file that keeps what was learned at the place, read at the start, written every minute and "
         "at the end; empty: it is learned again after each start",
+    )
+    floor_m: float = _told(
+        0.0,
+        "people who are more than this above or below the robot's base (or 0, where /tf names none) are on "
+        "another floor and left out, m; 0: heights do not count",
+        True,
     )
     max_age_s: float = _told(
         0.5, "a person is forecast while the last detection is at most this old, and at most 2 s, s"
