@@ -128,6 +128,22 @@ def test_nobody_moves_because_the_localisation_jumps(identities, jump_m, jump_ra
     assert caplog.text.count("the localisation has moved 'odom'") == 1
 
 
+def test_a_localisation_that_jumps_at_every_message_costs_nobody_the_id(caplog):
+    """As where two localisations publish where the odometry is."""
+    follower = follower_of()
+    for k in range(40):
+        at_s, shift = 100.0 + 0.1 * k, np.array([3.0 * (k % 2), 0.0, 0.0])
+        poses = (
+            transform("odom", "base_link", *robot(at_s), at_s),
+            transform("map", "odom", robot(0)[0], shift, at_s),
+        )
+        follower.transforms_came(transforms(*poses), at_s, False)
+        answers = answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        (eve,) = answers["predictions/people"]["people"]
+        assert eve["name"] == "eve"
+    assert "ids do not stay" not in caplog.text
+
+
 @pytest.mark.parametrize("others", [0, 1, 6])
 def test_ids_of_two_trackers_that_are_the_same_are_told_and_people_followed(others, caplog):
     """Else each is somebody new, who stands, in every message."""

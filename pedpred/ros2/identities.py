@@ -8,6 +8,7 @@ from collections import deque
 import numpy as np
 
 from pedpred.errors import ValueRuleError
+from pedpred.geometry import rotate
 from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.detections import Instant
 from pedpred.ros.people import TrackNumbers
@@ -87,6 +88,9 @@ class Identities:
     def correct(self, turn_rad: float, shift: np.ndarray) -> None:
         """See `NearestTracks.correct`."""
         self._nearest.correct(turn_rad, shift)
+        for known in self._recent:
+            for name, (seen_s, at) in known.items():
+                known[name] = seen_s, rotate(at, np.float64(turn_rad)) + shift
 
     def _judge(self, one: Instant, place: np.ndarray) -> None:
         """Decide whether ids say who is who; if not, and they are asked for, say so.
