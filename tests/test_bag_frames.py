@@ -117,6 +117,28 @@ def test_people_come_into_the_frame_of_the_map(store, tmp_path):
     check(read_bag(write(store, tmp_path / "odom", messages(store, localised=True, grid="odom"))))
 
 
+@pytest.mark.parametrize(
+    ("jumps", "jump_m", "jump_rad"), [(0, 0.0, 0.0), (1, 0.6, 0.05), (1, 3.0, 0.3), (8, 0.1, 0.02)]
+)
+def test_nobody_moves_because_the_localisation_jumps(store, tmp_path, caplog, jumps, jump_m, jump_rad):
+    """As live (`test_ros_follower.py`): places lead to where the localisation has people in the end."""
+    found = messages(store)
+    for time_s in 9.98 + np.arange(0, 5.2, 0.05):
+        so_far = (np.linspace(12.5, 14.4, jumps) < time_s).sum()
+        lies = Rotation.from_euler("z", jump_rad * so_far), np.array([jump_m * so_far, 0.0, 0.0])
+        found.append((time_s, "/tf", TF, transform(store, "map", "odom", lies, time_s)))
+    scene = read_bag(write(store, tmp_path / "hall", sorted(found, key=lambda one: one[0])))
+    tracks = scene.trajectories
+    for who, at in ((1, STANDING), (2, WALKING + 14.9 * SPEED)):
+        place = tracks.position[tracks.track_id == who]
+        np.testing.assert_allclose(place[-1], (lies[0].apply(at) + lies[1])[:2], atol=0.02)
+        speed_mps = np.hypot(*(np.diff(place, axis=0) / 0.1).T)
+        true_mps = np.hypot(*SPEED[:2]) * (who - 1)
+        assert np.abs(speed_mps - true_mps).max() < (0.35 if jumps else 1e-3)
+        assert np.median(np.abs(speed_mps - true_mps)) < 0.25
+    assert ("the localisation has moved 'odom' in 'map'" in caplog.text) == (jumps > 0)
+
+
 def test_bags_of_ros_1_have_transforms_too(tmp_path):
     store = Store(Stores.ROS1_NOETIC)
     store.types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))

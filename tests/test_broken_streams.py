@@ -168,6 +168,26 @@ def test_regions_of_walkers_do_not_learn_from_furniture():
     np.testing.assert_allclose(shares[1], shares[0], atol=0.05)
 
 
+@pytest.mark.parametrize("behind_s", [0.0, 0.03, 0.2])
+def test_people_of_a_second_camera_are_forecast_whichever_stamps_come_first(folder, behind_s):
+    """At equal stamps as if both had sent one frame; nobody's id is the other camera's."""
+    rng = np.random.default_rng(4)
+    start, velocity = walkers(rng)
+    near, far = np.arange(0, 20, 2), np.arange(1, 20, 2)
+    robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
+    for k in range(25):
+        now, late = 5.0 + 0.1 * k, 5.0 + 0.1 * k - behind_s
+        robot.update(now, near, (start + now * velocity)[near])
+        found = robot.update(late, far, (start + late * velocity)[far])
+        expected = other.update(now, np.arange(20), start + now * velocity)
+        assert found.time_s == now
+        assert_sound(found, np.arange(20))
+    if not robot.description.memory:
+        np.testing.assert_allclose(found.position, expected.position, atol=0.0 if behind_s == 0 else 0.1)
+    assert robot.update(late, far, 0.0 * start[far]) is found
+    assert robot.update(late - 0.3, [NOBODY], [[0.0, 0.0]]) is found
+
+
 @given(st.integers(0, 2**32 - 1), st.floats(-3.0, 3.0), st.integers(1, 59))
 @settings(max_examples=6, deadline=None)
 def test_a_correction_of_the_world_moves_everything_and_changes_nothing(seed, turn_rad, at):

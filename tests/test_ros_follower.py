@@ -128,6 +128,132 @@ def test_nobody_moves_because_the_localisation_jumps(identities, jump_m, jump_ra
     assert caplog.text.count("the localisation has moved 'odom'") == 1
 
 
+def test_a_localisation_that_jumps_at_every_message_costs_nobody_the_id(caplog):
+    """As where two localisations publish where the odometry is."""
+    follower = follower_of()
+    for k in range(40):
+        at_s, shift = 100.0 + 0.1 * k, np.array([3.0 * (k % 2), 0.0, 0.0])
+        poses = (
+            transform("odom", "base_link", *robot(at_s), at_s),
+            transform("map", "odom", robot(0)[0], shift, at_s),
+        )
+        follower.transforms_came(transforms(*poses), at_s, False)
+        answers = answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        (eve,) = answers["predictions/people"]["people"]
+        assert eve["name"] == "eve"
+    assert "ids do not stay" not in caplog.text
+
+
+@pytest.mark.parametrize("others", [0, 1, 6])
+def test_ids_of_two_trackers_that_are_the_same_are_told_and_people_followed(others, caplog):
+    """Else each is somebody new, who stands, in every message."""
+    follower = follower_of()
+    for k in range(60):
+        at_s = 100.0 + 0.1 * k
+        alone = {f"{2 + n}": (0.13 * k, 5.0 + n) for n in range(others)}
+        answered(follower, people(at_s, **{"1": (0.13 * k, 0.0)}, **alone))
+        answers = answered(follower, people(at_s + 0.04, **{"1": (40.0, 0.12 * k), "2": (30.0, -0.12 * k)}))
+    velocity = [
+        tuple(one["velocity"][axis] for axis in "xy") for one in answers["predictions/people"]["people"]
+    ]
+    expected = [(0.0, -1.2), (0.0, 1.2)] + [(1.3, 0.0)] * (1 + others)
+    np.testing.assert_allclose(sorted(velocity, key=lambda v: (round(v[0]), v[1])), expected, atol=0.2)
+    assert "do two trackers give the same ids?" in caplog.text
+
+
+@pytest.mark.parametrize("odd", [0, 30])
+def test_who_jumps_now_and_then_costs_nobody_the_id(odd, caplog):
+    """Neither one of many, nor all at once, as where the localisation of a tracker jumps."""
+    follower, rng = follower_of(), np.random.default_rng(odd)
+    for k in range(60):
+        shift = np.array([0.0, 20.0 * (k > 30)]) if odd else np.zeros(2)
+        places = {str(n): shift + np.array([0.1 * k, 2.0 * n]) for n in range(12)}
+        places["5"] = rng.uniform(-50, 50, 2) if not odd else places["5"]
+        answers = answered(follower, people(100.0 + 0.1 * k, **places))
+    assert {one["name"] for one in answers["predictions/people"]["people"]} == set(places)
+    assert set(rows_of(answers["predictions"])["track_id"]) == set(range(12))
+    assert "ids do not stay" not in caplog.text
+
+
+@pytest.mark.parametrize("frame", ["map", "camera"])
+@pytest.mark.parametrize("storey_m", [0.0, 4.0, None])
+def test_who_is_on_another_floor_is_left_out_where_that_is_wanted(storey_m, frame):
+    """Heights are those above the robot's base, wherever it is, or above 0 where nobody knows."""
+    for floor_m, expected in ((0.0, {"up", "eve", "low"}), (2.5, {"eve", "low"})):
+        follower, height_m = follower_of(floor_m=floor_m), storey_m or 0.0
+        for k in range(5):
+            at_s = 100.0 + 0.1 * k
+            turn, offset = robot(at_s)[0], robot(at_s)[1] + np.array([0.0, 0.0, height_m])
+            base = "base_link" if storey_m is not None else "trolley"
+            poses = [
+                transform("map", base, turn, offset, at_s),
+                transform(base, "camera", Rotation.identity(), (0.0, 0.0, 1.2), at_s),
+            ]
+            follower.transforms_came(transforms(*poses), at_s, False)
+            heights = {"up": 4.5, "eve": 1.7, "low": -0.3}
+            places = {name: (float(n), 1.0, height_m + z) for n, (name, z) in enumerate(heights.items())}
+            if frame == "camera":
+                places = {n: turn.inv().apply(p - offset) - [0.0, 0.0, 1.2] for n, p in places.items()}
+            answers = answered(follower, people(at_s, frame, **places))
+            assert {one["name"] for one in answers["predictions/people"]["people"]} == expected
+        told = told_values(follower, Latencies())["left out: people of other floors"]
+        assert told == (5 if floor_m else 0)
+
+
+@pytest.mark.parametrize("jump_m", [0.0, 0.6])
+@pytest.mark.parametrize(
+    ("odometry", "base", "fixed", "frame"),
+    [
+        ("vio", "base_link", "camera", "camera"),
+        ("vio", "r2/base_footprint", "r2/base_link", "r2/base_link"),
+        ("r2_odom", "body", "lidar", "lidar"),
+        ("camera_init", "base_link", "camera", "camera_init"),
+        ("", "r2", "base_link", "base_link"),
+        ("", "base_link", "camera", "camera"),
+    ],
+)
+def test_odometry_is_where_the_base_moves_whatever_it_is_called(odometry, base, fixed, frame, jump_m):
+    """Without any, as where the robot's base itself is located, no track moves with the robot."""
+    follower = follower_of()
+    still = Rotation.identity(), np.zeros(3)
+    follower.transforms_came(transforms(transform(base, fixed, *still)), 0.0, True)
+    for k in range(40):
+        at_s = 100.0 + k / 10
+        shift = np.array([jump_m * (k > 25), 0.0, 0.0])
+        poses = [
+            transform(odometry, base, *robot(at_s), at_s),
+            transform("map", odometry, still[0], shift, at_s),
+        ]
+        if not odometry:
+            poses = [transform("map", base, *robot(at_s), at_s)]
+        follower.transforms_came(transforms(*poses), at_s, False)
+        here = STANDING if frame == odometry else seen(STANDING, at_s)
+        (eve,) = answered(follower, people(at_s, frame, eve=here))["predictions/people"]["people"]
+        assert np.hypot(*eve["velocity"].values()) < 0.05
+
+
+@pytest.mark.parametrize("behind_s", [0.0, 0.03, 0.2])
+def test_people_of_a_second_camera_are_forecast_whichever_stamps_come_first(behind_s):
+    """Also where the localisation jumps in between; the table has the stamp of its forecasts."""
+    follower = follower_of()
+    for k in range(40):
+        at_s, late_s = 100.0 + 0.1 * k, 100.0 + 0.1 * k - behind_s
+        lies = Rotation.identity(), np.array([0.4 * (k > 25), 0.0, 0.0])
+        pose = transform("map", "odom", *lies, at_s), transform("odom", "base_link", *robot(at_s), at_s)
+        follower.transforms_came(transforms(*pose), at_s, False)
+        answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        if k < 3:
+            continue
+        walking = np.array([8.0 - late_s + 100.0, 3.0, 0.0])
+        answers = answered(follower, people(late_s, "base_link", bob=seen(walking, late_s)))
+        told = {one["name"]: one["velocity"]["x"] for one in answers["predictions/people"]["people"]}
+        assert told.keys() == {"eve", "bob"}
+        if k > 10:
+            np.testing.assert_allclose([told["eve"], told["bob"]], [0.0, -1.0], atol=0.2)
+        assert answers["predictions"]["header"] == header(round(at_s * 1e9))
+    assert follower.counts.left_out == 0
+
+
 def test_places_that_a_table_cannot_hold_are_told(caplog):
     for x in (1e4, 4e5):
         assert "rounded" not in caplog.text
@@ -299,6 +425,24 @@ def test_a_map_in_another_frame_begins_anew_and_the_same_map_changes_nothing(cap
     told = serialize(DIAGNOSTICS_TYPE, diagnostics_content("pedpred", 1, "x", values, 5))
     (status,) = known_types().deserialize_cdr(told, DIAGNOSTICS_TYPE).status
     assert {pair.key: pair.value for pair in status.values}["map"] == "4 x 5 cells, 100.0 % blocked"
+
+
+def test_a_map_without_a_frame_silences_nobody(caplog):
+    """It is where forecasts are; people without one are left out, since they may be in a sensor's."""
+    follower = follower_of(use_map=True, map_frame="/hall")
+    content = map_message(OccupancyMap(np.ones((4, 5), bool), np.zeros(2), 0.5), 0)
+    content["header"]["frame_id"] = ""
+    follower.map_came(serialize(GRID, content))
+    answers = answered(follower, people(1.0, "hall", anna=(1.0, 0.0)))
+    assert answers["predictions"]["header"]["frame_id"] == "hall"
+    assert follower.occupancy is not None
+    assert "the map names no frame (header.frame_id): it is taken to be in 'hall'" in caplog.text
+    assert answered(follower, people(1.1, "", anna=(1.0, 0.0))) == {}
+    assert list(follower.answers(1.0)) == []
+    assert "people in '' left out: they name no frame (header.frame_id)" in caplog.text
+    for name in ("", "/"):
+        with pytest.raises(ValueRuleError, match="map_frame"):
+            NodeSettings(map_frame=name)
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.5])

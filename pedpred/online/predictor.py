@@ -31,6 +31,8 @@ from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LOG = logging.getLogger(__name__)
 _NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
+_APART_S = 0.25
+"""Frames of the sensors of one robot come at most so much out of order."""
 
 
 class OnlinePredictor:
@@ -184,10 +186,11 @@ class OnlinePredictor:
     ) -> Forecast:
         """Add the detections of one instant; return a forecast of each person, whose arrays are read-only.
 
-        A frame that is not later than the last one is dropped, with a warning, and the last forecast returned
-        again. A person who is not detected is extrapolated for `max_age_s`, and forgotten after the model's
-        `lost_after_s`. If time jumps by more than that, forward or backward, all tracks are deleted: twice
-        after a false stamp.
+        Of a frame that is at most 0.25 s earlier than the last one, or no later, as of a second camera, those
+        count who were not detected since; forecasts are at the time of the last one again. Where nobody
+        counts, it is dropped, with a warning, and the last forecast returned. A person who is not detected is
+        extrapolated for `max_age_s`, and forgotten after the model's `lost_after_s`. If time jumps by more
+        than that, forward or backward, all tracks are deleted: twice after a false stamp.
         An id that jumps farther than anybody can move is a new person. People for whom the network gives no
         valid forecast are left out, named in a warning and forgotten. Of more than `most_people`, those who
         came first are followed; the others are left out and named in a warning.
@@ -206,8 +209,7 @@ class OnlinePredictor:
         frame = Frame.checked(time_s, track_id, position, velocity)
         now, longest_s = frame.time_s, self.protocol.lost_after_s + TIME_TOLERANCE_S
         if abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S:
-            _LOG.warning("frame at %s s dropped: the last one was at %s s", now, self._now)
-            return self._last
+            return self._completed(frame)
         people, place, jumps = self._people, Place(self._trust, self._regions), self._jumps
         if abs(now - self._now) > longest_s:
             if len(people) and (now < self._now or not jumps):  # of long gaps the first one
@@ -217,14 +219,33 @@ class OnlinePredictor:
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
-        people, frame = self._within_limit(people, frame)
-        people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
-        people, rows, predictions, velocities = self._predicted(people, now)
-        place, forecast = self._forecast(people, place, rows, predictions, velocities, now)
+        people, place, forecast = self._detected(people, place, frame, now)
         self._trust, self._regions = place.trust, place.regions
-        self._lives += len(frame.track_id)
+        self._lives += len(frame)
         self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
         return forecast
+
+    def _completed(self, frame: Frame) -> Forecast:
+        """The last forecast, with people of another frame who were not detected since; nothing is learned."""
+        since = self._people.seen_s > frame.time_s - TIME_TOLERANCE_S
+        new = ~np.isin(frame.track_id, self._people.track_id[since], assume_unique=True)
+        if not new.any() or self._now - frame.time_s > _APART_S + TIME_TOLERANCE_S:
+            _LOG.warning("frame at %s s dropped: the last one was at %s s", frame.time_s, self._now)
+            return self._last
+        place = Place(self._trust, self._regions)
+        people, _, forecast = self._detected(self._people, place, frame.select(new), self._now)
+        self._lives += len(frame)
+        self._people, self._last = people, forecast
+        return forecast
+
+    def _detected(
+        self, people: People, place: Place, frame: Frame, time_s: float
+    ) -> tuple[People, Place, Forecast]:
+        """People after the detections of a frame, what is learned, and forecasts at a time, not before it."""
+        people, frame = self._within_limit(people, frame)
+        people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
+        people, rows, predictions, velocities = self._predicted(people, time_s)
+        return people, *self._forecast(people, place, rows, predictions, velocities, time_s)
 
     def _within_limit(self, people: People, frame: Frame) -> tuple[People, Frame]:
         """See `keep_to_limit`; who is left out is named."""

@@ -16,6 +16,7 @@ from pedpred.ros.clocks import find_false, find_missing, find_passes, in_a_row
 from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name, is_robots, lacks_height
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.identity import check_identity
+from pedpred.ros.localisation import find_poses, without_jumps
 from pedpred.ros.people import (
     ADAPTERS,
     LABELLED,
@@ -176,9 +177,34 @@ class People:
                     raise ValueRuleError("transform", f"none at {time_s[0]} s", rule)
                 if flat := lacks_height(moved).sum():
                     self._warn(f"left out: {flat} detections without a height in {frame!r}, which is tilted")
+                moved[:, :2] = self._without_jumps(
+                    tree, (frame, target), rows, moved[:, :2], self._heard(here)
+                )
                 for row, part in zip(rows, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
                     result[row] = part
         return [places[:, :2] for places in result]
+
+    def _without_jumps(
+        self,
+        tree: FrameTree,
+        frames: tuple[str, str],
+        rows: Sequence[np.integer],
+        place: np.ndarray,
+        heard_s: tuple[float, float],
+    ) -> np.ndarray:
+        """Places of the people of some messages so that nobody runs where the localisation jumps. [M, 2]."""
+        counts = [len(self._instants[row].ids) for row in rows]
+        time_s, instant = np.unique(self._stamp_s[rows].repeat(counts), return_inverse=True)
+        poses = find_poses(tree, *frames, time_s, heard_s)
+        if poses is None:
+            return place
+        order = np.argsort(instant, kind="stable")
+        corrected, jump_m = np.empty_like(place), np.zeros(0)
+        corrected[order], jump_m = without_jumps(poses, instant[order], place[order])
+        if len(jump_m):
+            text = f"the localisation has moved {poses.frame!r} in {frames[1]!r} {len(jump_m)} times at once"
+            self._warn(f"{text}, people by up to {jump_m.max():.2g} m: their places before lead there")
+        return corrected
 
     def _heard(self, here: np.ndarray) -> tuple[float, float]:
         """When transforms were received that belong to one pass: up to the neighbouring passes, s."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -40,9 +40,9 @@ def is_robots(frame: str) -> bool:
     return frame.rpartition("/")[2] in ("base_link", "base_footprint")
 
 
-def is_odometrys(frame: str) -> bool:
+def _is_odometrys(frame: str) -> bool:
     """Whether a frame has the name of one in which a robot never jumps, while it may on the map (REP 105)."""
-    return frame.rpartition("/")[2].startswith("odom")
+    return any(word.startswith("odom") for word in frame.rpartition("/")[2].split("_"))
 
 
 class FrameTree:
@@ -168,6 +168,37 @@ class FrameTree:
                 break
             frames.append(parent)
         return frames
+
+    def odometry(self, frame: str, target: str) -> str:
+        """The frame, from another one up to a target, in which the robot never jumps; empty: there is none.
+
+        The localisation alone moves it. It is the one in which the robot's base moves, whatever it is called;
+        where none is called like a base, the one that is called like odometry.
+        """
+        above = set(self.chain(target))
+        below = [name for name in self.chain(frame) if name not in above]
+        bases = {parent for base in self._bases() for parent in self._moves_in(base)}
+        named = (name for name in below if _is_odometrys(name))
+        return next((name for name in below if name in bases), next(named, ""))
+
+    def base(self, frame: str) -> str:
+        """The robot's base that a frame belongs to, else the only one that there is; empty: there is none."""
+        bases = self._bases()
+        mine = [name for name in self.chain(frame) if name in bases]
+        return mine[-1] if mine else "".join(bases if len(bases) == 1 else ())
+
+    def _bases(self) -> set[str]:
+        """The bases of all robots; of one within another the upper one."""
+        return {
+            [name for name in self.chain(base) if is_robots(name)][-1]
+            for base in self._samples
+            if is_robots(base)
+        }
+
+    def _moves_in(self, base: str) -> list[str]:
+        """The frame in which a base moves; none where it has no parent."""
+        moving = (edge[1] for edge in pairwise(self.chain(base)) if edge not in self._fixed)
+        return list(islice(moving, 1))
 
     def _end(self, frame: str, top: str) -> str:
         if top in self._samples:

@@ -107,6 +107,7 @@ def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
         "left out: lost before they were read": counts.missed,
         "left out: people without a forecast": counts.without_forecast,
         "left out: detections of other classes": counts.others,
+        "left out: people of other floors": counts.elsewhere,
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
         "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",
     }

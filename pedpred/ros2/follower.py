@@ -18,18 +18,18 @@ import numpy as np
 
 from pedpred.errors import PedpredError, ValueRuleError
 from pedpred.files import translate_errors
-from pedpred.geometry import rotate
 from pedpred.online import OnlinePredictor
 from pedpred.ros.decoding import Connection, Decoder
 from pedpred.ros.detections import Instant
 from pedpred.ros.frame_tree import frame_name
+from pedpred.ros.localisation import JUMPS_MPS, Poses, moved
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import find_usable
 from pedpred.ros.planning import PREDICTIONS_TYPE, predictions_message, tell_rounding
 from pedpred.ros.scene_messages import blocked, map_of_grid, updated_grid
 from pedpred.ros2.identities import Identities
 from pedpred.ros2.latched import Latched, nobody
-from pedpred.ros2.live_frames import LiveFrames, Pose
+from pedpred.ros2.live_frames import LiveFrames
 from pedpred.ros2.outputs import (
     NAMES,
     PEOPLE,
@@ -50,9 +50,6 @@ _GONE_S = 1.5 * LOST_AFTER_S
 _CAUGHT_UP = 0.1
 """Once people had to wait too long, all are left out until some wait less than this share of that time: when
 forecasts take longer than messages need to come, late ones would be late for ever."""
-_JUMPS_MPS = 0.5
-"""Faster changes of where the odometry lies on the map are jumps of the localisation, whose tracks move with
-it; in slower ones the localisation makes good for wheels that slip, so that people are where they seem."""
 _log = logging.getLogger(__name__)
 
 
@@ -72,6 +69,7 @@ class Counts:
     without_forecast: int = 0
     detections: int = 0
     others: int = 0
+    elsewhere: int = 0
 
     @property
     def left_out(self) -> int:
@@ -148,8 +146,10 @@ class Follower:
         self._named: dict[int, str] = {}
         self._is_behind = False
         self._latest: Forecast | None = None
+        self._time_ns = 0
+        self._floor_m = 0.0
         self._shown: tuple[Forecast, _Waiting] | None = None
-        self._odometry: Pose | None = None
+        self._odometry: Poses | None = None
         self._views = Views(self._latched, clock)
         self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
         self.came_s = -np.inf
@@ -219,6 +219,9 @@ class Follower:
             return
         message = self._decoded(raw, TYPES[MAP])
         occupancy, frame = map_of_grid(message), frame_name(message.header.frame_id)
+        if not frame:
+            frame = self._map.frame
+            _log.warning("the map names no frame (header.frame_id): it is taken to be in %r", frame)
         if frame != self._map.frame:
             _log.warning("the map is in %r, forecasts were in %r: all are forgotten", frame, self._map.frame)
             self._predictor.reset()
@@ -349,8 +352,8 @@ class Follower:
     def _answered(self, waiting: _Waiting, frame: str) -> Iterator[Answer]:
         one = waiting.instant
         with self.counts.refusing():
-            place = self._frames.placed(one.place, one.stamp_s, one.frame, frame)
-            self._follow_localisation(one, place, frame)
+            one, place = self._on_this_floor(one, frame)
+            place = self._follow_localisation(one, place, frame)
             track_id = self._identities.number(one, place)
             times_s = np.full(len(place), one.stamp_s)
             kept, left_out = find_usable(times_s, track_id, place, self._identities.name)
@@ -361,6 +364,9 @@ class Follower:
             self.counts.late += 1
             return
         self.counts.jumps += self._jumped(one.stamp_s)
+        if self._latest is not None and forecast.time_s == self._latest.time_s:  # it has more people
+            waiting = replace(waiting, time_ns=self._time_ns)
+        self._time_ns = waiting.time_ns
         self._latest, self._shown = forecast, (forecast, waiting)
         self.counts.without_forecast += len(np.setdiff1d(track_id, forecast.track_id))
         self.counts.forecasts += 1
@@ -372,22 +378,48 @@ class Follower:
             )
         yield from self._contents(forecast, waiting.time_ns, frame)
 
-    def _follow_localisation(self, one: Instant, place: np.ndarray, frame: str) -> None:
-        """Move all tracks with the robot's odometry where that has jumped on the map: nobody has moved."""
+    def _on_this_floor(self, one: Instant, frame: str) -> tuple[Instant, np.ndarray]:
+        """A message without the people of other floors, and the places of the others, m. [n, 2]."""
+        place, most_m = self._frames.placed(one.place, one.stamp_s, one.frame, frame), self.settings.floor_m
+        if not most_m or not len(place):
+            return one, place[:, :2]
+        now_m = self._frames.floor_m(one.frame, frame, one.stamp_s)
+        self._floor_m = now_m if np.isfinite(now_m) else self._floor_m
+        away = np.abs(place[:, 2] - self._floor_m) > most_m
+        if away.any():
+            self.counts.elsewhere += int(away.sum())
+            text = "left out: %d people more than %g m above or below %.2f m, where the robot is"
+            _log.info(text, away.sum(), most_m, self._floor_m)
+        ids = tuple(name for name, gone in zip(one.ids, away, strict=True) if not gone)
+        return replace(one, ids=ids, place=one.place[~away]), place[~away, :2]
+
+    def _follow_localisation(self, one: Instant, place: np.ndarray, frame: str) -> np.ndarray:
+        """Move all tracks with the robot's odometry where that has jumped on the map: nobody has moved.
+
+        Returns:
+            The places as the latest localisation has them, which knows more than that of late people. [n, 2]
+        """
         before, longest_s = self._odometry, self._predictor.protocol.lost_after_s
-        after_s = one.stamp_s - before.time_s if before is not None else np.inf
-        if not one.ids or -longest_s <= after_s <= TIME_TOLERANCE_S:
-            return
-        now = self._odometry = self._frames.odometry(one.frame, frame, one.stamp_s)
+        after_s = one.stamp_s - before.time_s[0] if before is not None else np.inf
+        if not one.ids:
+            return place
+        now = self._frames.odometry(one.frame, frame, one.stamp_s)
+        is_late = -longest_s <= after_s <= TIME_TOLERANCE_S
+        if not is_late:
+            self._odometry = now
         if now is None or before is None or now.frame != before.frame or abs(after_s) > longest_s:
-            return
+            return place
+        if is_late:
+            return moved(place, *before.since(now))
         turn_rad, shift = now.since(before)
-        moved_m = np.hypot(*(rotate(place, np.float64(turn_rad)) + shift - place).T)
-        if (moved_m > _JUMPS_MPS * after_s).any():
-            self._predictor.correct(turn_rad, shift)
-            self._identities.correct(turn_rad, shift)
+        moved_m = np.hypot(*(moved(place, turn_rad, shift) - place).T)
+        if (moved_m > JUMPS_MPS * after_s).any():
+            correction = float(turn_rad[0]), shift[0]
+            self._predictor.correct(*correction)
+            self._identities.correct(*correction)
             text = "the localisation has moved %r by %.2f m in %r, and all tracks with it"
-            _log.info(text, now.frame, np.hypot(*(now.origin - before.origin)), frame)
+            _log.info(text, now.frame, np.hypot(*(now.origin - before.origin)[0]), frame)
+        return place
 
     def _jumped(self, stamp_s: float) -> bool:
         """Whether the predictor has forgotten all, as time has jumped since the last forecast."""

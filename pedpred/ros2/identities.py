@@ -8,10 +8,11 @@ from collections import deque
 import numpy as np
 
 from pedpred.errors import ValueRuleError
+from pedpred.geometry import rotate
 from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.detections import Instant
 from pedpred.ros.people import TrackNumbers
-from pedpred.tracking.tracks import LOST_AFTER_S
+from pedpred.tracking.tracks import LOST_AFTER_S, jumped
 
 UNNAMED_TYPES = ("geometry_msgs/msg/PoseArray", "people_msgs/msg/PositionMeasurementArray")
 """Detections of these types say nothing, or nothing that lasts, about who is who."""
@@ -20,6 +21,9 @@ _REMEMBERED_S = 2 * LOST_AFTER_S
 _MESSAGES, _JUDGED, _FLEETING = 10, 100, 0.95
 """An id is known if it is in one of so many messages before. Of the last so many detections, a larger share
 without a known id means that ids do not stay with people."""
+_LATEST, _JUMPY, _JUMPING = 20, 10, 0.2
+"""So do jumps farther than anybody can move in more than so many of the last messages, of a larger share of
+their detections."""
 _NAMELESS = -(2**62)
 """Numbers of people without an id begin here, where others have one or may get one: no name has these."""
 _log = logging.getLogger(__name__)
@@ -40,8 +44,9 @@ class Identities:
         self._used_s: dict[str, float] = {}
         self._names: dict[int, str] = {}
         self._unclear: deque[bool] = deque(maxlen=_MESSAGES)
-        self._recent: deque[frozenset[str]] = deque(maxlen=_MESSAGES)
+        self._recent: deque[dict[str, tuple[float, np.ndarray]]] = deque(maxlen=_MESSAGES)
         self._new: deque[bool] = deque(maxlen=_JUDGED)
+        self._jumping: deque[tuple[int, int]] = deque(maxlen=_LATEST)
 
     @property
     def names(self) -> dict[int, str]:
@@ -71,7 +76,7 @@ class Identities:
             ValueRuleError: ids are asked for, and some have none or share one.
         """
         if self._how != "assigned":
-            self._judge(one)
+            self._judge(one, place)
         if self._assigns:
             _log.warning(
                 "people have no ids that say who is who: the nearest one is taken, who may be another"
@@ -83,8 +88,11 @@ class Identities:
     def correct(self, turn_rad: float, shift: np.ndarray) -> None:
         """See `NearestTracks.correct`."""
         self._nearest.correct(turn_rad, shift)
+        for known in self._recent:
+            for name, (seen_s, at) in known.items():
+                known[name] = seen_s, rotate(at, np.float64(turn_rad)) + shift
 
-    def _judge(self, one: Instant) -> None:
+    def _judge(self, one: Instant, place: np.ndarray) -> None:
         """Decide whether ids say who is who; if not, and they are asked for, say so.
 
         They do not while most of the last messages have none; then they do once none of these lacks them, as
@@ -97,15 +105,23 @@ class Identities:
             raise ValueRuleError("id", list(one.ids), rule)
         if one.ids:
             self._unclear.append(unnamed)
-        fleeting = self._fleeting(names)
+        fleeting, jumping = self._fleeting(names), self._jumps(one, place)
         if fleeting:
             _log.warning(
                 "ids do not stay with people: of the last %d detections, %d have an id of their own",
                 *(len(self._new), sum(self._new)),
             )
+        if jumping:
+            _log.warning(
+                "ids do not stay with people: in %d of %d messages, some are elsewhere than anybody can have "
+                "moved: do two trackers give the same ids?",
+                *(sum(count > 0 for count, _ in self._jumping), len(self._jumping)),
+            )
+        if one.ids:
+            self._recent.append(_seen(one, place))
         most = 0 if self._assigns else len(self._unclear)
         without = 2 * sum(self._unclear) > most or self._kind in UNNAMED_TYPES
-        assigns = self._how == "auto" and (without or fleeting)
+        assigns = self._how == "auto" and (without or fleeting or jumping)
         if self._assigns and not assigns:
             _log.info("people have ids now, which are taken from here on")
         self._assigns = assigns
@@ -114,9 +130,19 @@ class Identities:
         """Whether hardly any id lasts from one message to the next."""
         if self._recent:
             self._new.extend(not any(name in known for known in self._recent) for name in names)
-        if names:
-            self._recent.append(frozenset(names))
         return len(self._new) == _JUDGED and sum(self._new) > _FLEETING * _JUDGED
+
+    def _jumps(self, one: Instant, place: np.ndarray) -> bool:
+        """Whether many ids are elsewhere again and again."""
+        before = {name: seen for known in self._recent for name, seen in known.items()}
+        pairs = [(before[name], seen) for name, seen in _seen(one, place).items() if name in before]
+        if pairs:
+            old_s, old, new_s, new = (
+                np.array(values) for values in zip(*((*a, *b) for a, b in pairs), strict=True)
+            )
+            self._jumping.append((int(jumped(old, new, np.abs(new_s - old_s)).sum()), len(pairs)))
+        found, judged = np.reshape(self._jumping, (-1, 2)).sum(axis=0)
+        return sum(count > 0 for count, _ in self._jumping) > _JUMPY and found > _JUMPING * judged
 
     def _named(self, one: Instant, place: np.ndarray) -> np.ndarray:
         for name in [n for n, used_s in self._used_s.items() if abs(one.stamp_s - used_s) > _REMEMBERED_S]:
@@ -135,3 +161,9 @@ class Identities:
             )
             numbered[nameless] = self._first + self._nearest.assign(one.stamp_s, place[nameless])
         return numbered
+
+
+def _seen(one: Instant, place: np.ndarray) -> dict[str, tuple[float, np.ndarray]]:
+    """Id -> when and where, of those who have one; of several with the same one the first."""
+    named = [(name, (one.stamp_s, at)) for name, at in zip(one.ids, place, strict=True) if name]
+    return dict(reversed(named))

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
-from itertools import takewhile
 from typing import Any
 
 import numpy as np
 
-from pedpred.geometry import rotate
-from pedpred.ros.frame_tree import LONGEST_GAP_S, FrameTree, frame_name, is_odometrys, lacks_height
+from pedpred.ros.frame_tree import LONGEST_GAP_S, FrameTree, frame_name, lacks_height
+from pedpred.ros.localisation import ALWAYS, Poses, find_poses
 from pedpred.ros.scene_messages import seconds
 from pedpred.tracking.tracks import LOST_AFTER_S
 
@@ -19,21 +17,6 @@ MOST_POSES, MOST_FRAMES = 10_000, 1000
 """Of an edge, such as 10 s at 1000 Hz; and frames that move, such as one per person."""
 _BETWEEN = 200  # transforms between two clean-ups
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Pose:
-    """How a frame lies on the ground of another one at some time: its origin, m [2], and direction, rad."""
-
-    frame: str
-    time_s: float
-    origin: np.ndarray
-    yaw_rad: float
-
-    def since(self, before: Pose) -> tuple[float, np.ndarray]:
-        """By how much what does not move in the frame has moved in the other one: turn, rad, and shift, m."""
-        turn_rad = float(np.angle(np.exp(1j * (self.yaw_rad - before.yaw_rad))))
-        return turn_rad, self.origin - rotate(before.origin, np.float64(turn_rad))
 
 
 class LiveFrames:
@@ -85,27 +68,27 @@ class LiveFrames:
 
     def lack(self, frame: str, target: str, time_s: float) -> str:
         """Say what is missing to bring people from one frame into another; empty if nothing is."""
-        return "" if frame == target else self._tree.lack(frame, target, time_s)
+        if frame == target:
+            return ""
+        return self._tree.lack(frame, target, time_s) if frame else "they name no frame (header.frame_id)"
 
-    def odometry(self, frame: str, target: str, time_s: float) -> Pose | None:
-        """How the robot's odometry that people are seen from lies in another frame; None where there is none.
+    def odometry(self, frame: str, target: str, time_s: float) -> Poses | None:
+        """How the odometry that people are seen from lies in another frame; None where that is unknown."""
+        poses = find_poses(self._tree, frame, target, np.array([time_s]))
+        return poses if poses is not None and np.isfinite(poses.yaw_rad).all() else None
 
-        The localisation alone moves it.
-        """
-        below = takewhile(lambda name: name != target, self._tree.chain(frame))
-        if not (odometry := next(filter(is_odometrys, below), "")):
-            return None
-        ends = self.placed(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), time_s, odometry, target)
-        if not np.isfinite(ends).all():
-            return None
-        return Pose(odometry, time_s, ends[0], float(np.arctan2(*(ends[1] - ends[0])[::-1])))
+    def floor_m(self, frame: str, target: str, time_s: float) -> float:
+        """How high the robot stands that people are seen from; NaN if that is unknown, m."""
+        if not (base := self._tree.base(frame)) or self._tree.lack(base, target, time_s):
+            return np.nan
+        return float(self._tree.placed(np.zeros((1, 3)), np.array([time_s]), base, target, ALWAYS)[0, 2])
 
     def placed(self, place: np.ndarray, time_s: float, frame: str, target: str) -> np.ndarray:
-        """Places of one instant in another frame, m. [N, 3] -> [N, 2]."""
+        """Places of one instant in another frame, m. [N, 3]."""
         if frame == target or not len(place):
-            return place[:, :2]
+            return place
         instant = np.full(len(place), time_s)
-        moved = self._tree.placed(place, instant, frame, target, (-np.inf, np.inf))
-        if flat := lacks_height(moved).sum():
+        here = self._tree.placed(place, instant, frame, target, ALWAYS)
+        if flat := lacks_height(here).sum():
             _log.warning("%d people have no height in %r, which is tilted: give heights", flat, frame)
-        return moved[:, :2]
+        return here

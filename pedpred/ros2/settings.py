@@ -10,6 +10,7 @@ from typing import Any
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges
 from pedpred.online import OnlineSettings
+from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.people import ADAPTERS
 from pedpred.tables.classes import PERSON_CLASSES
 
@@ -25,7 +26,7 @@ _RANGES = {
     "occupancy_cell_m": "[0, 100]",
     "most_people": "[1, 100000]",
 }
-_RANGES |= {"max_age_s": "[0, 60]"}
+_RANGES |= {"max_age_s": "[0, 60]", "floor_m": "[0, 1000]"}
 
 
 def _told(default: Any, text: str, live: bool = False) -> Any:
@@ -71,6 +72,12 @@ class NodeSettings:
         "a JSON file that keeps what was learned at the place, read at the start, written every minute and "
         "at the end; empty: it is learned again after each start",
     )
+    floor_m: float = _told(
+        0.0,
+        "people who are more than this above or below the robot's base (or 0, where /tf names none) are on "
+        "another floor and left out, m; 0: heights do not count",
+        True,
+    )
     max_age_s: float = _told(
         0.5, "a person is forecast while the last detection is at most this old, and at most 2 s, s"
     )
@@ -89,6 +96,8 @@ class NodeSettings:
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ValueRuleError(name, getattr(self, name), f"it must be one of {', '.join(choices)}")
+        if not frame_name(self.map_frame):
+            raise ValueRuleError("map_frame", self.map_frame, "it must name a frame, such as map")
 
     @property
     def folder(self) -> Path | None:
