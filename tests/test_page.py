@@ -304,6 +304,19 @@ def test_the_page_loads_alone_and_fits(visit_at, width, scheme):
     assert (paper > ink) == (scheme == "light")
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_paper_is_white_and_holds_every_column(visit_at, scheme):
+    page = visit_at(700, scheme).page  # px; a sheet of A4 between its margins has 718
+    page.emulate_media(media="print")
+    page.evaluate("for (const folded of document.querySelectorAll('details')) folded.open = true")
+    cut = "[...document.querySelectorAll('.wide')].filter((one) => one.scrollWidth > one.clientWidth)"
+    assert page.evaluate(f"{cut}.map((one) => one.textContent)") == []
+    colours = "[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]"
+    paper, ink = (sum(map(int, re.findall(r"\d+", c)[:3])) for c in page.evaluate(colours))
+    assert paper > 3 * 240 > 3 * 80 > ink
+    assert not page.is_visible("#player")
+
+
 def test_a_page_without_plots_over_the_horizon_plays(browser, text, tmp_path):
     bare = re.sub(r'<div class="bar legend".*?</div>', "", text, flags=re.DOTALL)
     assert bare != text
