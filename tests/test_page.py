@@ -304,6 +304,13 @@ def test_the_page_loads_alone_and_fits(visit_at, width, scheme):
     assert (paper > ink) == (scheme == "light")
 
 
+def test_on_a_phone_every_table_says_what_its_figures_are(visit_at):
+    page = visit_at(390).page
+    page.evaluate("for (const folded of document.querySelectorAll('details')) folded.open = true")
+    hidden = "[...document.querySelectorAll('thead th:first-child')].filter((one) => !one.offsetHeight)"
+    assert page.evaluate(f"{hidden}.map((one) => one.textContent)") == []
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_paper_is_white_and_holds_every_column(visit_at, scheme):
     page = visit_at(700, scheme).page  # px; a sheet of A4 between its margins has 718
