@@ -304,6 +304,15 @@ def test_the_page_loads_alone_and_fits(visit_at, width, scheme):
     assert (paper > ink) == (scheme == "light")
 
 
+def test_without_scripts_no_dead_control_is_shown(browser, file):
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(file.as_uri())
+    assert page.is_visible("#replay noscript p")
+    assert not any(control.is_visible() for control in page.locator("input, select, button").all())
+    context.close()
+
+
 def test_on_a_phone_every_table_says_what_its_figures_are(visit_at):
     page = visit_at(390).page
     page.evaluate("for (const folded of document.querySelectorAll('details')) folded.open = true")
