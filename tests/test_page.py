@@ -152,6 +152,20 @@ def test_boxes_and_whiskers_lie_at_their_values():
 # What stands on the page
 
 
+def test_no_two_columns_of_a_table_have_one_title(text):
+    for table in re.findall(r"<thead>.*?</thead>", text, re.DOTALL):
+        titles = re.findall(r"<th[ >][^<]*", table)
+        assert len(titles) == len(set(titles)), titles
+
+
+def test_a_data_set_of_one_room_is_not_a_row_of_rooms(hall):
+    scene, windows = hall
+    simulated = contents_of(scene, windows).evaluated[0]
+    simulated = dataclasses.replace(simulated, scenes=dict(simulated.scenes) | {"corridor": [scene]})
+    captions = [p.caption for section in draw_gallery(simulated, METHODS) for p in section.pictures]
+    assert "corridor; tracks of the first 30 s." in captions
+
+
 def test_figures_of_box_plots_can_be_read_without_pointing_at_boxes(contents, text):
     for result in (result for own in contents.evaluated for result in own.results):
         for metrics in result.figures.values():
