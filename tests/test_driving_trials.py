@@ -171,6 +171,16 @@ def test_the_sentence_says_how_many_episodes_more_or_fewer(difference, words):
     assert words in answer("here", figures | {"equal_time": found})
 
 
+def test_a_curve_is_drawn_as_it_is_compared():
+    """A larger limit need not be faster: the share between two times is that of the line between them."""
+    times_s = {"0.03": 19.8, "0.1": 15.9, "0.3": 16.5}
+    bounds = {"time_s_ci95": [15.0, 20.0], "at_fault": 0.1, "at_fault_ci95": [0.0, 0.3]}
+    methods = {"kalman": {risk: {"time_s": time_s} | bounds for risk, time_s in times_s.items()}}
+    about = {"place": "here", "robot": "differential", "episodes": 4}
+    (axes,) = curves_figure(about | {"methods": methods}).axes
+    assert sorted(times_s.values()) in [list(line.get_xdata()) for line in axes.lines]
+
+
 def test_each_limit_of_risk_has_a_marker_of_its_own_in_all_curves():
     """However near to each other points are, nothing is written between them."""
     point = {"time_s": 9.0, "time_s_ci95": [8.0, 10.0], "at_fault": 0.0, "at_fault_ci95": [0.0, 0.0]}

@@ -93,8 +93,8 @@ def _existing(path: Path) -> str:
 def curves_figure(figures: Figures) -> Figure:
     """Draw the share of episodes with a collision at the robot's fault over the mean time to the goal.
 
-    A method's limits of risk are joined by a line, and each limit has a marker in all curves; bars are 95 %
-    intervals over episodes.
+    A method's limits of risk are joined by a line in the order of their times, as methods are compared at
+    equal times, and each limit has a marker in all curves; bars are 95 % intervals over episodes.
     """
     figure = blank(7.8, 4.2)
     axes = figure.subplots()
@@ -102,6 +102,7 @@ def curves_figure(figures: Figures) -> Figure:
     marker = dict(zip(sorted({risk for limits in curves for risk in limits}, key=float), cycle(_MARKERS)))
     handles: list[Artist] = []
     for method, limits in figures["methods"].items():
+        limits = dict(sorted(limits.items(), key=lambda one: one[1]["time_s"]))
         points = list(limits.values())
         time_s, share = (np.array([one[name] for one in points]) for name in ("time_s", "at_fault"))
         aside, up = (
