@@ -17,7 +17,7 @@ from pedpred.driving.trials import TrialPlace, TrialSettings, drive_block, write
 from pedpred.errors import ValueRuleError
 from pedpred.files import read_json, write_json
 from pedpred.report.canvas import png_bytes
-from pedpred.report.drives import LABELS, answer, drives_section, read_shown
+from pedpred.report.drives import LABELS, answer, curves_figure, drives_section, read_shown
 from pedpred.ros import read_recording
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import write_scene
@@ -65,7 +65,7 @@ def test_a_page_shows_curves_figures_and_episodes(rows, tmp_path):
     ]
     assert all(png_bytes(picture.figure) for picture in pictures)
     assert text.count(f"| {LABELS['kalman']} |") == 2
-    assert text.count("| lstm |") == 2
+    assert text.count("| LSTM |") == 2
     assert drives_section({}).blocks == []
     (recorded,) = (one for one in shown if one.recording)
     (scene, about), people = recorded.drives[1], read_recording(Path(recorded.recording)).trajectories
@@ -154,3 +154,53 @@ def test_the_sentence_says_fewer_only_if_the_interval_does():
     for bounds, verdict in (([-0.2, -0.1], ": fewer."), ([0.1, 0.2], ": more."), ([-0.1, 0.1], "neither")):
         found = {"kalman": {"time_s": 9.0, "at_fault": np.mean(bounds), "at_fault_ci95": bounds}}
         assert verdict in answer("here", figures | {"equal_time": found})
+
+
+@pytest.mark.parametrize(
+    ("difference", "words"),
+    [
+        (-0.127, "12.7 percentage points fewer episodes have"),
+        (0.012, "1.2 percentage points more episodes have"),
+        (0.0, 'as many episodes have a collision at fault with "network, all modes" as with "Kalman filter"'),
+        (-1e-9, "as many episodes have"),
+    ],
+)
+def test_the_sentence_says_how_many_episodes_more_or_fewer(difference, words):
+    figures = figures_of(made_rows({"modes": [0] * 4, "kalman": [0] * 4}, {m: [8.0] * 4 for m in LABELS}))
+    found = {"kalman": {"time_s": 9.0, "at_fault": difference, "at_fault_ci95": [-0.2, 0.1]}}
+    assert words in answer("here", figures | {"equal_time": found})
+
+
+def test_a_curve_is_drawn_as_it_is_compared():
+    """A larger limit need not be faster: the share between two times is that of the line between them."""
+    times_s = {"0.03": 19.8, "0.1": 15.9, "0.3": 16.5}
+    bounds = {"time_s_ci95": [15.0, 20.0], "at_fault": 0.1, "at_fault_ci95": [0.0, 0.3]}
+    methods = {"kalman": {risk: {"time_s": time_s} | bounds for risk, time_s in times_s.items()}}
+    about = {"place": "here", "robot": "differential", "episodes": 4}
+    (axes,) = curves_figure(about | {"methods": methods}).axes
+    assert sorted(times_s.values()) in [list(line.get_xdata()) for line in axes.lines]
+
+
+def test_each_limit_of_risk_has_a_marker_of_its_own_in_all_curves():
+    """However near to each other points are, nothing is written between them."""
+    point = {"time_s": 9.0, "time_s_ci95": [8.0, 10.0], "at_fault": 0.0, "at_fault_ci95": [0.0, 0.0]}
+    limits = dict.fromkeys(("0.03", "0.1", "0.3"), point)
+    methods = {
+        "standing": {"0": point},
+        "kalman": limits,
+        "modes": limits,
+        "mine": {"0.1": point, "1": point},
+    }
+    about = {"place": "here", "robot": "differential", "episodes": 4}
+    figure = curves_figure(about | {"methods": methods})
+    (axes,), (legend,) = figure.axes, figure.legends
+    assert not axes.texts
+    shown = {
+        text.get_text(): line.get_marker()
+        for text, line in zip(legend.texts, legend.get_lines(), strict=True)
+    }
+    keys = {risk: shown[f"limit of risk {risk}"] for risk in ("0.03", "0.1", "0.3", "1")}
+    assert len(set(keys.values())) == 4
+    drawn = [line.get_marker() for line in axes.lines if line.get_marker() not in ("", "None", "|", "_")]
+    curves = [methods[name] for name in ("kalman", "modes", "mine")]
+    assert drawn[1:] == [keys[risk] for limits in curves for risk in limits]

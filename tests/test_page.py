@@ -152,6 +152,20 @@ def test_boxes_and_whiskers_lie_at_their_values():
 # What stands on the page
 
 
+def test_no_two_columns_of_a_table_have_one_title(text):
+    for table in re.findall(r"<thead>.*?</thead>", text, re.DOTALL):
+        titles = re.findall(r"<th[ >][^<]*", table)
+        assert len(titles) == len(set(titles)), titles
+
+
+def test_a_data_set_of_one_room_is_not_a_row_of_rooms(hall):
+    scene, windows = hall
+    simulated = contents_of(scene, windows).evaluated[0]
+    simulated = dataclasses.replace(simulated, scenes=dict(simulated.scenes) | {"corridor": [scene]})
+    captions = [p.caption for section in draw_gallery(simulated, METHODS) for p in section.pictures]
+    assert "corridor; tracks of the first 30 s." in captions
+
+
 def test_figures_of_box_plots_can_be_read_without_pointing_at_boxes(contents, text):
     for result in (result for own in contents.evaluated for result in own.results):
         for metrics in result.figures.values():
@@ -302,6 +316,35 @@ def test_the_page_loads_alone_and_fits(visit_at, width, scheme):
     colours = "[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]"
     paper, ink = (sum(map(int, re.findall(r"\d+", c)[:3])) for c in visit.page.evaluate(colours))
     assert (paper > ink) == (scheme == "light")
+
+
+def test_without_scripts_no_dead_control_is_shown(browser, file):
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(file.as_uri())
+    assert page.is_visible("#replay noscript p")
+    assert not any(control.is_visible() for control in page.locator("input, select, button").all())
+    context.close()
+
+
+def test_on_a_phone_every_table_says_what_its_figures_are(visit_at):
+    page = visit_at(390).page
+    page.evaluate("for (const folded of document.querySelectorAll('details')) folded.open = true")
+    hidden = "[...document.querySelectorAll('thead th:first-child')].filter((one) => !one.offsetHeight)"
+    assert page.evaluate(f"{hidden}.map((one) => one.textContent)") == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_paper_is_white_and_holds_every_column(visit_at, scheme):
+    page = visit_at(700, scheme).page  # px; a sheet of A4 between its margins has 718
+    page.emulate_media(media="print")
+    page.evaluate("for (const folded of document.querySelectorAll('details')) folded.open = true")
+    cut = "[...document.querySelectorAll('.wide')].filter((one) => one.scrollWidth > one.clientWidth)"
+    assert page.evaluate(f"{cut}.map((one) => one.textContent)") == []
+    colours = "[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]"
+    paper, ink = (sum(map(int, re.findall(r"\d+", c)[:3])) for c in page.evaluate(colours))
+    assert paper > 3 * 240 > 3 * 80 > ink
+    assert not page.is_visible("#player")
 
 
 def test_a_page_without_plots_over_the_horizon_plays(browser, text, tmp_path):

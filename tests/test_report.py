@@ -468,6 +468,21 @@ def test_curves_are_sorted_into_stages_and_models():
     assert axes[2].lines[0].get_xydata().tolist() == [[5.0, 0.5], [10.0, 0.4]]
 
 
+@pytest.mark.parametrize("stages", [1, 3, 8])
+def test_no_training_curve_runs_behind_the_legend(stages):
+    """Neither where it falls nor where it rises, whatever number of networks has one."""
+    names = [f"{stage}_{row.key}" for stage in "abcdefgh"[:stages] for row in METHODS if row.learned]
+    rising = {"epoch": [0, 1, 2], "step": [0, 5, 10], "validation_ade_m": [0.4, 0.45, 0.5]}
+    falling = rising | {"validation_ade_m": [0.5, 0.45, 0.4]}
+    tables = {name: pd.DataFrame((rising, falling)[k % 2]) for k, name in enumerate(names)}
+    figure = training_figure(tables, METHODS)
+    figure.canvas.draw()
+    for axes in figure.axes:
+        legend = axes.get_legend().get_window_extent()
+        tops = [axes.transData.transform(line.get_xydata())[:, 1].max() for line in axes.lines]
+        assert max(tops) < legend.y0
+
+
 def galleries():
     scene = wall_scene()
     simulated = result_of(metrics_of(MEETING))

@@ -42,6 +42,16 @@ def test_a_site_on_a_disk_is_searched(browser, site, start):
     page.context.close()
 
 
+def test_on_a_phone_every_table_says_what_its_figures_are(browser, site):
+    page, _ = opened(browser, site / "results.html")
+    page.set_viewport_size({"width": 390, "height": 900})
+    titles = "[...document.querySelectorAll('table:has(td[data-title]) th:first-child')]"
+    shown = page.evaluate(f"{titles}.map((one) => one.offsetHeight > 0)")
+    assert shown
+    assert all(shown)
+    page.context.close()
+
+
 @pytest.mark.parametrize("name", PAGES)
 def test_no_page_needs_sideways_scrolling(browser, site, name):
     page, problems = opened(browser, site / name)

@@ -14,6 +14,8 @@ from pedpred.files import translate_errors
 from pedpred.report.canvas import INK, blank, styled
 from pedpred.report.methods import Methods
 
+_ENTRY = 0.085
+"""Height of an entry of the legend, as a share of the axes: curves end below it."""
 _SCORES = {"validation_ade_m": "validation ADE [m]", "validation_iou": "validation IoU"}
 
 
@@ -74,6 +76,8 @@ def training_figure(curves: Mapping[str, pd.DataFrame], methods: Methods) -> Fig
                 axes.plot(known[along].fillna(0), known[score], color=tone, linewidth=1.2, label=label)
         axes.set(title=stage, xlabel=along, ylabel=_SCORES.get(score, score))
         axes.margins(x=0.03)
-        if axes.get_legend_handles_labels()[0]:  # none where no network was fine-tuned
-            axes.legend(fontsize=7.5, loc="upper right")  # curves fall from the left
+        if entries := len(axes.lines):  # none where no network was fine-tuned
+            low, high = axes.get_ylim()
+            axes.set_ylim(low, low + (high - low) / (1 - _ENTRY * (entries + 0.5)))
+            axes.legend(fontsize=7, loc="upper right", borderpad=0, borderaxespad=0, labelspacing=0.25)
     return figure

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import cycle
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from pedpred.errors import StorageError
@@ -32,9 +35,12 @@ LABELS = {
     "modes": "network, all modes",
     "social_force": "social forces, true goals",
     "true_future": "true future",
+    "lstm": "LSTM",
 }
 """Names of forecasters in words; other networks keep their names."""
-_COLOURS = ("#7F7F7F", "#E69F00", "#0072B2", "#CC79A7", "#D55E00", "#56B4E9", "#009E73")
+_COLOURS = ("#7F7F7F", "#E69F00", "#0072B2", "#CC79A7", "#D55E00", "#56B4E9", "#009E73", "#882255")
+_CERTAIN, _MARKERS = "o", "sD^vP*X"
+"""Marker of methods without a limit of risk; those of the limits, from the smallest, in all curves."""
 _COLOUR = dict(zip(LABELS, _COLOURS, strict=True))
 _OTHER, _ROBOT, _FAULT = "#8C564B", "#0072B2", "#D55E00"
 _AROUND_M = 3.0
@@ -87,28 +93,37 @@ def _existing(path: Path) -> str:
 def curves_figure(figures: Figures) -> Figure:
     """Draw the share of episodes with a collision at the robot's fault over the mean time to the goal.
 
-    A method's limits of risk are joined by a line; bars are 95 % intervals over episodes.
+    A method's limits of risk are joined by a line in the order of their times, as methods are compared at
+    equal times, and each limit has a marker in all curves; bars are 95 % intervals over episodes.
     """
-    figure = blank(6.0, 4.2)
+    figure = blank(7.8, 4.2)
     axes = figure.subplots()
+    curves = [limits for limits in figures["methods"].values() if len(limits) > 1]
+    marker = dict(zip(sorted({risk for limits in curves for risk in limits}, key=float), cycle(_MARKERS)))
+    handles: list[Artist] = []
     for method, limits in figures["methods"].items():
+        limits = dict(sorted(limits.items(), key=lambda one: one[1]["time_s"]))
         points = list(limits.values())
         time_s, share = (np.array([one[name] for one in points]) for name in ("time_s", "at_fault"))
         aside, up = (
             np.abs(np.array([one[f"{name}_ci95"] for one in points]).T - middle)
             for name, middle in (("time_s", time_s), ("at_fault", share))
         )
-        bars: dict[str, Any] = {"elinewidth": 0.7, "capsize": 2, "marker": "o", "markersize": 4}
         colour, label = _COLOUR.get(method, _OTHER), LABELS.get(method, method)
-        axes.errorbar(time_s, 100 * share, 100 * up, aside, color=colour, label=label, **bars)
+        axes.errorbar(time_s, 100 * share, 100 * up, aside, color=colour, elinewidth=0.7, capsize=2)
         for risk, x, y in zip(limits, time_s, share, strict=True):
-            if len(limits) > 1:
-                axes.annotate(risk, (x, 100 * y), (4, 4), textcoords="offset points", fontsize=7)
+            shape = marker[risk] if len(limits) > 1 else _CERTAIN
+            axes.plot(x, 100 * y, shape, color=colour, markersize=5, clip_on=False, zorder=3)
+        handles.append(Line2D([], [], color=colour, marker="" if len(limits) > 1 else _CERTAIN, label=label))
+    handles += [
+        Line2D([], [], color=INK, linestyle="", marker=shape, label=f"limit of risk {risk}")
+        for risk, shape in marker.items()
+    ]
     axes.set(
         xlabel="mean time to the goal, s", ylabel="episodes with a collision at fault, %", ylim=(0, None)
     )
     axes.set_title(f"{figures['place']}, {figures['robot']}, {figures['episodes']} episodes")
-    axes.legend()
+    figure.legend(handles=handles, loc="outside right upper")
     return figure
 
 
@@ -177,17 +192,22 @@ _ABOUT = (
 )
 
 
+_WAYS = {"-": "fewer", "+": "more"}
+
+
 def answer(name: str, figures: Figures) -> str:
     """Compare the network's modes with each other curve at the same time to the goal, in a sentence each."""
     said = []
     for other, comparison in figures["equal_time"].items():
         low, high = (100 * end for end in comparison["at_fault_ci95"])
         verdict = "fewer" if high < 0 else "more" if low > 0 else "neither clearly fewer nor more"
+        points = f"{100 * comparison['at_fault']:+.1f}"
+        amount = "as many" if float(points) == 0 else f"{points[1:]} percentage points {_WAYS[points[0]]}"
         said.append(
-            f"{_words(name)}: at {comparison['time_s']:.1f} s to the goal, {LABELS['modes']} has "
-            f"{100 * comparison['at_fault']:+.1f} % of episodes with a collision at fault relative to "
-            f"{LABELS.get(other, other)} (95 % interval {low:+.1f} to {high:+.1f}, {figures['episodes']} "
-            f"episodes): {verdict}."
+            f"{_words(name)}: where both take {comparison['time_s']:.1f} s to the goal, {amount} episodes "
+            f'have a collision at fault with "{LABELS["modes"]}" {"as" if amount == "as many" else "than"} '
+            f'with "{LABELS.get(other, other)}" (95 % interval of the difference {low:+.1f} to {high:+.1f}, '
+            f"{figures['episodes']} episodes): {verdict}."
         )
     return " ".join(said)
 
@@ -232,7 +252,7 @@ _KINDS = {
 
 def _place_section(name: str, figures: Figures, shown: Sequence[Shown]) -> Section:
     """Curves, table and episodes of a place."""
-    caption = "Collisions at fault over the time to the goal; numbers: limits of risk."
+    caption = "Collisions at fault over the time to the goal; bars: 95 % intervals over episodes."
     blocks: list[Block] = [Pictures([Picture(f"{name}_curves", caption, curves_figure(figures))])]
     blocks.append(drives_table(figures))
     pictures = []

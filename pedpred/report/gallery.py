@@ -181,8 +181,8 @@ def _trained_in(data_sets: Mapping[str, Sequence[Scene]]) -> list[Section]:
     pictures = []
     for name, scenes in data_sets.items():
         few, columns = scenes[: SHEET_COLUMNS * SHEET_ROWS], min(SHEET_COLUMNS, len(scenes))
-        which = f"{few[0].name} to {few[-1].name}, row by row" if len(few) > 1 else few[0].name
-        caption = f"{name}: {which}, of {len(scenes)}; tracks of the first {SHEET_S:.0f} s."
+        which = f": {few[0].name} to {few[-1].name}, row by row, of {len(scenes)}" if len(few) > 1 else ""
+        caption = f"{name}{which}; tracks of the first {SHEET_S:.0f} s."
         pictures.append(Picture(f"rooms_{name}", caption, contact_sheet(few, SHEET_S, columns)))
     return [Section("Rooms that the networks were trained in", [Pictures(pictures)])] if pictures else []
 

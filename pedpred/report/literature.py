@@ -67,7 +67,7 @@ def literature_tables(
 
 
 def _header() -> list[str]:
-    return ["method", *(word for scene in (MEAN, *SCENES) for word in (f"{scene} ADE", "FDE"))]
+    return ["errors in m", *(f"{scene} {word}" for scene in (MEAN, *SCENES) for word in ("ADE", "FDE"))]
 
 
 def strict_key(literature: Mapping[str, Figures], scene: str) -> str | None:
