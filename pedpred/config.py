@@ -133,9 +133,12 @@ def read_params(root: Path) -> DictConfig:
     Raises:
         ConfigError: the file is missing or damaged.
     """
-    wording = partial(ConfigError, "params", str(root / "params.yaml"))
+    wording = partial(ConfigError, "params", str(file := root / "params.yaml"))
+    if not file.exists():
+        raise wording("there is no such file; run this in the project's folder, after `make params`")
+    values = read_yaml(file, wording)
     with translate_errors(wording):
-        return OmegaConf.create(read_yaml(root / "params.yaml", wording))
+        return OmegaConf.create(values)
 
 
 def stage_key(cfg: DictConfig) -> str:

@@ -36,7 +36,7 @@ from pedpred.report.ablation import (
 )
 from pedpred.report.canvas import write_png
 from pedpred.report.methods import Methods
-from tools.arguments import count
+from tools.arguments import count, in_project
 
 PATIENCE_S = 2.0  # between two looks at the queue
 _LOOKS = 30  # until workers are started again, in case that one has died: DVC starts only missing ones
@@ -146,6 +146,7 @@ def main() -> None:
     parser.add_argument("--point", action="append", help="run this point only; may be repeated")
     parser.add_argument("--out", type=Path, help="reports/ablations, with --point build/ablations")
     options = parser.parse_args()
+    in_project(Path())
     ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
     if options.point:
         ablation = replace(ablation, points={point: _points_of(ablation, point) for point in options.point})
