@@ -37,6 +37,7 @@ from pedpred.report.ablation import (
 from pedpred.report.canvas import write_png
 from pedpred.report.methods import Methods
 from tools.arguments import count, in_project
+from tools.programs import beside_python
 
 PATIENCE_S = 2.0  # between two looks at the queue
 _LOOKS = 30  # until workers are started again, in case that one has died: DVC starts only missing ones
@@ -48,7 +49,7 @@ def said_by(*command: str) -> str:
     Raises:
         SystemExit: it failed; with what it said.
     """
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=beside_python())
     if done.returncode:
         raise SystemExit(f"{' '.join(command)}\n{done.stdout}\n{done.stderr}")
     return done.stdout
@@ -95,8 +96,8 @@ def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) ->
         for look in itertools.count():
             if bar.n == len(experiments):
                 break
-            if look % _LOOKS == 0:
-                subprocess.run(start, check=True, stdout=quiet, stderr=quiet)  # workers would keep pipes open
+            if look % _LOOKS == 0:  # workers would keep pipes open
+                subprocess.run(start, check=True, stdout=quiet, stderr=quiet, env=beside_python())
             time.sleep(PATIENCE_S)
             done = finished()
             if "failed" in done:
