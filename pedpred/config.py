@@ -45,6 +45,8 @@ SHARED = Path("data/config")
 """Parts of params.yaml that many stages read, a file each, which the stage `config` writes.
 dvc.lock, which DVC reads and writes after every stage, would repeat their values in every entry."""
 
+_KEEP = ". If `dvc exp` wrote what params.yaml has, and it is to stay, write it into conf/ first"
+
 LOCK, KEPT = Path("dvc.lock"), Path("build/dvc.lock")
 """Checksums of all results: the file that DVC rewrites in place, and the copy that each stage makes first."""
 
@@ -292,7 +294,7 @@ def main(arguments: list[str] | None = None) -> None:
             return
         changes = difference(Path("params.yaml"), text)
     if changes and "DVC_EXP_NAME" not in os.environ:  # `dvc exp run` has just composed params.yaml itself
-        sys.exit(f"{changes}\nparams.yaml is not what conf/ composes to: run `make params`")
+        sys.exit(f"{changes}\nparams.yaml is not what conf/ composes to: run `make params`{_KEEP}")
     if options.stamp:
         write_text(options.stamp, "params.yaml is what conf/ composes to\n")
 
