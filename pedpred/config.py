@@ -45,6 +45,8 @@ SHARED = Path("data/config")
 """Parts of params.yaml that many stages read, a file each, which the stage `config` writes.
 dvc.lock, which DVC reads and writes after every stage, would repeat their values in every entry."""
 
+_KEEP = ". If `dvc exp` wrote what params.yaml has, and it is to stay, write it into conf/ first"
+
 LOCK, KEPT = Path("dvc.lock"), Path("build/dvc.lock")
 """Checksums of all results: the file that DVC rewrites in place, and the copy that each stage makes first."""
 
@@ -133,9 +135,12 @@ def read_params(root: Path) -> DictConfig:
     Raises:
         ConfigError: the file is missing or damaged.
     """
-    wording = partial(ConfigError, "params", str(root / "params.yaml"))
+    wording = partial(ConfigError, "params", str(file := root / "params.yaml"))
+    if not file.exists():
+        raise wording("there is no such file; run this in the project's folder, after `make params`")
+    values = read_yaml(file, wording)
     with translate_errors(wording):
-        return OmegaConf.create(read_yaml(root / "params.yaml", wording))
+        return OmegaConf.create(values)
 
 
 def stage_key(cfg: DictConfig) -> str:
@@ -289,7 +294,7 @@ def main(arguments: list[str] | None = None) -> None:
             return
         changes = difference(Path("params.yaml"), text)
     if changes and "DVC_EXP_NAME" not in os.environ:  # `dvc exp run` has just composed params.yaml itself
-        sys.exit(f"{changes}\nparams.yaml is not what conf/ composes to: run `make params`")
+        sys.exit(f"{changes}\nparams.yaml is not what conf/ composes to: run `make params`{_KEEP}")
     if options.stamp:
         write_text(options.stamp, "params.yaml is what conf/ composes to\n")
 

@@ -20,6 +20,8 @@ _IN_PYTHON = ContextVar("in_python", default=False)
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 """The system's numbers for a full disk or quota, a file that is too large, and a disk that is read-only."""
 
+_NO_ACCESS = frozenset({errno.EACCES, errno.EPERM})
+
 ROOM_REMEDY = "Nothing half-written was kept; make room on the disk or the folder writable, and try again"
 
 _LONGEST_VALUE, _LONGEST_PROBLEM, _DEEPEST = 400, 1000, 8
@@ -211,7 +213,8 @@ def user_errors() -> Iterator[None]:
         if error.filename is None and error.errno not in NO_ROOM:
             raise
         _end_output()
-        raise SystemExit(f"{error}. {ROOM_REMEDY}") from error
+        remedy = f". {ROOM_REMEDY}" if error.errno in NO_ROOM | _NO_ACCESS else ""
+        raise SystemExit(f"{error}{remedy}") from error
 
 
 def _end_output() -> None:

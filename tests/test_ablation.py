@@ -2,7 +2,9 @@
 
 import copy
 import dataclasses
+import os
 import subprocess
+import sys
 from itertools import combinations
 from pathlib import Path
 
@@ -178,6 +180,15 @@ def test_a_misspelt_key_is_refused(tmp_path):
     path.write_text(ABLATIONS[0].read_text().replace("entry:", "entyr:"))
     with pytest.raises(FileError, match=r"odd\.yaml.*entyr"):
         read_ablation(path)
+
+
+def test_programs_are_found_where_nobody_activated_the_environment(monkeypatch):
+    there = Path(sys.executable).parent
+    monkeypatch.setenv("PATH", os.pathsep.join(["/usr/bin", "/bin"]))
+    assert "usage" in ablate.said_by("dvc", "--help").lower()
+    shown = ablate.said_by("python", "-c", "import sys; print(sys.executable)")
+    assert Path(shown.strip()).parent == there
+    assert ablate.said_by("git", "--version")
 
 
 def test_what_waits_in_the_queue_under_the_name_of_a_point_is_not_run(tmp_path, monkeypatch):

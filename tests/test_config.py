@@ -281,6 +281,7 @@ def test_the_check_fails_with_a_diff_after_an_edit_under_conf(project, compose):
     said = compose("--check", "--stamp", "data/checked")
     assert "-  pedestrians: 20\n+  pedestrians: 21" in said
     assert "make params" in said
+    assert "If `dvc exp` wrote" in said, "`make params` would throw away the values of an experiment"
     assert not (project / "data" / "checked").exists()
 
 

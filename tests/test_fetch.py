@@ -272,10 +272,23 @@ def test_order_of_the_mirrors(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PEDPRED_MIRROR", "/own")
     monkeypatch.setenv("DVC_ROOT", "/project")
-    found = mirrors.places(["mirror/ewap", "../there"], ["a.tgz", "https://example.org/a.tgz"])
+    found = mirrors.places("ewap", ["mirror/ewap", "../there"], ["a.tgz", "https://example.org/a.tgz"])
     assert found[:3] == ["/own", f"{tmp_path}/mirror/ewap", "/project/mirror/ewap"]
     assert found[3:5] == [f"{tmp_path.parent}/there", "/there"]
     assert found[5:] == [f"{tmp_path}/a.tgz", "/project/a.tgz", "https://example.org/a.tgz"]
+
+
+@pytest.mark.parametrize("relative", [False, True])
+def test_one_folder_offers_several_data_sets_in_folders_of_their_names(
+    target, tmp_path, monkeypatch, relative
+):
+    """One variable names one folder; there are three data sets."""
+    write_mirror(tmp_path / "all/ewap")
+    (tmp_path / "all/other").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PEDPRED_MIRROR", "all" if relative else str(tmp_path / "all"))
+    fetch(target)
+    assert_fetched(target)
 
 
 def named(name, **changed):

@@ -161,6 +161,15 @@ def test_an_error_without_a_name_is_said_in_words():
         raise OSError(28, "No space left on device")
 
 
+@pytest.mark.parametrize(
+    ("number", "room"), [(28, True), (30, True), (13, True), (2, False), (20, False), (21, False)]
+)
+def test_room_is_asked_for_only_where_a_disk_or_folder_lacks_it(number, room):
+    with pytest.raises(SystemExit, match="dvc") as ended, user_errors():
+        raise OSError(number, os.strerror(number), "dvc")
+    assert ("make room" in str(ended.value)) == room
+
+
 def test_scratch_data_go_elsewhere_where_nothing_may_be_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 

@@ -40,6 +40,23 @@ def test_an_argument_that_is_not_known_is_named_before_any_work():
     assert "unrecognized arguments: --jobs 2" in done.stderr
 
 
+OF_A_PROJECT = [
+    ("ablate", "reach"), ("branches",), ("fit_social_force", "eth"), ("places", "tuned_on"), ("prose",),
+    ("readme", "--check"), ("recordings",), ("staleness",), ("tune_tracker", "eth"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("command", OF_A_PROJECT, ids=" ".join)
+def test_where_no_project_is_a_tool_says_so_once(command, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", list(command))
+    with pytest.raises(SystemExit) as ended:
+        importlib.import_module(f"tools.{command[0]}").main()
+    assert str(ended.value).lower().count("run this in the project's folder") == 1
+    assert str(ended.value).count("Error: ") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
 COUNTS = {"ablate": "--jobs", "fit_social_force": "--trials", "motion": "--worlds", "tune_tracker": "--ahead"}
 
 

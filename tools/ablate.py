@@ -36,7 +36,8 @@ from pedpred.report.ablation import (
 )
 from pedpred.report.canvas import write_png
 from pedpred.report.methods import Methods
-from tools.arguments import count
+from tools.arguments import count, in_project
+from tools.programs import beside_python
 
 PATIENCE_S = 2.0  # between two looks at the queue
 _LOOKS = 30  # until workers are started again, in case that one has died: DVC starts only missing ones
@@ -48,7 +49,7 @@ def said_by(*command: str) -> str:
     Raises:
         SystemExit: it failed; with what it said.
     """
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=beside_python())
     if done.returncode:
         raise SystemExit(f"{' '.join(command)}\n{done.stdout}\n{done.stderr}")
     return done.stdout
@@ -95,8 +96,8 @@ def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) ->
         for look in itertools.count():
             if bar.n == len(experiments):
                 break
-            if look % _LOOKS == 0:
-                subprocess.run(start, check=True, stdout=quiet, stderr=quiet)  # workers would keep pipes open
+            if look % _LOOKS == 0:  # workers would keep pipes open
+                subprocess.run(start, check=True, stdout=quiet, stderr=quiet, env=beside_python())
             time.sleep(PATIENCE_S)
             done = finished()
             if "failed" in done:
@@ -146,6 +147,7 @@ def main() -> None:
     parser.add_argument("--point", action="append", help="run this point only; may be repeated")
     parser.add_argument("--out", type=Path, help="reports/ablations, with --point build/ablations")
     options = parser.parse_args()
+    in_project(Path())
     ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
     if options.point:
         ablation = replace(ablation, points={point: _points_of(ablation, point) for point in options.point})

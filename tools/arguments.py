@@ -9,8 +9,18 @@ import argparse
 import math
 from pathlib import Path
 
-from pedpred.errors import OutputError
+from pedpred.errors import FileError, OutputError
 from pedpred.files import check_output
+
+
+def in_project(folder: Path) -> None:
+    """Check that a folder is the project's, since tools name its files from there.
+
+    Raises:
+        FileError: it is not.
+    """
+    if not (folder / "dvc.yaml").is_file():
+        raise FileError(folder.resolve(), "", "there is no dvc.yaml", "Run this in the project's folder")
 
 
 def no_arguments(module: str, about: str | None) -> None:

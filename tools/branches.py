@@ -19,6 +19,7 @@ from omegaconf import DictConfig
 from pedpred.config import read_params
 from pedpred.errors import user_errors
 from tools.arguments import no_arguments
+from tools.programs import beside_python
 from tools.staleness import pipeline
 
 SHARED = ("ingest", "simulate", "situations_simulated", "situations_real", "pretrain_autoencoder")
@@ -57,11 +58,11 @@ def main() -> None:
     graph = stage_names(Path())
     command = ["dvc", "--wait-for-lock", "repro", "--keep-going", "--single-item"]
     shared = needed(graph, SHARED)
-    subprocess.run([*command, *shared], check=False)
+    subprocess.run([*command, *shared], check=False, env=beside_python())
     running = []
     for last in branches(read_params(Path())).values():
         stages = [stage for stage in needed(graph, last) if stage not in shared]
-        running.append(subprocess.Popen([*command, *stages]))
+        running.append(subprocess.Popen([*command, *stages], env=beside_python()))
     for branch in running:
         branch.wait()
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import yaml
 
 from pedpred.errors import user_errors
-from tools.arguments import no_arguments
+from tools.arguments import in_project, no_arguments
 
 LONGEST = {"README.md": 120}
 """Most lines of some pages."""
@@ -52,6 +52,7 @@ def faults(text: str, name: str, words: Mapping[str, str]) -> Iterator[str]:
 def main() -> None:
     """Print all faults; fail when there are some."""
     words, root = word_list(), Path()
+    in_project(root)
     problems = [
         f for page in pages(root) for f in faults(page.read_text(), str(page.relative_to(root)), words)
     ]

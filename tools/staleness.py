@@ -27,6 +27,7 @@ from pedpred.config import SHARED, plain, read_params
 from pedpred.errors import FileError, ValueRuleError, user_errors
 from pedpred.files import atomic_write
 from pedpred.report.canvas import FAINT, INK, blank, styled, write_png
+from tools.arguments import in_project
 from tools.readme import filled
 
 PAGE, PICTURE = Path("ARCHITECTURE.md"), Path("docs/pipeline.png")
@@ -53,8 +54,9 @@ def pipeline(folder: Path) -> nx.DiGraph:
     """The stages, each with an edge to every one that it needs.
 
     Raises:
-        FileError: DVC looks for a git history, and there is none.
+        FileError: there is no project, or DVC looks for a git history, and there is none.
     """
+    in_project(folder)
     try:
         graph: nx.DiGraph = Repo(str(folder)).index.graph
     except SCMError as error:

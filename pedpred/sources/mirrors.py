@@ -99,7 +99,8 @@ class Mirrors:
         archives = f" ({addresses})" if addresses else ""
         return (
             f"no raw data of {self.data_set}: put archives that hold them{archives}, as downloaded, or the "
-            f"files into the folder mirror/{self.data_set}, or name such a folder: PEDPRED_MIRROR=/my/folder"
+            f"files into the folder mirror/{self.data_set}, or name such a folder, or one that holds it as "
+            f"{self.data_set}: PEDPRED_MIRROR=/my/folder"
         )
 
 
@@ -140,7 +141,7 @@ def fetch(mirrors: Mirrors, target: Path) -> None:
     with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as scratch:
         copy = Path(scratch, "new")
         present = [str(target)] if target.exists() and not (target / NOTE).exists() else []
-        for place in [*present, *places(mirrors.folders, mirrors.archives)]:
+        for place in [*present, *places(mirrors.data_set, mirrors.folders, mirrors.archives)]:
             missing = {name: inside for name, inside in mirrors.members.items() if not (copy / name).exists()}
             problem = _collect(place, missing, copy, mirrors.timeout_s)
             altered = _altered(copy, mirrors.sums)
@@ -164,24 +165,28 @@ def _put(new: Path, target: Path) -> None:
     new.rename(target)
 
 
-def places(folders: Iterable[str], archives: Iterable[str]) -> list[str]:
+def places(data_set: str, folders: Iterable[str], archives: Iterable[str]) -> list[str]:
     """Return all mirrors in the order in which they are tried, $PEDPRED_MIRROR first.
 
-    Relative paths start at the current folder and, because queued experiments run in a copy of the
-    project, at $DVC_ROOT.
+    That folder may hold one data set, or several in folders of their names. Relative paths start at the
+    current folder and, because queued experiments run in a copy of the project, at $DVC_ROOT.
 
     Raises:
         ValueRuleError: an address is neither https nor file; others do not protect what they transfer.
     """
     named: dict[str, None] = {}
-    for place in (os.environ.get("PEDPRED_MIRROR"), *folders, *archives):
+    own = os.environ.get("PEDPRED_MIRROR")
+    inside = os.path.join(own, data_set) if own and "://" not in own else None
+    for place in (own, inside, *folders, *archives):
         if place and place.startswith(_SCHEMES):
             named[place] = None
         elif place and "://" in place:
             raise ValueRuleError("archives", place, "use an address with https:// or file://")
         elif place:
             for root in (".", os.environ.get("DVC_ROOT", ".")):
-                named[os.path.abspath(Path(root, place).expanduser())] = None
+                path = os.path.abspath(Path(root, place).expanduser())
+                if place != inside or os.path.isdir(path):
+                    named[path] = None
     return list(named)
 
 
