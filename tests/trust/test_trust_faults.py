@@ -15,15 +15,11 @@ from tests.trust.faults import CLOCK, killed, killed_half_trained, plan, under_a
 from tests.trust.project import ROOT, kinds, pipeline
 
 
-def killed_by_the_system():
-    """A job that ends as one does that takes too much memory."""
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
 def test_a_killed_worker_is_said_in_words(monkeypatch):
+    """As one is that takes too much memory; its job is none of this module, whose imports take seconds."""
     monkeypatch.setenv("PEDPRED_JOBS", "2")
     with pytest.raises(WorkerError, match=r"simulate main: a worker process was killed.*PEDPRED_JOBS=1"):
-        in_parallel(killed_by_the_system, [(), ()], "simulate main", "room")
+        in_parallel(signal.raise_signal, [(signal.SIGKILL,)] * 2, "simulate main", "room")
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES])
