@@ -29,12 +29,13 @@ from pedpred.report.ablation import (
 )
 from pedpred.report.canvas import png_bytes
 from stages.config import check_parts
+from tests.configuration import read
 from tests.forecasts import METHODS
 from tools import ablate
 
 ROOT = Path(__file__).parents[1]
 ABLATIONS = sorted((ROOT / "conf" / "ablations").glob("*.yaml"))
-PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+PIPELINE = read("dvc.yaml")["stages"]
 
 
 def composed(ablation):

@@ -8,19 +8,19 @@ import sys
 
 import numpy as np
 import pytest
-import yaml
 
 from pedpred import config
 from pedpred.evaluation.forecasts import read_windows
 from pedpred.storage.checkpoints import read_checkpoint
 from pedpred.storage.scenes import read_scene
 from stages.config import write_shared
+from tests.configuration import read
 from tests.conftest import ROOT
 from tests.exported import write_autoencoder
 from tests.toys import architecture, metric, source
 from tests.trust.project import done
 
-PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
+PARAMS = read("params.yaml")
 PLACE = {"source": "toy", "folder": "data/raw/toy", "settings": {"dt_s": 0.4}, "variants": []}
 PLACE = next(iter(PARAMS["places"].values())) | PLACE
 FOLD = {"train": ["real/toy"], "test": ["real/toy"]}

@@ -19,7 +19,7 @@ from pedpred.features import Pedestrians
 from pedpred.scenes import OccupancyMap
 
 rng = np.random.default_rng(0)
-people = Pedestrians(np.arange(3000), rng.uniform(0, 60, (3000, 2)), np.zeros(3000), np.ones((3000, 2)))
+people = Pedestrians(np.arange(1000), rng.uniform(0, 60, (1000, 2)), np.zeros(1000), np.ones((1000, 2)))
 ground = OccupancyMap(rng.random((600, 600)) < 0.1, np.zeros(2), 0.1)
 
 def seen():

@@ -5,10 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from omegaconf import OmegaConf
 
-from pedpred import config
 from pedpred.driving.figures import figures_of
 from pedpred.driving.measures import Measures
 from pedpred.driving.shown import choose_episodes
@@ -22,6 +20,7 @@ from pedpred.ros import read_recording
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import write_scene
 from stages import drive, report
+from tests.configuration import composed
 from tests.conftest import ROOT
 
 DEFAULT = (ROOT / "models/online/default").as_posix()
@@ -96,7 +95,8 @@ def test_the_stage_at_the_smallest_scale_writes_table_and_figures(tmp_path, monk
     for name in ("simulation_mixture", "simulation"):
         (tmp_path / "models/online").mkdir(parents=True, exist_ok=True)
         (tmp_path / "models/online" / name).symlink_to(DEFAULT)
-    cfg = yaml.safe_load(config.composed(ROOT / "conf", ["scale=smoke"]))
+    cfg = composed("scale=smoke")
+    cfg["driving"]["seed"] = SETTINGS.seed
     drive.main.__wrapped__(OmegaConf.create(cfg | {"name": "corridor"}))
     driven = read_table(tmp_path / "data/drives/corridor/table.csv")
     methods = {row.condition.method for row in driven}

@@ -408,12 +408,16 @@ def test_no_other_method_has_the_name_of_one_that_is_always_there(name, hall, mi
         assess(scene, robot_for(scene, mixture[0]), EvaluationSettings(), others={name: None})
 
 
+AROUND = range(4)
+"""People on circles."""
+
+
 @pytest.fixture(scope="module")
 def circles(tmp_path_factory):
-    """Eight people on circles, as a table, and forecasts that are right."""
+    """People on circles, as a table, and forecasts that are right."""
     folder, rng = tmp_path_factory.mktemp("circles"), np.random.default_rng(0)
     seen, ahead = ["time,id,x,y"], [",".join(COLUMNS)]
-    for who in range(8):
+    for who in AROUND:
         centre, radius, turn = rng.uniform(-8, 8, 2), rng.uniform(2, 4), rng.uniform(0.2, 0.5)
         now = 0.4 * np.arange(5 * who, 5 * who + 40)
         at = centre + radius * np.stack([np.cos(turn * now), np.sin(turn * now)], axis=-1)
@@ -444,7 +448,7 @@ def test_forecasts_follow_their_people_through_every_option(options, recording, 
     given = (circles / recording, "--forecasts", circles / "perfect.csv", "--model", mixture[0])
     (figures,) = measured(*given, *options, out=tmp_path / "e.json").values()
     assert figures["perfect"]["ade_m"] < 0.01
-    assert figures["perfect"]["windows"] == 8 * (40 - 3 - 8)
+    assert figures["perfect"]["windows"] == len(AROUND) * (40 - 3 - 8)
     assert figures["cv"]["ade_m"] > 0.1
 
 
@@ -452,9 +456,9 @@ def test_tracks_apart_share_no_instant_and_keep_their_times(circles):
     people = read_any(circles / "walk.csv").trajectories
     apart = Apart.of(people)
     moved = apart.moved(people)
-    first, last = ([f(moved.time_s[moved.track_id == who]) for who in range(8)] for f in (np.min, np.max))
+    first, last = ([f(moved.time_s[moved.track_id == who]) for who in AROUND] for f in (np.min, np.max))
     assert (np.subtract(first[1:], last[:-1]) > 9).all()
-    for who in range(8):
+    for who in AROUND:
         then, now = (p.time_s[p.track_id == who] for p in (people, moved))
         np.testing.assert_allclose(np.diff(now), np.diff(then), atol=1e-9)
     stranger = dataclasses.replace(people, track_id=people.track_id + 100)

@@ -2,23 +2,16 @@
 
 import re
 import shlex
-from functools import cache
 from itertools import pairwise
 
 import pytest
-import yaml
 
-from pedpred import config
+from tests.configuration import composed, read
 from tests.conftest import ROOT
 
 SITES = {"zara": ["zara01", "zara02", "zara03"], "campus": ["students001", "students003"]}
 """Places that were recorded several times: a fold leaves out all of their recordings."""
 FOLDS = sorted((ROOT / "conf/folds").glob("*.yaml"))
-
-
-@cache
-def composed(*overrides):
-    return yaml.safe_load(config.composed(ROOT / "conf", list(overrides)))
 
 
 def experiments():
@@ -75,4 +68,4 @@ def test_the_subsets_in_the_documentation_compose(overrides):
             assert set(chosen[added[1]]) - set(usual[added[1]]) == {added[2]}
         else:
             stem = override.removeprefix("folds=")
-            assert chosen == yaml.safe_load((ROOT / f"conf/folds/{stem}.yaml").read_text())
+            assert chosen == read(f"conf/folds/{stem}.yaml")

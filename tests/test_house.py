@@ -9,20 +9,19 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-import yaml
 
 from pedpred import config
 from pedpred.command.libraries import LIBRARIES
-from tests.conftest import LONGEST
+from tests.configuration import composed, read
+from tests.conftest import LONGEST, ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
-PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+PIPELINE = read("dvc.yaml")["stages"]
 CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
 LAYERS = next([line.split(" | ") for line in c["layers"]] for c in CONTRACTS if c["type"] == "layers")
 WITHOUT_TORCH = next(c["source_modules"] for c in CONTRACTS if c["type"] == "forbidden")
 ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text()
-PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
-DEFAULTS = yaml.safe_load((ROOT / "conf" / "config.yaml").read_text())["defaults"]
+PARAMS = read("params.yaml")
+DEFAULTS = read("conf/config.yaml")["defaults"]
 SCRIPTS = sorted(path for path in (ROOT / "stages").glob("*.py") if path.name != "__init__.py")
 # what these decide is checked, only said, where the work is done, or whether a file is read or written at all
 NAMES = ("arrays", "compiled", "config", "contents", "errors", "fields", "files", "lazy", "plain", "workers")
@@ -88,13 +87,16 @@ def file_of(module):
     return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
 
 
+@cache
 def imported(path):
     """The (module, name) pairs that a file imports; name is None for a plain `import module`."""
+    pairs = []
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            yield from ((alias.name, None) for alias in node.names)
+            pairs += ((alias.name, None) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            yield from ((node.module, alias.name) for alias in node.names)
+            pairs += ((node.module, alias.name) for alias in node.names)
+    return pairs
 
 
 def provider(module, name):
@@ -192,15 +194,14 @@ def options():
 
 @pytest.mark.parametrize("option", sorted(set(options())))
 def test_every_option_under_conf_composes(option):
-    chosen = yaml.safe_load(config.composed(ROOT / "conf", [option]))
-    assert chosen
+    assert composed(option)
 
 
 def test_a_scale_resizes_what_exists_and_adds_nothing():
     def keys(node, at=""):
         return {k for n, v in node.items() for k in keys(v, f"{at}.{n}")} if isinstance(node, dict) else {at}
 
-    assert keys(yaml.safe_load(config.composed(ROOT / "conf", ["scale=smoke"]))) == keys(PARAMS)
+    assert keys(composed("scale=smoke")) == keys(PARAMS)
 
 
 # Documentation

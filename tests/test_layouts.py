@@ -6,18 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from pedpred.config import composed
 from pedpred.fields import parsed
 from pedpred.simulation.clutter import ClutterSettings, draw_cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
 from pedpred.simulation.layouts import Layout, draw_targets
 from pedpred.simulation.shapes import Circle, Door, Polygon, Rectangle, Wall, shape_from
 from stages import simulate
+from tests.configuration import composed
 from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, asked, drawn, scene_of, short
 
 SHAPE_EXAMPLES = {
@@ -131,7 +130,7 @@ def test_a_layout_of_ones_own_is_a_file_and_a_command(tmp_path, monkeypatch):
     (tmp_path / "kitchen.yaml").write_text(layout)
     monkeypatch.setattr(simulate, "LAYOUTS", tmp_path)
     command, info = (shlex.split(line) for line in commands.splitlines())
-    cfg = yaml.safe_load(composed(CONF, command[3:]))
+    cfg = composed(*command[3:])
     row = cfg["simulations"][cfg["name"]]
     (todo,) = asked(row, simulate.read_layouts(row["drawn"]))
     assert f"{cfg['out']}/{todo.name}" == info[-1]

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
@@ -31,7 +30,8 @@ from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
 from stages.gather_literature import figures_of
 from stages.literature import comparison_of
-from tests.conftest import ROOT, raw_folder
+from tests.configuration import read
+from tests.conftest import raw_folder
 from tests.exported import LSTM_ROWS, NETWORK, WIDTHS, forecaster_of
 from tests.worlds import empty_map
 
@@ -40,7 +40,7 @@ BANK = KalmanBank.around(
 )
 FEATURES = MixtureFeatures()
 ASIDE = np.array([3.0, -2.0])
-PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text())
+PARAMS = read("params.yaml")
 COMPARISON = comparison_of(PARAMS)
 PROTOCOL = COMPARISON.protocol
 

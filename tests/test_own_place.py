@@ -50,6 +50,13 @@ def run(script, cfg, **given):
         del seen[key]
 
 
+def bring(project, name):
+    """Bring a place as far as training."""
+    run("ingest", project, name=name)
+    run("features", project, kind="real", name=name)
+    run("encode", project, rows=f"data/features/real/{name}", out=f"data/embeddings/real/{name}")
+
+
 def evaluate(project, networks):
     """Test the simple methods and the networks of a folder below models."""
     for name in project["methods"]["baselines"]:
@@ -93,7 +100,7 @@ def made(tmp_path_factory):
     text = config.composed(folder / "conf", [*SMALL, ADDED])
     (folder / "params.yaml").write_text(text)
     write_shared(config.read_params(folder), folder)
-    params = yaml.safe_load(text)
+    params = yaml.load(text, yaml.CSafeLoader)
     own = {"crossing", "trained"}  # the raw data of other places are not part of this
     params["folds"]["real"] = {k: fold for k, fold in params["folds"]["real"].items() if k in own}
     torch.manual_seed(0)
@@ -136,9 +143,7 @@ def test_a_place_whose_files_nobody_has_is_a_scene_without_people(project):
 def test_it_flows_from_tracks_to_the_page(project, monkeypatch):
     """Every picture is composed, but only those of the page are painted, which takes most of the time."""
     monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
-    run("ingest", project, name="crossing")
-    run("features", project, kind="real", name="crossing")
-    run("encode", project, kind="real", name="crossing")
+    bring(project, "crossing")
     run("train", project, name="lstm", phase="finetune", fold="trained")
     assert Path("models/folds/trained/lstm/weights.safetensors").exists()
     curve = pd.read_csv("reports/curves/real/finetune_trained_lstm.tsv", sep="\t")
@@ -163,17 +168,13 @@ def missing(project, place):
     note = Path(project["places"][place]["folder"], "UNAVAILABLE.txt")
     note.parent.mkdir(parents=True)
     note.write_text("no raw data of eth: the archive is down\nTried was nothing.\n")
-    run("ingest", project, name=place)
-    for stage in ("features", "encode"):
-        run(stage, project, kind="real", name=place)
+    bring(project, place)
 
 
 @pytest.mark.parametrize("train", [["real/eth"], ["real/eth", "real/crossing"]])
 def test_training_goes_without_a_missing_place(project, train):
     missing(project, "eth")
-    run("ingest", project, name="crossing")
-    for stage in ("features", "encode"):
-        run(stage, project, kind="real", name="crossing")
+    bring(project, "crossing")
     project["folds"]["real"] = {"other": {"train": ["real/crossing"]}, "fold": {"train": train}}
     for fold in project["folds"]["real"]:
         run("train", project, name="lstm", phase="finetune", fold=fold)
@@ -210,15 +211,13 @@ def test_a_missing_place_is_in_no_result(project):
 @pytest.mark.usefixtures("unpainted")
 def test_a_stand_in_flows_from_the_example_to_the_pages(project):
     text = config.composed(Path("conf"), [*SMALL, "stand_in=simulated_corner"])
-    project, place = yaml.safe_load(text), "simulated_corner"
+    project, place = yaml.load(text, yaml.CSafeLoader), "simulated_corner"
     missing(project, "eth")
     project["folds"] = {
         "transfer": {"simulation": {"test": ["real/eth"]}},
         "real": {"stand_in": project["folds"]["real"]["stand_in"]},
     }
-    run("ingest", project, name=place)
-    for stage in ("features", "encode"):
-        run(stage, project, kind="real", name=place)
+    bring(project, place)
     shutil.copytree("models/main", "models/folds/stand_in")
     for study, networks in (("transfer", "main"), ("real", "folds/stand_in")):
         evaluate(project, networks)

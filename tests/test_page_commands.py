@@ -15,12 +15,11 @@ from dvc.cli import parse_args
 from pedpred.command import main
 from pedpred.command.arguments import parser
 from pedpred.command.conversion import read_any
-from pedpred.config import composed
 from pedpred.online import shipped
-from pedpred.plain import parse_yaml
 from pedpred.report.ablation import read_ablation
 from pedpred.storage.scenes import write_scene
 from stages.config import check_parts
+from tests.configuration import composed
 from tests.conftest import ROOT
 from tests.trust.project import done
 from tools import prose, staleness
@@ -218,7 +217,7 @@ def test_a_command_that_is_not_run_asks_for_what_exists(words, request):
         given = parse_args(words[1:])
         assert {*(getattr(given, "targets", None) or ())} <= request.getfixturevalue("stages")
         if words[:3] == ["dvc", "exp", "run"]:
-            check_parts(parse_yaml(composed(ROOT / "conf", given.set_param)))
+            check_parts(composed(*given.set_param))
     elif words[0] == "pedpred":
         assert parser().parse_args(words[1:]).action
     elif words[:2] == ["ros2", "launch"]:
@@ -229,7 +228,7 @@ def test_a_command_that_is_not_run_asks_for_what_exists(words, request):
         source = Path(importlib.util.find_spec(module).origin).read_text()
         assert all(f'"{option}"' in source for option in given if option.startswith("--"))
         if module.startswith("stages."):
-            composed(ROOT / "conf", given)
+            composed(*given)
             named = {word[1:].partition("=")[0] for word in given if word.startswith("+")} - {"name"}
             assert all(f"cfg.{key}" in source or f'cfg.get("{key}"' in source for key in named)
         if module == "tools.ablate":

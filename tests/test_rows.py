@@ -12,6 +12,7 @@ from pedpred.errors import ConfigError
 from pedpred.scenes import Trajectories
 from pedpred.storage.scenes import write_scene
 from pedpred.tracking import KalmanSettings
+from tests.configuration import read
 from tests.conftest import ROOT
 from tests.worlds import walled_scene
 from tools import fit_social_force, tune_tracker
@@ -85,7 +86,7 @@ def test_without_noise_a_row_is_written_that_a_tracker_takes(tmp_path, monkeypat
 def test_fitted_forces_become_a_row(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = Path(shutil.copy(ROOT / "conf/social_forces/walking.yaml", tmp_path))
-    params = yaml.safe_load((ROOT / "params.yaml").read_text())
+    params = read("params.yaml")
     params["places"] = {"hall": {"tracker": "kalman", "sensor": "perfect"}}
     Path("params.yaml").write_text(yaml.safe_dump(params))
     write_scene(walled_scene(np.random.default_rng(0)), Path("data/scenes/real/hall"))

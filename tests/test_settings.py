@@ -9,7 +9,6 @@ import sys
 from unittest.mock import Mock
 
 import pytest
-import yaml
 from omegaconf import OmegaConf
 
 from pedpred.config import part
@@ -17,10 +16,11 @@ from pedpred.errors import PedpredError
 from stages import evaluate, features, pretrain_autoencoder, train
 from stages.config import PARTS, check_layouts, check_parts, layout_names, main
 from stages.simulate import read_layouts
+from tests.configuration import read
 from tests.conftest import ROOT
 
 LAYOUTS = read_layouts(layout_names())
-PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text()) | {"layouts": LAYOUTS}
+PARAMS = read("params.yaml") | {"layouts": LAYOUTS}
 CHECKS = PARTS | {"layouts": lambda cfg: check_layouts(part(cfg, "layouts"))}
 ROWS = ("mirrors", "trackers", "sensors", "social_forces", "simulations", "places", "folds", "layouts")
 BASES = {base for name in ROWS for row in PARAMS[name].values() if (base := row.get("base"))}

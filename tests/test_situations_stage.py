@@ -5,22 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from omegaconf import OmegaConf
 
-from pedpred import config
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.situations import read_situations, read_situations_manifest
 from stages import situations
-from tests.conftest import ROOT
+from tests.configuration import composed
 from tests.worlds import walled_scene
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def usual():
     """The configuration at the smallest scale."""
-    return yaml.safe_load(config.composed(ROOT / "conf", ["scale=smoke"]))
+    return composed("scale=smoke")
 
 
 def run(cfg, out):

@@ -6,10 +6,11 @@ import pytest
 
 from pedpred.config import read_params
 from pedpred.errors import ValueRuleError
+from tests.configuration import stages
 from tests.conftest import ROOT
 from tools import staleness
 from tools.readme import filled
-from tools.staleness import family, pipeline, stale
+from tools.staleness import family, stale
 
 pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
 LSTM = {"pretrain_autoencoder", "encode_simulated", "encode_real", "train_corridor", "train_main", "finetune"}
@@ -48,7 +49,7 @@ ALL = LSTM | MIXTURE | LITERATURE | LITERATURE_STEPS | PAGES | OTHERS | ROBOTS
 
 @pytest.fixture(scope="module")
 def graph():
-    return pipeline(ROOT)
+    return stages()
 
 
 def families(graph, change):

@@ -4,7 +4,6 @@ import hashlib
 import json
 import shutil
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,16 +17,12 @@ from pedpred.sources.mirrors import NOTE
 from pedpred.sources.scene_folder import read_own
 from pedpred.storage.scenes import read_scene, write_scene
 from stages import ingest
+from tests.configuration import composed
 from tests.conftest import ROOT
 from tools import fit_social_force, recordings, stand_in, tune_tracker
 
 SAME_S = 10.0
 """Processors round differently, and walking people amplify it; up to here positions agree to a millimetre."""
-
-
-@cache
-def composed(*overrides):
-    return yaml.safe_load(config.composed(ROOT / "conf", list(overrides)))
 
 
 def test_its_recording_is_what_the_command_writes(tmp_path):

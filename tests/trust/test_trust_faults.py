@@ -7,23 +7,19 @@ import subprocess
 import sys
 
 import pytest
-import yaml
 
 from pedpred.errors import WorkerError, user_errors
 from pedpred.workers import in_parallel
+from tests.configuration import read
 from tests.trust.faults import CLOCK, killed, killed_half_trained, plan, under_a_jumping_clock
 from tests.trust.project import ROOT, kinds, pipeline
 
 
-def killed_by_the_system():
-    """A job that ends as one does that takes too much memory."""
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
 def test_a_killed_worker_is_said_in_words(monkeypatch):
+    """As one is that takes too much memory; its job is none of this module, whose imports take seconds."""
     monkeypatch.setenv("PEDPRED_JOBS", "2")
     with pytest.raises(WorkerError, match=r"simulate main: a worker process was killed.*PEDPRED_JOBS=1"):
-        in_parallel(killed_by_the_system, [(), ()], "simulate main", "room")
+        in_parallel(signal.raise_signal, [(signal.SIGKILL,)] * 2, "simulate main", "room")
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES])
@@ -41,10 +37,16 @@ def test_another_fault_of_the_system_keeps_its_traceback():
 of_dvc = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")
 
 
+@pytest.fixture(scope="module")
+def order():
+    """The stages of the project in the order in which they run."""
+    return pipeline(ROOT)
+
+
 @of_dvc
-def test_the_campaign_disturbs_every_kind_of_stage():
-    stages = kinds(pipeline(ROOT))
-    declared = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+def test_the_campaign_disturbs_every_kind_of_stage(order):
+    stages = kinds(order)
+    declared = read("dvc.yaml")["stages"]
     assert sorted(name.split("@")[0] for name in stages) == sorted(declared)
     faults = plan(stages, kills=2, mounts=True)
     for fault, times in ((killed, 2), (under_a_jumping_clock, 1)):
@@ -55,8 +57,8 @@ def test_the_campaign_disturbs_every_kind_of_stage():
 
 
 @of_dvc
-def test_the_campaign_knows_the_order_of_the_stages():
-    order = list(pipeline(ROOT))
+def test_the_campaign_knows_the_order_of_the_stages(order):
+    order = list(order)
     chain = [
         order.index(stage)
         for stage in ("fetch@ewap", "features_real@eth", "evaluate_fold@lstm-without_hotel", "report")

@@ -1,10 +1,8 @@
 """What was found on one machine is found on every other: committed figures, computed again."""
 
 import json
-from pathlib import Path
 
 import pytest
-import yaml
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.evaluation import EvaluationSettings, summarise_methods
@@ -13,10 +11,11 @@ from pedpred.literature.windows import find_windows
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
 from stages.literature import comparison_of
+from tests.configuration import read
 from tests.conftest import raw_folder
 from tests.trust.figures import COMMITTED, TOLERANCE, measured, published
 
-PARAMS = yaml.safe_load((Path(__file__).resolve().parents[2] / "params.yaml").read_text())
+PARAMS = read("params.yaml")
 
 
 def test_simulation_and_network_err_as_they_did():

@@ -9,9 +9,7 @@ import networkx as nx
 import numpy as np
 import pytest
 import torch
-import yaml
 from dvc.dependency import ParamsDependency
-from dvc.repo import Repo
 from omegaconf import OmegaConf
 
 from pedpred.config import SETS
@@ -21,11 +19,12 @@ from pedpred.features.perception import Perception
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.tracking import KalmanSettings
 from stages import train
+from tests.configuration import read, stages
 from tests.exported import NETWORK, WIDTHS, forecaster_of
 from tests.worlds import walled_scene
 
 ROOT = Path(__file__).resolve().parents[2]
-PARAMS = yaml.load((ROOT / "params.yaml").read_text(), yaml.CSafeLoader)
+PARAMS = read("params.yaml")
 FOLDS = PARAMS["folds"]
 SIMULATED = {
     "autoencoder": {"main"},
@@ -47,21 +46,15 @@ def within(path, folder):
     return path == folder or path.startswith(f"{folder}/")
 
 
-@cache
-def graph():
-    """The pipeline, from a stage to what it needs."""
-    return Repo(str(ROOT)).index.graph
-
-
 def makers(path):
     """The stages that write a path, something in it or a folder around it."""
-    return {s for s in graph() if any(within(o, path) or within(path, o) for o in names(s.outs))}
+    return {s for s in stages() if any(within(o, path) or within(path, o) for o in names(s.outs))}
 
 
 @cache
 def behind(path):
     """Every file and folder that a path of the pipeline is made from."""
-    needed = makers(path).union(*(nx.descendants(graph(), stage) for stage in makers(path)))
+    needed = makers(path).union(*(nx.descendants(stages(), stage) for stage in makers(path)))
     return {name for stage in needed for name in names(stage.deps)}
 
 
