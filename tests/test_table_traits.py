@@ -254,6 +254,17 @@ def test_heights_that_sway_are_no_positions(tmp_path, sway_m, title):
     assert len(tracks(write(tmp_path, ground, ("time", "id", "x", "y", title)))) == len(WALK)
 
 
+@pytest.mark.parametrize("end", ["", "\n", "\r\n", " \n\n"])
+@pytest.mark.parametrize("header", [(*TITLES, "z"), None])
+def test_people_may_walk_along_an_axis_at_one_height_however_the_file_ends(tmp_path, header, end):
+    path = tmp_path / "walk.csv"
+    rows = [(time if header else round(time / STEP_S), who, x, 0, 1.1) for time, who, x, _ in WALK]
+    lines = [",".join(map(str, row)) for row in ([header] if header else []) + rows]
+    path.write_bytes(("\n".join(lines) + end).encode())
+    read = tracks(path, rate_hz=None if header else 1 / STEP_S)
+    np.testing.assert_array_equal(read.position[:, 0], [x for _, _, x, _ in WALK])
+
+
 @pytest.mark.parametrize("place", [-1, 999, -9999])
 @pytest.mark.parametrize("unit", ["m", "mm"])
 def test_one_jump_to_a_usual_placeholder_is_enough(tmp_path, plain, place, unit):
