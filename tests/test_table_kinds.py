@@ -197,6 +197,49 @@ def test_times_of_day_are_seconds_until_midnight(folder, plain, start_s):
         tracks(late)
 
 
+CLOCKS = [("frame", 4), ("time_ms", 1000), ("time_us", 10**6), ("time", 1)]
+COUNTERS = [(0, 2**16), (-(2**15), 2**15), (0, 2**32), (-(2**31), 2**31)]
+"""The first value of counters, and the one after the last."""
+
+
+@given(st.sampled_from(CLOCKS), st.data())
+def test_clocks_that_begin_again_go_on(folder, plain, clock, data):
+    """Whatever range a clock has, wherever it ends, and whether times or people order the rows."""
+    title, per_second = clock
+    ranges = [(0, 86_400)] if title == "time" else [one for one in COUNTERS if one[1] > 8 * per_second]
+    least, end = data.draw(st.sampled_from(ranges))
+    turn = data.draw(st.integers(1, COUNT - 1)) * STEP_S * per_second
+    late = data.draw(st.floats(0.0, 0.9)) if title == "time" else 0
+    order = data.draw(st.sampled_from([lambda row: row[0], lambda row: row[1], lambda row: -row[1]]))
+    rows = [
+        (f"{(t * per_second - turn + late) % (end - least) + least:.12g}", *row)
+        for t, *row in sorted(WALK, key=order)
+    ]
+    path = write(folder, [f"{title},id,x,y"], rows)
+    found = tracks(path, rate_hz=4.0 if title == "frame" else None)
+    np.testing.assert_allclose(found.time_s - found.time_s[0], plain.time_s, atol=1e-6)
+    np.testing.assert_array_equal(found.track_id, plain.track_id)
+    np.testing.assert_array_equal(found.position, plain.position)
+
+
+def test_clocks_begin_again_as_often_as_they_do(folder, caplog):
+    """Of people who are seen one after the other, for longer than the range; else nobody knows."""
+    lasts, between = 50, 20_000
+    rows = [
+        (who * between + k, who, round(0.02 * k, 3), 0.1 * who)
+        for who in range(8)
+        for k in range(lasts if who != 3 else 6000)
+    ]
+    wrapped = [(frame % 2**16, *row) for frame, *row in rows]
+    found = tracks(write(folder, ["frame,id,x,y"], wrapped), rate_hz=50.0)
+    assert_same(found, tracks(write(folder, ["frame,id,x,y"], rows, "whole.csv"), rate_hz=50.0))
+    assert_same(found, tracks(write(folder, [], wrapped, "untitled.csv"), rate_hz=50.0))
+    assert "frame numbers begin again after 65535 in line" in caplog.text
+    apart = sorted(wrapped, key=lambda row: (row[1] % 2, row[1]))
+    with pytest.raises(SourceError, match=r"frame numbers begin again.*Sort rows by time"):
+        tracks(write(folder, ["frame,id,x,y"], apart), rate_hz=50.0)
+
+
 LAST_IS_THE_YEAR = ["%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%m/%d/%y", "%d-%m-%Y"]
 DAYS = st.datetimes(datetime(2001, 1, 1), datetime(2068, 1, 1))
 

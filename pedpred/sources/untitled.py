@@ -20,6 +20,7 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.plausibility import check_places, ids_come_first
+from pedpred.tables.clocks import set_time
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import is_time
 from pedpred.tables.decimals import with_decimal_points
@@ -82,16 +83,18 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     fractions = [ids.holds_fractions() for ids in both]
     ids_first = fractions[1] if any(fractions) else _ids_first(path, both, columns, position, titles)
     (who, clock), names = (both, _NAMES) if ids_first else (both[::-1], _NAMES[1::-1])
+    values = {"line": columns["line"], "x_m": position[:, 0], "y_m": position[:, 1]}
+    values["track_id"] = numbered(who, columns[names[0]], options)
     if any(fractions):
-        order, clock_is, time_s = ("id", "time"), "s", clock.written(columns[names[1]])
+        order, clock_is, rate_hz = ("id", "time"), "s", None
+        values["time_s"] = clock.written(columns[names[1]])
     else:
         rate_hz = frame_rate_hz(path, lines.comments, options.rate_hz)
         if rate_hz is None:
             raise SourceError(path, None, *NO_RATE)
         order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
-        time_s = _frames(clock, columns[names[1]]) / rate_hz
-    values = {"line": columns["line"], "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
-    values |= {"track_id": numbered(who, columns[names[0]], options)}
+        values["frame"] = _frames(clock, columns[names[1]])
+    set_time(path, values, None, rate_hz)
     if still.others_change() and (cause := _other_than_x(x, values["track_id"], values["time_s"])):
         raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
     doubt_restarts(path, values)

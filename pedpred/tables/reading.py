@@ -185,8 +185,8 @@ def _read(
             _log.warning(text, path, titles[at[clock]])
         if REST in at and not add_rest(columns, _said(titles[at[REST]])):
             del wanted[titles[at[REST]]]
-        set_time(path, columns, units[clock], rate_hz)
         columns["track_id"] = numbered(ids, columns["track_id"], options)
+        set_time(path, columns, units[clock], rate_hz)
         doubt_restarts(path, columns)
         columns = without_copies(path, without_untracked(path, columns), options.names)
         del columns["line"]
