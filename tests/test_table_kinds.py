@@ -371,6 +371,30 @@ def test_two_parts_of_a_stamp_are_one_time(titles, digits, start_s, tmp_path, pl
     np.testing.assert_allclose(found.time_s, plain.time_s + start_s, atol=1e-6)
 
 
+def test_messages_that_rostopic_writes_are_people(tmp_path, plain):
+    start_ns = 1_700_000_000_250_000_000
+    stamps = [start_ns + round(t * 1e9) for t, *_ in WALK]
+    rows = [
+        (ns, k, ns - 40, "map", who, x, y, 0.0)
+        for k, (ns, (_, who, x, y)) in enumerate(zip(stamps, WALK, strict=True))
+    ]
+    fields = ["header.seq", "header.stamp", "header.frame_id", "id", *(f"pose.position.{a}" for a in "xyz")]
+    path = write(tmp_path, [",".join(["%time", *(f"field.{field}" for field in fields)])], rows)
+    found = tracks(path)
+    np.testing.assert_allclose(found.time_s, plain.time_s + start_ns / 1e9, atol=1e-6)
+    np.testing.assert_array_equal(found.track_id, plain.track_id)
+    np.testing.assert_array_equal(found.position, plain.position)
+
+
+@pytest.mark.parametrize("sign", ["%", "#", ""])
+def test_messages_about_several_people_are_named(tmp_path, sign):
+    people = [f"field.people{k}.{field}" for k in range(2) for field in ("name", "position.x", "position.y")]
+    rows = [(round(t * 1e9), "map", 1, x, y, 2, x, y) for t, _, x, y in WALK]
+    path = write(tmp_path, [",".join([f"{sign}time", "field.header.frame_id", *people])], rows)
+    with pytest.raises(SourceError, match=r"people0.position.x.*of several people.*a line per person"):
+        tracks(path)
+
+
 def test_the_same_times_in_two_units_are_not_added(tmp_path, plain):
     rows = [(t, round(1000 * t), *row) for t, *row in WALK]
     assert_same(tracks(write(tmp_path, ["time,time_ms,id,x,y"], rows)), plain)

@@ -21,7 +21,7 @@ from pedpred.tables.dates import is_time
 from pedpred.tables.decimals import has_decimal_comma
 from pedpred.tables.quotes import joined
 from pedpred.tables.text import Row, check_width, is_number, text_lines
-from pedpred.tables.titles import titles_of_tracks
+from pedpred.tables.titles import numbered_pairs, titles_of_fields, titles_of_tracks
 from pedpred.tables.units import LENGTH_WORDS, TIME_WORDS
 
 _SEPARATORS = (";", "\t", "|", ",")
@@ -78,7 +78,7 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
         comment = _is_comment(text)
         separator = _separator(text)
         titles = titles_in(text)
-        if comment and (columns or not header or not _names_tracks(titles)):
+        if comment and (columns or not header or not _says_columns(titles)):
             if len(comments) < MOST_COMMENTS:
                 comments.append(text.strip())
             continue
@@ -111,7 +111,7 @@ def has_header(path: Path) -> bool:
             fields = _split(text, separator)
             words = not any(map(_is_numeric, fields)) or _names_tracks(titles_in(text))
             return (words and not _is_numeric(fields[0])) or len(fields) in widths
-        if _names_tracks(titles := titles_in(text)):
+        if _says_columns(titles := titles_in(text)):
             widths = {len(titles)}
     return False
 
@@ -264,7 +264,7 @@ def titles_in(text: str) -> list[str]:
     """Titles in a line; between blanks, a unit in brackets belongs to the title before it."""
     separator, plain = _separator(text), text.lstrip(_BLANKS).lstrip("#%/")
     joined = plain if separator else re.sub(r"\s+(?=[\[(])", "", plain)
-    return [title.strip() for title in _split(joined, separator)]
+    return titles_of_fields([title.strip() for title in _split(joined, separator)])
 
 
 def _holds_numbers(fields: Sequence[str], columns: Sequence[str] | None) -> bool:
@@ -302,6 +302,11 @@ def _split(text: str, separator: str | None) -> Sequence[str]:
         plain = text.strip(_BLANKS if separator else None)
         return next(csv.reader([plain], delimiter=separator or " ", skipinitialspace=True))
     return text.split(separator)
+
+
+def _says_columns(titles: Sequence[str]) -> bool:
+    """Whether a comment has titles: those of tracks, or of columns of several people."""
+    return _names_tracks(titles) or len(numbered_pairs(titles)) > 1
 
 
 def _names_tracks(titles: Sequence[str]) -> bool:

@@ -69,6 +69,7 @@ _KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *_STEPS, *LENGTH_WORDS, *TIME_
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
 _SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
 """Signs that change what a title means, such as those of inches and degrees."""
+_FIELD = "field."
 _SHORTEST_ALONE = 3
 """A unit of time may stand alone in a title (`sec`), but no letter or two (`s`), which may mean anything."""
 
@@ -173,6 +174,15 @@ def _words(title: str) -> list[str]:
         parts = [pair for pair in pairs if set(pair) <= _KNOWN]
         words += [word] if word in _KNOWN or len(parts) != 1 else parts[0]
     return words
+
+
+def titles_of_fields(titles: Sequence[str]) -> list[str]:
+    """Titles without what `rostopic echo -p` writes before those of a message's fields; its stamps are ns."""
+    first, *others = titles
+    if first != "time" or not others or not all(title.startswith(_FIELD) for title in others):
+        return list(titles)
+    fields = (title.removeprefix(_FIELD) for title in others)
+    return [f"{first} [ns]", *(f"{title} [ns]" if title.endswith("stamp") else title for title in fields)]
 
 
 def numbered_pairs(titles: Sequence[str]) -> list[tuple[str, str]]:
