@@ -484,6 +484,37 @@ def test_columns_may_be_named_whatever_stands_above_them(folder, plain, above, t
     np.testing.assert_array_equal(found.position, plain.position)
 
 
+LEVELS = [
+    [("walk", "time"), ("walk", "id"), ("position", "x"), ("position", "y")],
+    [("time", ""), ("id", ""), ("position", "x [m]"), ("position", "y [m]")],
+    [("track", "time", ""), ("", "track", "id"), ("position", "world", "x"), ("position", "world", "y")],
+]
+
+
+@pytest.mark.parametrize("levels", LEVELS)
+@pytest.mark.parametrize("numbered", [True, False])
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_header_may_have_several_rows_as_pandas_writes_levels(tmp_path, plain, levels, numbered, separator):
+    table = pd.DataFrame(WALK, columns=pd.MultiIndex.from_tuples(levels))
+    path = tmp_path / "walk.csv"
+    table.to_csv(path, index=numbered, sep=separator)
+    assert_same(tracks(path), plain)
+    if len(levels[0]) == 2:
+        again = pd.read_csv(path, header=[0, 1], sep=separator)
+        again.to_csv(path, index=False, sep=separator)
+        assert_same(tracks(path), plain)
+
+
+def test_levels_of_rows_name_columns_too(tmp_path, plain):
+    table = pd.DataFrame(WALK, columns=["time", "id", "x", "y"]).set_index(["time", "id"])
+    path = tmp_path / "walk.csv"
+    pd.concat({"position": table}, axis="columns").to_csv(path)
+    assert_same(tracks(path), plain)
+    table.reset_index().pivot(index="time", columns="id").to_csv(path)
+    with pytest.raises(SourceError, match=r"x and y, which are there several times.*a line per person"):
+        tracks(path)
+
+
 def test_a_wrong_row_is_not_above_named_columns(tmp_path):
     path = write(tmp_path, ["Export", "when,who,sideways,along", "0.0,Ab,here,there"], WALK)
     with pytest.raises(SourceError, match="line 3: x = 'here'"):

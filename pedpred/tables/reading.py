@@ -226,13 +226,22 @@ def _wanted(path: Path, titles: Sequence[str]) -> dict[str, str]:
         return titles_of_tracks(titles)
     except ValueRuleError as cause:
         pairs = numbered_pairs(titles)
-        if len(pairs) < 2 or any((said := meaning_of(title)) and said.name in LENGTHS for title in titles):
-            raise SourceError(
-                path, None, cause.rule, f"Rename columns in the {worded('file', 'table')}. Or: {_named()}"
-            ) from cause
+        is_axis = any((said := meaning_of(title)) and said.name in LENGTHS for title in titles)
         shown = " and ".join(", ".join(pair) for pair in pairs[:2])
+        if again := _repeated_axes(titles):
+            shown = f"{' and '.join(again)}, which are there several times,"
+        elif len(pairs) < 2 or is_axis:
+            remedy = f"Rename columns in the {worded('file', 'table')}. Or: {_named()}"
+            raise SourceError(path, None, cause.rule, remedy) from cause
         problem = f"columns {shown} are those of several people, or corners of boxes"
         raise SourceError(path, None, problem, _LONG) from cause
+
+
+def _repeated_axes(titles: Sequence[str]) -> list[str]:
+    """Titles of x and y, if each is that of several columns."""
+    again = [title for title, count in Counter(titles).items() if count > 1]
+    meant = {meaning.name: title for title in again if (meaning := meaning_of(title))}
+    return [meant[name] for name in LENGTHS] if set(LENGTHS) <= set(meant) else []
 
 
 def numbered(ids: Ids, column: np.ndarray, options: TableOptions) -> np.ndarray:

@@ -69,7 +69,7 @@ _KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *_STEPS, *LENGTH_WORDS, *TIME_
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
 _SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
 """Signs that change what a title means, such as those of inches and degrees."""
-_FIELD = "field."
+_FIELD, _UNNAMED = "field.", re.compile(r"Unnamed: \d+_level_\d+")
 _SHORTEST_ALONE = 3
 """A unit of time may stand alone in a title (`sec`), but no letter or two (`s`), which may mean anything."""
 
@@ -174,6 +174,14 @@ def _words(title: str) -> list[str]:
         parts = [pair for pair in pairs if set(pair) <= _KNOWN]
         words += [word] if word in _KNOWN or len(parts) != 1 else parts[0]
     return words
+
+
+def joined_titles(levels: Sequence[Sequence[str]]) -> list[str]:
+    """One title for each column of a header with several rows; pandas numbers levels without a name."""
+    return [
+        " ".join(level for level in column if level and not _UNNAMED.fullmatch(level))
+        for column in zip(*levels, strict=True)
+    ]
 
 
 def titles_of_fields(titles: Sequence[str]) -> list[str]:
