@@ -213,6 +213,20 @@ def test_boxes_without_titles_are_no_positions(tmp_path):
         tracks(write(tmp_path, boxes, None), pixel_m=0.025, rate_hz=4.0)
 
 
+@pytest.mark.parametrize("sure", [-1, 0, 0.87, 1])
+@pytest.mark.parametrize("separator", [",", " "])
+def test_places_behind_boxes_without_titles_are_asked_for(tmp_path, plain, sure, separator):
+    rows = [
+        (round(t / STEP_S), who, 400 + 40 * x, 40 * y, 40.5, 112, sure, x, y, 0.0) for t, who, x, y in WALK
+    ]
+    path = write(tmp_path, rows, None, separator)
+    for unit in (None, "cm"):
+        with pytest.raises(SourceError, match=r"line 1: .*boxes of MOTChallenge.*ground") as refused:
+            tracks(path, rate_hz=1 / STEP_S, unit=unit)
+    named = str(refused.value).split("--columns ")[1].split(",")
+    assert_same(tracks(path, rate_hz=1 / STEP_S, columns=tuple(named)), plain)
+
+
 @pytest.mark.parametrize("classes", [(0, 0), (3, 4)])
 def test_classes_without_titles_are_no_positions(tmp_path, plain, classes):
     rows = [(round(t / STEP_S), who, classes[who - 1], x, y, 0.3) for t, who, x, y in WALK]

@@ -44,6 +44,9 @@ _BOXES = (
     "Write the middle of the lower edge of each box into a table with the columns frame,id,x_px,y_px, "
     "and give --homography H.txt, or --scale"
 )
+_BOX_ON_GROUND = ("frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z")
+_BOXES_ON_GROUND = f"Name the columns in order: --columns {','.join(_BOX_ON_GROUND)}"
+_NARROWEST_PX = 10.0
 _LOOKED_AT, _FEWEST_ROWS = 200, 3
 _log = logging.getLogger(__name__)
 
@@ -121,6 +124,9 @@ def _check_columns(path: Path, line: int, fields: Sequence[str]) -> None:
     if dates := [k for k in (0, 1) if is_time(fields[k])]:
         problem = f"no header, and {fields[dates[0]]!r} is a time, not a number of frames or seconds"
         raise SourceError(path, line, problem, _REMEDY)
+    if _is_box_on_ground(fields):
+        problem = "these look like boxes of MOTChallenge in pixels, and behind them x, y and z on the ground"
+        raise SourceError(path, line, problem, _BOXES_ON_GROUND)
     if _is_box(fields):
         problem = "these look like boxes of MOTChallenge: frame, id, left, top, width, height in pixels"
         raise SourceError(path, line, problem, _BOXES)
@@ -135,6 +141,14 @@ def _is_box(fields: Sequence[str]) -> bool:
         len(rest) == 2 and sure in (0, 1) and rest[0].is_integer() and 0 <= rest[1] <= 1
     )
     return ends and min(width, height) > 1
+
+
+def _is_box_on_ground(fields: Sequence[str]) -> bool:
+    """Whether a line is a box that is higher than wide, a confidence, and a place on the ground."""
+    if len(fields) != len(_BOX_ON_GROUND) or not all(map(is_number, fields)):
+        return False
+    _, _, _, _, width, height, sure, *place = map(float, fields)
+    return height > width >= _NARROWEST_PX and abs(sure) <= 1 and place != [-1] * 3
 
 
 def _without_row_numbers(path: Path, rows: Iterator[Row]) -> Iterator[Row]:
