@@ -406,6 +406,30 @@ def test_the_same_times_in_two_units_are_not_added(tmp_path, plain):
     )
 
 
+@given(st.sampled_from([0, 1_700_000_000]), st.sampled_from([3, 6, 9]), st.booleans(), st.data())
+def test_fractions_without_their_first_zeros_are_refused(folder, start_s, digits, titled, data):
+    """With them, times are right, however many digits each has, and whatever the order of rows."""
+    walk = [(round(t / STEP_S) * 0.05 + 0.01, *row) for t, *row in WALK * 5]
+    walk = [(round(0.6 * (k // len(WALK)) + t, 3), *row) for k, (t, *row) in enumerate(walk)]
+    times = [divmod(round(t * 10**digits), 10**digits) for t, *_ in walk]
+    header = ["time,id,x,y"] if titled else []
+
+    def written(form):
+        stamps = [form.format(start_s + second, part, width=digits) for second, part in times]
+        rows = [(stamp, *row[1:]) for stamp, row in zip(stamps, walk, strict=True)]
+        return rows, write(folder, header, rows)
+
+    joined = "{}.{}"
+    with pytest.raises(
+        SourceError, match=r"goes back from \d+\.\d+ to .*zeros were left out.*Write all digits"
+    ):
+        tracks(written(joined)[1])
+    rows, path = written("{}.{:0{width}}")
+    assert len(tracks(path)) == len(walk)
+    shuffled = [(stamp.rstrip("0"), *row) for stamp, *row in data.draw(st.permutations(rows))]
+    np.testing.assert_array_equal(tracks(write(folder, header, shuffled)).time_s, tracks(path).time_s)
+
+
 @pytest.mark.parametrize("of", [math.floor, round])
 def test_whole_times_beside_their_seconds_are_taken(tmp_path, plain, of):
     start_s = 1_700_000_000

@@ -25,6 +25,7 @@ from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import is_time
 from pedpred.tables.decimals import with_decimal_points
 from pedpred.tables.detections import doubt_restarts, with_positions, without_copies, without_untracked
+from pedpred.tables.fractions import check_fractions
 from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import lines_of, of_width
@@ -91,6 +92,8 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     if any(fractions):
         order, clock_is, rate_hz = ("id", "time"), "s", None
         values["time_s"] = clock.written(columns[names[1]])
+        again = _without_row_numbers(path, lines_of(path, header=False).rows)
+        check_fractions(path, values, ((line, fields[int(ids_first)]) for line, fields in again))
     else:
         rate_hz = frame_rate_hz(path, lines.comments, options.rate_hz)
         if rate_hz is None:

@@ -29,6 +29,7 @@ from pedpred.tables.detections import (
     without_other_rows,
     without_untracked,
 )
+from pedpred.tables.fractions import check_fractions
 from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import Lines, lines_of, of_width
@@ -186,6 +187,9 @@ def _read(
         if REST in at and not add_rest(columns, _said(titles[at[REST]])):
             del wanted[titles[at[REST]]]
         columns["track_id"] = numbered(ids, columns["track_id"], options)
+        if lines is not None and clock == "time_s" and REST not in at and units[clock] in (None, "s"):
+            again = lines_of(path, options.columns).rows
+            check_fractions(path, columns, ((line, fields[at[clock]]) for line, fields in again))
         set_time(path, columns, units[clock], rate_hz)
         doubt_restarts(path, columns)
         columns = without_copies(path, without_untracked(path, columns), options.names)
